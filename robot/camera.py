@@ -1,0 +1,107 @@
+"""Where frames come from: one slot that always holds the newest, and never a queue."""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, ClassVar, Self
+
+from robot.clock import Clock
+from robot.driver import Driver
+from robot.types import Encoding, Frame
+
+
+class Camera(ABC):
+    """A source of frames. Found by name among the entry points.
+
+    Subclasses take pictures on a thread of their own (or when a simulation steps) and hand
+    each to `_publish`, which overwrites the one slot and wakes the listener. Reading never
+    blocks, so a frozen camera cannot hold up the loop. `start` and `stop` are idempotent.
+    Options are declared as a driver declares its own.
+    """
+
+    name: ClassVar[str]
+    options_type: ClassVar[type[Any]]
+
+    def __init__(self, clock: Clock) -> None:
+        self.clock = clock
+        self._slot_lock = threading.Lock()
+        self._latest: Frame | None = None
+        self._last_frame_id = 0
+        self._fault: str | None = None
+        self._on_frame: Callable[[], None] | None = None
+
+    @classmethod
+    @abstractmethod
+    def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
+        """Build the camera that goes with `driver`; most cameras need nothing of it.
+
+        Raises:
+            ConfigurationError: If this camera cannot work beside that driver.
+        """
+
+    @abstractmethod
+    def start(self) -> None:
+        """Begin to take pictures.
+
+        Raises:
+            CameraError: If the camera cannot be opened; the message says which and what to do.
+        """
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Stop taking pictures and let go of the device."""
+
+    def latest(self) -> Frame | None:
+        """Return the newest frame, or None before the first. Never blocks."""
+        with self._slot_lock:
+            return self._latest
+
+    @property
+    def fault(self) -> str | None:
+        """What is wrong with the camera, as a sentence for the page; None if all is well."""
+        return self._fault
+
+    def listen(self, on_frame: Callable[[], None] | None) -> None:
+        """Have `on_frame` called after each new frame, on the camera's thread; it must be quick."""
+        self._on_frame = on_frame
+
+    def _publish(
+        self, data: bytes, *, width: int, height: int, encoding: Encoding, captured_s: float
+    ) -> Frame:
+        """Make these bytes the newest frame, with the next frame id."""
+        with self._slot_lock:
+            self._last_frame_id += 1
+            frame = Frame(
+                frame_id=self._last_frame_id,
+                captured_s=captured_s,
+                width=width,
+                height=height,
+                encoding=encoding,
+                data=data,
+            )
+            self._latest = frame
+            self._fault = None
+        if self._on_frame is not None:
+            self._on_frame()
+        return frame
+
+    def _report_fault(self, sentence: str) -> None:
+        """Say what is wrong; the next published frame clears it. Wakes the listener."""
+        self._fault = sentence
+        if self._on_frame is not None:
+            self._on_frame()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()

@@ -1,0 +1,83 @@
+"""What a robot's body can do: move, sense, and stop by itself when nobody speaks to it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from types import TracebackType
+from typing import Any, ClassVar, Self
+
+from robot.types import DEFAULT_MOVES, Action, Sensors
+
+ACTION_TIMEOUT_S = 0.4
+"""How long one `send_action` lasts. The body stops by itself unless the next comes before:
+just above the gate's watchdog of 0.3 s, so that motors stop even if Python dies."""
+
+
+class Driver(ABC):
+    """A body: motors and the sensors beside them. Found by name among the entry points.
+
+    A driver declares its options as a frozen dataclass beside its code; each field has a
+    default and `metadata={"help": ...}`, and becomes a flag of the command line.
+    `connect`, `stop` and `disconnect` are idempotent, and the last two are safe on a
+    half-built driver. All methods but `__init__` may be called from any one thread at a time.
+    """
+
+    name: ClassVar[str]
+    default_camera: ClassVar[str]
+    options_type: ClassVar[type[Any]]
+    moves: tuple[Action, ...] = DEFAULT_MOVES
+
+    @abstractmethod
+    def __init__(self, options: Any) -> None: ...
+
+    @property
+    @abstractmethod
+    def is_connected(self) -> bool:
+        """True between a successful `connect` and `disconnect`."""
+
+    @abstractmethod
+    def connect(self) -> None:
+        """Open the hardware.
+
+        Raises:
+            DriveError: If a motor or a required sensor is missing; the message names the port.
+            MissingExtraError: If a library is not installed.
+        """
+
+    @abstractmethod
+    def disconnect(self) -> None:
+        """Stop the motors and let go of the hardware."""
+
+    @abstractmethod
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        """Move so for at most `ACTION_TIMEOUT_S`, and return the action really sent.
+
+        Args:
+            action: STOP, or one of `moves`.
+            speed_scale: Share of the driver's full speed, in (0, 1].
+
+        Raises:
+            NotConnectedError: Before `connect`.
+            DriveError: If the hardware refuses; the caller must assume that it may be moving.
+            ValueError: If the action is not one of `moves`, or the scale is out of range.
+        """
+
+    @abstractmethod
+    def sense(self) -> Sensors:
+        """Read the sensors. Never blocks for longer than a few milliseconds."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Stop the motors now. Never raises on a driver that is not connected."""
+
+    def __enter__(self) -> Self:
+        self.connect()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.disconnect()

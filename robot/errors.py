@@ -1,0 +1,42 @@
+"""Every error of the robot. Messages say what, which device, and what to do next."""
+
+from __future__ import annotations
+
+
+class RobotError(Exception):
+    """Root of all errors that the project raises on purpose."""
+
+
+class ConfigurationError(RobotError, ValueError):
+    """An option, world, port or file given by a person is not usable."""
+
+
+class MissingExtraError(RobotError, ImportError):
+    """A library that this feature needs is not installed; the message names the extra."""
+
+    def __init__(self, feature: str, extra: str) -> None:
+        super().__init__(
+            f"{feature} needs a library that is not installed; "
+            f"install it with: pip install 'drivelesson[{extra}]'"
+        )
+        self.extra = extra
+
+
+class PluginError(RobotError, LookupError):
+    """No driver or camera of this name is installed, or it cannot be loaded."""
+
+
+class NotConnectedError(RobotError, ConnectionError):
+    """A driver was used before `connect` or after `disconnect`."""
+
+
+class DriveError(RobotError, OSError):
+    """A motor, a sensor or the line to them failed."""
+
+
+class CameraError(RobotError, OSError):
+    """A camera is missing, unplugged, frozen or gives what cannot be read."""
+
+
+class RecordingError(RobotError, ValueError):
+    """A recording, episode or model on disk is broken or of an unknown form."""

@@ -1,0 +1,1 @@
+"""Online learners: numpy alone, importing nothing else of the project."""

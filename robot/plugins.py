@@ -1,0 +1,57 @@
+"""Drivers and cameras by name: found among the entry points, ours and other people's alike."""
+
+from __future__ import annotations
+
+from importlib.metadata import entry_points
+from typing import TypeVar
+
+from robot.camera import Camera
+from robot.driver import Driver
+from robot.errors import MissingExtraError, PluginError
+
+DRIVERS = "drivelesson.drivers"
+CAMERAS = "drivelesson.cameras"
+
+_Plugin = TypeVar("_Plugin", bound=type)
+
+
+def driver_names() -> list[str]:
+    """Names of all installed drivers, sorted."""
+    return sorted(point.name for point in entry_points(group=DRIVERS))
+
+
+def camera_names() -> list[str]:
+    """Names of all installed cameras, sorted."""
+    return sorted(point.name for point in entry_points(group=CAMERAS))
+
+
+def load_driver(name: str) -> type[Driver]:
+    """Return the driver class of this name.
+
+    There is no fall-back: a robot that silently is not there is worse than an error.
+
+    Raises:
+        PluginError: If there is none, or it is no driver.
+        MissingExtraError: If a library it needs is not installed.
+    """
+    return _load(DRIVERS, name, "robot", Driver)  # type: ignore[type-abstract]
+
+
+def load_camera(name: str) -> type[Camera]:
+    """Return the camera class of this name; raises as `load_driver` does."""
+    return _load(CAMERAS, name, "camera", Camera)  # type: ignore[type-abstract]
+
+
+def _load(group: str, name: str, kind: str, base: _Plugin) -> _Plugin:
+    points = {point.name: point for point in entry_points(group=group)}
+    if name not in points:
+        raise PluginError(f"no {kind} is called {name!r}; installed: {', '.join(sorted(points))}")
+    try:
+        found = points[name].load()
+    except MissingExtraError:
+        raise
+    except (ImportError, AttributeError) as error:
+        raise PluginError(f"the {kind} {name!r} cannot be loaded: {error}") from error
+    if not (isinstance(found, type) and issubclass(found, base)):
+        raise PluginError(f"the {kind} {name!r} is not a {base.__name__}: {found!r}")
+    return found

@@ -1,0 +1,165 @@
+"""The words that every part of the robot shares.
+
+Units and signs, stated once: lengths in metres, times in seconds on a monotonic clock,
+angles in radians, counter-clockwise positive; forward is positive. A name ends in its unit
+where a bare number crosses a border.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+
+class Action(StrEnum):
+    """What the motors are told. All but STOP are moves, and moves are what a learner learns."""
+
+    STOP = "stop"
+    FORWARD = "forward"
+    LEFT = "left"
+    RIGHT = "right"
+    BACKWARD = "backward"
+    SPIN_LEFT = "spin_left"
+    SPIN_RIGHT = "spin_right"
+
+
+DEFAULT_MOVES: tuple[Action, ...] = (Action.FORWARD, Action.LEFT, Action.RIGHT)
+"""The paper's three moves, in the order in which the page and the tables show them."""
+
+
+class Mode(StrEnum):
+    """What the pilot has asked for. Only an explicit request leaves STOPPED."""
+
+    STOPPED = "stopped"
+    TRAIN = "train"
+    AUTONOMOUS = "autonomous"
+
+
+class DrivenBy(StrEnum):
+    """Who decides the present action."""
+
+    NOBODY = "nobody"
+    PILOT = "pilot"
+    ROBOT = "robot"
+
+
+class StopReason(StrEnum):
+    """Why the robot stands although a person might expect it to move."""
+
+    PILOT_ASKED = "pilot_asked"
+    PILOT_SILENT = "pilot_silent"
+    PILOT_GONE = "pilot_gone"
+    FRAME_STALE = "frame_stale"
+    LINK_SLOW = "link_slow"
+    CAMERA_FAULT = "camera_fault"
+    DRIVE_FAULT = "drive_fault"
+    LOOP_FAULT = "loop_fault"
+    EMERGENCY = "emergency"
+    BUTTON = "button"
+
+
+class Encoding(StrEnum):
+    """How the bytes of a frame are to be read."""
+
+    JPEG = "jpeg"
+    YUYV = "yuyv"  # 4:2:2, two bytes a pixel, as USB cameras give it
+    RGB = "rgb"  # three bytes a pixel, rows from the top
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """One picture as the camera gave it, never re-encoded on the way.
+
+    `frame_id` counts up from 1 within one run and is the key that commands, lessons and
+    recordings use; `captured_s` is the clock's time at which the picture was taken.
+    """
+
+    frame_id: int
+    captured_s: float
+    width: int
+    height: int
+    encoding: Encoding
+    data: bytes = field(repr=False)
+
+    def age_s(self, now_s: float) -> float:
+        """Seconds between the taking of this picture and `now_s`."""
+        return now_s - self.captured_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """Where the robot stands: metres and radians in the world's frame. Known in simulation only."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensors:
+    """What the robot senses besides its camera. None means: this robot has no such sensor."""
+
+    distance_m: float | None = None
+    bumped: bool | None = None
+    battery_share: float | None = None
+    pose: Pose | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PilotCommand:
+    """One word of the pilot: what is held, and which frame was on the screen.
+
+    `held` is None while nothing is held: then it is only a heartbeat. `seq` counts up within
+    one connection; `received_s` is the loop's clock at the border, never the phone's.
+    """
+
+    held: Action | None
+    frame_id: int | None
+    seq: int
+    received_s: float
+    pilot: str = "pilot"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prediction:
+    """What the policy would do on one frame, and how it came to that.
+
+    `probabilities` are the smoothed votes per move, summing to 1 (empty before the first
+    lesson); `novelty` is 0 for a familiar view and 1 or more for one unlike all lessons;
+    `node` is the learned image nearest to the view, `distance` how far it is.
+    """
+
+    frame_id: int
+    action: Action | None
+    confidence: float
+    probabilities: Mapping[Action, float]
+    node: int | None = None
+    distance: float = 0.0
+    novelty: float = 0.0
+
+    @property
+    def is_novel(self) -> bool:
+        """True if the view is unlike all that was learned."""
+        return self.novelty >= 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decision:
+    """The gate's verdict for one tick: the action, whose it is, and why it may be none."""
+
+    action: Action
+    driven_by: DrivenBy
+    mode: Mode
+    speed_scale: float = 1.0
+    stop_reason: StopReason | None = None
+    asks_pilot: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lesson:
+    """One labelled frame as the learner was given it."""
+
+    frame_id: int
+    label: Action
+    is_intervention: bool
