@@ -12,7 +12,7 @@ from robot.errors import MissingExtraError, PluginError
 DRIVERS = "drivelesson.drivers"
 CAMERAS = "drivelesson.cameras"
 
-_Plugin = TypeVar("_Plugin", bound=type)
+_Plugin = TypeVar("_Plugin", Driver, Camera)
 
 
 def driver_names() -> list[str]:
@@ -34,15 +34,15 @@ def load_driver(name: str) -> type[Driver]:
         PluginError: If there is none, or it is no driver.
         MissingExtraError: If a library it needs is not installed.
     """
-    return _load(DRIVERS, name, "robot", Driver)  # type: ignore[type-abstract]
+    return _load(DRIVERS, name, "robot", Driver)
 
 
 def load_camera(name: str) -> type[Camera]:
     """Return the camera class of this name; raises as `load_driver` does."""
-    return _load(CAMERAS, name, "camera", Camera)  # type: ignore[type-abstract]
+    return _load(CAMERAS, name, "camera", Camera)
 
 
-def _load(group: str, name: str, kind: str, base: _Plugin) -> _Plugin:
+def _load(group: str, name: str, kind: str, base: type[_Plugin]) -> type[_Plugin]:
     points = {point.name: point for point in entry_points(group=group)}
     if name not in points:
         raise PluginError(f"no {kind} is called {name!r}; installed: {', '.join(sorted(points))}")
