@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib.metadata import entry_points
-from typing import TypeVar
+from typing import Any
 
 from robot.camera import Camera
 from robot.driver import Driver
@@ -11,8 +11,6 @@ from robot.errors import MissingExtraError, PluginError
 
 DRIVERS = "drivelesson.drivers"
 CAMERAS = "drivelesson.cameras"
-
-_Plugin = TypeVar("_Plugin", Driver, Camera)
 
 
 def driver_names() -> list[str]:
@@ -34,15 +32,21 @@ def load_driver(name: str) -> type[Driver]:
         PluginError: If there is none, or it is no driver.
         MissingExtraError: If a library it needs is not installed.
     """
-    return _load(DRIVERS, name, "robot", Driver)
+    found = _load(DRIVERS, name, "robot")
+    if not issubclass(found, Driver):
+        raise PluginError(f"the robot {name!r} is not a Driver: {found!r}")
+    return found
 
 
 def load_camera(name: str) -> type[Camera]:
     """Return the camera class of this name; raises as `load_driver` does."""
-    return _load(CAMERAS, name, "camera", Camera)
+    found = _load(CAMERAS, name, "camera")
+    if not issubclass(found, Camera):
+        raise PluginError(f"the camera {name!r} is not a Camera: {found!r}")
+    return found
 
 
-def _load(group: str, name: str, kind: str, base: type[_Plugin]) -> type[_Plugin]:
+def _load(group: str, name: str, kind: str) -> type[Any]:
     points = {point.name: point for point in entry_points(group=group)}
     if name not in points:
         raise PluginError(f"no {kind} is called {name!r}; installed: {', '.join(sorted(points))}")
@@ -52,6 +56,6 @@ def _load(group: str, name: str, kind: str, base: type[_Plugin]) -> type[_Plugin
         raise
     except (ImportError, AttributeError) as error:
         raise PluginError(f"the {kind} {name!r} cannot be loaded: {error}") from error
-    if not (isinstance(found, type) and issubclass(found, base)):
-        raise PluginError(f"the {kind} {name!r} is not a {base.__name__}: {found!r}")
+    if not isinstance(found, type):
+        raise PluginError(f"the {kind} {name!r} is not a class: {found!r}")
     return found
