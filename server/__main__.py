@@ -1,0 +1,54 @@
+"""The command line: `drivelesson COMMAND ...`; without a command it serves the simulated robot."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+from robot.errors import RobotError
+
+COMMANDS: dict[str, str] = {
+    "serve": "drive a robot from the browser",
+    "evaluate": "compare learners on recorded footage",
+}
+"""Name to one line of help. Each is a module of `server.commands` with `configure(parser)` and
+`run(args) -> int`, imported only when asked for: on an EV3 every import costs seconds."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit status: 0 done, 1 failed, 2 wrongly called."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    if words[:1] in (["-h"], ["--help"], ["help"]):
+        _print_overview()
+        return 0
+    name = words.pop(0) if words and not words[0].startswith("-") else "serve"
+    if name not in COMMANDS:
+        print(
+            f"drivelesson: no command {name!r}; there are: {', '.join(COMMANDS)}", file=sys.stderr
+        )
+        return 2
+    module = importlib.import_module(f"server.commands.{name}")
+    parser = argparse.ArgumentParser(prog=f"drivelesson {name}", description=module.__doc__)
+    try:
+        module.configure(parser)
+        return int(module.run(parser.parse_args(words)))
+    except RobotError as error:
+        print(f"drivelesson: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+
+
+def _print_overview() -> None:
+    print("usage: drivelesson [COMMAND] [OPTION ...]\n\nTeach a small robot to drive by example.\n")
+    for name, text in COMMANDS.items():
+        print(f"  {name:12} {text}")
+    print(
+        "\nWithout a command: serve --robot sim. Options of a command: drivelesson COMMAND --help"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
