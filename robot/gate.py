@@ -1,0 +1,163 @@
+"""Who drives: nobody, the pilot or the robot. Pure; time is an argument.
+
+The rules, in their order:
+
+1. A latched emergency stop, or mode STOPPED: nobody drives.
+2. Anything in doubt (pilot gone or silent, picture stale, camera or drive faulty) *trips* the
+   gate: it falls to STOPPED, remembers why, and waits for an explicit start. It never falls
+   through to autonomy.
+3. What the pilot holds goes before what the robot would do, in both moving modes.
+4. In AUTONOMOUS, with nothing held, the robot drives; letting go returns the wheel to it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot.types import (
+    Action,
+    Decision,
+    DrivenBy,
+    Mode,
+    PilotCommand,
+    Prediction,
+    StopReason,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GateConfig:
+    """Limits of patience, in seconds."""
+
+    pilot_timeout_s: float = 0.3
+    """How old the pilot's last word may be while it drives, or waits to drive, in TRAIN."""
+    supervision_timeout_s: float = 1.0
+    """How old it may be in AUTONOMOUS with nothing held: the page's heartbeat supervises."""
+    frame_timeout_s: float = 0.2
+    """How old the newest picture may be while the robot may move."""
+    novel_speed_scale: float = 0.5
+    """Share of full speed on a view unlike all that was learned."""
+
+
+class Gate:
+    """The dead-man's switch and the choice of who drives."""
+
+    def __init__(self, config: GateConfig | None = None) -> None:
+        self.config = config or GateConfig()
+        self.mode = Mode.STOPPED
+        self.stop_reason: StopReason | None = None
+        self.emergency = False
+        self._command: PilotCommand | None = None
+        self._last_word_s = 0.0
+
+    @property
+    def held(self) -> Action | None:
+        """What the pilot holds at present."""
+        return self._command.held if self._command else None
+
+    @property
+    def is_intervention(self) -> bool:
+        """True while the pilot holds a direction in AUTONOMOUS."""
+        return self.mode is Mode.AUTONOMOUS and self.held is not None
+
+    def start(self, mode: Mode, now_s: float) -> bool:
+        """Enter `mode` on the pilot's explicit request; False while an emergency is latched.
+
+        The command is emptied: what was held before does not count in the new mode.
+        """
+        if mode is Mode.STOPPED:
+            self.trip(StopReason.PILOT_ASKED)
+            return True
+        if self.emergency:
+            return False
+        self.mode = mode
+        self.stop_reason = None
+        self._command = None
+        self._last_word_s = now_s
+        return True
+
+    def hear(self, command: PilotCommand) -> None:
+        """Take the pilot's newest word."""
+        self._command = command
+        self._last_word_s = command.received_s
+
+    def trip(self, reason: StopReason) -> None:
+        """Stop, remember the first reason why, and wait for an explicit start."""
+        if self.mode is not Mode.STOPPED or self.stop_reason is None:
+            self.stop_reason = reason
+        self.mode = Mode.STOPPED
+        self._command = None
+
+    def latch_emergency(self) -> None:
+        """Stop until `release_emergency`; no mode can be chosen before."""
+        self.trip(StopReason.EMERGENCY)
+        self.stop_reason = StopReason.EMERGENCY
+        self.emergency = True
+
+    def release_emergency(self) -> None:
+        """Let modes be chosen again. The robot still waits for one."""
+        self.emergency = False
+
+    def select(
+        self,
+        now_s: float,
+        prediction: Prediction | None,
+        frame_captured_s: float | None,
+        *,
+        camera_fault: bool = False,
+    ) -> Decision:
+        """Decide this tick's action; trips first if anything is in doubt.
+
+        Args:
+            now_s: The loop's clock.
+            prediction: What the policy makes of the newest frame; None before any.
+            frame_captured_s: When the newest frame was taken; None before any.
+            camera_fault: The camera says that it is faulty.
+        """
+        if self.mode is not Mode.STOPPED:
+            doubt = self._doubt(now_s, frame_captured_s, camera_fault)
+            if doubt is not None:
+                self.trip(doubt)
+        if self.mode is Mode.STOPPED:
+            return self._stand(DrivenBy.NOBODY)
+        if self.held is not None:
+            return Decision(action=self.held, driven_by=DrivenBy.PILOT, mode=self.mode)
+        if self.mode is Mode.TRAIN:
+            return self._stand(DrivenBy.NOBODY)
+        return self._robot_drives(prediction)
+
+    def _doubt(
+        self, now_s: float, frame_captured_s: float | None, camera_fault: bool
+    ) -> StopReason | None:
+        supervised_only = self.mode is Mode.AUTONOMOUS and self.held is None
+        patience_s = (
+            self.config.supervision_timeout_s if supervised_only else self.config.pilot_timeout_s
+        )
+        if now_s - self._last_word_s > patience_s:
+            return StopReason.PILOT_SILENT
+        if camera_fault:
+            return StopReason.CAMERA_FAULT
+        if frame_captured_s is None or now_s - frame_captured_s > self.config.frame_timeout_s:
+            return StopReason.FRAME_STALE
+        return None
+
+    def _robot_drives(self, prediction: Prediction | None) -> Decision:
+        if prediction is None or prediction.action is None:
+            return self._stand(DrivenBy.ROBOT, asks_pilot=True)
+        scale = self.config.novel_speed_scale if prediction.is_novel else 1.0
+        return Decision(
+            action=prediction.action,
+            driven_by=DrivenBy.ROBOT,
+            mode=self.mode,
+            speed_scale=scale,
+            asks_pilot=prediction.is_novel,
+        )
+
+    def _stand(self, driven_by: DrivenBy, *, asks_pilot: bool = False) -> Decision:
+        return Decision(
+            action=Action.STOP,
+            driven_by=driven_by,
+            mode=self.mode,
+            stop_reason=self.stop_reason,
+            asks_pilot=asks_pilot,
+        )

@@ -1,0 +1,454 @@
+"""The control loop: newest frame, features, policy, gate, drive; and only then learning.
+
+`ControlLoop.tick` is one turn of it, with time as an argument, and does no waiting: experiments
+call it directly, as fast as they can. `LoopThread` is the thin shell that calls it in real time,
+at once for each new frame or command and every 50 ms without them, and never waits for a network.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from robot.camera import Camera
+from robot.clock import Clock
+from robot.driver import Driver
+from robot.errors import CameraError, DriveError
+from robot.gate import Gate, GateConfig
+from robot.labels import Labeller
+from robot.learner.base import Vector
+from robot.policy import Policy
+from robot.school import School, SchoolEvent
+from robot.types import (
+    Action,
+    Decision,
+    DrivenBy,
+    Frame,
+    Lesson,
+    Mode,
+    PilotCommand,
+    Prediction,
+    Sensors,
+    StopReason,
+)
+
+log = logging.getLogger(__name__)
+_T = TypeVar("_T")
+
+AGREEMENT_FRAMES = 100
+"""Over how many of the last lessons agreement is counted."""
+MEMORY_FRAMES = 64
+"""How many of the newest frames can still be labelled: two seconds at 30 frames a second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopConfig:
+    """What the loop does, and how patient it is."""
+
+    gate: GateConfig = field(default_factory=GateConfig)
+    longest_wait_s: float = 0.05
+    """A turn is made at least so often, even when the camera is silent."""
+    late_cycle_s: float = 0.1
+    """A turn that takes longer counts as late."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopState:
+    """What the loop last did and sees: one consistent picture for pages and metrics."""
+
+    now_s: float
+    decision: Decision
+    emergency: bool
+    fault: str | None
+    frame_id: int | None
+    frame_captured_s: float | None
+    prediction: Prediction | None
+    sensors: Sensors
+    cycle_hz: float
+    late_cycles: int
+    cycles: int
+    agreement: float | None
+    agreement_frames: int
+    taught: Mapping[Action, int]
+    n_nodes: int
+    max_nodes: int
+    learner: str
+    moves: tuple[Action, ...]
+    stops: Mapping[StopReason, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tick:
+    """All that happened in one turn, for the recorder. `frame` is set if it was a new one."""
+
+    now_s: float
+    frame: Frame | None
+    command: PilotCommand | None
+    decision: Decision
+    sent: Action
+    prediction: Prediction | None
+    sensors: Sensors
+    school_events: tuple[SchoolEvent, ...]
+    cycle_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Seen:
+    """A frame that can still be labelled."""
+
+    x: Vector
+    captured_s: float
+    predicted: Action | None
+
+
+class ControlLoop:
+    """One robot's loop. `tick` is for one thread; all other methods may be called from any."""
+
+    def __init__(
+        self,
+        driver: Driver,
+        camera: Camera,
+        policy: Policy,
+        clock: Clock,
+        config: LoopConfig | None = None,
+    ) -> None:
+        self.config = config or LoopConfig()
+        self.wake = threading.Event()
+        self._driver = driver
+        self._camera = camera
+        self._clock = clock
+        self._gate = Gate(self.config.gate)
+        self._labeller = Labeller()
+        self._events: list[SchoolEvent] = []
+        self.school = School(policy, self._events.append)
+        self._lock = threading.Lock()
+        self._inbox: list[PilotCommand] = []
+        self._requests: deque[Callable[[], None]] = deque()
+        self._listeners: list[Callable[[Tick], None]] = []
+        self._seen: dict[int, _Seen] = {}
+        self._frame: Frame | None = None
+        self._prediction: Prediction | None = None
+        self._agreed: deque[bool] = deque(maxlen=AGREEMENT_FRAMES)
+        self._frame_times_s: deque[float] = deque(maxlen=30)
+        self._stops: Counter[StopReason] = Counter()
+        self._cycles = 0
+        self._late_cycles = 0
+        self._fault: str | None = None
+        self._state = self._make_state(clock.now_s(), self._idle_decision(), Sensors())
+        camera.listen(self.wake.set)
+
+    # What others ask of the loop -------------------------------------------------------------
+
+    @property
+    def state(self) -> LoopState:
+        """The newest state; a frozen value that never changes under the reader."""
+        return self._state
+
+    def command(self, command: PilotCommand) -> None:
+        """Take one word of the pilot; the loop turns at once."""
+        with self._lock:
+            self._inbox.append(command)
+        self.wake.set()
+
+    def set_mode(self, mode: Mode) -> Future[bool]:
+        """Choose a mode: the explicit start after any stop. The future says if it was taken."""
+        return self.submit(lambda: self._start(mode))
+
+    def empty_command(self) -> Future[None]:
+        """Forget what is held: the pilot joined, left or lost the wheel. Stops a moving robot."""
+        return self.submit(lambda: self._trip(StopReason.PILOT_GONE))
+
+    def trip(self, reason: StopReason) -> Future[None]:
+        """Stop and wait for an explicit start."""
+        return self.submit(lambda: self._trip(reason))
+
+    def latch_emergency(self) -> Future[None]:
+        """Stop until `release_emergency`."""
+        return self.submit(self._latch_emergency)
+
+    def release_emergency(self) -> Future[None]:
+        """Let modes be chosen again; the robot goes on standing."""
+        return self.submit(self._gate.release_emergency)
+
+    def submit(self, request: Callable[[], _T]) -> Future[_T]:
+        """Have `request` run between two turns, on the loop's own thread.
+
+        Whatever reads or changes the school goes this way: undo, edits, saving, replacing.
+        """
+        future: Future[_T] = Future()
+
+        def run() -> None:
+            try:
+                future.set_result(request())
+            except Exception as error:  # handed to whoever asked; the loop goes on
+                future.set_exception(error)
+
+        with self._lock:
+            self._requests.append(run)
+        self.wake.set()
+        return future
+
+    def subscribe(self, listener: Callable[[Tick], None]) -> Callable[[], None]:
+        """Have `listener` told of each turn, on the loop's thread; it must only take note.
+
+        Returns:
+            A function that ends the subscription.
+        """
+        self._listeners = [*self._listeners, listener]
+
+        def unsubscribe() -> None:
+            self._listeners = [other for other in self._listeners if other is not listener]
+
+        return unsubscribe
+
+    # One turn --------------------------------------------------------------------------------
+
+    def tick(self, now_s: float) -> Tick:
+        """Make one turn. Never raises: what goes wrong stops the robot and is said in `state`."""
+        started_s = self._clock.now_s()
+        try:
+            return self._turn(now_s, started_s)
+        except Exception as error:  # top of the loop: whatever it is, first of all stop
+            self._driver.stop()
+            log.exception("the loop stopped the robot")
+            self._trip(StopReason.LOOP_FAULT)
+            self._fault = f"Something went wrong inside: {error}"
+            return self._finish(now_s, started_s, None, None, self._idle_decision(), Action.STOP)
+
+    def _turn(self, now_s: float, started_s: float) -> Tick:
+        self._serve_requests()
+        commands = self._hear()
+        frame = self._look()
+        sensors = self._sense()
+        decision = self._decide(now_s)
+        sent = self._drive(decision)
+        if sent is None:
+            decision, sent = self._idle_decision(), Action.STOP
+        if decision.driven_by is DrivenBy.PILOT or self._gate.mode is not Mode.STOPPED:
+            self._learn(commands)
+        command = commands[-1] if commands else None
+        return self._finish(now_s, started_s, frame, command, decision, sent, sensors)
+
+    def _serve_requests(self) -> None:
+        while True:
+            with self._lock:
+                if not self._requests:
+                    return
+                request = self._requests.popleft()
+            request()
+
+    def _hear(self) -> list[PilotCommand]:
+        with self._lock:
+            commands, self._inbox = self._inbox, []
+        if self._gate.mode is Mode.STOPPED:
+            return []
+        for command in commands:
+            self._gate.hear(command)
+        return commands
+
+    def _look(self) -> Frame | None:
+        """Take the newest frame, and return it if the policy has not seen it yet."""
+        frame = self._camera.latest()
+        if frame is None or (self._frame is not None and frame.frame_id == self._frame.frame_id):
+            return None
+        try:
+            x = self.school.policy.extract(frame)
+        except CameraError as error:
+            self._fault = str(error)
+            return None
+        self._frame = frame
+        self._frame_times_s.append(frame.captured_s)
+        self._prediction = self.school.policy.propose(frame.frame_id, x)
+        self._seen[frame.frame_id] = _Seen(
+            x=x, captured_s=frame.captured_s, predicted=self._prediction.action
+        )
+        while len(self._seen) > MEMORY_FRAMES:
+            del self._seen[next(iter(self._seen))]
+        return frame
+
+    def _sense(self) -> Sensors:
+        try:
+            return self._driver.sense()
+        except DriveError as error:
+            self._drive_failed(error)
+            return Sensors()
+
+    def _decide(self, now_s: float) -> Decision:
+        was_moving = self._gate.mode is not Mode.STOPPED
+        decision = self._gate.select(
+            now_s,
+            self._prediction,
+            self._frame.captured_s if self._frame else None,
+            camera_fault=self._camera.fault is not None,
+        )
+        if was_moving and decision.mode is Mode.STOPPED and decision.stop_reason is not None:
+            self._note_stop(decision.stop_reason)
+        return decision
+
+    def _drive(self, decision: Decision) -> Action | None:
+        """Send the decision to the motors; None if they failed, after a try to stop them."""
+        try:
+            return self._driver.send_action(decision.action, speed_scale=decision.speed_scale)
+        except DriveError as error:
+            self._drive_failed(error)
+            return None
+
+    def _learn(self, commands: list[PilotCommand]) -> None:
+        """Teach the frames that the pilot's commands label; a stopped robot does not learn."""
+        is_intervention = self._gate.mode is Mode.AUTONOMOUS
+        for command in commands:
+            for frame_id, label in list(self._labeller.label(command, self._seen)):
+                seen = self._seen[frame_id]
+                lesson = Lesson(frame_id=frame_id, label=label, is_intervention=is_intervention)
+                self._agreed.append(seen.predicted is label)
+                self.school.teach(lesson, seen.x, seen.captured_s)
+
+    def _finish(
+        self,
+        now_s: float,
+        started_s: float,
+        frame: Frame | None,
+        command: PilotCommand | None,
+        decision: Decision,
+        sent: Action,
+        sensors: Sensors | None = None,
+    ) -> Tick:
+        cycle_s = self._clock.now_s() - started_s
+        self._cycles += 1
+        self._late_cycles += cycle_s > self.config.late_cycle_s
+        sensors = sensors or Sensors()
+        tick = Tick(
+            now_s=now_s,
+            frame=frame,
+            command=command,
+            decision=decision,
+            sent=sent,
+            prediction=self._prediction,
+            sensors=sensors,
+            school_events=tuple(self._events),
+            cycle_s=cycle_s,
+        )
+        self._events.clear()
+        self._state = self._make_state(now_s, decision, sensors)
+        for listener in self._listeners:
+            listener(tick)
+        return tick
+
+    # What requests do, on the loop's thread ----------------------------------------------------
+
+    def _start(self, mode: Mode) -> bool:
+        if mode is Mode.STOPPED:
+            self._trip(StopReason.PILOT_ASKED)
+            return True
+        self._settle()
+        self._fault = None
+        return self._gate.start(mode, self._clock.now_s())
+
+    def _trip(self, reason: StopReason) -> None:
+        if self._gate.mode is not Mode.STOPPED:
+            self._note_stop(reason)
+        self._gate.trip(reason)
+        self._settle()
+
+    def _latch_emergency(self) -> None:
+        self._trip(StopReason.EMERGENCY)
+        self._gate.latch_emergency()
+        self._driver.stop()
+
+    def _settle(self) -> None:
+        """Forget whatever belongs to the drive that ends here."""
+        with self._lock:
+            self._inbox.clear()
+        self._labeller.settle()
+        self.school.policy.settle()
+
+    def _note_stop(self, reason: StopReason) -> None:
+        self._stops[reason] += 1
+        self._settle()
+        log.info("stop reason=%s", reason.value)
+
+    def _drive_failed(self, error: DriveError) -> None:
+        self._fault = str(error)
+        self._trip(StopReason.DRIVE_FAULT)
+        self._driver.stop()
+
+    # What others see ---------------------------------------------------------------------------
+
+    def _idle_decision(self) -> Decision:
+        return Decision(
+            action=Action.STOP,
+            driven_by=DrivenBy.NOBODY,
+            mode=Mode.STOPPED,
+            stop_reason=self._gate.stop_reason,
+        )
+
+    def _make_state(self, now_s: float, decision: Decision, sensors: Sensors) -> LoopState:
+        frame, policy = self._frame, self.school.policy
+        return LoopState(
+            now_s=now_s,
+            decision=decision,
+            emergency=self._gate.emergency,
+            fault=self._camera.fault or self._fault,
+            frame_id=frame.frame_id if frame else None,
+            frame_captured_s=frame.captured_s if frame else None,
+            prediction=self._prediction,
+            sensors=sensors,
+            cycle_hz=self._frame_rate_hz(),
+            late_cycles=self._late_cycles,
+            cycles=self._cycles,
+            agreement=sum(self._agreed) / len(self._agreed) if self._agreed else None,
+            agreement_frames=len(self._agreed),
+            taught=dict(self.school.taught),
+            n_nodes=policy.n_nodes,
+            max_nodes=policy.max_nodes,
+            learner=policy.name,
+            moves=policy.moves,
+            stops=dict(self._stops),
+        )
+
+    def _frame_rate_hz(self) -> float:
+        times_s = self._frame_times_s
+        if len(times_s) < 2 or times_s[-1] <= times_s[0]:
+            return 0.0
+        return (len(times_s) - 1) / (times_s[-1] - times_s[0])
+
+
+class LoopThread:
+    """Turns a `ControlLoop` in real time on a thread of its own."""
+
+    def __init__(self, loop: ControlLoop, clock: Clock) -> None:
+        self._loop = loop
+        self._clock = clock
+        self._ending = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Begin to turn; does nothing on a loop that already does."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="control-loop", daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Stop the robot and end the thread; idempotent."""
+        if self._thread is not None:
+            self._loop.trip(StopReason.PILOT_GONE)
+            self._ending.set()
+            self._loop.wake.set()
+            self._thread.join(timeout=5.0)
+            self._thread = None
+
+    def _run(self) -> None:
+        loop = self._loop
+        while not self._ending.is_set():
+            loop.wake.wait(loop.config.longest_wait_s)
+            loop.wake.clear()
+            loop.tick(self._clock.now_s())
+        loop.tick(self._clock.now_s())
+
+
+__all__ = ["ControlLoop", "LoopConfig", "LoopState", "LoopThread", "Tick"]

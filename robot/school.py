@@ -1,0 +1,208 @@
+"""What was taught, as a log of events: the learner is what the log makes of it.
+
+Merging loses detail, so a lesson cannot be taken back out of a learner. Instead the log keeps the
+last minute's events and, in front of them, snapshots of the learner: undoing means going back to
+a snapshot and learning again all but what is to go. Afterwards the learner is bit for bit as if
+the undone lessons had never been.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from robot.learner.base import State, Vector
+from robot.policy import Policy
+from robot.types import Action, Lesson
+
+SNAPSHOT_EVERY_S = 10.0
+"""Teaching time between snapshots: the most that an undo has to learn again beside its own."""
+UNDO_HORIZON_S = 35.0
+"""Teaching time that is kept for undoing."""
+_LONGEST_STEP_S = 0.5
+"""A longer gap between two lessons was a pause of the pilot, not teaching."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Taught:
+    """One lesson with the vector that was learned and the teaching time at which it was."""
+
+    lesson: Lesson
+    x: Vector
+    at_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Edited:
+    """One change that a person made to a learned image: `relabel`, `delete` or `pin`."""
+
+    verb: str
+    node_id: int
+    value: Any
+    at_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Undone:
+    """Lessons that were taken back, or with no frame ids the last edit."""
+
+    frame_ids: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replaced:
+    """Another policy took the place of the one before: a loaded model, another size."""
+
+    policy_name: str
+
+
+LogEvent = Taught | Edited
+SchoolEvent = Taught | Edited | Undone | Replaced
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Snapshot:
+    """The policy's state before the event at `position` (counted from the log's beginning)."""
+
+    position: int
+    at_s: float
+    state: State
+
+
+class School:
+    """Teaches a policy, and can take the last lessons back.
+
+    Args:
+        policy: What learns. It belongs to the school from now on.
+        on_event: Told of everything that changes the learner, in order; for the recorder.
+    """
+
+    def __init__(
+        self, policy: Policy, on_event: Callable[[SchoolEvent], None] | None = None
+    ) -> None:
+        self._on_event = on_event or (lambda event: None)
+        self._begin(policy, Counter())
+
+    def _begin(self, policy: Policy, taught: Counter[Action]) -> None:
+        self.policy = policy
+        self.taught = taught
+        self._events: list[LogEvent] = []
+        self._forgotten = 0
+        self._teaching_s = 0.0
+        self._last_lesson_s: float | None = None
+        self._snapshots = [_Snapshot(position=0, at_s=0.0, state=policy.get_state())]
+
+    @property
+    def lessons(self) -> int:
+        """How many lessons the learner holds."""
+        return self.taught.total()
+
+    def teach(self, lesson: Lesson, x: Vector, captured_s: float) -> None:
+        """Have the policy learn one labelled frame that was taken at `captured_s`."""
+        self.policy.learn(x, lesson.label)
+        if self._last_lesson_s is not None:
+            step_s = captured_s - self._last_lesson_s
+            self._teaching_s += min(max(step_s, 0.0), _LONGEST_STEP_S)
+        self._last_lesson_s = captured_s
+        self.taught[lesson.label] += 1
+        self._record(Taught(lesson=lesson, x=x, at_s=self._teaching_s))
+        if self._teaching_s - self._snapshots[-1].at_s >= SNAPSHOT_EVERY_S:
+            self._take_snapshot()
+
+    def edit(self, verb: str, node_id: int, value: Any = None) -> None:
+        """Relabel (`value`: an Action), delete, or pin (`value`: a bool) one learned image.
+
+        Raises:
+            LookupError: If there is no such image.
+            ValueError: If the verb is unknown or the policy refuses.
+        """
+        event = Edited(verb=verb, node_id=node_id, value=value, at_s=self._teaching_s)
+        _apply_edit(self.policy, event)
+        self._record(event)
+
+    def last_lessons(self, seconds: float) -> list[Taught]:
+        """Return the lessons of the last `seconds` of teaching, oldest first: what undo drops."""
+        since_s = self._teaching_s - seconds
+        return [e for e in self._events if isinstance(e, Taught) and e.at_s > since_s]
+
+    def undo(self, seconds: float) -> list[Lesson]:
+        """Un-learn the last `seconds` of teaching (35 at most); return the lessons that are gone.
+
+        Edits made in that time stay, unless the image they were made to is no longer there.
+        """
+        gone = self.last_lessons(seconds)
+        if gone:
+            self._rebuild_without(gone)
+            self.taught = self.taught - Counter(taught.lesson.label for taught in gone)
+            last_s = self._events[-1].at_s if self._events else 0.0
+            self._teaching_s = max(last_s, self._snapshots[-1].at_s)
+            self._on_event(Undone(frame_ids=tuple(t.lesson.frame_id for t in gone)))
+        return [taught.lesson for taught in gone]
+
+    def undo_edit(self) -> bool:
+        """Take the last edit back, keeping every lesson; False if there is none to take back."""
+        edits = [event for event in self._events if isinstance(event, Edited)]
+        if edits:
+            self._rebuild_without(edits[-1:])
+            self._on_event(Undone(frame_ids=()))
+        return bool(edits)
+
+    def replace_policy(self, policy: Policy, taught: Counter[Action] | None = None) -> None:
+        """Go on with another policy; what was taught to the one before cannot be undone here."""
+        self._begin(policy, Counter(taught or {}))
+        self._on_event(Replaced(policy_name=policy.name))
+
+    def _record(self, event: LogEvent) -> None:
+        self._events.append(event)
+        self._on_event(event)
+
+    def _rebuild_without(self, dropped: list[Taught] | list[Edited]) -> None:
+        """Go back to a snapshot before the first dropped event, and learn the others again."""
+        identities = {id(event) for event in dropped}
+        first = next(i for i, event in enumerate(self._events) if id(event) in identities)
+        while self._snapshots[-1].position > self._forgotten + first:
+            self._snapshots.pop()
+        snapshot = self._snapshots[-1]
+        self._events = [event for event in self._events if id(event) not in identities]
+        self.policy.set_state(snapshot.state)
+        self.policy.settle()
+        for event in self._events[snapshot.position - self._forgotten :]:
+            if isinstance(event, Taught):
+                self.policy.learn(event.x, event.lesson.label)
+            else:
+                _apply_edit_if_possible(self.policy, event)
+
+    def _take_snapshot(self) -> None:
+        """Remember the learner as it is, and forget what no undo can reach any more."""
+        self._snapshots.append(
+            _Snapshot(
+                position=self._forgotten + len(self._events),
+                at_s=self._teaching_s,
+                state=self.policy.get_state(),
+            )
+        )
+        while self._snapshots[1].at_s <= self._teaching_s - UNDO_HORIZON_S:
+            self._snapshots.pop(0)
+        del self._events[: self._snapshots[0].position - self._forgotten]
+        self._forgotten = self._snapshots[0].position
+
+
+def _apply_edit(policy: Policy, event: Edited) -> None:
+    if event.verb == "relabel":
+        policy.relabel_node(event.node_id, Action(event.value))
+    elif event.verb == "delete":
+        policy.delete_node(event.node_id)
+    elif event.verb == "pin":
+        policy.pin_node(event.node_id, bool(event.value))
+    else:
+        raise ValueError(f"no such edit: {event.verb!r}; there are relabel, delete and pin")
+
+
+def _apply_edit_if_possible(policy: Policy, event: Edited) -> None:
+    """Apply an edit again; without the dropped lessons its image may never have come to be."""
+    try:
+        _apply_edit(policy, event)
+    except LookupError:
+        return
