@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -24,6 +24,7 @@ from robot.labels import Labeller
 from robot.learner.base import Vector
 from robot.policy import Policy
 from robot.school import School, SchoolEvent
+from robot.state import LoopState, Tick
 from robot.types import (
     Action,
     Decision,
@@ -55,46 +56,6 @@ class LoopConfig:
     """A turn is made at least so often, even when the camera is silent."""
     late_cycle_s: float = 0.1
     """A turn that takes longer counts as late."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopState:
-    """What the loop last did and sees: one consistent picture for pages and metrics."""
-
-    now_s: float
-    decision: Decision
-    emergency: bool
-    fault: str | None
-    frame_id: int | None
-    frame_captured_s: float | None
-    prediction: Prediction | None
-    sensors: Sensors
-    cycle_hz: float
-    late_cycles: int
-    cycles: int
-    agreement: float | None
-    agreement_frames: int
-    taught: Mapping[Action, int]
-    n_nodes: int
-    max_nodes: int
-    learner: str
-    moves: tuple[Action, ...]
-    stops: Mapping[StopReason, int]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tick:
-    """All that happened in one turn, for the recorder. `frame` is set if it was a new one."""
-
-    now_s: float
-    frame: Frame | None
-    command: PilotCommand | None
-    decision: Decision
-    sent: Action
-    prediction: Prediction | None
-    sensors: Sensors
-    school_events: tuple[SchoolEvent, ...]
-    cycle_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,95 @@
+"""Options that a driver or camera declares: a frozen dataclass whose fields become flags.
+
+Each field has a default and `metadata={"help": ...}`; `choices` may be among the metadata.
+"""
+
+from __future__ import annotations
+
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from typing import Any
+
+from robot.errors import ConfigurationError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Option:
+    """One option as a command line or a settings page shows it."""
+
+    name: str
+    type: type[Any]
+    default: Any
+    help: str
+    choices: tuple[str, ...] | None = None
+
+    @property
+    def flag(self) -> str:
+        """The option as a flag: `frame_rate` is `--frame-rate`."""
+        return "--" + self.name.replace("_", "-")
+
+    def parse(self, text: str) -> Any:
+        """Turn a person's text into a value of this option's type.
+
+        Raises:
+            ConfigurationError: If it is none; says what was expected.
+        """
+        try:
+            if self.type is bool:
+                return {
+                    "true": True,
+                    "yes": True,
+                    "1": True,
+                    "false": False,
+                    "no": False,
+                    "0": False,
+                }[text.lower()]
+            value = self.type(text)
+        except (ValueError, KeyError) as error:
+            raise ConfigurationError(
+                f"{self.flag} expects a {self.type.__name__}, not {text!r}"
+            ) from error
+        if self.choices is not None and value not in self.choices:
+            raise ConfigurationError(
+                f"{self.flag} knows no {text!r}; there are: {', '.join(self.choices)}"
+            )
+        return value
+
+
+def options_of(options_type: type[Any]) -> list[Option]:
+    """List the options that a dataclass declares, in its order."""
+    hints = typing.get_type_hints(options_type)
+    return [
+        Option(
+            name=field.name,
+            type=_plain(hints[field.name]),
+            default=None if field.default is MISSING else field.default,
+            help=field.metadata.get("help", ""),
+            choices=field.metadata.get("choices"),
+        )
+        for field in fields(options_type)
+    ]
+
+
+def make_options(options_type: type[Any], given: Mapping[str, Any]) -> Any:
+    """Build the dataclass from what was given; text is parsed, what is missing is the default.
+
+    Names that this dataclass does not declare are left alone: they belong to somebody else.
+
+    Raises:
+        ConfigurationError: If a value is none of its type.
+    """
+    values: dict[str, Any] = {}
+    for option in options_of(options_type):
+        if option.name in given and given[option.name] is not None:
+            value = given[option.name]
+            values[option.name] = option.parse(value) if isinstance(value, str) else value
+    return options_type(**values)
+
+
+def _plain(hint: Any) -> type[Any]:
+    """Reduce `X | None` to X: an option that may be left out is still of one type."""
+    if typing.get_origin(hint) in (types.UnionType, typing.Union):
+        hint = next(part for part in typing.get_args(hint) if part is not type(None))
+    return hint if isinstance(hint, type) else str

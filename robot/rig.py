@@ -1,0 +1,97 @@
+"""A whole robot, put together by name: body, camera, policy and the loop between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Any, Self
+
+from robot.camera import Camera
+from robot.clock import Clock, RealClock
+from robot.driver import Driver
+from robot.loop import ControlLoop, LoopConfig, LoopThread
+from robot.options import make_options
+from robot.plugins import load_camera, load_driver
+from robot.policy import Policy, make_policy
+
+
+class Rig:
+    """Owns the parts, and starts and stops them in the right order. A context manager."""
+
+    def __init__(
+        self,
+        driver: Driver,
+        camera: Camera,
+        policy: Policy,
+        clock: Clock | None = None,
+        config: LoopConfig | None = None,
+    ) -> None:
+        self.clock = clock or RealClock()
+        self.driver = driver
+        self.camera = camera
+        self.loop = ControlLoop(driver, camera, policy, self.clock, config)
+        self._thread = LoopThread(self.loop, self.clock)
+
+    def start(self) -> None:
+        """Connect the body, start the camera, and begin to turn the loop.
+
+        Raises:
+            RobotError: If the hardware is not there; whatever was started is stopped again.
+        """
+        try:
+            self.driver.connect()
+            self.camera.start()
+        except BaseException:
+            self.stop()
+            raise
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop the robot, end the loop, and let go of the hardware; idempotent."""
+        self._thread.stop()
+        self.camera.stop()
+        self.driver.disconnect()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+
+def build_rig(
+    robot: str,
+    *,
+    camera: str | None = None,
+    learner: str = "default-32",
+    moves: tuple[Any, ...] | None = None,
+    options: Mapping[str, Any] | None = None,
+    config: LoopConfig | None = None,
+) -> Rig:
+    """Put a robot together from names; nothing is opened before `start`.
+
+    Args:
+        robot: Name of a driver.
+        camera: Name of a camera; None for the one that the driver comes with.
+        learner: Name of a policy, such as `default-32`.
+        moves: What the robot may learn to do; None for the driver's own first three.
+        options: Values for the options that driver and camera declare, by name.
+        config: The loop's limits.
+
+    Raises:
+        RobotError: If a name, an option or a library is missing; the message says which.
+    """
+    given = options or {}
+    clock = RealClock()
+    driver_type = load_driver(robot)
+    driver = driver_type(make_options(driver_type.options_type, given))
+    camera_type = load_camera(camera or driver_type.default_camera)
+    eye = camera_type.for_driver(driver, make_options(camera_type.options_type, given), clock)
+    policy = make_policy(learner, moves=moves) if moves else make_policy(learner)
+    return Rig(driver, eye, policy, clock, config)

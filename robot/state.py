@@ -1,0 +1,57 @@
+"""What one turn of the loop leaves behind: a state for pages, a tick for the recorder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from robot.school import SchoolEvent
+from robot.types import (
+    Action,
+    Decision,
+    Frame,
+    PilotCommand,
+    Prediction,
+    Sensors,
+    StopReason,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopState:
+    """What the loop last did and sees: one consistent picture for pages and metrics."""
+
+    now_s: float
+    decision: Decision
+    emergency: bool
+    fault: str | None
+    frame_id: int | None
+    frame_captured_s: float | None
+    prediction: Prediction | None
+    sensors: Sensors
+    cycle_hz: float
+    late_cycles: int
+    cycles: int
+    agreement: float | None
+    agreement_frames: int
+    taught: Mapping[Action, int]
+    n_nodes: int
+    max_nodes: int
+    learner: str
+    moves: tuple[Action, ...]
+    stops: Mapping[StopReason, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tick:
+    """All that happened in one turn, for the recorder. `frame` is set if it was a new one."""
+
+    now_s: float
+    frame: Frame | None
+    command: PilotCommand | None
+    decision: Decision
+    sent: Action
+    prediction: Prediction | None
+    sensors: Sensors
+    school_events: tuple[SchoolEvent, ...]
+    cycle_s: float

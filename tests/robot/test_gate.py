@@ -1,0 +1,164 @@
+"""Who drives, and every way in which the gate stops the robot."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot.gate import Gate, GateConfig
+from robot.types import Action, Decision, DrivenBy, Mode, PilotCommand, Prediction, StopReason
+
+LEFT_PREDICTED = Prediction(
+    frame_id=1, action=Action.LEFT, confidence=0.9, probabilities={Action.LEFT: 1.0}
+)
+NOVEL = Prediction(
+    frame_id=1, action=Action.LEFT, confidence=0.4, probabilities={Action.LEFT: 1.0}, novelty=1.5
+)
+NOTHING_LEARNED = Prediction(frame_id=1, action=None, confidence=0.0, probabilities={})
+
+
+def hold(gate: Gate, action: Action | None, now_s: float) -> None:
+    gate.hear(PilotCommand(held=action, frame_id=1, seq=1, received_s=now_s))
+
+
+def select(
+    gate: Gate,
+    now_s: float,
+    prediction: Prediction | None = LEFT_PREDICTED,
+    frame_age_s: float = 0.03,
+    *,
+    camera_fault: bool = False,
+) -> Decision:
+    return gate.select(now_s, prediction, now_s - frame_age_s, camera_fault=camera_fault)
+
+
+def started(mode: Mode, now_s: float = 0.0) -> Gate:
+    gate = Gate(GateConfig())
+    assert gate.start(mode, now_s)
+    return gate
+
+
+def test_a_new_gate_stands_whatever_is_held_or_predicted() -> None:
+    gate = Gate()
+    hold(gate, Action.FORWARD, 0.0)
+    decision = select(gate, 0.0)
+    assert decision.action is Action.STOP
+    assert decision.driven_by is DrivenBy.NOBODY
+    assert decision.mode is Mode.STOPPED
+
+
+def test_in_train_the_robot_does_what_is_held_and_stands_when_nothing_is() -> None:
+    gate = started(Mode.TRAIN)
+    assert select(gate, 0.1).action is Action.STOP
+    hold(gate, Action.RIGHT, 0.1)
+    decision = select(gate, 0.15)
+    assert (decision.action, decision.driven_by) == (Action.RIGHT, DrivenBy.PILOT)
+    hold(gate, None, 0.2)
+    assert select(gate, 0.2).action is Action.STOP
+
+
+def test_in_autonomous_the_pilot_goes_before_the_robot_and_letting_go_returns_the_wheel() -> None:
+    gate = started(Mode.AUTONOMOUS)
+    assert select(gate, 0.1).driven_by is DrivenBy.ROBOT
+    hold(gate, Action.FORWARD, 0.2)
+    assert gate.is_intervention
+    decision = select(gate, 0.2)
+    assert (decision.action, decision.driven_by) == (Action.FORWARD, DrivenBy.PILOT)
+    hold(gate, None, 0.3)
+    decision = select(gate, 0.3)
+    assert (decision.action, decision.driven_by) == (Action.LEFT, DrivenBy.ROBOT)
+
+
+@pytest.mark.parametrize(
+    ("mode", "held", "silence_s", "stops"),
+    [
+        (Mode.TRAIN, Action.FORWARD, 0.29, False),
+        (Mode.TRAIN, Action.FORWARD, 0.31, True),
+        (Mode.TRAIN, None, 0.31, True),
+        (Mode.AUTONOMOUS, None, 0.99, False),
+        (Mode.AUTONOMOUS, None, 1.01, True),
+        (Mode.AUTONOMOUS, Action.FORWARD, 0.31, True),
+    ],
+)
+def test_a_silent_pilot_stops_the_robot(
+    mode: Mode, held: Action | None, silence_s: float, stops: bool
+) -> None:
+    gate = started(mode)
+    hold(gate, held, 1.0)
+    decision = select(gate, 1.0 + silence_s)
+    assert (decision.mode is Mode.STOPPED) == stops
+    if stops:
+        assert decision.stop_reason is StopReason.PILOT_SILENT
+        assert decision.action is Action.STOP
+
+
+def test_a_start_counts_as_a_word_but_not_for_ever() -> None:
+    gate = started(Mode.AUTONOMOUS, now_s=5.0)
+    assert select(gate, 5.9).driven_by is DrivenBy.ROBOT
+    assert select(gate, 6.1).stop_reason is StopReason.PILOT_SILENT
+
+
+@pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
+def test_a_stale_picture_stops_the_robot(mode: Mode) -> None:
+    gate = started(mode)
+    hold(gate, Action.FORWARD, 0.1)
+    assert select(gate, 0.1, frame_age_s=0.19).action is Action.FORWARD
+    assert select(gate, 0.1, frame_age_s=0.21).stop_reason is StopReason.FRAME_STALE
+
+
+def test_no_picture_at_all_stops_the_robot() -> None:
+    gate = started(Mode.TRAIN)
+    assert gate.select(0.0, None, None).stop_reason is StopReason.FRAME_STALE
+
+
+def test_a_faulty_camera_stops_the_robot() -> None:
+    gate = started(Mode.AUTONOMOUS)
+    assert select(gate, 0.1, camera_fault=True).stop_reason is StopReason.CAMERA_FAULT
+
+
+def test_after_a_trip_only_an_explicit_start_moves_the_robot() -> None:
+    gate = started(Mode.AUTONOMOUS)
+    gate.trip(StopReason.PILOT_GONE)
+    hold(gate, Action.FORWARD, 0.1)
+    assert select(gate, 0.1).action is Action.STOP
+    assert select(gate, 0.1).stop_reason is StopReason.PILOT_GONE
+    assert gate.start(Mode.AUTONOMOUS, 0.2)
+    assert select(gate, 0.2).driven_by is DrivenBy.ROBOT
+
+
+def test_what_was_held_before_a_start_does_not_count_after_it() -> None:
+    gate = started(Mode.TRAIN)
+    hold(gate, Action.FORWARD, 0.1)
+    assert gate.start(Mode.AUTONOMOUS, 0.2)
+    assert gate.held is None
+    assert select(gate, 0.2).driven_by is DrivenBy.ROBOT
+
+
+def test_an_emergency_latches_until_it_is_released() -> None:
+    gate = started(Mode.TRAIN)
+    gate.latch_emergency()
+    assert not gate.start(Mode.TRAIN, 0.1)
+    assert select(gate, 0.1).stop_reason is StopReason.EMERGENCY
+    gate.release_emergency()
+    assert select(gate, 0.1).action is Action.STOP
+    assert gate.start(Mode.TRAIN, 0.2)
+
+
+def test_the_first_reason_of_a_stop_is_kept() -> None:
+    gate = started(Mode.TRAIN)
+    gate.trip(StopReason.CAMERA_FAULT)
+    gate.trip(StopReason.PILOT_GONE)
+    assert gate.stop_reason is StopReason.CAMERA_FAULT
+
+
+def test_a_robot_that_learned_nothing_stands_and_asks() -> None:
+    gate = started(Mode.AUTONOMOUS)
+    decision = select(gate, 0.1, NOTHING_LEARNED)
+    assert (decision.action, decision.asks_pilot) == (Action.STOP, True)
+
+
+def test_a_novel_view_slows_the_robot_and_asks() -> None:
+    gate = started(Mode.AUTONOMOUS)
+    decision = select(gate, 0.1, NOVEL)
+    assert decision.action is Action.LEFT
+    assert decision.speed_scale == GateConfig().novel_speed_scale
+    assert decision.asks_pilot
