@@ -1,0 +1,137 @@
+"""A robot on the test bench: a camera that shows what a test holds before it, a body that notes.
+
+Both are real implementations of the interfaces; only the world is missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from robot.policy import make_policy
+
+from robot.camera import Camera
+from robot.clock import Clock, ManualClock
+from robot.driver import Driver
+from robot.errors import DriveError
+from robot.loop import ControlLoop, LoopConfig
+from robot.state import Tick
+from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Sensors
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoOptions:
+    """Nothing to choose."""
+
+
+class BenchCamera(Camera):
+    """Shows the pictures that a test gives it."""
+
+    name: ClassVar[str] = "bench"
+    options_type: ClassVar[type[Any]] = NoOptions
+
+    @classmethod
+    def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
+        return cls(clock)
+
+    def start(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+    def show(self, scene: int) -> Frame:
+        """Publish a picture of one of endlessly many scenes: the same number, the same picture."""
+        pixels = np.random.default_rng(scene).integers(0, 256, (8, 8, 3), dtype=np.uint8)
+        picture = pixels.repeat(15, axis=0).repeat(20, axis=1)
+        return self._publish(
+            picture.tobytes(),
+            width=160,
+            height=120,
+            encoding=Encoding.RGB,
+            captured_s=self.clock.now_s(),
+        )
+
+    def show_rubbish(self) -> Frame:
+        """Publish bytes that are no picture."""
+        return self._publish(
+            b"no picture",
+            width=160,
+            height=120,
+            encoding=Encoding.RGB,
+            captured_s=self.clock.now_s(),
+        )
+
+    def break_down(self, sentence: str) -> None:
+        self._report_fault(sentence)
+
+
+class BenchDriver(Driver):
+    """Notes what it is told; can be made to fail."""
+
+    name: ClassVar[str] = "bench"
+    default_camera: ClassVar[str] = "bench"
+    options_type: ClassVar[type[Any]] = NoOptions
+
+    def __init__(self, options: Any = None) -> None:
+        self.sent: list[tuple[Action, float]] = []
+        self.stops = 0
+        self.failure: str | None = None
+        self.sensors = Sensors(distance_m=0.5, bumped=False)
+
+    @property
+    def is_connected(self) -> bool:
+        return True
+
+    def connect(self) -> None: ...
+
+    def disconnect(self) -> None: ...
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        if self.failure:
+            raise DriveError(self.failure)
+        self.sent.append((action, speed_scale))
+        return action
+
+    def sense(self) -> Sensors:
+        return self.sensors
+
+    def stop(self) -> None:
+        self.stops += 1
+
+
+class BenchRobot:
+    """Loop, camera and body on a clock that the test moves, with a pilot's hand on the pad."""
+
+    def __init__(self, learner: str = "published-8", config: LoopConfig | None = None) -> None:
+        self.clock = ManualClock(100.0)
+        self.camera = BenchCamera(self.clock)
+        self.driver = BenchDriver()
+        self.loop = ControlLoop(self.driver, self.camera, make_policy(learner), self.clock, config)
+        self._seq = 0
+
+    def start(self, mode: Mode, scene: int = 0) -> None:
+        """Show a first picture and choose a mode."""
+        self.camera.show(scene)
+        taken = self.loop.set_mode(mode)
+        self.tick()
+        assert taken.result(0)
+
+    def hold(self, action: Action | None, frame_id: int | None = None) -> None:
+        """Say what is held, looking at `frame_id` or else at the newest frame."""
+        frame = self.camera.latest()
+        seen = frame_id if frame_id is not None else frame.frame_id if frame else None
+        self._seq += 1
+        self.loop.command(
+            PilotCommand(held=action, frame_id=seen, seq=self._seq, received_s=self.clock.now_s())
+        )
+
+    def tick(self) -> Tick:
+        return self.loop.tick(self.clock.now_s())
+
+    def step(self, scene: int, held: Action | None, seconds: float = 0.05) -> Tick:
+        """Time passes, a new picture comes, the pilot holds something, the loop turns."""
+        self.clock.advance(seconds)
+        self.camera.show(scene)
+        self.tick()
+        self.hold(held)
+        return self.tick()

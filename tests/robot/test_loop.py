@@ -1,0 +1,203 @@
+"""The control loop on the test bench: driving, learning, and every way to stop."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot.clock import RealClock
+from robot.loop import LoopThread
+from robot.types import Action, DrivenBy, Mode, StopReason
+from tests.robot.bench_robot import BenchRobot
+
+F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
+
+
+def test_it_drives_what_is_held_and_learns_the_frame_the_pilot_saw() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    tick = robot.step(scene=1, held=L)
+    assert robot.driver.sent[-1] == (L, 1.0)
+    assert tick.decision.driven_by is DrivenBy.PILOT
+    assert robot.loop.state.taught == {L: 1}
+
+
+def test_each_command_labels_the_named_frame_not_the_newest() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN, scene=1)
+    seen = robot.camera.latest()
+    assert seen is not None
+    robot.clock.advance(0.05)
+    robot.camera.show(2)
+    robot.tick()
+    robot.hold(R, frame_id=seen.frame_id)
+    tick = robot.tick()
+    assert [event.lesson.frame_id for event in tick.school_events] == [seen.frame_id]
+
+
+def test_it_drives_alone_what_it_was_taught_and_a_touch_is_a_lesson() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    for _ in range(3):
+        robot.step(1, F)
+        robot.step(2, L)
+    robot.start(Mode.AUTONOMOUS, scene=1)
+    assert robot.step(1, None).decision.driven_by is DrivenBy.ROBOT
+    assert robot.driver.sent[-1][0] is F
+    taught_before = robot.loop.state.taught[L]
+    tick = robot.step(2, L)
+    assert tick.decision.driven_by is DrivenBy.PILOT
+    assert tick.school_events[0].lesson.is_intervention
+    assert robot.loop.state.taught[L] == taught_before + 1
+    assert robot.step(1, None).decision.driven_by is DrivenBy.ROBOT
+
+
+def test_a_stopped_robot_does_not_learn() -> None:
+    robot = BenchRobot()
+    robot.camera.show(1)
+    robot.tick()
+    robot.hold(F)
+    robot.tick()
+    assert robot.loop.state.taught == {}
+    assert robot.driver.sent[-1][0] is Action.STOP
+
+
+def test_agreement_counts_predictions_made_before_the_lesson() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.step(1, F)
+    assert robot.loop.state.agreement == 0.0
+    for _ in range(9):
+        robot.step(1, F)
+    assert robot.loop.state.agreement == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
+def test_silence_stops_it_and_only_a_start_moves_it_again(mode: Mode) -> None:
+    robot = BenchRobot()
+    robot.start(mode)
+    robot.step(1, F)
+    for _ in range(8):
+        robot.clock.advance(0.05)
+        robot.camera.show(1)
+        robot.tick()
+    assert robot.driver.sent[-1][0] is Action.STOP
+    assert robot.loop.state.decision.stop_reason is StopReason.PILOT_SILENT
+    assert robot.loop.state.stops == {StopReason.PILOT_SILENT: 1}
+    robot.step(1, F)
+    assert robot.driver.sent[-1][0] is Action.STOP
+    robot.start(mode, scene=1)
+    robot.step(1, F)
+    assert robot.driver.sent[-1][0] is F
+
+
+def test_a_silent_camera_stops_it_although_the_pilot_speaks() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.step(1, F)
+    for _ in range(5):
+        robot.clock.advance(0.05)
+        robot.hold(F)
+        robot.tick()
+    assert robot.driver.sent[-1][0] is Action.STOP
+    assert robot.loop.state.decision.stop_reason is StopReason.FRAME_STALE
+
+
+def test_a_camera_that_reports_a_fault_stops_it_and_is_said() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.step(1, F)
+    robot.camera.break_down("The camera was unplugged.")
+    robot.hold(F)
+    robot.tick()
+    assert robot.loop.state.decision.stop_reason is StopReason.CAMERA_FAULT
+    assert robot.loop.state.fault == "The camera was unplugged."
+
+
+def test_a_picture_that_is_none_is_left_out_and_said() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.camera.show_rubbish()
+    robot.hold(F)
+    assert robot.tick().frame is None
+    assert robot.loop.state.fault is not None
+    assert robot.loop.state.taught == {}
+
+
+def test_a_drive_that_fails_is_stopped_and_said() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.driver.failure = "No motor on port B."
+    robot.step(1, F)
+    assert robot.driver.stops >= 1
+    state = robot.loop.state
+    assert state.decision.stop_reason is StopReason.DRIVE_FAULT
+    assert state.fault == "No motor on port B."
+
+
+def test_whatever_is_thrown_inside_stops_the_robot_first() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+
+    def explode(*_: object) -> None:
+        raise ArithmeticError("boom")
+
+    robot.loop.school.policy.propose = explode  # type: ignore[method-assign,assignment]
+    robot.step(1, F)
+    assert robot.driver.stops >= 1
+    assert robot.loop.state.decision.stop_reason is StopReason.LOOP_FAULT
+    assert "boom" in (robot.loop.state.fault or "")
+
+
+def test_an_emergency_latches() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.loop.latch_emergency()
+    robot.step(1, F)
+    assert robot.driver.stops == 1
+    refused = robot.loop.set_mode(Mode.TRAIN)
+    robot.tick()
+    assert refused.result(0) is False
+    robot.loop.release_emergency()
+    robot.tick()
+    assert robot.loop.state.decision.mode is Mode.STOPPED
+    robot.start(Mode.TRAIN, scene=1)
+
+
+def test_an_empty_command_stops_and_nothing_is_replayed() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.step(1, F)
+    robot.hold(F)
+    robot.loop.empty_command()
+    robot.tick()
+    assert robot.driver.sent[-1][0] is Action.STOP
+    assert robot.loop.state.decision.stop_reason is StopReason.PILOT_GONE
+
+
+def test_a_request_that_fails_tells_its_asker_and_not_the_loop() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    failing = robot.loop.submit(lambda: 1 // 0)
+    robot.step(1, F)
+    assert isinstance(failing.exception(0), ZeroDivisionError)
+    assert robot.driver.sent[-1][0] is F
+
+
+def test_listeners_hear_every_turn_until_they_leave() -> None:
+    robot = BenchRobot()
+    heard: list[int] = []
+    leave = robot.loop.subscribe(lambda tick: heard.append(1))
+    robot.tick()
+    leave()
+    robot.tick()
+    assert len(heard) == 1
+
+
+def test_the_thread_turns_the_loop_and_stops_the_robot_at_its_end() -> None:
+    robot = BenchRobot()
+    thread = LoopThread(robot.loop, RealClock())
+    thread.start()
+    assert robot.loop.submit(lambda: "served").result(timeout=5) == "served"
+    thread.stop()
+    thread.stop()
+    assert robot.driver.sent[-1][0] is Action.STOP
