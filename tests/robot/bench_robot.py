@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from robot.policy import make_policy
 
 from robot.camera import Camera
 from robot.clock import Clock, ManualClock
 from robot.driver import Driver
 from robot.errors import DriveError
 from robot.loop import ControlLoop, LoopConfig
+from robot.policy import make_policy
 from robot.state import Tick
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Sensors
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from robot.policy import Policy, make_policy
 
 from robot.learner.base import State
+from robot.policy import Policy, make_policy
 from robot.school import Edited, School, SchoolEvent, Taught, Undone
 from robot.types import Action, Lesson
 from tests.robot.bench_robot import BenchRobot
@@ -74,7 +74,7 @@ def test_undo_counts_teaching_time_not_pauses() -> None:
     xs = vectors(school.policy, 20)
     teach(school, xs[:10])
     teach(school, xs[10:], first=10_000)
-    assert len(school.undo(1.2)) == 10 + 2
+    assert len(school.undo(1.45)) == 10 + 1
 
 
 def test_the_log_stays_small_however_long_one_teaches() -> None:
@@ -91,7 +91,7 @@ def test_an_edit_is_undone_alone_and_lessons_stay() -> None:
     teach(school, vectors(school.policy, 30))
     before = school.policy.get_state()
     node = school.policy.gallery()[0]
-    wrong = next(move for move in MOVES if move not in node.votes)
+    wrong = min(MOVES, key=lambda move: node.votes.get(move, 0))
     school.edit("relabel", node.node_id, wrong)
     assert not same(school.policy.get_state(), before)
     assert school.undo_edit()
