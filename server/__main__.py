@@ -14,7 +14,8 @@ COMMANDS: dict[str, str] = {
     "evaluate": "compare learners on recorded footage",
 }
 """Name to one line of help. Each is a module of `server.commands` with `configure(parser)` and
-`run(args) -> int`, imported only when asked for: on an EV3 every import costs seconds."""
+`run(args) -> int`, imported only when asked for: on an EV3 every import costs seconds. Where
+options depend on other options, `extend(parser, words)` declares those."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -33,6 +34,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog=f"drivelesson {name}", description=module.__doc__)
     try:
         module.configure(parser)
+        if hasattr(module, "extend"):
+            module.extend(parser, words)
         return int(module.run(parser.parse_args(words)))
     except RobotError as error:
         print(f"drivelesson: {error}", file=sys.stderr)

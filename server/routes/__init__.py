@@ -1,0 +1,20 @@
+"""The routes, one module a theme. Each has a `router`; `routers` lists them all.
+
+A route that reads depends on `server.guard.require_viewer`, one that changes something on
+`require_pilot`; the station is at `request.app.state.station`, the robot at `.robot`. Requests
+that touch the learner go through `robot.loop.submit`. See docs/reference/http.md.
+"""
+
+from __future__ import annotations
+
+import importlib
+
+from fastapi import APIRouter
+
+MODULES = ("drive", "video", "health")
+"""Modules of this package; a new one is added here, and nowhere else."""
+
+
+def routers() -> list[APIRouter]:
+    """Import the modules and return their routers, in order."""
+    return [importlib.import_module(f"server.routes.{name}").router for name in MODULES]

@@ -1,0 +1,48 @@
+"""The application: routes, the guard in front of them, and the station behind them."""
+
+from __future__ import annotations
+
+import mimetypes
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+from starlette.staticfiles import StaticFiles
+
+from robot.rig import Rig
+from server.access import Role
+from server.config import Config
+from server.guard import Guard
+from server.routes import routers
+from server.station import Station
+
+
+def create_app(config: Config, robot: Rig, *, name: str = "robot") -> FastAPI:
+    """Make the application for one robot. Nothing happens at import time.
+
+    The robot is started and stopped by whoever built it; the application only listens to its
+    loop while it runs. `app.state` has `station`, `config` and `robot` for the routes.
+    """
+    for suffix in (".js", ".mjs"):
+        mimetypes.add_type("text/javascript", suffix)
+    mimetypes.add_type("application/manifest+json", ".webmanifest")
+    app = FastAPI(title="Drivelesson", docs_url=None, redoc_url=None)
+    station = Station(config, robot, name)
+    app.state.config, app.state.robot, app.state.station = config, robot, station
+    for router in routers():
+        app.include_router(router)
+    app.mount("/", StaticFiles(directory=config.web_folder, html=True), name="web")
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        await station.start()
+        try:
+            yield
+        finally:
+            await station.stop()
+
+    # NOTE: set so, and not as an argument, because FastAPI knows the argument only since 0.93.
+    app.router.lifespan_context = lifespan
+    names = frozenset({"127.0.0.1", "localhost", "::1", config.host})
+    app.add_middleware(Guard, config=config, names=names, admit=lambda path, headers: Role.PILOT)
+    return app

@@ -1,0 +1,85 @@
+"""Everything that can be set about the server: one frozen object, validated once."""
+
+from __future__ import annotations
+
+import ipaddress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from robot.errors import ConfigurationError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """How much one client, and all together, may ask of the server."""
+
+    words_per_second: float = 60.0
+    """Messages on `/ws/drive`; a page sends some twelve a second."""
+    words_burst: float = 120.0
+    frames_per_second: float = 150.0
+    """Acknowledgements on `/ws/video`."""
+    refused_before_closing: int = 500
+    """A client whose messages were refused so often is shown out."""
+    clients: int = 64
+    """Websockets open at one time, of all clients together."""
+    requests_per_second: float = 50.0
+    """Requests of one address in the long run."""
+    requests_burst: float = 300.0
+    body_bytes: int = 1_000_000
+    """The largest body of a request that has no limit of its own."""
+    idle_s: float = 30.0
+    """A client that says nothing for so long is shown out."""
+    pairing_failures: int = 10
+    """Wrong tokens in a minute, of all addresses together, before pairing pauses."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Config:
+    """What a running server is told. Field by field in docs/reference/configuration.md."""
+
+    host: str = "127.0.0.1"
+    port: int = 8000
+    lan: bool = False
+    tls: bool = False
+    hostname: str = "drivelesson"
+    data: Path | None = None
+    web: Path | None = None
+    jpeg_quality: int = 80
+    lease_lapse_s: float = 1.5
+    limits: Limits = field(default_factory=Limits)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.port <= 65535:
+            raise ConfigurationError(f"--port must be between 0 and 65535, not {self.port}")
+        if not 1 <= self.jpeg_quality <= 100:
+            raise ConfigurationError(
+                f"--jpeg-quality must be between 1 and 100, not {self.jpeg_quality}"
+            )
+        if not self.lan and not is_loopback(self.host):
+            raise ConfigurationError(
+                f"--host {self.host} can be reached by others; add --lan, "
+                "which lets only paired browsers in, or leave --host out"
+            )
+
+    @property
+    def web_folder(self) -> Path:
+        """Where the page's files are: beside the package in a checkout, inside it in a wheel."""
+        return self.web if self.web is not None else _find_web()
+
+
+def is_loopback(host: str) -> bool:
+    """True if only this machine can reach `host`."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _find_web() -> Path:
+    here = Path(__file__).resolve().parent
+    for folder in (here.parent / "web", here / "web"):
+        if (folder / "index.html").is_file():
+            return folder
+    raise ConfigurationError(f"the page's files are not found beside {here}; install it again")

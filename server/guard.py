@@ -1,0 +1,205 @@
+"""The door: every request and every websocket passes here before any route sees it.
+
+It checks Host, Origin, size, rate and role, says no with a status and a sentence, and adds the
+headers that keep the page to itself. Routes that change something also ask `require_pilot`.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections import Counter, OrderedDict
+from collections.abc import Awaitable, Callable, MutableMapping
+from typing import Any
+
+from fastapi import HTTPException
+from starlette.requests import HTTPConnection, Request
+
+from server.access import Refusal, Role, check_host, check_origin
+from server.config import Config
+from server.session import Pace
+
+log = logging.getLogger(__name__)
+
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+Admit = Callable[[str, dict[str, str]], Role | Refusal]
+
+_ROLE = "drivelesson.role"
+_ADDRESSES = 1024
+"""How many addresses' pace is kept in mind."""
+
+
+def role_of(connection: HTTPConnection) -> Role:
+    """Return what the browser behind a request or websocket may do."""
+    role = connection.scope.get(_ROLE)
+    return role if isinstance(role, Role) else Role.VIEWER
+
+
+def require_viewer(request: Request) -> Role:
+    """Dependency of routes that only read; the guard has let nobody else in."""
+    return role_of(request)
+
+
+def require_pilot(request: Request) -> Role:
+    """Dependency of routes that change something: 403 for who may only watch."""
+    if role_of(request) is not Role.PILOT:
+        raise HTTPException(403, "This browser may watch; only a pilot may change things.")
+    return Role.PILOT
+
+
+class Guard:
+    """ASGI middleware around the whole application."""
+
+    def __init__(self, app: App, config: Config, names: frozenset[str], admit: Admit) -> None:
+        self._app = app
+        self._limits = config.limits
+        self._names = names
+        self._admit = admit
+        self._paces: OrderedDict[str, Pace] = OrderedDict()
+        self._open_sockets = 0
+        self.refused: Counter[str] = Counter()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Refuse, or pass on with a role."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = _headers(scope)
+        verdict = self._judge(scope, headers)
+        if isinstance(verdict, Refusal):
+            self.refused[verdict.reason] += 1
+            log.warning("refused reason=%s path=%r", verdict.reason, str(scope["path"])[:80])
+            await _refuse(scope, receive, send, verdict)
+            return
+        scope[_ROLE] = verdict
+        if scope["type"] == "websocket":
+            await self._pass_socket(scope, receive, send)
+        else:
+            await self._pass_request(scope, receive, send, headers)
+
+    def _judge(self, scope: Scope, headers: dict[str, str]) -> Role | Refusal:
+        scheme = {"ws": "http", "wss": "https"}.get(scope["scheme"], scope["scheme"])
+        refusal = check_host(headers, self._names) or check_origin(headers, scheme)
+        return refusal or self._check_limits(scope, headers) or self._admit(scope["path"], headers)
+
+    def _check_limits(self, scope: Scope, headers: dict[str, str]) -> Refusal | None:
+        if scope["type"] == "websocket" and self._open_sockets >= self._limits.clients:
+            return Refusal(status=503, reason="clients", sentence="Too many pages are open.")
+        address = scope["client"][0] if scope.get("client") else ""
+        if not self._pace(address).allows(time.monotonic()):
+            return Refusal(status=429, reason="rate", sentence="Too many requests; wait a little.")
+        length = headers.get("content-length", "0")
+        if not length.isdecimal() or int(length[:20]) > self._limits.body_bytes:
+            return Refusal(status=413, reason="size", sentence="That is too large.")
+        return None
+
+    def _pace(self, address: str) -> Pace:
+        pace = self._paces.pop(address, None) or Pace(
+            per_second=self._limits.requests_per_second, burst=self._limits.requests_burst
+        )
+        self._paces[address] = pace
+        if len(self._paces) > _ADDRESSES:
+            self._paces.popitem(last=False)
+        return pace
+
+    async def _pass_socket(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self._open_sockets += 1
+        try:
+            await self._app(scope, receive, send)
+        finally:
+            self._open_sockets -= 1
+
+    async def _pass_request(
+        self, scope: Scope, receive: Receive, send: Send, headers: dict[str, str]
+    ) -> None:
+        extra = _security_headers(scope["scheme"], headers.get("host", ""))
+
+        async def send_guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                present = {name.lower() for name, _ in message.get("headers", [])}
+                added = [(name, value) for name, value in extra if name not in present]
+                message["headers"] = [*message.get("headers", []), *added]
+            await send(message)
+
+        await self._app(scope, _limited(receive, self._limits.body_bytes), send_guarded)
+
+
+def _limited(receive: Receive, most: int) -> Receive:
+    """Cut a body off that is longer than it may be, whatever its header said."""
+    total = 0
+
+    async def receive_limited() -> Message:
+        nonlocal total
+        message = await receive()
+        total += len(message.get("body", b""))
+        if total > most:
+            return {"type": "http.disconnect"}
+        return message
+
+    return receive_limited
+
+
+def _headers(scope: Scope) -> dict[str, str]:
+    """Return the request's headers; of one that came twice the first, except cookies."""
+    headers: dict[str, str] = {}
+    for raw_name, raw_value in scope["headers"]:
+        name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
+        if name == "cookie" and name in headers:
+            headers[name] += "; " + value
+        else:
+            headers.setdefault(name, value)
+    return headers
+
+
+def _security_headers(scheme: str, host: str) -> list[tuple[bytes, bytes]]:
+    socket = f"{'wss' if scheme == 'https' else 'ws'}://{host}"
+    policy = "; ".join(
+        [
+            "default-src 'none'",
+            "script-src 'self'",
+            "style-src 'self'",
+            "img-src 'self' blob: data:",
+            "media-src 'self' blob:",
+            "font-src 'self'",
+            f"connect-src 'self' {socket}",
+            "worker-src 'self'",
+            "manifest-src 'self'",
+            "base-uri 'none'",
+            "form-action 'self'",
+            "frame-ancestors 'none'",
+        ]
+    )
+    return [
+        (b"content-security-policy", policy.encode("latin-1", "replace")),
+        (b"x-content-type-options", b"nosniff"),
+        (b"x-frame-options", b"DENY"),
+        (b"referrer-policy", b"no-referrer"),
+        (b"cross-origin-opener-policy", b"same-origin"),
+        (b"cross-origin-resource-policy", b"same-origin"),
+        (b"permissions-policy", b"camera=(), microphone=(), geolocation=()"),
+        (b"cache-control", b"no-cache"),
+    ]
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:
+    """Answer with a status; a websocket on a server that cannot say one gets a plain 403."""
+    kind = scope["type"]
+    if kind == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
+        await receive()
+        await send({"type": "websocket.close", "code": 1008})
+        return
+    prefix = "websocket.http.response" if kind == "websocket" else "http.response"
+    body = json.dumps({"error": refusal.reason, "detail": refusal.sentence}).encode()
+    headers = [
+        (b"content-type", b"application/json"),
+        (b"content-length", str(len(body)).encode()),
+        (b"cache-control", b"no-store"),
+        (b"x-content-type-options", b"nosniff"),
+    ]
+    await send({"type": f"{prefix}.start", "status": refusal.status, "headers": headers})
+    await send({"type": f"{prefix}.body", "body": body})

@@ -1,0 +1,278 @@
+"""The wire between page and robot: bytes and text on one side, dataclasses on the other. Pure.
+
+Described in docs/reference/protocol.md; `web/js/protocol.js` is its mirror, and both pass the
+messages in tests/vectors/.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, NoReturn
+
+from robot.types import Action, Encoding, Mode
+
+PROTOCOL_VERSION = 1
+MAX_WORD_BYTES = 4096
+"""A longer message on `/ws/drive` is refused with `too_large` and not even parsed."""
+MAX_COUNT = 2**53 - 1
+"""The largest whole number that JavaScript can count to."""
+FRAME_HEADER = struct.Struct("<BBHHHIId")
+ACKNOWLEDGEMENT = struct.Struct("<BBHI")
+_FRAME, _ACKNOWLEDGEMENT = 1, 2
+_ENCODINGS = (Encoding.JPEG, Encoding.YUYV, Encoding.RGB)
+
+
+class ErrorCode(StrEnum):
+    """Why a message was refused."""
+
+    MALFORMED = "malformed"
+    TOO_LARGE = "too_large"
+    UNKNOWN_TYPE = "unknown_type"
+    BAD_FIELD = "bad_field"
+    OUT_OF_ORDER = "out_of_order"
+    NOT_PILOT = "not_pilot"
+    TOO_FAST = "too_fast"
+    UNKNOWN_FRAME = "unknown_frame"
+
+
+class ProtocolError(ValueError):
+    """A message that is refused; `seq` is the message's own where it had one."""
+
+    def __init__(self, code: ErrorCode, message: str, seq: int | None = None) -> None:
+        super().__init__(message)
+        self.code = code
+        self.seq = seq
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """What is held now, and which frame is on the screen: command and heartbeat in one.
+
+    `frame_age_ms` is how old that frame is as the page reckons it; None if the page cannot say.
+    """
+
+    held: Action | None
+    frame: int | None
+    seq: int
+    frame_age_ms: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChooseMode:
+    """The explicit start after any stop, or the wish to stop."""
+
+    mode: Mode
+    seq: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop:
+    """Emergency stop."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Release:
+    """Release the emergency stop."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Take:
+    """Ask for the wheel."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Yield:
+    """Give the wheel away."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ping:
+    """Answered by a pong at once; `client_ms` goes back as it came."""
+
+    client_ms: float
+
+
+Word = Drive | ChooseMode | Stop | Release | Take | Yield | Ping
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """One frame as it travels: what its header says, and the picture itself."""
+
+    frame_id: int
+    captured_ms: float
+    encoding: Encoding
+    width: int
+    height: int
+    data: bytes = field(repr=False)
+
+
+def parse_word(text: str, moves: Collection[Action]) -> Word:
+    """Read one message of `/ws/drive`.
+
+    Raises:
+        ProtocolError: If it is not one that the protocol knows; says which field and why.
+    """
+    if len(text) > MAX_WORD_BYTES or len(text.encode("utf-8", "replace")) > MAX_WORD_BYTES:
+        raise ProtocolError(ErrorCode.TOO_LARGE, f"a message has at most {MAX_WORD_BYTES} bytes")
+    message = _parse_object(text)
+    seq = _sane_seq(message)
+    kind = message.get("type")
+    if kind == "drive":
+        return _parse_drive(message, seq, moves)
+    if kind == "mode":
+        return ChooseMode(mode=_parse_mode(message, seq), seq=_require_seq(message))
+    if kind == "ping":
+        return Ping(client_ms=_parse_number(message, "client_ms", seq))
+    if isinstance(kind, str) and kind in _BARE_WORDS:
+        return _BARE_WORDS[kind]()
+    known = ", ".join(["drive", "mode", "ping", *_BARE_WORDS])
+    raise ProtocolError(ErrorCode.UNKNOWN_TYPE, f"there is no such type; there are {known}", seq)
+
+
+_BARE_WORDS: Mapping[str, type[Stop] | type[Release] | type[Take] | type[Yield]] = {
+    "stop": Stop,
+    "release": Release,
+    "take": Take,
+    "yield": Yield,
+}
+
+
+def _parse_object(text: str) -> dict[str, Any]:
+    try:
+        message = json.loads(text, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise ProtocolError(ErrorCode.MALFORMED, "a message is one JSON object") from error
+    if not isinstance(message, dict):
+        raise ProtocolError(ErrorCode.MALFORMED, "a message is one JSON object")
+    return message
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    """JSON knows neither NaN nor infinity, though Python's parser does."""
+    raise ValueError(name)
+
+
+def _parse_drive(message: dict[str, Any], seq: int | None, moves: Collection[Action]) -> Drive:
+    held = message.get("held")
+    if held is not None and held not in moves:
+        raise _bad_field("held", f"one of {', '.join(moves)} or null", seq)
+    frame = message.get("frame")
+    if frame is not None and not _is_count(frame, 2**32 - 1):
+        raise _bad_field("frame", "the id of a frame or null", seq)
+    age_ms = message.get("frame_age_ms")
+    return Drive(
+        held=Action(held) if held is not None else None,
+        frame=frame,
+        seq=_require_seq(message),
+        frame_age_ms=None if age_ms is None else _parse_number(message, "frame_age_ms", seq),
+    )
+
+
+def _parse_mode(message: dict[str, Any], seq: int | None) -> Mode:
+    mode = message.get("mode")
+    if not isinstance(mode, str) or mode not in list(Mode):
+        raise _bad_field("mode", f"one of {', '.join(Mode)}", seq)
+    return Mode(mode)
+
+
+def _parse_number(message: dict[str, Any], name: str, seq: int | None) -> float:
+    value = message.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise _bad_field(name, "a number", seq)
+    if not math.isfinite(value) or abs(value) > MAX_COUNT:
+        raise _bad_field(name, "a number that JavaScript can count to", seq)
+    return value
+
+
+def _require_seq(message: dict[str, Any]) -> int:
+    seq = _sane_seq(message)
+    if seq is None:
+        raise _bad_field("seq", "a whole number from 1 that grows", None)
+    return seq
+
+
+def _sane_seq(message: dict[str, Any]) -> int | None:
+    seq = message.get("seq")
+    return seq if _is_count(seq, MAX_COUNT) else None
+
+
+def _is_count(value: object, most: int) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= most
+
+
+def _bad_field(name: str, wanted: str, seq: int | None) -> ProtocolError:
+    return ProtocolError(ErrorCode.BAD_FIELD, f"{name!r} must be {wanted}", seq)
+
+
+def encode_picture(picture: Picture) -> bytes:
+    """Write a frame's message for `/ws/video`."""
+    header = FRAME_HEADER.pack(
+        _FRAME,
+        _ENCODINGS.index(picture.encoding),
+        picture.width,
+        picture.height,
+        0,
+        picture.frame_id,
+        0,
+        picture.captured_ms,
+    )
+    return header + picture.data
+
+
+def parse_picture(message: bytes) -> Picture:
+    """Read a frame's message.
+
+    Raises:
+        ProtocolError: If it is none.
+    """
+    if len(message) < FRAME_HEADER.size:
+        raise ProtocolError(ErrorCode.MALFORMED, "a frame starts with a header of 24 bytes")
+    kind, encoding, width, height, _, frame_id, _, captured_ms = FRAME_HEADER.unpack_from(message)
+    if kind != _FRAME or encoding >= len(_ENCODINGS):
+        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "not a frame of a known encoding")
+    return Picture(
+        frame_id=frame_id,
+        captured_ms=captured_ms,
+        encoding=_ENCODINGS[encoding],
+        width=width,
+        height=height,
+        data=message[FRAME_HEADER.size :],
+    )
+
+
+def encode_acknowledgement(frame_id: int) -> bytes:
+    """Write the acknowledgement of a drawn frame."""
+    return ACKNOWLEDGEMENT.pack(_ACKNOWLEDGEMENT, 0, 0, frame_id)
+
+
+def parse_acknowledgement(message: bytes) -> int:
+    """Return the id of the frame that was drawn.
+
+    Raises:
+        ProtocolError: If the message is no acknowledgement.
+    """
+    if len(message) > ACKNOWLEDGEMENT.size:
+        raise ProtocolError(ErrorCode.TOO_LARGE, "an acknowledgement has 8 bytes")
+    if len(message) < ACKNOWLEDGEMENT.size:
+        raise ProtocolError(ErrorCode.MALFORMED, "an acknowledgement has 8 bytes")
+    kind, _, _, frame_id = ACKNOWLEDGEMENT.unpack(message)
+    if kind != _ACKNOWLEDGEMENT:
+        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "only acknowledgements go up on this socket")
+    return int(frame_id)
+
+
+def encode_words(kind: str, **fields: Any) -> str:
+    """Write one message for the page: `hello`, `state`, `pong` or `event`."""
+    return json.dumps({"type": kind, **fields}, separators=(",", ":"), allow_nan=False)
+
+
+def encode_error(error: ProtocolError) -> str:
+    """Write the answer to a refused message."""
+    seq = {} if error.seq is None else {"seq": error.seq}
+    return encode_words("error", code=error.code.value, message=str(error), **seq)

@@ -1,0 +1,47 @@
+"""`/ws/drive`: words up, words down. A thin shell around the station."""
+
+from __future__ import annotations
+
+import asyncio
+
+from fastapi import APIRouter, WebSocket
+
+from server.guard import role_of
+from server.protocol import ErrorCode, ProtocolError
+from server.routes.sockets import end_with_either, received
+from server.station import Page, Station
+
+router = APIRouter()
+
+
+@router.websocket("/ws/drive")
+async def drive(websocket: WebSocket) -> None:
+    """Serve one page for as long as it is there."""
+    station: Station = websocket.app.state.station
+    await websocket.accept()
+    page = station.join(role_of(websocket))
+    try:
+        await end_with_either(_hear(websocket, station, page), _tell(websocket, page))
+    finally:
+        station.leave(page)
+
+
+async def _hear(websocket: WebSocket, station: Station, page: Page) -> None:
+    limits = station.config.limits
+    async for message in received(websocket, limits.idle_s):
+        text = message.get("text")
+        if text is None:
+            error = ProtocolError(ErrorCode.MALFORMED, "words are text, not bytes")
+            station.refuse(page, error)
+        else:
+            station.hear(page, text)
+        if page.refused >= limits.refused_before_closing:
+            await websocket.close(1008, "too many refused messages")
+            return
+
+
+async def _tell(websocket: WebSocket, page: Page) -> None:
+    while True:
+        text = await page.next_text()
+        await websocket.send_text(text)
+        await asyncio.sleep(0)

@@ -1,0 +1,93 @@
+"""Uvicorn, set up for robots: no deflate, small messages, no delay, whatever its version."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Iterator
+from typing import Any
+
+from robot.errors import ConfigurationError
+from server.config import Config
+
+MAX_MESSAGE_BYTES = 65_536
+"""A larger websocket message closes the connection before it is read into memory."""
+_DEAD_PEER_MS = 15_000
+
+
+def open_socket(host: str, port: int) -> socket.socket:
+    """Listen on an address, ready for connections that must not wait.
+
+    Raises:
+        ConfigurationError: If the port is taken or the address is not this machine's.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        # Connections inherit these on Linux: small words go at once, and a peer that
+        # acknowledges nothing is given up.
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):
+            listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _DEAD_PEER_MS)
+        listener.bind((host, port))
+        listener.listen(128)
+    except OSError as error:
+        listener.close()
+        raise ConfigurationError(
+            f"cannot serve on {host} port {port}: {error.strerror}; choose another with --port"
+        ) from error
+    return listener
+
+
+def uvicorn_settings(config: Config) -> dict[str, Any]:
+    """Return uvicorn's settings; the newest websocket backend that it has."""
+    import uvicorn.config
+
+    backends = uvicorn.config.WS_PROTOCOLS
+    return {
+        "ws": "websockets-sansio" if "websockets-sansio" in backends else "websockets",
+        "ws_per_message_deflate": False,
+        "ws_max_size": MAX_MESSAGE_BYTES,
+        "ws_ping_interval": 10.0,
+        "ws_ping_timeout": 20.0,
+        "http": "h11",
+        "access_log": False,
+        "log_config": None,
+        "server_header": False,
+        "timeout_keep_alive": 15,
+        "lifespan": "on",
+    }
+
+
+def serve(app: Any, config: Config, listener: socket.socket) -> None:
+    """Serve until SIGINT or SIGTERM."""
+    import uvicorn
+
+    server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(config)))
+    with contextlib.closing(listener):
+        asyncio.run(server.serve(sockets=[listener]))
+
+
+@contextlib.contextmanager
+def served(app: Any, config: Config) -> Iterator[str]:
+    """Serve on a thread of its own while the block runs, and give the address. For tests."""
+    import threading
+
+    import uvicorn
+
+    listener = open_socket(config.host, config.port)
+    server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(config)))
+    thread = threading.Thread(
+        target=lambda: asyncio.run(server.serve(sockets=[listener])), name="server"
+    )
+    thread.start()
+    try:
+        while not server.started and thread.is_alive():
+            thread.join(0.01)
+        yield f"http://{config.host}:{listener.getsockname()[1]}"
+    finally:
+        server.should_exit = True
+        thread.join(10)
+        listener.close()

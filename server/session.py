@@ -1,0 +1,219 @@
+"""What the server keeps in mind about one page: order, pace, credit, and who has the wheel. Pure.
+
+Nothing here knows sockets or clocks; the time is an argument.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+from server.protocol import ErrorCode, ProtocolError
+
+
+class Order:
+    """Refuses what arrives late: the `seq` of one connection must grow."""
+
+    def __init__(self) -> None:
+        self._last = 0
+
+    def check(self, seq: int) -> None:
+        """Take note of `seq`.
+
+        Raises:
+            ProtocolError: If it is not above all before it.
+        """
+        if seq <= self._last:
+            raise ProtocolError(
+                ErrorCode.OUT_OF_ORDER, f"'seq' must be above {self._last}, the last one", seq
+            )
+        self._last = seq
+
+
+class Pace:
+    """A token bucket: so many messages a second in the long run, so many in one burst."""
+
+    def __init__(self, *, per_second: float, burst: float) -> None:
+        self._per_second = per_second
+        self._burst = burst
+        self._tokens = burst
+        self._last_s: float | None = None
+
+    def allows(self, now_s: float) -> bool:
+        """Take one token; False if there is none."""
+        if self._last_s is not None:
+            earned = max(now_s - self._last_s, 0.0) * self._per_second
+            self._tokens = min(self._burst, self._tokens + earned)
+        self._last_s = now_s
+        if self._tokens < 1.0:
+            return False
+        self._tokens -= 1.0
+        return True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Sent:
+    at_s: float
+    size: int
+    in_flight: int
+
+
+class VideoWindow:
+    """How many frames may be on their way to one viewer.
+
+    One while bandwidth is short: then a second frame would only wait behind the first. More, up
+    to `LARGEST`, when it is only the round trip that is long: then the delay of an
+    acknowledgement does not grow with the window. Whether it does is found out by trying: the
+    window grows by one when frames had to be skipped, and falls back to one when the delay has
+    grown with it; after a try that failed the next waits twice as long.
+    """
+
+    LARGEST = 4
+    LARGEST_BYTES = 60_000
+    """Below the 64 KiB at which a transport holds back its writer, so that sending never waits;
+    a single larger frame goes out alone."""
+    _TRIAL_ACKNOWLEDGEMENTS = 3
+    _TOLERANCE, _SLACK_S = 1.4, 0.008
+    _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 32.0
+
+    def __init__(self) -> None:
+        self.size = 1
+        self.delay_s: float | None = None
+        self._flight: OrderedDict[int, _Sent] = OrderedDict()
+        self._bytes = 0
+        self._lone_delay_s: float | None = None
+        self._starved = 0
+        self._slow = 0
+        self._pause_s = self._FIRST_PAUSE_S
+        self._not_before_s = 0.0
+
+    @property
+    def in_flight(self) -> int:
+        """Frames sent and not yet acknowledged."""
+        return len(self._flight)
+
+    def may_send(self, n_bytes: int) -> bool:
+        """True if another frame of this size may go; takes note of it if not."""
+        if not self._flight:
+            return True
+        if len(self._flight) < self.size and self._bytes + n_bytes <= self.LARGEST_BYTES:
+            return True
+        self._starved += 1
+        return False
+
+    def sent(self, frame_id: int, n_bytes: int, now_s: float) -> None:
+        """Take note of a frame on its way."""
+        self._flight[frame_id] = _Sent(at_s=now_s, size=n_bytes, in_flight=len(self._flight))
+        self._bytes += n_bytes
+
+    def acknowledged(self, frame_id: int, now_s: float) -> None:
+        """Take note that a frame and all before it have been drawn.
+
+        Raises:
+            ProtocolError: If this frame is not on its way.
+        """
+        if frame_id not in self._flight:
+            raise ProtocolError(ErrorCode.UNKNOWN_FRAME, f"frame {frame_id} is not on its way")
+        while True:
+            earlier_id, sent = self._flight.popitem(last=False)
+            self._bytes -= sent.size
+            if earlier_id == frame_id:
+                break
+        self.delay_s = now_s - sent.at_s
+        if self.size == 1 or sent.in_flight == 0:
+            self._note_lone_delay(self.delay_s)
+        self._adapt(self.delay_s, now_s)
+
+    def oldest_sent_s(self) -> float | None:
+        """When the oldest frame on its way was sent; None if there is none."""
+        return next(iter(self._flight.values())).at_s if self._flight else None
+
+    def _note_lone_delay(self, delay_s: float) -> None:
+        """Keep the delay of a frame that had the link to itself, smoothed."""
+        before_s = self._lone_delay_s if self._lone_delay_s is not None else delay_s
+        self._lone_delay_s = min(delay_s, before_s + (delay_s - before_s) / 4)
+
+    def _adapt(self, delay_s: float, now_s: float) -> None:
+        lone_s = self._lone_delay_s if self._lone_delay_s is not None else delay_s
+        if self.size > 1 and delay_s > lone_s * self._TOLERANCE + self._SLACK_S:
+            self._slow += 1
+            if self._slow >= self._TRIAL_ACKNOWLEDGEMENTS:
+                self._shrink(now_s)
+            return
+        self._slow = 0
+        if self._starved >= self._TRIAL_ACKNOWLEDGEMENTS and now_s >= self._not_before_s:
+            self._grow(now_s)
+
+    def _grow(self, now_s: float) -> None:
+        if self.size < self.LARGEST:
+            self.size += 1
+        self._starved = 0
+        self._not_before_s = max(self._not_before_s, now_s + 4 * (self.delay_s or 0.0))
+
+    def _shrink(self, now_s: float) -> None:
+        self.size = 1
+        self._lone_delay_s = None
+        self._starved = self._slow = 0
+        self._not_before_s = now_s + self._pause_s
+        self._pause_s = min(2 * self._pause_s, self._LONGEST_PAUSE_S)
+
+
+class Lease:
+    """The wheel: at most one client has it, renewed by its commands.
+
+    A lease that was not renewed for `lapse_s` still belongs to its owner, but is anybody's who
+    asks for it. Who asks while it is held waits until it is yielded or lapses.
+    """
+
+    def __init__(self, lapse_s: float = 1.5) -> None:
+        self.owner: str | None = None
+        self.asked_by: str | None = None
+        self._lapse_s = lapse_s
+        self._renewed_s = 0.0
+
+    def join(self, client: str, now_s: float) -> bool:
+        """A possible pilot has come; True if the wheel was free and is now theirs."""
+        if self.owner is None or self._has_lapsed(now_s):
+            self._give(client, now_s)
+            return True
+        return False
+
+    def take(self, client: str, now_s: float) -> bool:
+        """Ask for the wheel; True if it is now theirs, False if they wait for it."""
+        if self.owner == client or self.join(client, now_s):
+            return True
+        self.asked_by = client
+        return False
+
+    def renew(self, client: str, now_s: float) -> bool:
+        """A command of `client` has come; False if the wheel is not theirs."""
+        if self.owner != client:
+            return False
+        self._renewed_s = now_s
+        return True
+
+    def give_up(self, client: str, now_s: float) -> bool:
+        """`client` yields or has gone; True if the wheel was theirs. Who asked first gets it."""
+        if self.asked_by == client:
+            self.asked_by = None
+        if self.owner != client:
+            return False
+        self.owner = None
+        if self.asked_by is not None:
+            self._give(self.asked_by, now_s)
+        return True
+
+    def pass_on_if_lapsed(self, now_s: float) -> bool:
+        """Give a lapsed wheel to who waits for it; True if it changed hands."""
+        if self.asked_by is None or not self._has_lapsed(now_s):
+            return False
+        self._give(self.asked_by, now_s)
+        return True
+
+    def _has_lapsed(self, now_s: float) -> bool:
+        return now_s - self._renewed_s > self._lapse_s
+
+    def _give(self, client: str, now_s: float) -> None:
+        self.owner = client
+        self._renewed_s = now_s
+        self.asked_by = None

@@ -1,0 +1,319 @@
+"""Where pages and robot meet: who is here, who has the wheel, and what everybody is told.
+
+Everything runs on the server's event loop; the control loop's thread only leaves its newest tick
+here and goes on. Nothing in this module decides over motors: that is the gate's, in robot/.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+
+from robot.rig import Rig
+from robot.state import Tick
+from robot.types import Mode, PilotCommand
+from server import protocol
+from server.access import Role
+from server.config import Config
+from server.protocol import ErrorCode, ProtocolError
+from server.session import Lease, Order, Pace
+from server.telemetry import describe
+from server.video import Encoder, VideoHub
+
+log = logging.getLogger(__name__)
+
+STATE_EVERY_S = 0.1
+_OUTBOX = 64
+"""Answers that may wait for one page; a page that reads so slowly loses the oldest."""
+
+
+class Page:
+    """One open `/ws/drive`: its order and pace, and what it is still to be told.
+
+    Answers wait in a short queue; of states only the newest waits.
+    """
+
+    def __init__(self, client: str, role: Role, config: Config, now_s: float) -> None:
+        limits = config.limits
+        self.client = client
+        self.role = role
+        self.order = Order()
+        self.pace = Pace(per_second=limits.words_per_second, burst=limits.words_burst)
+        self.refused = 0
+        self.last_word_s = now_s
+        self._answers: deque[str] = deque(maxlen=_OUTBOX)
+        self._state: str | None = None
+        self._waiting = asyncio.Event()
+
+    def tell(self, text: str) -> None:
+        """Have an answer or event sent."""
+        self._answers.append(text)
+        self._waiting.set()
+
+    def tell_state(self, text: str) -> None:
+        """Have a state sent, in place of any that still waits."""
+        self._state = text
+        self._waiting.set()
+
+    async def next_text(self) -> str:
+        """Wait for what is to be sent next."""
+        while True:
+            await self._waiting.wait()
+            if self._answers:
+                return self._answers.popleft()
+            state, self._state = self._state, None
+            if state is not None:
+                return state
+            self._waiting.clear()
+
+
+class Station:
+    """The server's side of one robot."""
+
+    def __init__(self, config: Config, robot: Rig, name: str) -> None:
+        self.config = config
+        self.robot = robot
+        self.name = name
+        self.video = VideoHub(Encoder(config.jpeg_quality))
+        self.lease = Lease(config.lease_lapse_s)
+        self.refused: Counter[ErrorCode] = Counter()
+        self.pages: dict[str, Page] = {}
+        self.connections = 0
+        self._ids = itertools.count(1)
+        self._told: object = None
+        self._told_s = 0.0
+        self._tick: Tick | None = None
+        self._is_tick_due = False
+        self._unsubscribe: Callable[[], None] = lambda: None
+        self._tasks: list[asyncio.Task[None]] = []
+        self._fresh_frame = asyncio.Event()
+
+    # Life --------------------------------------------------------------------------------------
+
+    async def start(self) -> None:
+        """Begin to listen to the robot's loop."""
+        event_loop = asyncio.get_running_loop()
+
+        def on_tick(tick: Tick) -> None:  # on the control loop's thread
+            if tick.frame is not None or self._tick is None:
+                self._tick = tick
+            if not self._is_tick_due and self.connections:
+                self._is_tick_due = True
+                event_loop.call_soon_threadsafe(self._note_tick)
+
+        self._unsubscribe = self.robot.loop.subscribe(on_tick)
+        self._tasks = [
+            asyncio.create_task(self._show_frames()),
+            asyncio.create_task(self._keep_time()),
+        ]
+
+    async def stop(self) -> None:
+        """Stop listening, and stop the robot if somebody drove it from here."""
+        self._unsubscribe()
+        self.robot.loop.empty_command()
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    # Pages -------------------------------------------------------------------------------------
+
+    def join(self, role: Role) -> Page:
+        """Let a page in; it gets the wheel if it may and the wheel is free."""
+        now_s = time.monotonic()
+        page = Page(f"c{next(self._ids)}", role, self.config, now_s)
+        self.pages[page.client] = page
+        page.tell(
+            protocol.encode_words(
+                "hello",
+                protocol=protocol.PROTOCOL_VERSION,
+                client=page.client,
+                role=role.value,
+                robot=self.name,
+                moves=list(self.robot.loop.state.moves),
+                server_ms=self.now_ms(),
+            )
+        )
+        if role is Role.PILOT and self.lease.join(page.client, now_s):
+            self._change_hands()
+        self.publish_state()
+        log.info("join client=%s role=%s pilot=%s", page.client, role.value, self.lease.owner)
+        return page
+
+    def leave(self, page: Page) -> None:
+        """A page is gone; if it had the wheel the robot stops now."""
+        self.pages.pop(page.client, None)
+        if self.lease.give_up(page.client, time.monotonic()):
+            self._change_hands()
+        self.publish_state()
+        log.info("leave client=%s refused=%d", page.client, page.refused)
+
+    def hear(self, page: Page, text: str) -> None:
+        """Act on one message of a page; what is refused is answered and counted."""
+        now_s = time.monotonic()
+        page.last_word_s = now_s
+        try:
+            if not page.pace.allows(now_s):
+                raise ProtocolError(ErrorCode.TOO_FAST, "too many messages a second")
+            self._obey(page, protocol.parse_word(text, self.robot.loop.state.moves), now_s)
+        except ProtocolError as error:
+            self.refuse(page, error)
+
+    def refuse(self, page: Page, error: ProtocolError) -> None:
+        """Answer a refused message, and count it."""
+        page.refused += 1
+        self.refused[error.code] += 1
+        page.tell(protocol.encode_error(error))
+
+    def _obey(self, page: Page, word: protocol.Word, now_s: float) -> None:
+        loop = self.robot.loop
+        if isinstance(word, protocol.Drive):
+            self._obey_drive(page, word, now_s)
+        elif isinstance(word, protocol.ChooseMode):
+            page.order.check(word.seq)
+            self._require_wheel(page, word.seq)
+            self.lease.renew(page.client, now_s)
+            loop.set_mode(word.mode)
+            log.info("mode client=%s mode=%s", page.client, word.mode.value)
+        elif isinstance(word, protocol.Ping):
+            page.tell(
+                protocol.encode_words("pong", client_ms=word.client_ms, server_ms=self.now_ms())
+            )
+        elif isinstance(word, protocol.Stop):
+            loop.latch_emergency()
+            log.warning("emergency client=%s", page.client)
+        elif isinstance(word, protocol.Release):
+            self._require_wheel(page)
+            loop.release_emergency()
+            log.info("release client=%s", page.client)
+        elif isinstance(word, protocol.Take):
+            self._obey_take(page, now_s)
+        elif self.lease.give_up(page.client, now_s):
+            self._change_hands()
+
+    def _obey_drive(self, page: Page, word: protocol.Drive, now_s: float) -> None:
+        page.order.check(word.seq)
+        self._require_wheel(page, word.seq)
+        newest = self.robot.loop.state.frame_id or 0
+        if word.frame is not None and word.frame > newest:
+            raise ProtocolError(
+                ErrorCode.UNKNOWN_FRAME, f"frame {word.frame} has not been taken yet", word.seq
+            )
+        self.lease.renew(page.client, now_s)
+        self.robot.loop.command(
+            PilotCommand(
+                held=word.held,
+                frame_id=word.frame,
+                seq=word.seq,
+                received_s=self.robot.clock.now_s(),
+                pilot=page.client,
+            )
+        )
+
+    def _obey_take(self, page: Page, now_s: float) -> None:
+        if page.role is not Role.PILOT:
+            raise ProtocolError(ErrorCode.NOT_PILOT, "this browser was paired as a viewer")
+        before = self.lease.owner
+        if not self.lease.take(page.client, now_s):
+            owner = self.pages.get(before or "")
+            if owner is not None:
+                owner.tell(
+                    protocol.encode_words("event", name="wheel_asked", client=page.client)
+                )
+            page.tell(protocol.encode_words("event", name="wheel_waiting", pilot=before))
+        elif before != page.client:
+            self._change_hands()
+
+    def _require_wheel(self, page: Page, seq: int | None = None) -> None:
+        if self.lease.owner != page.client:
+            raise ProtocolError(ErrorCode.NOT_PILOT, "somebody else has the wheel", seq)
+
+    def _change_hands(self) -> None:
+        """The wheel went to somebody else, or to nobody: what was held counts no more."""
+        self.robot.loop.empty_command()
+        log.info("wheel pilot=%s", self.lease.owner)
+        self.publish_state()
+
+    # What pages are told -----------------------------------------------------------------------
+
+    def announce(self, name: str, **fields: object) -> None:
+        """Tell every page that something happened once."""
+        text = protocol.encode_words("event", name=name, **fields)
+        for page in self.pages.values():
+            page.tell(text)
+
+    def now_ms(self) -> float:
+        """Return the robot's clock in milliseconds, as the wire has it."""
+        return self.robot.clock.now_s() * 1000
+
+    def publish_state(self) -> None:
+        """Tell every page how things are now."""
+        self._told = self._gist()
+        self._told_s = time.monotonic()
+        if not self.pages:
+            return
+        owner = self.lease.owner
+        state = describe(self.robot.loop.state, self.now_ms())
+        state["pilot"] = owner
+        state["viewers"] = len(self.pages) - (owner in self.pages)
+        others = protocol.encode_words("state", you_are_pilot=False, **state)
+        for page in self.pages.values():
+            if page.client == owner:
+                page.tell_state(protocol.encode_words("state", you_are_pilot=True, **state))
+            else:
+                page.tell_state(others)
+
+    def _gist(self) -> object:
+        """What a page must hear of at once."""
+        state = self.robot.loop.state
+        decision = state.decision
+        return (
+            decision.mode,
+            decision.driven_by,
+            decision.stop_reason,
+            decision.asks_pilot,
+            state.emergency,
+            state.fault,
+            self.lease.owner,
+        )
+
+    # The beat ----------------------------------------------------------------------------------
+
+    def _note_tick(self) -> None:
+        """Take over what the control loop left: on the event loop, at most once per wake-up."""
+        self._is_tick_due = False
+        self._fresh_frame.set()
+        if self.pages and (
+            time.monotonic() - self._told_s >= STATE_EVERY_S or self._gist() != self._told
+        ):
+            self.publish_state()
+
+    async def _show_frames(self) -> None:
+        while True:
+            await self._fresh_frame.wait()
+            self._fresh_frame.clear()
+            tick = self._tick
+            newest = self.video.newest
+            if tick is None or tick.frame is None:
+                continue
+            if newest is None or tick.frame.frame_id != newest.frame_id:
+                await self.video.show(tick.frame)
+
+    async def _keep_time(self) -> None:
+        """Pass a lapsed wheel on, and go on telling even if the control loop were silent."""
+        while True:
+            await asyncio.sleep(STATE_EVERY_S)
+            if not self.pages:
+                continue
+            if self.lease.pass_on_if_lapsed(time.monotonic()):
+                self._change_hands()
+            if time.monotonic() - self._told_s >= STATE_EVERY_S:
+                self.publish_state()
+
+    @property
+    def is_moving(self) -> bool:
+        """True in a mode in which the robot may move."""
+        return self.robot.loop.state.decision.mode is not Mode.STOPPED

@@ -1,0 +1,77 @@
+"""The control loop's state as the wire has it. Pure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robot.state import LoopState
+from robot.types import Pose, Prediction, Sensors
+
+
+def describe(state: LoopState, now_ms: float) -> dict[str, Any]:
+    """Return the fields of a `state` message that are the robot's own."""
+    decision = state.decision
+    captured_s = state.frame_captured_s
+    return {
+        "server_ms": round(now_ms, 1),
+        "mode": decision.mode.value,
+        "driven_by": decision.driven_by.value,
+        "action": decision.action.value,
+        "speed_scale": decision.speed_scale,
+        "stop_reason": decision.stop_reason.value if decision.stop_reason else None,
+        "emergency": state.emergency,
+        "asks_pilot": decision.asks_pilot,
+        "fault": state.fault,
+        "frame": state.frame_id,
+        "frame_age_ms": None if captured_s is None else round(now_ms - captured_s * 1000, 1),
+        "cycle_hz": round(state.cycle_hz, 1),
+        "prediction": _describe_prediction(state.prediction),
+        "agreement": None if state.agreement is None else round(state.agreement, 4),
+        "agreement_frames": state.agreement_frames,
+        "taught": {move.value: state.taught.get(move, 0) for move in state.moves},
+        "lessons": sum(state.taught.values()),
+        "nodes": state.n_nodes,
+        "max_nodes": state.max_nodes,
+        "learner": state.learner,
+        **_describe_sensors(state.sensors),
+    }
+
+
+def _describe_prediction(prediction: Prediction | None) -> dict[str, Any] | None:
+    if prediction is None:
+        return None
+    return {
+        "frame": prediction.frame_id,
+        "action": prediction.action.value if prediction.action else None,
+        "confidence": _rounded(prediction.confidence),
+        "novelty": _rounded(prediction.novelty),
+        "probabilities": {
+            action.value: _rounded(share) for action, share in prediction.probabilities.items()
+        },
+        "node": prediction.node,
+        "distance": _rounded(prediction.distance),
+    }
+
+
+def _describe_sensors(sensors: Sensors) -> dict[str, Any]:
+    return {
+        "distance_m": None if sensors.distance_m is None else _rounded(sensors.distance_m),
+        "bumped": None if sensors.bumped is None else bool(sensors.bumped),
+        "battery": None if sensors.battery_share is None else _rounded(sensors.battery_share),
+        "pose": _describe_pose(sensors.pose),
+    }
+
+
+def _describe_pose(pose: Pose | None) -> dict[str, float] | None:
+    if pose is None:
+        return None
+    return {
+        "x_m": _rounded(pose.x_m),
+        "y_m": _rounded(pose.y_m),
+        "heading_rad": _rounded(pose.heading_rad),
+    }
+
+
+def _rounded(value: float) -> float:
+    """Four places are plenty for a page; numpy's numbers become Python's."""
+    return round(float(value), 4)

@@ -1,0 +1,157 @@
+"""Pictures to many viewers: encoded once a frame, newest only, each viewer at its own pace."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from robot.errors import MissingExtraError
+from robot.types import Encoding, Frame
+from server.protocol import Picture, encode_picture
+from server.session import VideoWindow
+
+log = logging.getLogger(__name__)
+
+
+class Encoder:
+    """Turns a frame into the message that all viewers get.
+
+    A camera's JPEG and YUYV pass through as they are. RGB, which only simulations give, is
+    compressed where OpenCV is installed, and else sent as it is.
+    """
+
+    def __init__(self, jpeg_quality: int) -> None:
+        self._quality = jpeg_quality
+        self._cv2: Any = None
+        self._has_cv2 = True
+
+    def encode(self, frame: Frame) -> bytes:
+        """Return the message for `/ws/video`."""
+        encoding, data = frame.encoding, frame.data
+        if encoding is Encoding.RGB and self._load_cv2():
+            encoding, data = Encoding.JPEG, self._compress(frame)
+        return encode_picture(
+            Picture(
+                frame_id=frame.frame_id,
+                captured_ms=frame.captured_s * 1000,
+                encoding=encoding,
+                width=frame.width,
+                height=frame.height,
+                data=data,
+            )
+        )
+
+    def encode_jpeg(self, frame: Frame) -> bytes:
+        """Return the frame as JPEG, whatever the camera gives.
+
+        Raises:
+            MissingExtraError: If OpenCV is needed for it and not installed.
+        """
+        if frame.encoding is Encoding.JPEG:
+            return frame.data
+        if not self._load_cv2():
+            raise MissingExtraError("JPEG from a camera that gives none", "camera")
+        return self._compress(frame)
+
+    def _load_cv2(self) -> bool:
+        """Import OpenCV when it is first needed; on an EV3 it never is."""
+        if self._cv2 is None and self._has_cv2:
+            try:
+                import cv2
+            except ImportError:
+                self._has_cv2 = False
+            else:
+                self._cv2 = cv2
+        return self._cv2 is not None
+
+    def _compress(self, frame: Frame) -> bytes:
+        import numpy as np
+
+        channels, code = (
+            (2, self._cv2.COLOR_YUV2BGR_YUYV)
+            if frame.encoding is Encoding.YUYV
+            else (3, self._cv2.COLOR_RGB2BGR)
+        )
+        pixels = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.width, channels)
+        options = [self._cv2.IMWRITE_JPEG_QUALITY, self._quality]
+        _, jpeg = self._cv2.imencode(".jpg", self._cv2.cvtColor(pixels, code), options)
+        return bytes(jpeg)
+
+
+class Viewer:
+    """One browser's picture: its window, and what it was sent last."""
+
+    def __init__(self, send: Callable[[bytes], Awaitable[None]]) -> None:
+        self.send = send
+        self.window = VideoWindow()
+        self.last_sent_id = 0
+
+
+class VideoHub:
+    """Shows the newest frame to all viewers. Everything runs on the server's event loop.
+
+    Sending never waits: a viewer's window holds fewer bytes than its transport takes without
+    holding back the writer. So one task serves all viewers, and a slow one delays no other.
+    """
+
+    def __init__(self, encoder: Encoder) -> None:
+        self._encoder = encoder
+        self._viewers: dict[int, Viewer] = {}
+        self._frame: Frame | None = None
+        self._message: bytes | None = None
+        self.frames_encoded = 0
+        self.frames_sent = 0
+
+    @property
+    def viewers(self) -> int:
+        """How many browsers see the picture now."""
+        return len(self._viewers)
+
+    @property
+    def newest(self) -> Frame | None:
+        """The frame that is shown now."""
+        return self._frame
+
+    async def add(self, viewer: Viewer) -> None:
+        """Let a viewer in; it gets the newest frame at once."""
+        self._viewers[id(viewer)] = viewer
+        await self.offer(viewer)
+
+    def remove(self, viewer: Viewer) -> None:
+        """Let a viewer go."""
+        self._viewers.pop(id(viewer), None)
+
+    async def show(self, frame: Frame) -> None:
+        """Make `frame` the newest, and send it to all who have credit."""
+        self._frame = frame
+        self._message = None
+        for viewer in list(self._viewers.values()):
+            await self.offer(viewer)
+
+    async def offer(self, viewer: Viewer) -> None:
+        """Send the newest frame, unless the viewer had it or is still busy with others."""
+        frame = self._frame
+        if frame is None or frame.frame_id == viewer.last_sent_id:
+            return
+        if self._message is None:
+            self._message = self._encoder.encode(frame)
+            self.frames_encoded += 1
+        if not viewer.window.may_send(len(self._message)):
+            return
+        viewer.last_sent_id = frame.frame_id
+        viewer.window.sent(frame.frame_id, len(self._message), time.monotonic())
+        self.frames_sent += 1
+        try:
+            await viewer.send(self._message)
+        except Exception:  # the connection is going down; its own task will take it out
+            self.remove(viewer)
+
+    def acknowledge(self, viewer: Viewer, frame_id: int, now_s: float) -> None:
+        """Take note that a viewer has drawn a frame.
+
+        Raises:
+            ProtocolError: If that frame is not on its way to this viewer.
+        """
+        viewer.window.acknowledged(frame_id, now_s)
