@@ -83,7 +83,7 @@ class Guard:
             await self._pass_request(scope, receive, send, headers)
 
     def _judge(self, scope: Scope, headers: dict[str, str]) -> Role | Refusal:
-        scheme = {"ws": "http", "wss": "https"}.get(scope["scheme"], scope["scheme"])
+        scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
         refusal = check_host(headers, self._names) or check_origin(headers, scheme)
         return refusal or self._check_limits(scope, headers) or self._admit(scope["path"], headers)
 

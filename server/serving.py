@@ -55,6 +55,7 @@ def uvicorn_settings(config: Config) -> dict[str, Any]:
         "http": "h11",
         "access_log": False,
         "log_config": None,
+        "log_level": "warning",
         "server_header": False,
         "timeout_keep_alive": 15,
         "lifespan": "on",

@@ -15,14 +15,14 @@ from collections.abc import Callable
 
 from robot.rig import Rig
 from robot.state import Tick
-from robot.types import Mode, PilotCommand
+from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.access import Role
 from server.config import Config
 from server.protocol import ErrorCode, ProtocolError
 from server.session import Lease, Order, Pace
 from server.telemetry import describe
-from server.video import Encoder, VideoHub
+from server.video import Encoder, VideoHub, Viewer
 
 log = logging.getLogger(__name__)
 
@@ -82,11 +82,10 @@ class Station:
         self.lease = Lease(config.lease_lapse_s)
         self.refused: Counter[ErrorCode] = Counter()
         self.pages: dict[str, Page] = {}
-        self.connections = 0
         self._ids = itertools.count(1)
         self._told: object = None
         self._told_s = 0.0
-        self._tick: Tick | None = None
+        self._frame: Frame | None = None
         self._is_tick_due = False
         self._unsubscribe: Callable[[], None] = lambda: None
         self._tasks: list[asyncio.Task[None]] = []
@@ -99,9 +98,9 @@ class Station:
         event_loop = asyncio.get_running_loop()
 
         def on_tick(tick: Tick) -> None:  # on the control loop's thread
-            if tick.frame is not None or self._tick is None:
-                self._tick = tick
-            if not self._is_tick_due and self.connections:
+            if tick.frame is not None:
+                self._frame = tick.frame
+            if not self._is_tick_due and (self.pages or self.video.viewers):
                 self._is_tick_due = True
                 event_loop.call_soon_threadsafe(self._note_tick)
 
@@ -142,6 +141,12 @@ class Station:
         self.publish_state()
         log.info("join client=%s role=%s pilot=%s", page.client, role.value, self.lease.owner)
         return page
+
+    async def watch(self, viewer: Viewer) -> None:
+        """Let a viewer of the picture in; it sees the newest frame at once."""
+        if self._frame is not None and self._frame is not self.video.newest:
+            await self.video.show(self._frame)
+        await self.video.add(viewer)
 
     def leave(self, page: Page) -> None:
         """A page is gone; if it had the wheel the robot stops now."""
@@ -220,9 +225,7 @@ class Station:
         if not self.lease.take(page.client, now_s):
             owner = self.pages.get(before or "")
             if owner is not None:
-                owner.tell(
-                    protocol.encode_words("event", name="wheel_asked", client=page.client)
-                )
+                owner.tell(protocol.encode_words("event", name="wheel_asked", client=page.client))
             page.tell(protocol.encode_words("event", name="wheel_waiting", pilot=before))
         elif before != page.client:
             self._change_hands()
@@ -295,12 +298,8 @@ class Station:
         while True:
             await self._fresh_frame.wait()
             self._fresh_frame.clear()
-            tick = self._tick
-            newest = self.video.newest
-            if tick is None or tick.frame is None:
-                continue
-            if newest is None or tick.frame.frame_id != newest.frame_id:
-                await self.video.show(tick.frame)
+            if self._frame is not None and self._frame is not self.video.newest:
+                await self.video.show(self._frame)
 
     async def _keep_time(self) -> None:
         """Pass a lapsed wheel on, and go on telling even if the control loop were silent."""

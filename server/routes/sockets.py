@@ -12,27 +12,15 @@ from starlette.websockets import WebSocketDisconnect
 
 async def received(websocket: WebSocket, idle_s: float) -> AsyncIterator[dict[str, Any]]:
     """Yield messages until the client goes, or has said nothing for `idle_s`."""
-    event_loop = asyncio.get_running_loop()
-    last_s = event_loop.time()
-    me = asyncio.current_task()
-
-    def look() -> None:
-        nonlocal timer
-        if event_loop.time() - last_s >= idle_s and me is not None:
-            me.cancel()
-        else:
-            timer = event_loop.call_later(idle_s, look)
-
-    timer = event_loop.call_later(idle_s, look)
-    try:
-        while True:
-            message = dict(await websocket.receive())
-            if message["type"] == "websocket.disconnect":
-                return
-            last_s = event_loop.time()
-            yield message
-    finally:
-        timer.cancel()
+    while True:
+        try:
+            message = dict(await asyncio.wait_for(websocket.receive(), idle_s))
+        except TimeoutError:
+            await websocket.close(1001, "nothing heard for too long")
+            return
+        if message["type"] == "websocket.disconnect":
+            return
+        yield message
 
 
 async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
@@ -51,6 +39,6 @@ async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
 def _means_gone(error: Exception) -> bool:
     """True for the errors by which servers of all versions say that the client is gone."""
     return isinstance(error, WebSocketDisconnect | RuntimeError | OSError) or (
-        type(error).__name__ in ("ClientDisconnected", "ConnectionClosed", "ConnectionClosedOK",
-                                 "ConnectionClosedError")
+        type(error).__name__
+        in ("ClientDisconnected", "ConnectionClosed", "ConnectionClosedOK", "ConnectionClosedError")
     )

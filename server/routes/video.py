@@ -25,7 +25,7 @@ async def video(websocket: WebSocket) -> None:
     limits = station.config.limits
     pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
     refused = 0
-    await station.video.add(viewer)
+    await station.watch(viewer)
     try:
         while True:
             message = await websocket.receive()

@@ -1,0 +1,266 @@
+"""A robot on the test bench in real time, a server around it, and a pilot's program."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from websockets.sync.client import ClientConnection, connect
+
+from robot.camera import Camera
+from robot.clock import Clock, RealClock
+from robot.driver import Driver
+from robot.policy import make_policy
+from robot.rig import Rig
+from robot.types import Action, Encoding
+from server.app import create_app
+from server.config import Config
+from server.serving import served
+
+from ..robot.bench_robot import BenchDriver, NoOptions
+
+WEB = Path(__file__).resolve().parents[2] / "web"
+STANDING_AFTER_S = 5.0
+
+
+class LiveCamera(Camera):
+    """Takes pictures of noise, at a steady rate, on a thread of its own. Can be frozen."""
+
+    name: ClassVar[str] = "live"
+    options_type: ClassVar[type[Any]] = NoOptions
+
+    def __init__(
+        self, clock: Clock, rate_hz: float = 30.0, width: int = 160, height: int = 120
+    ) -> None:
+        super().__init__(clock)
+        self.rate_hz, self.width, self.height = rate_hz, width, height
+        self.is_frozen = False
+        self._ending = threading.Event()
+        self._thread: threading.Thread | None = None
+        noise = np.random.default_rng(1)
+        # Coarse noise: a JPEG of it is about as large as one of a room.
+        coarse = noise.integers(0, 256, (8, height // 8, width // 8, 3), dtype=np.uint8)
+        self._pictures = [c.repeat(8, axis=0).repeat(8, axis=1).tobytes() for c in coarse]
+
+    @classmethod
+    def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
+        return cls(clock)
+
+    def start(self) -> None:
+        self._thread = threading.Thread(target=self._run, name="live-camera", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._ending.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _run(self) -> None:
+        number = 0
+        next_s = self.clock.now_s()
+        while not self._ending.wait(max(0.0, next_s - self.clock.now_s())):
+            next_s += 1 / self.rate_hz
+            if not self.is_frozen:
+                number += 1
+                self._publish(
+                    self._pictures[number % len(self._pictures)],
+                    width=self.width,
+                    height=self.height,
+                    encoding=Encoding.RGB,
+                    captured_s=self.clock.now_s(),
+                )
+
+
+class TimedDriver(BenchDriver):
+    """Notes when the body was last told to move, on the machine's clock."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.now = Action.STOP
+        self.changes: list[tuple[float, Action]] = []
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        sent = super().send_action(action, speed_scale=speed_scale)
+        self._note(sent)
+        return sent
+
+    def stop(self) -> None:
+        super().stop()
+        self._note(Action.STOP)
+
+    def _note(self, action: Action) -> None:
+        if action is not self.now:
+            self.changes.append((time.monotonic(), action))
+            self.now = action
+
+    def stood_since_s(self) -> float | None:
+        """When the body came to stand; None while it moves."""
+        if self.now is not Action.STOP:
+            return None
+        return self.changes[-1][0] if self.changes else 0.0
+
+
+class LiveServer:
+    """A running server: its address, and the parts behind it."""
+
+    def __init__(self, address: str, rig: Rig, app: Any) -> None:
+        self.address = address
+        self.rig = rig
+        self.app = app
+        self.station = app.state.station
+
+    @property
+    def driver(self) -> TimedDriver:
+        assert isinstance(self.rig.driver, TimedDriver)
+        return self.rig.driver
+
+    @property
+    def camera(self) -> LiveCamera:
+        assert isinstance(self.rig.camera, LiveCamera)
+        return self.rig.camera
+
+    def ws(self, path: str) -> str:
+        return self.address.replace("http", "ws", 1) + path
+
+    def pilot(self) -> Pilot:
+        return Pilot(self.ws("/ws/drive"))
+
+
+@contextlib.contextmanager
+def live_server(
+    config: Config | None = None, camera: LiveCamera | None = None
+) -> Iterator[LiveServer]:
+    """Serve a bench robot on loopback while the block runs."""
+    clock = camera.clock if camera else RealClock()
+    config = config or Config(port=0, web=WEB)
+    rig = Rig(TimedDriver(), camera or LiveCamera(clock), make_policy("published-8"), clock)
+    app = create_app(config, rig, name="bench")
+    with rig, served(app, config) as address:
+        yield LiveServer(address, rig, app)
+
+
+class Pilot:
+    """A page without a screen: holds what it is told to, and beats every 100 ms until it ends."""
+
+    def __init__(self, url: str, **options: Any) -> None:
+        self._stack = contextlib.ExitStack()
+        self.socket: ClientConnection = self._stack.enter_context(
+            connect(url, compression=None, **options)
+        )
+        self.messages: list[dict[str, Any]] = []
+        self.held: str | None = None
+        self.seq = 0
+        self.is_silent = False
+        self._lock = threading.Lock()
+        self._ending = threading.Event()
+        self._news = threading.Condition()
+        self._threads = [
+            threading.Thread(target=self._listen, daemon=True),
+            threading.Thread(target=self._beat, daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
+        self.hello = self.wait_for(lambda m: m["type"] == "hello")
+
+    def _listen(self) -> None:
+        with contextlib.suppress(Exception):
+            for text in self.socket:
+                with self._news:
+                    self.messages.append(json.loads(text))
+                    self._news.notify_all()
+
+    def _beat(self) -> None:
+        while not self._ending.wait(0.1):
+            if not self.is_silent:
+                with contextlib.suppress(Exception):
+                    self._say_drive()
+
+    def _say_drive(self) -> None:
+        with self._lock:
+            self.seq += 1
+            frame = self.state["frame"] if self.states else None
+            self.send(type="drive", held=self.held, frame=frame, seq=self.seq)
+
+    def send(self, **message: Any) -> None:
+        self.socket.send(json.dumps(message))
+
+    def hold(self, held: str | None) -> None:
+        self.held = held
+        self._say_drive()
+
+    def mode(self, mode: str) -> None:
+        with self._lock:
+            self.seq += 1
+            self.send(type="mode", mode=mode, seq=self.seq)
+
+    @property
+    def states(self) -> list[dict[str, Any]]:
+        return [m for m in self.messages[-100:] if m["type"] == "state"]
+
+    @property
+    def state(self) -> dict[str, Any]:
+        return self.states[-1]
+
+    def errors(self) -> list[str]:
+        return [m["code"] for m in self.messages if m["type"] == "error"]
+
+    def wait_for(
+        self,
+        wanted: Callable[[dict[str, Any]], bool],
+        within_s: float = STANDING_AFTER_S,
+        seen: int = 0,
+    ) -> dict[str, Any]:
+        """Return the first message that is wanted, but for the first `seen` ones."""
+        deadline = time.monotonic() + within_s
+        with self._news:
+            while True:
+                for message in self.messages[seen:]:
+                    if wanted(message):
+                        return message
+                seen = len(self.messages)
+                left = deadline - time.monotonic()
+                assert left > 0, f"not said within {within_s} s; last: {self.messages[-3:]}"
+                self._news.wait(left)
+
+    def wait_for_state(self, within_s: float = STANDING_AFTER_S, **fields: Any) -> dict[str, Any]:
+        """Return the newest state or the first after it that has these fields."""
+        return self.wait_for(
+            lambda m: (
+                m["type"] == "state" and all(m[name] == value for name, value in fields.items())
+            ),
+            within_s,
+            seen=max(len(self.messages) - 1, 0),
+        )
+
+    def close(self) -> None:
+        self._ending.set()
+        with contextlib.suppress(Exception):
+            self._stack.close()
+        for thread in self._threads:
+            thread.join(2)
+
+    def vanish(self) -> None:
+        """Go as a killed browser goes: the connection ends without a word."""
+        self._ending.set()
+        self.socket.socket.shutdown(2)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+
+def wait_until(condition: Callable[[], bool], within_s: float = 5.0, what: str = "") -> float:
+    """Wait for a condition; return how long it took."""
+    start_s = time.monotonic()
+    while not condition():
+        assert time.monotonic() - start_s < within_s, f"did not happen in {within_s} s: {what}"
+        time.sleep(0.002)
+    return time.monotonic() - start_s

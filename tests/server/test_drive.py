@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+import json
+import time
+
+from websockets.sync.client import connect
+
+from robot.types import Action
+from server.protocol import encode_acknowledgement, parse_picture
+
+from .live_robot import LiveServer, wait_until
+
+
+def test_a_pilot_drives_and_the_robot_stands_when_it_lets_go(server: LiveServer) -> None:
+    with server.pilot() as pilot:
+        assert pilot.hello["protocol"] == 1
+        assert pilot.hello["moves"] == ["forward", "left", "right"]
+        pilot.wait_for_state(you_are_pilot=True, mode="stopped")
+        pilot.mode("train")
+        pilot.wait_for_state(mode="train")
+        pilot.hold("forward")
+        wait_until(lambda: server.driver.now is Action.FORWARD)
+        pilot.wait_for_state(driven_by="pilot", action="forward")
+        pilot.hold(None)
+        wait_until(lambda: server.driver.now is Action.STOP)
+        assert pilot.errors() == []
+
+
+def test_the_robot_stands_within_500_ms_when_the_pilot_vanishes(server: LiveServer) -> None:
+    with server.pilot() as pilot:
+        pilot.mode("train")
+        pilot.hold("forward")
+        wait_until(lambda: server.driver.now is Action.FORWARD)
+        pilot.vanish()
+        assert wait_until(lambda: server.driver.now is Action.STOP) < 0.5
+
+
+def test_the_robot_stands_within_500_ms_when_the_pilot_is_silent(server: LiveServer) -> None:
+    with server.pilot() as pilot:
+        pilot.mode("train")
+        pilot.hold("forward")
+        wait_until(lambda: server.driver.now is Action.FORWARD)
+        pilot.is_silent = True
+        assert wait_until(lambda: server.driver.now is Action.STOP) < 0.5
+        pilot.wait_for_state(mode="stopped", stop_reason="pilot_silent")
+        pilot.is_silent = False
+        time.sleep(0.3)
+        assert server.driver.now is Action.STOP, "it waits for an explicit start"
+
+
+def test_a_viewer_sees_but_is_not_heard(server: LiveServer) -> None:
+    with server.pilot() as pilot, server.pilot() as viewer:
+        pilot.wait_for_state(you_are_pilot=True, viewers=1)
+        viewer.wait_for_state(you_are_pilot=False, pilot=pilot.hello["client"])
+        viewer.wait_for(lambda m: m["type"] == "error" and m["code"] == "not_pilot")
+        pilot.mode("train")
+        viewer.wait_for_state(mode="train")
+        viewer.send(type="stop")
+        pilot.wait_for_state(emergency=True, stop_reason="emergency")
+
+
+def test_refused_messages_are_answered_and_counted(server: LiveServer) -> None:
+    with server.pilot() as pilot:
+        pilot.wait_for_state(you_are_pilot=True)
+        pilot.is_silent = True
+        pilot.hold(None)
+        refused = {
+            "malformed": "nonsense",
+            "too_large": json.dumps({"type": "ping", "client_ms": 1, "x": "y" * 5000}),
+            "unknown_type": '{"type":"dance"}',
+            "bad_field": '{"type":"drive","held":"up","seq":5000}',
+            "out_of_order": '{"type":"drive","held":null,"frame":null,"seq":1}',
+            "unknown_frame": '{"type":"drive","held":null,"frame":4000000000,"seq":9000}',
+        }
+        for code, text in refused.items():
+            pilot.socket.send(text)
+            pilot.wait_for(lambda m, code=code: m["type"] == "error" and m["code"] == code)
+        assert {c.value: n for c, n in server.station.refused.items()} == dict.fromkeys(refused, 1)
+
+
+def test_a_frame_is_sent_once_and_only_after_an_acknowledgement(server: LiveServer) -> None:
+    with connect(server.ws("/ws/video"), compression=None) as video:
+        first = parse_picture(video.recv(5))
+        assert (first.width, first.height) == (160, 120)
+        time.sleep(0.2)
+        ids = [first.frame_id]
+        for _ in range(20):
+            video.send(encode_acknowledgement(ids[-1]))
+            ids.append(parse_picture(video.recv(5)).frame_id)
+        assert ids == sorted(set(ids))
+        assert ids[1] >= ids[0] + 3, "the newest, not the next"
+
+
+def test_pages_and_health_are_served(server: LiveServer) -> None:
+    import httpx
+
+    page = httpx.get(server.address + "/")
+    assert page.status_code == 200
+    assert "script-src 'self'" in page.headers["content-security-policy"]
+    assert httpx.get(server.address + "/healthz").json()["status"] == "ok"
