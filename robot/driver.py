@@ -70,6 +70,14 @@ class Driver(ABC):
     def stop(self) -> None:
         """Stop the motors now. Never raises on a driver that is not connected."""
 
+    def check_action(self, action: Action, speed_scale: float) -> None:
+        """Raise ValueError if this body cannot move so, or the scale is out of range."""
+        if action is not Action.STOP and action not in self.moves:
+            known = ", ".join(self.moves)
+            raise ValueError(f"the robot {self.name!r} knows no move {action!r}; it knows: {known}")
+        if not 0.0 < speed_scale <= 1.0:
+            raise ValueError(f"speed_scale must lie in (0, 1], not {speed_scale}")
+
     def __enter__(self) -> Self:
         self.connect()
         return self
