@@ -82,8 +82,8 @@ class Gate:
         self._last_word_s = command.received_s
 
     def trip(self, reason: StopReason) -> None:
-        """Stop, remember the first reason why, and wait for an explicit start."""
-        if self.mode is not Mode.STOPPED or self.stop_reason is None:
+        """Stop, remember why, and wait for an explicit start. A stopped robot keeps its reason."""
+        if self.mode is not Mode.STOPPED:
             self.stop_reason = reason
         self.mode = Mode.STOPPED
         self._command = None

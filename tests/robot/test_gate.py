@@ -150,6 +150,12 @@ def test_the_first_reason_of_a_stop_is_kept() -> None:
     assert gate.stop_reason is StopReason.CAMERA_FAULT
 
 
+def test_a_robot_that_never_started_has_no_reason_for_its_stop() -> None:
+    gate = Gate()
+    gate.trip(StopReason.PILOT_GONE)
+    assert gate.stop_reason is None
+
+
 def test_a_robot_that_learned_nothing_stands_and_asks() -> None:
     gate = started(Mode.AUTONOMOUS)
     decision = select(gate, 0.1, NOTHING_LEARNED)
