@@ -1,16 +1,32 @@
-"""Who may come in: Host, Origin and role of a request. Pure.
+"""Who may come in: Host, Origin and role of a request.
 
 On loopback everybody on this machine is let in as a pilot, but Host and Origin are checked even
 there: a page of another site, open in the same browser, must not reach the robot by cross-site
-websockets or by DNS rebinding.
+websockets or by DNS rebinding. On a local network only paired browsers are let in.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import ipaddress
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Protocol
 from urllib.parse import urlsplit
+
+PUBLIC_PATHS = frozenset(
+    {
+        "/pair",
+        "/api/pair",
+        "/js/pair.js",
+        "/css/pair.css",
+        "/healthz",
+        "/ca.crt",
+        "/favicon.ico",
+        "/manifest.webmanifest",
+    }
+)
+"""What a browser needs before it is paired; nothing here says anything about the robot."""
 
 
 class Role(StrEnum):
@@ -29,33 +45,86 @@ class Refusal:
     """A word for logs and metrics."""
     sentence: str
     """For the person."""
+    location: str | None = None
+    """Where to go instead."""
 
 
-def check_host(headers: Mapping[str, str], names: Collection[str]) -> Refusal | None:
-    """Refuse a request that was addressed to another name: DNS rebinding."""
-    name = host_name(headers.get("host", ""))
-    if name in names:
-        return None
-    return Refusal(
-        status=421,
-        reason="host",
-        sentence=f"This robot does not answer to that name. It answers to: {', '.join(names)}",
-    )
+class Sessions(Protocol):
+    """What knows the sessions: `server.pairing.Pairing`."""
+
+    def role_of(self, secret: str) -> Role | None:
+        """Return the role of a session, or None."""
+        ...
 
 
-def check_origin(headers: Mapping[str, str], scheme: str) -> Refusal | None:
-    """Refuse what a page of another site has sent. Programs send no Origin, browsers cannot lie."""
-    origin = headers.get("origin")
-    site = headers.get("sec-fetch-site", "none")
-    if origin is None and site in ("none", "same-origin"):
-        return None
-    if origin is not None and origin == f"{scheme}://{headers.get('host', '')}":
-        return None
-    if origin is None and headers.get("sec-fetch-mode") == "navigate":
-        return None  # a person followed a link; the page itself is no secret and may not be framed
-    return Refusal(
-        status=403, reason="origin", sentence="This was asked by a page of another site."
-    )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Access:
+    """The rules of one server.
+
+    Args:
+        names: Names that the robot answers to.
+        allows_addresses: Answer to any IP address too: those cannot be rebound.
+        sessions: Who was paired; None where everybody is let in.
+        cookie: Name of the cookie that carries the session.
+    """
+
+    names: frozenset[str]
+    allows_addresses: bool = False
+    sessions: Sessions | None = None
+    cookie: str = ""
+
+    def check_host(self, headers: Mapping[str, str]) -> Refusal | None:
+        """Refuse a request that was addressed to another name: DNS rebinding."""
+        name = host_name(headers.get("host", ""))
+        if name in self.names or (self.allows_addresses and _is_address(name)):
+            return None
+        return Refusal(
+            status=421, reason="host", sentence="This robot does not answer to that name."
+        )
+
+    def check_origin(self, headers: Mapping[str, str], scheme: str) -> Refusal | None:
+        """Refuse what a page of another site has sent.
+
+        Browsers cannot be made to lie about it; programs send neither header, and can send what
+        they like anyway.
+        """
+        origin = headers.get("origin")
+        if origin is not None:
+            is_ours = origin == f"{scheme}://{headers.get('host', '')}"
+        else:
+            is_ours = (
+                headers.get("sec-fetch-site", "none") in ("none", "same-origin")
+                # A person followed a link: the page may be opened so, but not framed.
+                or headers.get("sec-fetch-mode") == "navigate"
+            )
+        if is_ours:
+            return None
+        return Refusal(
+            status=403, reason="origin", sentence="This was asked by a page of another site."
+        )
+
+    def admit(self, path: str, headers: Mapping[str, str], address: str) -> Role | Refusal:
+        """Return what the browser may do, or why it stays outside."""
+        if self.sessions is None:
+            return Role.PILOT
+        role = self.sessions.role_of(session_of(headers, self.cookie))
+        if role is not None:
+            return role
+        if path in PUBLIC_PATHS or (path == "/metrics" and _is_loopback(address)):
+            return Role.VIEWER
+        sentence = "This browser is not paired. Open the address that the robot's terminal shows."
+        if "text/html" in headers.get("accept", ""):
+            return Refusal(status=303, reason="unpaired", sentence=sentence, location="/pair")
+        return Refusal(status=401, reason="unpaired", sentence=sentence)
+
+
+def session_of(headers: Mapping[str, str], cookie: str) -> str:
+    """Return the session's secret that a request carries; empty if it has none."""
+    for part in headers.get("cookie", "").split(";"):
+        name, _, value = part.strip().partition("=")
+        if name == cookie:
+            return value
+    return ""
 
 
 def host_name(host: str) -> str:
@@ -64,3 +133,15 @@ def host_name(host: str) -> str:
         return (urlsplit(f"//{host}").hostname or "").rstrip(".")
     except ValueError:
         return ""
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_loopback(address: str) -> bool:
+    return _is_address(address) and ipaddress.ip_address(address).is_loopback

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mimetypes
+from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
@@ -10,25 +11,37 @@ from fastapi import FastAPI
 from starlette.staticfiles import StaticFiles
 
 from robot.rig import Rig
-from server.access import Role
+from server.access import Access
 from server.config import Config
 from server.guard import Guard
+from server.network import host_names
+from server.pairing import Pairing, cookie_name
 from server.routes import routers
 from server.station import Station
 
 
-def create_app(config: Config, robot: Rig, *, name: str = "robot") -> FastAPI:
+def create_app(
+    config: Config, robot: Rig, *, name: str = "robot", pairing: Pairing | None = None
+) -> FastAPI:
     """Make the application for one robot. Nothing happens at import time.
 
     The robot is started and stopped by whoever built it; the application only listens to its
-    loop while it runs. `app.state` has `station`, `config` and `robot` for the routes.
+    loop while it runs. `app.state` has `station`, `config`, `robot` and `pairing` for the routes.
+
+    Args:
+        config: What was set.
+        robot: The robot, running or not.
+        name: What pages call it.
+        pairing: Who was let in; None lets in whoever can reach the port.
     """
     for suffix in (".js", ".mjs"):
         mimetypes.add_type("text/javascript", suffix)
     mimetypes.add_type("application/manifest+json", ".webmanifest")
     app = FastAPI(title="Drivelesson", docs_url=None, redoc_url=None)
     station = Station(config, robot, name)
+    turned_away: Counter[str] = Counter()
     app.state.config, app.state.robot, app.state.station = config, robot, station
+    app.state.pairing, app.state.turned_away = pairing, turned_away
     for router in routers():
         app.include_router(router)
     app.mount("/", StaticFiles(directory=config.web_folder, html=True), name="web")
@@ -43,6 +56,11 @@ def create_app(config: Config, robot: Rig, *, name: str = "robot") -> FastAPI:
 
     # NOTE: set so, and not as an argument, because FastAPI knows the argument only since 0.93.
     app.router.lifespan_context = lifespan
-    names = frozenset({"127.0.0.1", "localhost", "::1", config.host})
-    app.add_middleware(Guard, config=config, names=names, admit=lambda path, headers: Role.PILOT)
+    access = Access(
+        names=frozenset(host_names(config)),
+        allows_addresses=config.lan,
+        sessions=pairing,
+        cookie=cookie_name(config),
+    )
+    app.add_middleware(Guard, limits=config.limits, access=access, refused=turned_away)
     return app

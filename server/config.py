@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import ipaddress
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from robot.errors import ConfigurationError
+
+
+def default_data_folder() -> Path:
+    """Return where things are kept unless a person says otherwise."""
+    home = os.environ.get("XDG_DATA_HOME") or "~/.local/share"
+    return Path(home).expanduser() / "drivelesson"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +49,8 @@ class Config:
     lan: bool = False
     tls: bool = False
     hostname: str = "drivelesson"
-    data: Path | None = None
+    """The robot answers to this name with `.local` behind it."""
+    data: Path = field(default_factory=default_data_folder)
     web: Path | None = None
     jpeg_quality: int = 80
     lease_lapse_s: float = 1.5

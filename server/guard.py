@@ -16,8 +16,8 @@ from typing import Any
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection, Request
 
-from server.access import Refusal, Role, check_host, check_origin
-from server.config import Config
+from server.access import Access, Refusal, Role
+from server.config import Limits
 from server.session import Pace
 
 log = logging.getLogger(__name__)
@@ -27,7 +27,6 @@ Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
-Admit = Callable[[str, dict[str, str]], Role | Refusal]
 
 _ROLE = "drivelesson.role"
 _ADDRESSES = 1024
@@ -55,14 +54,13 @@ def require_pilot(request: Request) -> Role:
 class Guard:
     """ASGI middleware around the whole application."""
 
-    def __init__(self, app: App, config: Config, names: frozenset[str], admit: Admit) -> None:
+    def __init__(self, app: App, limits: Limits, access: Access, refused: Counter[str]) -> None:
         self._app = app
-        self._limits = config.limits
-        self._names = names
-        self._admit = admit
+        self._limits = limits
+        self._access = access
+        self._refused = refused
         self._paces: OrderedDict[str, Pace] = OrderedDict()
         self._open_sockets = 0
-        self.refused: Counter[str] = Counter()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse, or pass on with a role."""
@@ -72,7 +70,7 @@ class Guard:
         headers = _headers(scope)
         verdict = self._judge(scope, headers)
         if isinstance(verdict, Refusal):
-            self.refused[verdict.reason] += 1
+            self._refused[verdict.reason] += 1
             log.warning("refused reason=%s path=%r", verdict.reason, str(scope["path"])[:80])
             await _refuse(scope, receive, send, verdict)
             return
@@ -84,13 +82,15 @@ class Guard:
 
     def _judge(self, scope: Scope, headers: dict[str, str]) -> Role | Refusal:
         scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
-        refusal = check_host(headers, self._names) or check_origin(headers, scheme)
-        return refusal or self._check_limits(scope, headers) or self._admit(scope["path"], headers)
+        address = scope["client"][0] if scope.get("client") else ""
+        access = self._access
+        refusal = access.check_host(headers) or access.check_origin(headers, scheme)
+        refusal = refusal or self._check_limits(scope, headers, address)
+        return refusal or access.admit(scope["path"], headers, address)
 
-    def _check_limits(self, scope: Scope, headers: dict[str, str]) -> Refusal | None:
+    def _check_limits(self, scope: Scope, headers: dict[str, str], address: str) -> Refusal | None:
         if scope["type"] == "websocket" and self._open_sockets >= self._limits.clients:
             return Refusal(status=503, reason="clients", sentence="Too many pages are open.")
-        address = scope["client"][0] if scope.get("client") else ""
         if not self._pace(address).allows(time.monotonic()):
             return Refusal(status=429, reason="rate", sentence="Too many requests; wait a little.")
         length = headers.get("content-length", "0")
@@ -201,5 +201,7 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) 
         (b"cache-control", b"no-store"),
         (b"x-content-type-options", b"nosniff"),
     ]
+    if refusal.location is not None:
+        headers.append((b"location", refusal.location.encode("ascii")))
     await send({"type": f"{prefix}.start", "status": refusal.status, "headers": headers})
     await send({"type": f"{prefix}.body", "body": body})

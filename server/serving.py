@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from robot.errors import ConfigurationError
+from server.certificates import Certificates
 from server.config import Config
 
 MAX_MESSAGE_BYTES = 65_536
@@ -41,12 +42,16 @@ def open_socket(host: str, port: int) -> socket.socket:
     return listener
 
 
-def uvicorn_settings(config: Config) -> dict[str, Any]:
+def uvicorn_settings(certificates: Certificates | None = None) -> dict[str, Any]:
     """Return uvicorn's settings; the newest websocket backend that it has."""
     import uvicorn.config
 
     backends = uvicorn.config.WS_PROTOCOLS
+    tls = {}
+    if certificates is not None:
+        tls = {"ssl_keyfile": certificates.key, "ssl_certfile": certificates.chain}
     return {
+        **tls,
         "ws": "websockets-sansio" if "websockets-sansio" in backends else "websockets",
         "ws_per_message_deflate": False,
         "ws_max_size": MAX_MESSAGE_BYTES,
@@ -62,24 +67,24 @@ def uvicorn_settings(config: Config) -> dict[str, Any]:
     }
 
 
-def serve(app: Any, config: Config, listener: socket.socket) -> None:
+def serve(app: Any, listener: socket.socket, certificates: Certificates | None = None) -> None:
     """Serve until SIGINT or SIGTERM."""
     import uvicorn
 
-    server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(config)))
+    server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(certificates)))
     with contextlib.closing(listener):
         asyncio.run(server.serve(sockets=[listener]))
 
 
 @contextlib.contextmanager
-def served(app: Any, config: Config) -> Iterator[str]:
+def served(app: Any, config: Config, certificates: Certificates | None = None) -> Iterator[str]:
     """Serve on a thread of its own while the block runs, and give the address. For tests."""
     import threading
 
     import uvicorn
 
     listener = open_socket(config.host, config.port)
-    server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(config)))
+    server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(certificates)))
     thread = threading.Thread(
         target=lambda: asyncio.run(server.serve(sockets=[listener])), name="server"
     )
@@ -87,7 +92,8 @@ def served(app: Any, config: Config) -> Iterator[str]:
     try:
         while not server.started and thread.is_alive():
             thread.join(0.01)
-        yield f"http://{config.host}:{listener.getsockname()[1]}"
+        scheme = "https" if certificates else "http"
+        yield f"{scheme}://{config.host}:{listener.getsockname()[1]}"
     finally:
         server.should_exit = True
         thread.join(10)

@@ -3,17 +3,31 @@
 from __future__ import annotations
 
 import argparse
-import logging
-import signal
+import contextlib
+import dataclasses
+import datetime as dt
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, MissingExtraError
+from robot.gate import GateConfig
 from robot.options import Option, options_of
 from robot.plugins import camera_names, driver_names, load_camera, load_driver
+from server.config import Config, Limits, default_data_folder
+from server.greeting import greet_here, greet_next, greet_phones
+from server.logs import start_logging
+from server.network import host_names, lan_addresses
+from server.settings import PREFIX, Settings, apply_to, build, read_settings
 
+if TYPE_CHECKING:
+    from robot.loop import LoopConfig
+    from server.certificates import Certificates
+    from server.pairing import Pairing
+
+DEFAULT_ROBOT = "sim"
 _CAMERA_HELP = "where pictures come from; as a rule the robot's own"
 
 
@@ -22,60 +36,163 @@ def configure(parser: argparse.ArgumentParser) -> None:
     _add_choice_of_robot(parser)
     parser.add_argument("--learner", default="default", help="what learns (default: %(default)s)")
     parser.add_argument(
-        "--max-nodes", default="32", metavar="N", help="images it remembers (default: %(default)s)"
+        "--max-nodes",
+        default="32",
+        metavar="N",
+        help="how many images it remembers (default: %(default)s)",
     )
-    parser.add_argument("--host", default=None, help="address to serve on (default: 127.0.0.1)")
-    parser.add_argument("--port", type=int, default=8000, help="port (default: %(default)s)")
+    _add_network(parser)
     parser.add_argument(
-        "--lan", action="store_true", help="let paired browsers of the local network in"
+        "--data",
+        type=Path,
+        default=default_data_folder(),
+        help="folder for what is kept (default: %(default)s)",
     )
-    parser.add_argument("--data", type=Path, default=None, help="folder for what is kept")
+    parser.add_argument(
+        "--jpeg-quality", type=int, default=80, help="of simulated pictures (default: %(default)s)"
+    )
+    parser.add_argument("--config", type=Path, default=None, help="TOML file of settings")
     parser.add_argument("-v", "--verbose", action="store_true", help="log more")
 
 
+def _add_network(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("network")
+    group.add_argument("--host", default=None, help="address to serve on (default: 127.0.0.1)")
+    group.add_argument("--port", type=int, default=8000, help="port (default: %(default)s)")
+    group.add_argument(
+        "--lan", action="store_true", help="serve the local network, to paired browsers only"
+    )
+    group.add_argument("--tls", action="store_true", help="serve https, with a certificate of ours")
+    group.add_argument(
+        "--hostname",
+        default="drivelesson",
+        help="with --lan, answer to this name with .local behind it (default: %(default)s)",
+    )
+
+
 def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
-    """Declare the options of the chosen robot and camera as well."""
+    """Declare the options of the chosen robot and camera as well, and fill in the settings."""
     first = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    _add_choice_of_robot(first)
+    for flag in ("--robot", "--camera", "--config"):
+        first.add_argument(flag)
     chosen, _ = first.parse_known_args(list(words))
-    driver_type = load_driver(chosen.robot)
-    camera_type = load_camera(chosen.camera or driver_type.default_camera)
+    file = chosen.config or os.environ.get(PREFIX + "CONFIG")
+    settings = read_settings(Path(file) if file else None, os.environ)
+    driver_type = load_driver(chosen.robot or settings.get("robot", DEFAULT_ROBOT))
+    camera_name = chosen.camera or settings.get("camera") or driver_type.default_camera
+    camera_type = load_camera(camera_name)
     declared: set[str] = set()
-    for title, kind in ((f"robot {chosen.robot}", driver_type), ("camera", camera_type)):
-        group = parser.add_argument_group(f"options of the {title}")
+    for title, kind in (("robot", driver_type), ("camera", camera_type)):
+        group = parser.add_argument_group(f"options of the {title} {kind.name}")
         for option in options_of(kind.options_type):
             if option.name not in declared:
                 declared.add(option.name)
                 _declare(group, option)
+    apply_to(parser, settings)
+    parser.set_defaults(settings=settings)
 
 
 def run(args: argparse.Namespace) -> int:
     """Serve until interrupted."""
     from robot.rig import build_rig
     from server.app import create_app
-    from server.config import Config
     from server.serving import open_socket, serve
 
-    logging.basicConfig(
-        level=logging.DEBUG if args.verbose else logging.INFO,
-        format="%(asctime)s %(levelname)s %(name)s %(message)s",
+    start_logging(verbose=args.verbose)
+    config = _make_config(args)
+    rig = build_rig(
+        args.robot,
+        camera=args.camera,
+        learner=f"{args.learner}-{args.max_nodes}",
+        options=vars(args),
+        config=_make_loop_config(args.settings),
     )
-    host = args.host or ("0.0.0.0" if args.lan else "127.0.0.1")
-    config = Config(host=host, port=args.port, lan=args.lan, data=args.data)
-    learner = f"{args.learner}-{args.max_nodes}"
-    rig = build_rig(args.robot, camera=args.camera, learner=learner, options=vars(args))
     listener = open_socket(config.host, config.port)
-    app = create_app(config, rig, name=args.robot)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
-    with rig:
-        print(f"Drivelesson: open http://{config.host}:{listener.getsockname()[1]}", flush=True)
-        serve(app, config, listener)
+    config = dataclasses.replace(config, port=listener.getsockname()[1])
+    certificates = _make_certificates(config) if config.tls else None
+    scheme = "https" if config.tls else "http"
+    addresses = [f"{scheme}://{_bracketed(a)}:{config.port}" for a in _reached_at(config)]
+    pairing = _open_pairing(config, addresses[0]) if config.lan else None
+    app = create_app(config, rig, name=args.robot, pairing=pairing)
+    with rig, _announced(config):
+        if pairing is None:
+            print(greet_here(addresses[0]), flush=True)
+        else:
+            print(greet_phones(addresses, pairing.tokens), flush=True)
+        serve(app, listener, certificates)
     return 0
+
+
+def _make_config(args: argparse.Namespace) -> Config:
+    return Config(
+        host=args.host or ("0.0.0.0" if args.lan else "127.0.0.1"),
+        port=args.port,
+        lan=args.lan,
+        tls=args.tls,
+        hostname=args.hostname,
+        data=args.data,
+        jpeg_quality=args.jpeg_quality,
+        limits=build(Limits, args.settings.tables.get("limits", {}), "limits"),
+    )
+
+
+def _make_loop_config(settings: Settings) -> LoopConfig:
+    from robot.loop import LoopConfig
+
+    return LoopConfig(gate=build(GateConfig, settings.tables.get("gate", {}), "gate"))
+
+
+def _reached_at(config: Config) -> list[str]:
+    """Return names and addresses for the person, the best first."""
+    if not config.lan:
+        return [config.host]
+    return [*lan_addresses(config), f"{config.hostname}.local"]
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
+
+
+def _make_certificates(config: Config) -> Certificates:
+    from server.certificates import make_certificates
+
+    names = [*host_names(config), *lan_addresses(config)]
+    return make_certificates(config.data / "tls", names, dt.datetime.now(dt.UTC))
+
+
+def _open_pairing(config: Config, address: str) -> Pairing:
+    from server.pairing import Pairing
+
+    return Pairing(
+        config.limits.pairing_failures,
+        file=config.data / "paired.json",
+        on_token=lambda role, token: print(greet_next(address, role, token), flush=True),
+    )
+
+
+@contextlib.contextmanager
+def _announced(config: Config) -> Iterator[None]:
+    """Answer to a name on the network; where that cannot be, say so and go on."""
+    if not config.lan:
+        yield
+        return
+    from server.discovery import announced
+
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(
+                announced(config.hostname, config.port, lan_addresses(config), tls=config.tls)
+            )
+        except MissingExtraError as error:
+            print(f"drivelesson: {error}", file=sys.stderr)
+        yield
 
 
 def _add_choice_of_robot(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--robot", default="sim", help=f"one of {', '.join(driver_names())} (default: %(default)s)"
+        "--robot",
+        default=DEFAULT_ROBOT,
+        help=f"one of {', '.join(driver_names())} (default: %(default)s)",
     )
     parser.add_argument(
         "--camera", default=None, help=f"{_CAMERA_HELP}; one of {', '.join(camera_names())}"

@@ -20,7 +20,9 @@ from robot.policy import make_policy
 from robot.rig import Rig
 from robot.types import Action, Encoding
 from server.app import create_app
+from server.certificates import Certificates
 from server.config import Config
+from server.pairing import Pairing
 from server.serving import served
 
 from ..robot.bench_robot import BenchDriver, NoOptions
@@ -134,14 +136,17 @@ class LiveServer:
 
 @contextlib.contextmanager
 def live_server(
-    config: Config | None = None, camera: LiveCamera | None = None
+    config: Config | None = None,
+    camera: LiveCamera | None = None,
+    pairing: Pairing | None = None,
+    certificates: Certificates | None = None,
 ) -> Iterator[LiveServer]:
     """Serve a bench robot on loopback while the block runs."""
     clock = camera.clock if camera else RealClock()
     config = config or Config(port=0, web=WEB)
     rig = Rig(TimedDriver(), camera or LiveCamera(clock), make_policy("published-8"), clock)
-    app = create_app(config, rig, name="bench")
-    with rig, served(app, config) as address:
+    app = create_app(config, rig, name="bench", pairing=pairing)
+    with rig, served(app, config, certificates) as address:
         yield LiveServer(address, rig, app)
 
 

@@ -1,0 +1,224 @@
+"""A certificate authority made on the spot, so that a phone gets a secure context.
+
+The authority's key stays in the data folder and may vouch for private names and addresses only:
+a browser that trusts it does not thereby trust it about anybody's bank.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import ipaddress
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robot.errors import ConfigurationError, MissingExtraError
+
+if TYPE_CHECKING:
+    from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+_PRIVATE_NETWORKS = (
+    "10.0.0.0/8",
+    "172.16.0.0/12",
+    "192.168.0.0/16",
+    "127.0.0.0/8",
+    "169.254.0.0/16",
+    "::1/128",
+    "fc00::/7",
+    "fe80::/10",
+)
+_AUTHORITY_DAYS, _SERVER_DAYS = 3650, 397  # phones refuse a server's certificate of longer life
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certificates:
+    """Files for uvicorn, and the authority's certificate for the phone."""
+
+    key: Path
+    chain: Path
+    authority: Path
+
+
+def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> Certificates:
+    """Make a server certificate for `names`; the authority too where there is none yet.
+
+    Names with dots that do not end in `.local` are left out: the authority may not vouch for
+    them.
+
+    Raises:
+        MissingExtraError: If `cryptography` is not installed.
+        ConfigurationError: If the folder cannot be written, or holds something else.
+    """
+    try:
+        import cryptography  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("--tls", "tls") from error
+    names = [name for name in names if _is_private(name)]
+    files = Certificates(
+        key=folder / "server.key", chain=folder / "server.crt", authority=folder / "ca.crt"
+    )
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        authority, authority_key = _load_or_make_authority(folder, names, now)
+        key, certificate = _make_server(authority, authority_key, names, now)
+        _write(files.key, key)
+        _write(files.chain, certificate + _pem(authority))
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(
+            f"the certificates in {folder} cannot be made: {error}; mend or remove that folder"
+        ) from error
+    return files
+
+
+def _load_or_make_authority(
+    folder: Path, names: Sequence[str], now: dt.datetime
+) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
+    from cryptography import x509
+    from cryptography.hazmat.primitives import serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    key_file, certificate_file = folder / "ca.key", folder / "ca.crt"
+    if key_file.exists() and certificate_file.exists():
+        key = serialization.load_pem_private_key(key_file.read_bytes(), None)
+        certificate = x509.load_pem_x509_certificate(certificate_file.read_bytes())
+        if not isinstance(key, ec.EllipticCurvePrivateKey):
+            raise ValueError("ca.key is of another kind")
+        return certificate, key
+    key = ec.generate_private_key(ec.SECP256R1())
+    certificate = (
+        _builder(_named("Drivelesson on this network"), _AUTHORITY_DAYS, now)
+        .issuer_name(_named("Drivelesson on this network"))
+        .public_key(key.public_key())
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(_key_usage(signs_certificates=True), critical=True)
+        .add_extension(_only_private(names), critical=True)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+        .sign(key, _sha256())
+    )
+    _write(key_file, _key_pem(key))
+    _write(certificate_file, _pem(certificate))
+    return certificate, key
+
+
+def _make_server(
+    authority: x509.Certificate,
+    authority_key: ec.EllipticCurvePrivateKey,
+    names: Sequence[str],
+    now: dt.datetime,
+) -> tuple[bytes, bytes]:
+    from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    key = ec.generate_private_key(ec.SECP256R1())
+    certificate = (
+        _builder(_named("Drivelesson"), _SERVER_DAYS, now)
+        .issuer_name(authority.subject)
+        .public_key(key.public_key())
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_key_usage(signs_certificates=False), critical=True)
+        .add_extension(
+            x509.ExtendedKeyUsage([x509.oid.ExtendedKeyUsageOID.SERVER_AUTH]),
+            critical=False,
+        )
+        .add_extension(
+            x509.SubjectAlternativeName([_general_name(name) for name in names]), critical=False
+        )
+        .add_extension(
+            x509.AuthorityKeyIdentifier.from_issuer_public_key(authority_key.public_key()),
+            critical=False,
+        )
+        .sign(authority_key, _sha256())
+    )
+    return _key_pem(key), _pem(certificate)
+
+
+def _builder(subject: x509.Name, days: int, now: dt.datetime) -> x509.CertificateBuilder:
+    from cryptography import x509
+
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - dt.timedelta(days=1))  # a robot's clock may be a little off
+        .not_valid_after(now + dt.timedelta(days=days))
+    )
+
+
+def _named(name: str) -> x509.Name:
+    from cryptography import x509
+
+    return x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, name)])
+
+
+def _only_private(names: Sequence[str]) -> x509.NameConstraints:
+    from cryptography import x509
+
+    domains = ["local", "localhost", *(n for n in names if "." not in n and ":" not in n)]
+    networks = [ipaddress.ip_network(network) for network in _PRIVATE_NETWORKS]
+    return x509.NameConstraints(
+        permitted_subtrees=[
+            *(x509.DNSName(domain) for domain in dict.fromkeys(domains)),
+            *(x509.IPAddress(network) for network in networks),
+        ],
+        excluded_subtrees=None,
+    )
+
+
+def _key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
+    from cryptography import x509
+
+    return x509.KeyUsage(
+        digital_signature=not signs_certificates,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        key_cert_sign=signs_certificates,
+        crl_sign=signs_certificates,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _general_name(name: str) -> x509.GeneralName:
+    from cryptography import x509
+
+    try:
+        return x509.IPAddress(ipaddress.ip_address(name))
+    except ValueError:
+        return x509.DNSName(name)
+
+
+def _is_private(name: str) -> bool:
+    return "." not in name or name.endswith(".local") or name.replace(".", "").isdecimal()
+
+
+def _sha256() -> Any:
+    from cryptography.hazmat.primitives import hashes
+
+    return hashes.SHA256()
+
+
+def _pem(certificate: x509.Certificate) -> bytes:
+    from cryptography.hazmat.primitives import serialization
+
+    return certificate.public_bytes(serialization.Encoding.PEM)
+
+
+def _key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
+    from cryptography.hazmat.primitives import serialization
+
+    return key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
+    )
+
+
+def _write(file: Path, data: bytes) -> None:
+    """Write a file that only its owner may read."""
+    with os.fdopen(os.open(file, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600), "wb") as out:
+        out.write(data)

@@ -1,0 +1,51 @@
+"""`http://drivelesson.local`: the robot's name on the local network, by mDNS."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import socket
+from collections.abc import Iterator, Sequence
+
+from robot.errors import MissingExtraError
+
+log = logging.getLogger(__name__)
+
+
+@contextlib.contextmanager
+def announced(hostname: str, port: int, addresses: Sequence[str], *, tls: bool) -> Iterator[None]:
+    """Answer to `hostname`.local while the block runs.
+
+    A network that allows no multicast is no reason not to drive: it is logged, and that is all.
+
+    Raises:
+        MissingExtraError: If zeroconf is not installed.
+    """
+    try:
+        from zeroconf import Error, ServiceInfo, Zeroconf
+    except ImportError as error:
+        raise MissingExtraError(f"the name {hostname}.local", "lan") from error
+    kind = "_https._tcp.local." if tls else "_http._tcp.local."
+    service = ServiceInfo(
+        kind,
+        f"Drivelesson {hostname}.{kind}",
+        port=port,
+        addresses=[socket.inet_aton(address) for address in addresses],
+        server=f"{hostname}.local.",
+        properties={"path": "/"},
+    )
+    try:
+        responder = Zeroconf(interfaces=list(addresses))
+    except OSError as error:
+        log.warning("mdns off error=%r", str(error))
+        yield
+        return
+    try:
+        responder.register_service(service, allow_name_change=True)
+        log.info("mdns name=%s.local port=%d", hostname, port)
+    except (OSError, Error) as error:
+        log.warning("mdns off error=%r", str(error))
+    try:
+        yield
+    finally:
+        responder.close()

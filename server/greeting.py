@@ -1,0 +1,49 @@
+"""What the terminal says when the robot is ready: where to point the phone."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+from server.access import Role
+
+
+def greet_here(address: str) -> str:
+    """Say where the page is, for a browser on this machine."""
+    return f"Drivelesson is ready: open {address}\n"
+
+
+def greet_phones(addresses: Sequence[str], tokens: dict[Role, str]) -> str:
+    """Say where the page is on the network, and how a phone gets in."""
+    lines = ["Drivelesson is ready. Only paired browsers are let in.", ""]
+    pilot = pairing_address(addresses[0], tokens[Role.PILOT])
+    lines += ["To drive, scan this with the phone:", "", *draw_qr(pilot).splitlines(), ""]
+    lines += [f"  or open   {pilot}"]
+    lines += [f"  at one of {' '.join(addresses)}"] if len(addresses) > 1 else []
+    lines += [f"  To watch: {pairing_address(addresses[0], tokens[Role.VIEWER])}", ""]
+    lines += ["Each address works once; the next is shown when it was used."]
+    return "\n".join(lines) + "\n"
+
+
+def greet_next(address: str, role: Role, token: str) -> str:
+    """Say how the next browser gets in."""
+    verb = "drive" if role is Role.PILOT else "watch"
+    return (
+        f"A browser was paired. The next one that is to {verb}: {pairing_address(address, token)}"
+    )
+
+
+def pairing_address(address: str, token: str) -> str:
+    """Return the address that pairs; what is behind the `#` stays in the browser."""
+    return f"{address}/pair#{token}"
+
+
+def draw_qr(text: str) -> str:
+    """Draw a QR code in half blocks; a hint in its place where segno is not installed."""
+    try:
+        import segno
+    except ImportError:
+        return "(for a QR code: pip install 'drivelesson[lan]')"
+    out = io.StringIO()
+    segno.make(text, error="l", micro=False).terminal(out, compact=True)
+    return out.getvalue()

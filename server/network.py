@@ -1,0 +1,38 @@
+"""The names and addresses by which this machine can be reached."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+
+from server.config import Config
+
+
+def lan_addresses(config: Config) -> list[str]:
+    """Return the IPv4 addresses for the terminal and the certificate, the likeliest first."""
+    if config.host not in ("0.0.0.0", "::"):
+        return [config.host]
+    found = [_outward_address()]
+    with contextlib.suppress(ImportError):
+        import ifaddr  # comes with zeroconf
+
+        for adapter in ifaddr.get_adapters():
+            found += [str(ip.ip) for ip in adapter.ips if ip.is_IPv4]
+    return list(dict.fromkeys(a for a in found if a and not a.startswith("127.")))
+
+
+def host_names(config: Config) -> list[str]:
+    """Return the names that this machine goes by."""
+    own = socket.gethostname().lower()
+    names = ["localhost", "127.0.0.1", "::1"]
+    if config.lan:
+        names += [f"{config.hostname}.local", own, f"{own}.local"]
+    return list(dict.fromkeys([*names, config.host.lower()]))
+
+
+def _outward_address() -> str | None:
+    """Return the address that packets to elsewhere would carry. Nothing is sent."""
+    with contextlib.suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.connect(("192.0.2.1", 9))
+        return str(probe.getsockname()[0])
+    return None

@@ -1,0 +1,147 @@
+"""Letting a browser in: a one-time token becomes a session, and a session a role.
+
+Only hashes of sessions are kept, in memory and in one small file. Nothing here knows HTTP; the
+time is an argument.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import logging
+import os
+import secrets
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from server.access import Refusal, Role
+from server.config import Config
+
+log = logging.getLogger(__name__)
+
+_ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
+"""No letter or digit that could be taken for another."""
+_TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
+_SESSIONS = 64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Paired:
+    """A browser that was let in: its role, and the secret that its cookie carries."""
+
+    role: Role
+    secret: str
+
+
+def cookie_name(config: Config) -> str:
+    """Return the session cookie's name. Cookies know no ports, so the name has the port in it.
+
+    Over TLS the prefix has browsers refuse one that was set without TLS or for another path.
+    """
+    return f"{'__Host-' if config.tls else ''}drivelesson-{config.port}"
+
+
+class Pairing:
+    """The tokens that may be redeemed now, and the sessions that were.
+
+    Args:
+        failures_a_minute: Wrong tokens, of everybody together, before redeeming pauses.
+        file: Where sessions outlive a restart; None for nowhere.
+        on_token: Told of each new token, with its role: for the terminal.
+    """
+
+    def __init__(
+        self,
+        failures_a_minute: int,
+        file: Path | None = None,
+        on_token: Callable[[Role, str], None] = lambda role, token: None,
+    ) -> None:
+        self._failures_a_minute = failures_a_minute
+        self._failed_s: deque[float] = deque(maxlen=failures_a_minute)
+        self._file = file
+        self._on_token = on_token
+        self._sessions: dict[str, Role] = _load(file) if file else {}
+        self.tokens: dict[Role, str] = {role: _new_token() for role in Role}
+
+    def redeem(self, token: str, now_s: float) -> Paired | Refusal:
+        """Turn a token into a session. Each token works once; then there is another."""
+        if self._must_wait(now_s):
+            return Refusal(
+                status=429,
+                reason="pairing_rate",
+                sentence="Too many wrong tokens. Wait a minute and try again.",
+            )
+        given = "".join(letter for letter in token.upper()[:64] if letter in _ALPHABET)
+        for role, wanted in self.tokens.items():
+            if hmac.compare_digest(given.encode(), wanted.replace("-", "").encode()):
+                return self._let_in(role)
+        self._failed_s.append(now_s)
+        log.warning("pairing refused")
+        return Refusal(
+            status=403,
+            reason="pairing",
+            sentence="That token is wrong or was used. The robot's terminal shows the next.",
+        )
+
+    def role_of(self, secret: str) -> Role | None:
+        """Return the role of a session; None if there is no such session."""
+        return self._sessions.get(_hash(secret))
+
+    def forget(self, secret: str) -> None:
+        """End a session."""
+        if self._sessions.pop(_hash(secret), None) is not None:
+            self._save()
+
+    def _must_wait(self, now_s: float) -> bool:
+        while self._failed_s and now_s - self._failed_s[0] > 60:
+            self._failed_s.popleft()
+        return len(self._failed_s) >= self._failures_a_minute
+
+    def _let_in(self, role: Role) -> Paired:
+        secret = secrets.token_urlsafe(32)
+        self._sessions[_hash(secret)] = role
+        while len(self._sessions) > _SESSIONS:
+            del self._sessions[next(iter(self._sessions))]
+        self._save()
+        self.tokens[role] = _new_token()
+        self._on_token(role, self.tokens[role])
+        log.info("paired role=%s", role.value)
+        return Paired(role=role, secret=secret)
+
+    def _save(self) -> None:
+        """Write the sessions' hashes beside the old file, and put it in its place."""
+        if self._file is None:
+            return
+        rows = [{"sha256": key, "role": role.value} for key, role in self._sessions.items()]
+        new = self._file.with_suffix(".new")
+        try:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            with os.fdopen(os.open(new, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600), "w") as out:
+                json.dump({"sessions": rows}, out)
+            new.replace(self._file)
+        except OSError as error:
+            log.warning("pairing not kept file=%s error=%r", self._file, str(error))
+
+
+def _load(file: Path) -> dict[str, Role]:
+    try:
+        rows = json.loads(file.read_text())["sessions"]
+        return {str(row["sha256"]): Role(row["role"]) for row in rows}
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        log.warning("pairing file unreadable, all must pair again file=%s error=%r", file, error)
+        return {}
+
+
+def _hash(secret: str) -> str:
+    """One round will do: the secret has 256 bits, so there is nothing to guess from its hash."""
+    return hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()
+
+
+def _new_token() -> str:
+    letters = "".join(secrets.choice(_ALPHABET) for _ in range(_TOKEN_LETTERS))
+    return "-".join(letters[i : i + _GROUP] for i in range(0, _TOKEN_LETTERS, _GROUP))

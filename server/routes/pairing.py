@@ -1,0 +1,81 @@
+"""`/pair` and `/api/pair`: how a browser gets in. Only with `--lan`."""
+
+from __future__ import annotations
+
+import json
+import time
+
+from fastapi import APIRouter, HTTPException, Request
+from fastapi.responses import FileResponse, JSONResponse, Response
+
+from server.access import Refusal, session_of
+from server.config import Config
+from server.pairing import Pairing, cookie_name
+
+router = APIRouter()
+_YEAR_S = 365 * 24 * 3600
+
+
+@router.get("/pair", include_in_schema=False)
+async def pair_page(request: Request) -> Response:
+    """Return the page that redeems the token behind the `#` of its address."""
+    _require_pairing(request)
+    config: Config = request.app.state.config
+    return FileResponse(config.web_folder / "pair.html")
+
+
+@router.post("/api/pair", responses={400: {}, 403: {}, 404: {}, 429: {}})
+async def pair(request: Request) -> JSONResponse:
+    """Redeem `{"token": ...}` for a cookie. The token never stands in an address that is sent."""
+    pairing = _require_pairing(request)
+    try:
+        token = json.loads(await request.body())["token"]
+    except (ValueError, RecursionError, KeyError, TypeError) as error:
+        raise HTTPException(400, 'The body must be {"token": "..."}.') from error
+    if not isinstance(token, str):
+        raise HTTPException(400, "The token must be text.")
+    result = pairing.redeem(token, time.monotonic())
+    if isinstance(result, Refusal):
+        return JSONResponse(
+            {"error": result.reason, "detail": result.sentence}, status_code=result.status
+        )
+    config: Config = request.app.state.config
+    response = JSONResponse({"role": result.role.value})
+    response.set_cookie(
+        cookie_name(config),
+        result.secret,
+        max_age=_YEAR_S,
+        httponly=True,
+        samesite="strict",
+        secure=config.tls,
+    )
+    return response
+
+
+@router.post("/api/unpair", responses={404: {}})
+async def unpair(request: Request) -> JSONResponse:
+    """Forget this browser."""
+    pairing = _require_pairing(request)
+    config: Config = request.app.state.config
+    name = cookie_name(config)
+    pairing.forget(session_of({"cookie": request.headers.get("cookie", "")}, name))
+    response = JSONResponse({"role": None})
+    response.delete_cookie(name, httponly=True, samesite="strict", secure=config.tls)
+    return response
+
+
+@router.get("/ca.crt", responses={404: {}}, include_in_schema=False)
+async def authority(request: Request) -> Response:
+    """Return the certificate of the authority that `--tls` made, for the phone to trust."""
+    config: Config = request.app.state.config
+    file = config.data / "tls" / "ca.crt"
+    if not config.tls or not file.is_file():
+        raise HTTPException(404, "There is none: the robot is served without --tls.")
+    return FileResponse(file, media_type="application/x-x509-ca-cert")
+
+
+def _require_pairing(request: Request) -> Pairing:
+    pairing: Pairing | None = request.app.state.pairing
+    if pairing is None:
+        raise HTTPException(404, "There is nothing to pair: the robot is open on this machine.")
+    return pairing

@@ -1,0 +1,106 @@
+"""Settings from a file and from the environment, as defaults for the command line.
+
+What a person types goes before the environment, the environment before the file, and the file
+before what is built in.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from robot.errors import ConfigurationError
+
+PREFIX = "DRIVELESSON_"
+TABLES = ("limits", "gate", "governor")
+"""Tables of the file: settings too fine for flags."""
+_T = TypeVar("_T")
+_TRUE, _FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What file and environment say: flags by name, and the file's tables."""
+
+    file: Path | None = None
+    flags: Mapping[str, Any] = field(default_factory=dict)
+    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    environ: Mapping[str, str] = field(default_factory=dict)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a flag's value: the environment's, or the file's, or else the default."""
+        return self.environ.get(PREFIX + name.upper(), self.flags.get(name, default))
+
+
+def read_settings(file: Path | None, environ: Mapping[str, str]) -> Settings:
+    """Read the file; take note of the environment.
+
+    Raises:
+        ConfigurationError: If the file is missing or broken.
+    """
+    content = _read_file(file) if file else {}
+    tables = {name: content.pop(name) for name in TABLES if name in content}
+    if not all(isinstance(table, dict) for table in tables.values()):
+        raise ConfigurationError(f"{file}: {', '.join(tables)} must be tables")
+    flags = {name.replace("-", "_"): value for name, value in content.items()}
+    return Settings(file=file, flags=flags, tables=tables, environ=environ)
+
+
+def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
+    """Make the settings the parser's defaults.
+
+    Raises:
+        ConfigurationError: If one is of the wrong kind, or the file sets what nothing knows.
+    """
+    actions = {action.dest: action for action in parser._actions}  # there is no public list
+    unknown = [name for name in settings.flags if name not in actions]
+    if unknown:
+        raise ConfigurationError(f"{settings.file}: nothing is called {', '.join(unknown)}")
+    for name, action in actions.items():
+        value = settings.get(name)
+        if value is None:
+            continue
+        if isinstance(action, argparse._StoreTrueAction):
+            parser.set_defaults(**{name: _as_bool(name, value)})
+        elif isinstance(value, str | int | float):
+            # Text, because argparse reads a default that is text as if it had been typed.
+            parser.set_defaults(**{name: str(value)})
+        else:
+            raise ConfigurationError(f"{name} must be text or a number, not {value!r}")
+
+
+def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
+    """Make a dataclass of numbers from a table of the file.
+
+    Raises:
+        ConfigurationError: If the table names what the dataclass does not have, or no number.
+    """
+    known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
+    for key, value in table.items():
+        if key not in known:
+            raise ConfigurationError(f"[{name}] knows no {key}; there are: {', '.join(known)}")
+        if isinstance(value, bool) or not isinstance(value, int | float) or value < 0:
+            raise ConfigurationError(f"[{name}] {key} must be a number from 0, not {value!r}")
+        if known[key].type == "int" and not isinstance(value, int):
+            raise ConfigurationError(f"[{name}] {key} must be a whole number, not {value!r}")
+    return kind(**table)
+
+
+def _read_file(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text())
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {file}: {error.strerror}") from error
+    except ValueError as error:
+        raise ConfigurationError(f"{file} is no TOML: {error}") from error
+
+
+def _as_bool(name: str, value: Any) -> bool:
+    text = str(value).lower()
+    if text not in _TRUE + _FALSE:
+        raise ConfigurationError(f"{name} must be true or false, not {value!r}")
+    return text in _TRUE

@@ -1,0 +1,337 @@
+"""Every refusal of the guard, over a real server, with the status that a client sees."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime as dt
+import ssl
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from server.access import Role
+from server.certificates import make_certificates
+from server.config import Config, Limits
+from server.pairing import Pairing, cookie_name
+
+from .live_robot import WEB, LiveServer, live_server
+
+
+@pytest.fixture(scope="module")
+def here() -> Iterator[LiveServer]:
+    with live_server(Config(port=0, web=WEB, limits=Limits(requests_burst=5000))) as running:
+        yield running
+
+
+@pytest.fixture
+def lan(tmp_path: Path) -> Iterator[LiveServer]:
+    limits = Limits(pairing_failures=3)
+    config = Config(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
+    pairing = Pairing(limits.pairing_failures, file=tmp_path / "paired.json")
+    with live_server(config, pairing=pairing) as running:
+        yield running
+
+
+def _socket_status(server: LiveServer, path: str = "/ws/drive", **headers: str) -> int:
+    """Open a websocket; 101 if it was let in."""
+    options: dict[str, Any] = {"additional_headers": headers, "compression": None}
+    try:
+        with connect(server.ws(path), **options):
+            return 101
+    except InvalidStatus as refused:
+        return refused.response.status_code
+
+
+def _pairing(server: LiveServer) -> Pairing:
+    pairing = server.app.state.pairing
+    assert isinstance(pairing, Pairing)
+    return pairing
+
+
+def _pair(server: LiveServer, role: Role) -> dict[str, str]:
+    """Pair a new browser; return the header that it sends from then on."""
+    token = _pairing(server).tokens[role]
+    answer = httpx.post(server.address + "/api/pair", json={"token": token})
+    assert answer.json() == {"role": role.value}
+    return {"cookie": answer.headers["set-cookie"].split(";")[0]}
+
+
+# On loopback -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name", ["evil.example", "evil.example:8000", "", "127.0.0.1.evil.example"]
+)
+def test_dns_rebinding_is_refused(here: LiveServer, name: str) -> None:
+    assert httpx.get(here.address, headers={"host": name}).status_code == 421
+
+
+def test_dns_rebinding_by_websocket_is_refused(here: LiveServer) -> None:
+    # The client library writes its own Host, so this one is spoken by hand.
+    import socket
+
+    host, port = here.address.removeprefix("http://").split(":")
+    with socket.create_connection((host, int(port)), timeout=5) as raw:
+        raw.sendall(
+            b"GET /ws/drive HTTP/1.1\r\nHost: evil.example\r\nUpgrade: websocket\r\n"
+            b"Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
+            b"Sec-WebSocket-Version: 13\r\n\r\n"
+        )
+        assert raw.recv(100).startswith(b"HTTP/1.1 421")
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "https://127.0.0.1", "http://127.0.0.1:1"]
+)
+@pytest.mark.parametrize("path", ["/ws/drive", "/ws/video"])
+def test_cross_site_websocket_hijacking_is_refused(
+    here: LiveServer, path: str, origin: str
+) -> None:
+    assert _socket_status(here, path, origin=origin) == 403
+
+
+def test_a_websocket_of_our_own_page_is_let_in(here: LiveServer) -> None:
+    assert _socket_status(here, origin=here.address) == 101
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_requests_of_other_sites_are_refused(here: LiveServer, site: str) -> None:
+    assert httpx.get(here.address, headers={"sec-fetch-site": site}).status_code == 403
+    assert (
+        httpx.post(
+            here.address + "/api/pair", headers={"origin": "http://evil.example"}
+        ).status_code
+        == 403
+    )
+
+
+def test_a_link_from_another_site_may_be_followed(here: LiveServer) -> None:
+    headers = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
+    assert httpx.get(here.address, headers=headers).status_code == 200
+
+
+def test_large_bodies_are_refused(here: LiveServer) -> None:
+    body = b"x" * 1_000_001
+    assert httpx.post(here.address + "/api/pair", content=body).status_code == 413
+
+
+def test_endless_bodies_are_cut_off(here: LiveServer) -> None:
+    def endless() -> Iterator[bytes]:
+        for _ in range(64):
+            yield b"x" * 65536
+
+    with httpx.Client() as client:
+        try:
+            status = client.post(here.address + "/api/pair", content=endless()).status_code
+        except httpx.HTTPError:
+            return  # the server hung up in the middle: as good
+        assert status in (400, 404)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/../pyproject.toml",
+        "/%2e%2e/pyproject.toml",
+        "/..%2fpyproject.toml",
+        "/%00",
+        "//etc/passwd",
+    ],
+)
+def test_no_path_leads_out_of_the_page(here: LiveServer, path: str) -> None:
+    import http.client
+
+    host, port = here.address.removeprefix("http://").split(":")
+    raw = http.client.HTTPConnection(host, int(port), timeout=5)
+    raw.request("GET", path)
+    answer = raw.getresponse()
+    assert answer.status in (400, 404)
+    assert b"drivelesson" not in answer.read().lower()
+    raw.close()
+
+
+def test_the_page_may_load_nothing_from_elsewhere(here: LiveServer) -> None:
+    headers = httpx.get(here.address).headers
+    policy = dict(
+        part.strip().split(" ", 1) for part in headers["content-security-policy"].split(";")
+    )
+    assert policy["default-src"] == "'none'"
+    assert policy["script-src"] == policy["style-src"] == "'self'"
+    assert policy["frame-ancestors"] == policy["base-uri"] == "'none'"
+    assert "unsafe" not in headers["content-security-policy"]
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["referrer-policy"] == "no-referrer"
+
+
+def test_no_page_has_script_or_style_inside() -> None:
+    for page in WEB.rglob("*.html"):
+        text = page.read_text().lower()
+        assert "<style" not in text and " style=" not in text and " onclick=" not in text
+        assert text.count("<script") == text.count('<script type="module" src='), page
+
+
+def test_too_many_pages_are_refused() -> None:
+    config = Config(port=0, web=WEB, limits=Limits(clients=1))
+    with live_server(config) as server, server.pilot():
+        assert _socket_status(server) == 503
+
+
+def test_too_many_requests_are_refused() -> None:
+    config = Config(port=0, web=WEB, limits=Limits(requests_burst=10, requests_per_second=1))
+    with live_server(config) as server, httpx.Client() as client:
+        statuses = [client.get(server.address + "/healthz").status_code for _ in range(12)]
+        assert statuses[:10] == [200] * 10
+        assert statuses[-1] == 429
+
+
+def test_too_many_words_are_refused_and_then_shown_out() -> None:
+    limits = Limits(words_per_second=5, words_burst=5, refused_before_closing=20)
+    with live_server(Config(port=0, web=WEB, limits=limits)) as server, server.pilot() as pilot:
+        for _ in range(40):
+            try:
+                pilot.send(type="ping", client_ms=1)
+            except Exception:
+                break
+        pilot.wait_for(lambda m: m.get("code") == "too_fast")
+        for thread in pilot._threads[:1]:
+            thread.join(5)
+        assert pilot.socket.close_code == 1008
+
+
+def test_a_huge_message_closes_the_connection(here: LiveServer) -> None:
+    with here.pilot() as pilot:
+        pilot.socket.send("x" * 70_000)
+        pilot._threads[0].join(5)
+        assert pilot.socket.close_code == 1009
+
+
+# On the local network --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/api/unpair", "/openapi.json", "/index.html", "/js/main.js"]
+)
+def test_nothing_is_shown_to_strangers(lan: LiveServer, path: str) -> None:
+    assert httpx.get(lan.address + path).status_code == 401
+
+
+@pytest.mark.parametrize("path", ["/ws/drive", "/ws/video"])
+def test_no_websocket_is_opened_to_strangers(lan: LiveServer, path: str) -> None:
+    assert _socket_status(lan, path) == 401
+    assert _socket_status(lan, path, cookie=f"{cookie_name(lan.app.state.config)}=guess") == 401
+
+
+def test_a_stranger_with_a_screen_is_led_to_the_pairing_page(lan: LiveServer) -> None:
+    answer = httpx.get(lan.address, headers={"accept": "text/html"})
+    assert (answer.status_code, answer.headers["location"]) == (303, "/pair")
+    for path in ("/pair", "/js/pair.js", "/css/pair.css", "/healthz"):
+        assert httpx.get(lan.address + path).status_code == 200
+
+
+def test_a_token_lets_one_browser_in_once(lan: LiveServer) -> None:
+    token = _pairing(lan).tokens[Role.PILOT]
+    answer = httpx.post(lan.address + "/api/pair", json={"token": token.lower()})
+    cookie = answer.headers["set-cookie"]
+    assert "HttpOnly" in cookie and "samesite=strict" in cookie.lower()
+    again = httpx.post(lan.address + "/api/pair", json={"token": token})
+    assert again.status_code == 403
+    value = cookie.split(";")[0]
+    assert httpx.get(lan.address, headers={"cookie": value}).status_code == 200
+    assert _socket_status(lan, cookie=value) == 101
+
+
+def test_guessing_tokens_is_soon_refused(lan: LiveServer) -> None:
+    guess = {"token": "AAAA-AAAA-AAAA-AAAA"}
+    statuses = [httpx.post(lan.address + "/api/pair", json=guess).status_code for _ in range(4)]
+    assert statuses == [403, 403, 403, 429]
+    right = {"token": _pairing(lan).tokens[Role.PILOT]}
+    assert httpx.post(lan.address + "/api/pair", json=right).status_code == 429
+
+
+@pytest.mark.parametrize("body", [b"", b"[]", b'{"token": 1}', b"\xff", b"[" * 100_000])
+def test_nonsense_is_no_token(lan: LiveServer, body: bytes) -> None:
+    assert httpx.post(lan.address + "/api/pair", content=body).status_code == 400
+
+
+def test_a_viewer_watches_and_may_stop_but_not_drive(lan: LiveServer) -> None:
+    from .live_robot import Pilot
+
+    with Pilot(lan.ws("/ws/drive"), additional_headers=_pair(lan, Role.VIEWER)) as viewer:
+        assert viewer.hello["role"] == "viewer"
+        viewer.send(type="take")
+        viewer.wait_for(lambda m: m.get("code") == "not_pilot")
+        viewer.mode("train")
+        viewer.send(type="stop")
+        state = viewer.wait_for_state(emergency=True)
+        assert state["mode"] == "stopped" and state["pilot"] is None
+
+
+def test_a_browser_can_be_forgotten(lan: LiveServer) -> None:
+    cookie = _pair(lan, Role.PILOT)
+    assert httpx.post(lan.address + "/api/unpair", headers=cookie).status_code == 200
+    assert httpx.get(lan.address, headers=cookie).status_code == 401
+
+
+def test_pairings_outlive_a_restart_as_hashes_only(lan: LiveServer, tmp_path: Path) -> None:
+    secret = _pair(lan, Role.PILOT)["cookie"].partition("=")[2]
+    file = tmp_path / "paired.json"
+    assert secret not in file.read_text()
+    assert file.stat().st_mode & 0o077 == 0
+    assert Pairing(3, file=file).role_of(secret) is Role.PILOT
+
+
+def test_any_address_but_no_foreign_name_reaches_a_robot_on_the_network(lan: LiveServer) -> None:
+    for host, status in (
+        ("192.168.1.7:8000", 200),
+        ("drivelesson.local", 200),
+        ("evil.example", 421),
+    ):
+        assert httpx.get(lan.address + "/healthz", headers={"host": host}).status_code == status
+
+
+# TLS -------------------------------------------------------------------------------------------
+
+
+def test_tls_with_an_authority_of_our_own(tmp_path: Path) -> None:
+    now = dt.datetime.now(dt.UTC)
+    names = ["localhost", "127.0.0.1", "drivelesson.local", "a.public.example"]
+    certificates = make_certificates(tmp_path / "tls", names, now)
+    again = make_certificates(tmp_path / "tls", names, now)
+    assert again.authority.read_bytes() == certificates.authority.read_bytes()
+    assert certificates.key.stat().st_mode & 0o077 == 0
+    trust = ssl.create_default_context(cafile=str(certificates.authority))
+    config = Config(port=0, web=WEB, lan=True, tls=True, data=tmp_path)
+    pairing = Pairing(3)
+    with live_server(config, pairing=pairing, certificates=certificates) as server:
+        with httpx.Client(verify=trust, base_url=server.address) as browser:
+            assert browser.get("/ca.crt").content == certificates.authority.read_bytes()
+            answer = browser.post("/api/pair", json={"token": pairing.tokens[Role.PILOT]})
+            cookie = answer.headers["set-cookie"]
+            assert cookie.startswith("__Host-") and "Secure" in cookie
+        url = server.address.replace("https", "wss") + "/ws/drive"
+        headers = {"cookie": cookie.split(";")[0], "origin": server.address}
+        with connect(url, ssl=trust, additional_headers=headers, compression=None) as socket:
+            assert '"hello"' in str(socket.recv(5))
+
+
+def test_the_authority_vouches_for_private_names_only(tmp_path: Path) -> None:
+    from cryptography import x509
+
+    made = make_certificates(tmp_path, ["drivelesson.local"], dt.datetime.now(dt.UTC))
+    authority = x509.load_pem_x509_certificate(made.authority.read_bytes())
+    allowed = authority.extensions.get_extension_for_class(x509.NameConstraints).value
+    assert x509.DNSName("local") in (allowed.permitted_subtrees or [])
+
+
+# Configuration ---------------------------------------------------------------------------------
+
+
+def test_an_open_robot_cannot_be_put_on_the_network() -> None:
+    with pytest.raises(ValueError, match="--lan"):
+        Config(host="0.0.0.0")
+    assert dataclasses.replace(Config(), host="0.0.0.0", lan=True).lan
