@@ -55,7 +55,9 @@ def load_pairs(folder: Path | str) -> list[Pair]:
         a, b = load_recording(first), load_recording(second)
         pairs += [Pair(train=a, test=b), Pair(train=b, test=a)]
     if not pairs:
-        raise RecordingError(f"the folder {folder} has no recordings named PLACE_A.npz, PLACE_B.npz")
+        raise RecordingError(
+            f"the folder {folder} has no recordings named PLACE_A.npz, PLACE_B.npz"
+        )
     return pairs
 
 
@@ -125,7 +127,9 @@ def as_json(results: Sequence[PairResult]) -> dict[str, Any]:
 
 def table(results: Sequence[PairResult]) -> str:
     """Return the results as text: one row a pair and learner, then each learner's mean."""
-    head = f"{'place':12} {'train':14} {'test':14} {'learner':16} {'right':>9} {'acc.':>6} {'bal.':>6}"
+    head = (
+        f"{'place':12} {'train':14} {'test':14} {'learner':16} {'right':>9} {'acc.':>6} {'bal.':>6}"
+    )
     rows = [head]
     for r in results:
         rows.append(

@@ -85,7 +85,7 @@ class GradientFeatures:
         votes = np.bincount(
             (cells * self.n_bins + bins).ravel(), strength.ravel(), rows * columns * self.n_bins
         ).reshape(rows, columns, self.n_bins)
-        return _normalised(votes).astype(np.float32).ravel()
+        return _normalised(votes.astype(np.float64)).astype(np.float32).ravel()
 
 
 def _normalised(votes: NDArray[np.float64]) -> NDArray[np.float64]:

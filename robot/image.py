@@ -36,7 +36,8 @@ def to_grey(frame: Frame) -> Pixels:
         return _packed(frame, 2)[:, :, 0]
     red, green, blue = np.moveaxis(_packed(frame, 3).astype(np.uint32), 2, 0)
     # ITU-R BT.601 in 16 fractional bits: whole numbers alone, for machines without an FPU.
-    return ((19595 * red + 38470 * green + 7471 * blue + 32768) >> 16).astype(np.uint8)
+    grey: Pixels = ((19595 * red + 38470 * green + 7471 * blue + 32768) >> 16).astype(np.uint8)
+    return grey
 
 
 def to_yuyv_small(frame: Frame, step: int = 4) -> Pixels:
@@ -68,7 +69,8 @@ def shrink(grey: Pixels, width: int, height: int) -> Pixels:
     sums = np.add.reduceat(grey, top, axis=0, dtype=np.int32)
     sums = np.add.reduceat(sums, left, axis=1)
     areas = np.outer(np.diff(top, append=rows), np.diff(left, append=columns))
-    return ((2 * sums + areas) // (2 * areas)).astype(np.uint8)
+    means: Pixels = ((2 * sums + areas) // (2 * areas)).astype(np.uint8)
+    return means
 
 
 def _packed(frame: Frame, n_channels: int) -> Pixels:

@@ -95,13 +95,13 @@ class Policy:
         shares = {move: evidence.probabilities.get(move, 0.0) for move in self.moves}
         steady = self._average.update(shares)
         action = self._choose(steady)
-        self._note(self._last_used, evidence.node, self._n_proposals)
+        node = self._note(self._last_used, evidence.node, self._n_proposals)
         return Prediction(
             frame_id=frame_id,
             action=action,
             confidence=steady[action],
             probabilities=steady,
-            node=evidence.node,
+            node=node,
             distance=evidence.distance,
             novelty=evidence.novelty,
         )
@@ -186,18 +186,19 @@ class Policy:
         """Let one learned image vote for `label` alone.
 
         Raises:
-            ValueError: If there is no such node, or `label` is none of `moves`.
+            LookupError: If there is no such node.
+            ValueError: If `label` is none of `moves`.
         """
         if label not in self.moves:
             raise ValueError(f"{label!r} is none of the moves {', '.join(self.moves)}")
         self._editable().relabel_node(node_id, Action(label))
 
     def delete_node(self, node_id: int) -> None:
-        """Forget one learned image; raises ValueError if there is none or it is pinned."""
+        """Forget one learned image; raises LookupError if there is none."""
         self._editable().delete_node(node_id)
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
-        """Keep one learned image from merging; raises ValueError if there is none."""
+        """Keep one learned image from merging; raises LookupError if there is none."""
         self._editable().pin_node(node_id, pinned)
 
     def _choose(self, shares: dict[Action, float]) -> Action:
@@ -214,15 +215,18 @@ class Policy:
             raise ValueError(f"the learner {self.name} has no images to edit")
         return learner
 
-    def _note(self, when: dict[int, int], index: int | None, now: int) -> None:
+    def _note(self, when: dict[int, int], index: int | None, now: int) -> int | None:
+        """Write down when a node was met last, and return its id."""
         learner = self._cluster()
         if learner is None or index is None:
-            return
-        when[learner.cluster.node_id(index)] = now
+            return None
+        node_id = learner.cluster.node_id(index)
+        when[node_id] = now
         if len(when) > 4 * self.max_nodes + 64:
             alive = set(learner.cluster.ids_.tolist())
             for gone in [node for node in when if node not in alive]:
                 del when[gone]
+        return node_id
 
 
 Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]

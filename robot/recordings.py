@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ def load_recording(path: Path | str) -> Recording:
     """
     path = Path(path)
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except FileNotFoundError as error:
         raise RecordingError(f"there is no recording {path}") from error
@@ -76,8 +77,14 @@ def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:
     )
     if not well_formed:
         raise RecordingError(f"the recording {path} is not of the expected form")
-    if offsets[0] != 0 or offsets[-1] != jpeg.size or (np.diff(offsets.astype(np.int64)) <= 0).any():
-        raise RecordingError(f"the recording {path} has frames that overlap or end beyond its bytes")
+    if (
+        offsets[0] != 0
+        or offsets[-1] != jpeg.size
+        or (np.diff(offsets.astype(np.int64)) <= 0).any()
+    ):
+        raise RecordingError(
+            f"the recording {path} has frames that overlap or end beyond its bytes"
+        )
     if int(labels.max()) >= len(DEFAULT_MOVES) or int(labels.min()) < 0:
         raise RecordingError(f"the recording {path} has labels other than 0, 1 and 2")
     if not np.isfinite(t).all():
@@ -87,7 +94,7 @@ def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:
     return Recording(
         path=path,
         place=path.stem.rpartition("_")[0] or path.stem,
-        frames=tuple(data[a:b] for a, b in zip(bounds, bounds[1:], strict=False)),
+        frames=tuple(data[a:b] for a, b in pairwise(bounds)),
         labels=tuple(DEFAULT_MOVES[int(label)] for label in labels),
         t_s=t.astype(np.float32),
         meta=_meta(path, arrays.get("meta")),

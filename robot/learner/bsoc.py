@@ -148,7 +148,9 @@ class BSOC:
             ValueError: If no two nodes would be left that can be merged.
         """
         if pinned and not self._pinned[node] and self._pinned.sum() >= self.max_nodes - 1:
-            raise ValueError(f"at most {self.max_nodes - 1} of {self.max_nodes} nodes can be pinned")
+            raise ValueError(
+                f"at most {self.max_nodes - 1} of {self.max_nodes} nodes can be pinned"
+            )
         self._pinned[node] = pinned
         self._set_row(node, self._distances[node, : self._size].copy(), self._size)
 
@@ -210,7 +212,10 @@ class BSOC:
             raise ValueError(
                 f"the vector's shape is {array.shape}, learned was {self._origin.shape}"
             )
-        return np.subtract(array, self._origin, dtype=np.float32, casting="unsafe")
+        centred: NDArray[np.float32] = np.subtract(
+            array, self._origin, dtype=np.float32, casting="unsafe"
+        )
+        return centred
 
     def _measure(self, centred: NDArray[np.float32]) -> tuple[Floats, float]:
         """Squared distances to all nodes, by |n|^2 - 2 n.x + |x|^2, and |x|^2."""

@@ -45,7 +45,7 @@ class BSOCClassifier:
             raise ValueError(f"n_voters must be at least 1, not {n_voters}")
         self.max_nodes = max_nodes
         self.n_voters = n_voters
-        self.cluster = cluster or BSOC(max_nodes, group_cost=group_cost)
+        self.cluster = BSOC(max_nodes, group_cost=group_cost) if cluster is None else cluster
         self.labels_: list[Label] = []
         self.n_seen_ = 0
         self.last_node_: int | None = None
@@ -153,7 +153,7 @@ class BSOCClassifier:
         self._histograms = state.arrays["histograms"].copy()
 
     def relabel_node(self, node_id: int, y: Label) -> None:
-        """Let the node of this id vote for `y` alone; raises ValueError if there is none."""
+        """Let the node of this id vote for `y` alone; raises LookupError if there is none."""
         index = self._index(node_id)
         if y not in self.labels_:
             self.labels_.append(y)
@@ -166,7 +166,7 @@ class BSOCClassifier:
         self.cluster.set_group(index, column)
 
     def delete_node(self, node_id: int) -> None:
-        """Forget the node of this id; raises ValueError if there is none, or it is pinned."""
+        """Forget the node of this id; raises LookupError if there is none."""
         merge = self.cluster.delete(self._index(node_id))
         self._histograms[merge.removed] = self._histograms[merge.moved]
         self._histograms[merge.moved] = 0
@@ -178,5 +178,5 @@ class BSOCClassifier:
     def _index(self, node_id: int) -> int:
         found = np.flatnonzero(self.cluster.ids_ == node_id)
         if found.size == 0:
-            raise ValueError(f"there is no node {node_id}")
+            raise LookupError(f"there is no node {node_id}")
         return int(found[0])

@@ -7,6 +7,8 @@ lowest free index, a merged one the lower of its two, and the last node fills th
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -134,26 +136,28 @@ class PublishedBSOC:
         self._images = self._images.astype(self._dtype)
         self.last_merge_ = None
 
-    def _checked(self, x: Vector) -> NDArray[np.float64] | NDArray[np.int32]:
+    def _checked(self, x: Vector) -> NDArray[Any]:
         array = checked_vector(x, self._images.shape[1] or None)
-        if array.dtype != np.uint8 and not (
-            (array == np.floor(array)) & (array >= 0) & (array <= 255)
-        ).all():
+        if (
+            array.dtype != np.uint8
+            and not ((array == np.floor(array)) & (array >= 0) & (array <= 255)).all()
+        ):
             raise ValueError("the published algorithm takes whole numbers from 0 to 255")
-        return array.astype(self._dtype)
+        pixels: NDArray[Any] = array.astype(self._dtype)
+        return pixels
 
-    def _measure(self, image: NDArray[np.float64] | NDArray[np.int32]) -> Integers:
+    def _measure(self, image: NDArray[Any]) -> Integers:
         """Squared distances; int32 products may wrap, their sum is exact below 2 ** 31."""
         products = self._images[: self._size] @ image
         norm = image @ image
         if self.integer:
             wrapped = self._norms[: self._size].astype(np.int32) - 2 * products + norm
-            return wrapped.astype(np.int64)
-        return self._norms[: self._size] + (norm - 2.0 * products).astype(np.int64)
+        else:
+            wrapped = self._norms[: self._size] - 2.0 * products + norm
+        distances: Integers = wrapped.astype(np.int64)
+        return distances
 
-    def _insert(
-        self, index: int, image: NDArray[np.float64] | NDArray[np.int32], count: int, name: int
-    ) -> None:
+    def _insert(self, index: int, image: NDArray[Any], count: int, name: int) -> None:
         self._images[index] = image
         self._norms[index] = int(image @ image)
         self._counts[index] = count

@@ -10,7 +10,14 @@ from robot.types import Encoding, Frame
 def picture(pixels):
     height, width = pixels.shape[:2]
     rgb = np.repeat(pixels[:, :, None], 3, axis=2).astype(np.uint8)
-    return Frame(frame_id=1, captured_s=0.0, width=width, height=height, encoding=Encoding.RGB, data=rgb.tobytes())
+    return Frame(
+        frame_id=1,
+        captured_s=0.0,
+        width=width,
+        height=height,
+        encoding=Encoding.RGB,
+        data=rgb.tobytes(),
+    )
 
 
 @pytest.fixture

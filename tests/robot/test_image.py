@@ -10,7 +10,9 @@ from robot.types import Encoding, Frame
 
 
 def frame(data, encoding, width=16, height=12):
-    return Frame(frame_id=1, captured_s=0.0, width=width, height=height, encoding=encoding, data=data)
+    return Frame(
+        frame_id=1, captured_s=0.0, width=width, height=height, encoding=encoding, data=data
+    )
 
 
 @pytest.fixture

@@ -16,7 +16,9 @@ def view(seed, level=0):
     rgb = np.kron(rng.integers(0, 200, (12, 16)), np.ones((10, 10)))[:, :, None].repeat(3, axis=2)
     noise = np.random.default_rng(1000 + level).integers(0, 20, rgb.shape)
     data = (rgb + noise).astype(np.uint8).tobytes()
-    return Frame(frame_id=1, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=data)
+    return Frame(
+        frame_id=1, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=data
+    )
 
 
 def taught(name, n=40):
@@ -71,7 +73,7 @@ def test_gallery_shows_every_node_and_its_edits():
     assert shown[first].votes[R] == shown[first].frames
     with pytest.raises(ValueError, match="pinned"):
         policy.delete_node(first)
-    with pytest.raises(ValueError, match="no node"):
+    with pytest.raises(LookupError, match="no node"):
         policy.relabel_node(second, L)
 
 

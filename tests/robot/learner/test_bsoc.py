@@ -1,44 +1,48 @@
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from robot.learner.bsoc import BSOC
 from robot.learner.published import PublishedBSOC
-
-_spec = importlib.util.spec_from_file_location("paper", Path(__file__).with_name("paper.py"))
-paper = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(paper)
+from tests.robot.learner import paper
 
 # Few values and short vectors: many equal distances, so many ties to break.
-CASES = [(m, d, top, seed) for m in (1, 2, 3, 5, 8) for d, top in ((1, 4), (3, 3), (12, 255)) for seed in range(3)]
+CASES = [
+    (m, d, top, seed)
+    for m in (1, 2, 3, 5, 8)
+    for d, top in ((1, 4), (3, 3), (12, 255))
+    for seed in range(3)
+]
 
 
 @pytest.mark.parametrize(("max_nodes", "d", "top", "seed"), CASES)
 @pytest.mark.parametrize("integer", [False, True])
 def test_published_equals_the_pseudocode_ties_included(max_nodes, d, top, seed, integer):
     rng = np.random.default_rng(seed)
-    ours, theirs = PublishedBSOC(max_nodes, integer=integer), paper.PaperBSOC(max_nodes, rounded=True)
+    ours, theirs = (
+        PublishedBSOC(max_nodes, integer=integer),
+        paper.PaperBSOC(max_nodes, rounded=True),
+    )
     for x in rng.integers(0, top + 1, (60, d)).astype(np.uint8):
         assert ours.train(x) == theirs.train([int(v) for v in x])
-        assert ours.nodes_.tolist() == [image for image, _, _ in theirs.nodes]
-        assert ours.counts_.tolist() == [count for _, count, _ in theirs.nodes]
-        assert ours.ids_.tolist() == [name for _, _, name in theirs.nodes]
+        assert ours.nodes_.tolist() == [node.image for node in theirs.nodes]
+        assert ours.counts_.tolist() == [node.count for node in theirs.nodes]
+        assert ours.ids_.tolist() == [node.name for node in theirs.nodes]
         assert ours.lookup(x) == theirs.lookup([int(v) for v in x])
 
 
-@pytest.mark.parametrize(("max_nodes", "d", "seed"), [(m, d, s) for m in (1, 2, 5, 9) for d in (2, 30) for s in range(3)])
+@pytest.mark.parametrize(
+    ("max_nodes", "d", "seed"), [(m, d, s) for m in (1, 2, 5, 9) for d in (2, 30) for s in range(3)]
+)
 def test_fast_equals_the_pseudocode_without_rounding(max_nodes, d, seed):
     rng = np.random.default_rng(seed)
     ours, theirs = BSOC(max_nodes), paper.PaperBSOC(max_nodes, rounded=False)
     for x in rng.normal(size=(120, d)).astype(np.float32):
         assert ours.train(x) == theirs.train(x.tolist())
-        np.testing.assert_allclose(ours.nodes_, [image for image, _, _ in theirs.nodes], atol=1e-4)
-        assert ours.counts_.tolist() == [count for _, count, _ in theirs.nodes]
-        assert ours.ids_.tolist() == [name for _, _, name in theirs.nodes]
+        np.testing.assert_allclose(ours.nodes_, [node.image for node in theirs.nodes], atol=1e-4)
+        assert ours.counts_.tolist() == [node.count for node in theirs.nodes]
+        assert ours.ids_.tolist() == [node.name for node in theirs.nodes]
 
 
 def test_fast_breaks_exact_ties_as_the_pseudocode():
@@ -47,10 +51,10 @@ def test_fast_breaks_exact_ties_as_the_pseudocode():
         ours, theirs = BSOC(max_nodes), paper.PaperBSOC(max_nodes, rounded=False)
         for x in points:
             slots = ours.train(np.array(x, np.float32)), theirs.train([float(v) for v in x])
-            if not all(count & (count - 1) == 0 for _, count, _ in theirs.nodes):
+            if not all(n.count & (n.count - 1) == 0 for n in theirs.nodes):
                 break  # a share of 1/3 is not exact in binary: ties end here
             assert slots[0] == slots[1]
-            assert ours.nodes_.tolist() == [image for image, _, _ in theirs.nodes]
+            assert ours.nodes_.tolist() == [node.image for node in theirs.nodes]
 
 
 def test_groups_are_merged_only_at_the_last_resort():
@@ -83,7 +87,9 @@ def test_at_least_one_node_stays_free_of_pins():
         learner.pin(1)
 
 
-@pytest.mark.parametrize("bad", [np.array([np.nan, 0.0]), np.zeros(3), np.zeros((2, 1)), np.array([np.inf, 1.0])])
+@pytest.mark.parametrize(
+    "bad", [np.array([np.nan, 0.0]), np.zeros(3), np.zeros((2, 1)), np.array([np.inf, 1.0])]
+)
 def test_refuses_bad_vectors_and_stays_as_it_was(bad):
     learner = BSOC(2)
     for value in (0.0, 1.0, 5.0):

@@ -1,31 +1,25 @@
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from robot.learner.base import Learner, NotFittedError
 from robot.learner.classifier import BSOCClassifier
-
-_spec = importlib.util.spec_from_file_location("paper", Path(__file__).with_name("paper.py"))
-paper = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(paper)
+from tests.robot.learner import paper
 
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("max_nodes", [1, 2, 6])
 def test_published_histograms_equal_the_pseudocode(max_nodes, seed):
     rng = np.random.default_rng(seed)
-    ours, theirs = BSOCClassifier.published(max_nodes), paper.PaperClassifier(max_nodes)
+    ours, theirs = BSOCClassifier.published(max_nodes), paper.PaperBSOC(max_nodes, rounded=True)
     for x in rng.integers(0, 9, (80, 3)).astype(np.uint8):
         y = str(rng.choice(["forward", "left", "right"]))
         ours.learn_one(x, y)
-        theirs.learn([int(v) for v in x], y)
+        theirs.train([int(v) for v in x], y)
         for slot, row in enumerate(ours.histograms_):
             counted = {label: n for label, n in zip(ours.labels_, row.tolist(), strict=True) if n}
-            assert counted == theirs.histogram(slot)
+            assert counted == theirs.nodes[slot].histogram
 
 
 def test_is_a_learner():
@@ -46,5 +40,5 @@ def test_edits_follow_a_node_through_merges():
     assert learner.predict_one(np.array([0.0])) == "forward"
     learner.delete_node(node)
     assert learner.predict_one(np.array([0.0])) == "right"
-    with pytest.raises(ValueError, match="no node"):
+    with pytest.raises(LookupError, match="no node"):
         learner.delete_node(node)
