@@ -16,7 +16,8 @@ from robot.learner.base import State, Vector, checked_vector
 from robot.learner.bsoc import Merge
 
 Integers = NDArray[np.int64]
-_ARRAYS = ("images", "norms", "counts", "ids", "weights")
+_ARRAYS = ("images", "norms", "counts", "ids", "pinned", "weights")
+_NEVER = np.iinfo(np.int64).max
 
 
 class PublishedBSOC:
@@ -40,7 +41,8 @@ class PublishedBSOC:
         self._norms = np.zeros(max_nodes + 1, np.int64)
         self._counts = np.zeros(max_nodes + 1, np.int64)
         self._ids = np.zeros(max_nodes + 1, np.int64)
-        self._weights = np.full((max_nodes + 1, max_nodes + 1), np.iinfo(np.int64).max)
+        self._pinned = np.zeros(max_nodes + 1, np.bool_)
+        self._weights = np.full((max_nodes + 1, max_nodes + 1), _NEVER)
 
     def __len__(self) -> int:
         return self._size
@@ -91,9 +93,9 @@ class PublishedBSOC:
         image = self._checked(x)
         if self._size == 0:
             self._images = np.zeros((self.max_nodes + 1, image.size), self._dtype)
-        self._insert(self._size, image, 1, self._next_id)
-        self._next_id += 1
         self._size += 1
+        self._insert(self._size - 1, image, 1, self._next_id)
+        self._next_id += 1
         self.last_merge_ = None
         if self._size > self.max_nodes:
             self._merge_closest()
@@ -101,18 +103,29 @@ class PublishedBSOC:
 
     @property
     def pinned_(self) -> NDArray[np.bool_]:
-        """No node is ever pinned, shape (n,)."""
-        return np.zeros(self._size, np.bool_)
+        """Which nodes are pinned, shape (n,); the paper knows no pins."""
+        return self._pinned[: self._size].copy()
 
     def set_group(self, node: int, group: int) -> None:
         """Do nothing: the published algorithm knows no groups."""
 
     def pin(self, node: int, pinned: bool = True) -> None:
-        """Refuse: the published algorithm cannot keep a node out of its merges."""
-        raise ValueError("the published algorithm cannot pin a node")
+        """Keep one node out of all merges, or let it take part again.
+
+        Raises:
+            ValueError: If no two nodes would be left that can be merged.
+        """
+        if pinned and not self._pinned[node] and self._pinned.sum() >= self.max_nodes - 1:
+            raise ValueError(
+                f"at most {self.max_nodes - 1} of {self.max_nodes} nodes can be pinned"
+            )
+        self._pinned[node] = pinned
+        self._set_weights(node)
 
     def delete(self, node: int) -> Merge:
-        """Forget one node; the last takes its index."""
+        """Forget one node; the last takes its index. Raises ValueError if it is pinned."""
+        if self._pinned[node]:
+            raise ValueError("a pinned node cannot be deleted; unpin it first")
         last = self._size - 1
         self._move(last, node)
         self._size = last
@@ -162,10 +175,17 @@ class PublishedBSOC:
         self._norms[index] = int(image @ image)
         self._counts[index] = count
         self._ids[index] = name
-        weights = self._measure(image) * np.maximum(self._counts[: self._size], count)
-        self._weights[index, : self._size] = weights
-        self._weights[: self._size, index] = weights
-        self._weights[index, index] = np.iinfo(np.int64).max
+        self._set_weights(index)
+
+    def _set_weights(self, node: int) -> None:
+        size = self._size
+        weights = self._measure(self._images[node]) * np.maximum(
+            self._counts[:size], self._counts[node]
+        )
+        weights[self._pinned[:size] | self._pinned[node]] = _NEVER
+        weights[node] = _NEVER
+        self._weights[node, :size] = weights
+        self._weights[:size, node] = weights
 
     def _merge_closest(self) -> None:
         kept, removed = divmod(int(self._weights.argmin()), self.max_nodes + 1)
@@ -183,11 +203,11 @@ class PublishedBSOC:
         self.last_merge_ = Merge(kept=kept, removed=removed, moved=last)
 
     def _move(self, source: int, target: int) -> None:
-        for array in (self._images, self._norms, self._counts, self._ids):
+        for array in (self._images, self._norms, self._counts, self._ids, self._pinned):
             array[target] = array[source]
         self._weights[target] = self._weights[source]
         self._weights[:, target] = self._weights[:, source]
-        never = np.iinfo(np.int64).max
-        self._weights[target, target] = never
-        self._weights[source, :] = never
-        self._weights[:, source] = never
+        self._pinned[source] = False
+        self._weights[target, target] = _NEVER
+        self._weights[source, :] = _NEVER
+        self._weights[:, source] = _NEVER
