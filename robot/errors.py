@@ -40,3 +40,7 @@ class CameraError(RobotError, OSError):
 
 class RecordingError(RobotError, ValueError):
     """A recording, episode or model on disk is broken or of an unknown form."""
+
+
+class NotFoundError(RobotError, LookupError):
+    """No model, episode or thing in the trash has this name."""

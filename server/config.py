@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import ipaddress
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from robot.errors import ConfigurationError
-
-
-def default_data_folder() -> Path:
-    """Return where things are kept unless a person says otherwise."""
-    home = os.environ.get("XDG_DATA_HOME") or "~/.local/share"
-    return Path(home).expanduser() / "drivelesson"
+from robot.storage import default_root
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +28,8 @@ class Limits:
     requests_burst: float = 300.0
     body_bytes: int = 1_000_000
     """The largest body of a request that has no limit of its own."""
+    upload_bytes: int = 64_000_000
+    """The largest model that may be uploaded."""
     idle_s: float = 30.0
     """A client that says nothing for so long is shown out."""
     pairing_failures: int = 10
@@ -50,7 +46,7 @@ class Config:
     tls: bool = False
     hostname: str = "drivelesson"
     """The robot answers to this name with `.local` behind it."""
-    data: Path = field(default_factory=default_data_folder)
+    data: Path = field(default_factory=default_root)
     web: Path | None = None
     jpeg_quality: int = 80
     lease_lapse_s: float = 1.5

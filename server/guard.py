@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import time
 from collections import Counter, OrderedDict
 from collections.abc import Awaitable, Callable, MutableMapping
@@ -29,6 +30,8 @@ Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 _ROLE = "drivelesson.role"
+_UPLOADS = re.compile(r"/api/models/[^/]+/file")
+"""Paths whose bodies may be as large as a model."""
 _ADDRESSES = 1024
 """How many addresses' pace is kept in mind."""
 
@@ -94,9 +97,13 @@ class Guard:
         if not self._pace(address).allows(time.monotonic()):
             return Refusal(status=429, reason="rate", sentence="Too many requests; wait a little.")
         length = headers.get("content-length", "0")
-        if not length.isdecimal() or int(length[:20]) > self._limits.body_bytes:
+        if not length.isdecimal() or int(length[:20]) > self._most_bytes(scope):
             return Refusal(status=413, reason="size", sentence="That is too large.")
         return None
+
+    def _most_bytes(self, scope: Scope) -> int:
+        is_upload = scope["type"] == "http" and _UPLOADS.fullmatch(scope["path"])
+        return self._limits.upload_bytes if is_upload else self._limits.body_bytes
 
     def _pace(self, address: str) -> Pace:
         pace = self._paces.pop(address, None) or Pace(
@@ -126,7 +133,7 @@ class Guard:
                 message["headers"] = [*message.get("headers", []), *added]
             await send(message)
 
-        await self._app(scope, _limited(receive, self._limits.body_bytes), send_guarded)
+        await self._app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
 
 
 def _limited(receive: Receive, most: int) -> Receive:

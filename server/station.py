@@ -7,6 +7,7 @@ here and goes on. Nothing in this module decides over motors: that is the gate's
 from __future__ import annotations
 
 import asyncio
+import functools
 import itertools
 import logging
 import time
@@ -90,12 +91,13 @@ class Station:
         self._unsubscribe: Callable[[], None] = lambda: None
         self._tasks: list[asyncio.Task[None]] = []
         self._fresh_frame = asyncio.Event()
+        self._event_loop: asyncio.AbstractEventLoop | None = None
 
     # Life --------------------------------------------------------------------------------------
 
     async def start(self) -> None:
         """Begin to listen to the robot's loop."""
-        event_loop = asyncio.get_running_loop()
+        event_loop = self._event_loop = asyncio.get_running_loop()
 
         def on_tick(tick: Tick) -> None:  # on the control loop's thread
             if tick.frame is not None:
@@ -247,6 +249,11 @@ class Station:
         text = protocol.encode_words("event", name=name, **fields)
         for page in self.pages.values():
             page.tell(text)
+
+    def announce_soon(self, name: str, **fields: object) -> None:
+        """Do the same from any thread; before the server runs there is nobody to tell."""
+        if self._event_loop is not None and not self._event_loop.is_closed():
+            self._event_loop.call_soon_threadsafe(functools.partial(self.announce, name, **fields))
 
     def now_ms(self) -> float:
         """Return the robot's clock in milliseconds, as the wire has it."""

@@ -16,7 +16,8 @@ from robot.errors import ConfigurationError, MissingExtraError
 from robot.gate import GateConfig
 from robot.options import Option, options_of
 from robot.plugins import camera_names, driver_names, load_camera, load_driver
-from server.config import Config, Limits, default_data_folder
+from robot.storage import Storage, default_root
+from server.config import Config, Limits
 from server.greeting import greet_here, greet_next, greet_phones
 from server.logs import start_logging
 from server.network import host_names, lan_addresses
@@ -24,6 +25,7 @@ from server.settings import PREFIX, Settings, apply_to, build, read_settings
 
 if TYPE_CHECKING:
     from robot.loop import LoopConfig
+    from robot.models.keeper import Keeper
     from server.certificates import Certificates
     from server.pairing import Pairing
 
@@ -34,19 +36,22 @@ _CAMERA_HELP = "where pictures come from; as a rule the robot's own"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options that every robot has."""
     _add_choice_of_robot(parser)
-    parser.add_argument("--learner", default="default", help="what learns (default: %(default)s)")
+    parser.add_argument("--learner", default=None, help="what learns (default: default)")
     parser.add_argument(
         "--max-nodes",
-        default="32",
+        default=None,
         metavar="N",
-        help="how many images it remembers (default: %(default)s)",
+        help="how many images it remembers (default: 32)",
     )
     _add_network(parser)
     parser.add_argument(
         "--data",
         type=Path,
-        default=default_data_folder(),
+        default=default_root(),
         help="folder for what is kept (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--model", default=None, metavar="NAME", help="go on with this model, or begin it"
     )
     parser.add_argument(
         "--jpeg-quality", type=int, default=80, help="of simulated pictures (default: %(default)s)"
@@ -96,14 +101,16 @@ def run(args: argparse.Namespace) -> int:
     """Serve until interrupted."""
     from robot.rig import build_rig
     from server.app import create_app
+    from server.library import Library
     from server.serving import open_socket, serve
 
     start_logging(verbose=args.verbose)
     config = _make_config(args)
+    learner = f"{args.learner or 'default'}-{args.max_nodes or '32'}"
     rig = build_rig(
         args.robot,
         camera=args.camera,
-        learner=f"{args.learner}-{args.max_nodes}",
+        learner=learner,
         options=vars(args),
         config=_make_loop_config(args.settings),
     )
@@ -114,13 +121,27 @@ def run(args: argparse.Namespace) -> int:
     addresses = [f"{scheme}://{_bracketed(a)}:{config.port}" for a in _reached_at(config)]
     pairing = _open_pairing(config, addresses[0]) if config.lan else None
     app = create_app(config, rig, name=args.robot, pairing=pairing)
-    with rig, _announced(config):
+    announce = app.state.station.announce_soon
+    library = Library(Storage(config.data), rig, name=args.robot, announce=announce)
+    app.state.library = library
+    with rig, library, _announced(config):
+        _choose_model(library.keeper, args, learner)
         if pairing is None:
             print(greet_here(addresses[0]), flush=True)
         else:
             print(greet_phones(addresses, pairing.tokens), flush=True)
         serve(app, listener, certificates)
     return 0
+
+
+def _choose_model(keeper: Keeper, args: argparse.Namespace, learner: str) -> None:
+    """Go on with the model that was asked for, or the last good one of what was asked for."""
+    if args.model is None:
+        keeper.load_last(learner if args.learner or args.max_nodes else None)
+    elif args.model in keeper.shelf.names():
+        keeper.load(args.model)
+    else:
+        keeper.begin(args.model)
 
 
 def _make_config(args: argparse.Namespace) -> Config:

@@ -1,0 +1,246 @@
+"""A model: all that a policy learned, with what a person wants to know of it, as bytes and back.
+
+The file is a NumPy `.npz`: `meta.npy` is JSON text as bytes, `preview.npy` a small picture, and
+`state.NAME.npy` are the learner's arrays. No pickles. A SHA-256 over everything is in the meta.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import math
+import zipfile
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.errors import RecordingError
+from robot.learner.base import State
+from robot.policy import LearnedImage, Policy, make_policy
+from robot.types import Action
+
+FORMAT = 1
+MAX_BYTES = 256 * 2**20
+"""A model that claims to be larger is refused before anything of it is unpacked."""
+_MAX_MEMBERS = 64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelCard:
+    """What a list of models shows. `saved_at_s` is wall-clock time, seconds since 1970."""
+
+    learner: str
+    moves: tuple[Action, ...]
+    taught: Mapping[Action, int]
+    n_nodes: int
+    saved_at_s: float
+    place: str = ""
+
+    @property
+    def lessons(self) -> int:
+        """How many frames were taught in all."""
+        return sum(self.taught.values())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Model:
+    """A policy's whole knowledge, apart from the policy; the preview is its most used image."""
+
+    card: ModelCard
+    state: State
+    preview: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((1, 1), np.uint8))
+
+    def to_policy(self) -> Policy:
+        """Build the policy that knows this.
+
+        Raises:
+            RecordingError: If the learner is unknown here, or its state does not fit it.
+        """
+        try:
+            policy = make_policy(self.card.learner, self.card.moves)
+            policy.set_state(self.state)
+        except (ValueError, KeyError, TypeError, IndexError) as error:
+            raise RecordingError(
+                f"the model of the learner {self.card.learner!r} does not fit this program: {error}"
+            ) from error
+        return policy
+
+
+def take_model(
+    policy: Policy, taught: Counter[Action], *, saved_at_s: float, place: str = ""
+) -> Model:
+    """Copy what a policy knows. Call it on the thread that the policy belongs to."""
+    card = ModelCard(
+        learner=policy.name,
+        moves=tuple(policy.moves),
+        taught={action: count for action, count in taught.items() if count},
+        n_nodes=policy.n_nodes,
+        saved_at_s=saved_at_s,
+        place=place,
+    )
+    return Model(card=card, state=policy.get_state(), preview=_preview(policy.gallery()))
+
+
+def _preview(gallery: list[LearnedImage]) -> NDArray[np.uint8]:
+    if not gallery:
+        return np.zeros((1, 1), np.uint8)
+    return max(gallery, key=lambda image: image.frames).thumbnail.astype(np.uint8)
+
+
+def encode_model(model: Model) -> bytes:
+    """Return the model as the bytes of an `.npz` file."""
+    arrays = {f"state.{name}": array for name, array in model.state.arrays.items()}
+    arrays["preview"] = model.preview
+    card = model.card
+    meta: dict[str, Any] = {
+        "format": FORMAT,
+        "learner": card.learner,
+        "moves": [move.value for move in card.moves],
+        "taught": {action.value: count for action, count in card.taught.items()},
+        "n_nodes": card.n_nodes,
+        "saved_at_s": card.saved_at_s,
+        "place": card.place,
+        "state": {
+            "kind": model.state.kind,
+            "params": model.state.params,
+            "labels": [str(label) for label in model.state.labels],
+        },
+    }
+    meta["sha256"] = _checksum(meta, arrays)
+    text = json.dumps(meta, ensure_ascii=False, default=_plain).encode()
+    file = io.BytesIO()
+    np.savez(file, allow_pickle=False, meta=np.frombuffer(text, np.uint8), **arrays)
+    return file.getvalue()
+
+
+def decode_model(data: bytes) -> Model:
+    """Read a model from the bytes of its file.
+
+    Raises:
+        RecordingError: If it is damaged, hostile, or of a newer format; says which.
+    """
+    arrays = _unpack(data)
+    meta = _read_meta(arrays.pop("meta", None))
+    if meta.get("sha256") != _checksum(meta, arrays):
+        raise RecordingError("the model is damaged: its checksum does not fit")
+    state = State(
+        kind=str(meta["state"]["kind"]),
+        params=dict(meta["state"]["params"]),
+        arrays={n.removeprefix("state."): a for n, a in arrays.items() if n.startswith("state.")},
+        labels=[_label(label) for label in meta["state"]["labels"]],
+    )
+    preview = arrays.get("preview", np.zeros((1, 1), np.uint8))
+    return Model(card=_card(meta), state=state, preview=preview)
+
+
+def decode_card(data: bytes) -> ModelCard:
+    """Read only what a list shows; raises as `decode_model` does, but checks no arrays."""
+    return _card(_read_meta(_unpack(data, only="meta").get("meta")))
+
+
+def stamp(model: Model, *, saved_at_s: float, place: str | None = None) -> Model:
+    """Return the same model with another time, and another place if one is given."""
+    card = replace(model.card, saved_at_s=saved_at_s)
+    return replace(model, card=card if place is None else replace(card, place=place))
+
+
+def _label(text: str) -> str:
+    """Labels of moves come back as what they were, so that a state equals the one it was."""
+    try:
+        return Action(text)
+    except ValueError:
+        return text
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    raise TypeError(f"a {type(value).__name__} has no place in a model's parameters")
+
+
+def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Hash the meta (but for the hash itself) and every array with its name, type and shape."""
+    plain = {key: value for key, value in meta.items() if key != "sha256"}
+    digest = hashlib.sha256(json.dumps(plain, sort_keys=True, default=_plain).encode())
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        digest.update(f"{name} {array.dtype.str} {arrays[name].shape}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def _unpack(data: bytes, only: str | None = None) -> dict[str, NDArray[Any]]:
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = archive.infolist()
+            if len(members) > _MAX_MEMBERS or sum(m.file_size for m in members) > MAX_BYTES:
+                raise RecordingError(
+                    f"this file unpacks to more than a model of {MAX_BYTES >> 20} MB holds"
+                )
+            return {
+                member.filename.removesuffix(".npy"): _read_array(archive.read(member))
+                for member in members
+                if only is None or member.filename == f"{only}.npy"
+            }
+    except (zipfile.BadZipFile, ValueError, EOFError, NotImplementedError, OSError) as error:
+        if isinstance(error, RecordingError):
+            raise
+        raise RecordingError(f"this is no model, or a damaged one: {error}") from error
+    except RuntimeError as error:  # an encrypted member
+        raise RecordingError(f"this is no model: {error}") from error
+
+
+def _read_array(data: bytes) -> NDArray[Any]:
+    """Read one `.npy`; its header is believed only where the bytes are really there."""
+    file = io.BytesIO(data)
+    version = np.lib.format.read_magic(file)
+    read_header = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }.get(version)
+    if read_header is None:
+        raise ValueError(f"an array of format {version}")
+    shape, fortran, dtype = read_header(file)
+    if dtype.hasobject:
+        raise RecordingError("this file holds pickled objects, which are never opened")
+    if math.prod(shape) * dtype.itemsize != len(data) - file.tell() or min(shape, default=0) < 0:
+        raise ValueError(f"an array whose header says {shape} but whose bytes say otherwise")
+    array = np.frombuffer(data, dtype, offset=file.tell()).copy()
+    return array.reshape(shape, order="F" if fortran else "C")
+
+
+def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
+    try:
+        if raw is None or raw.dtype != np.uint8:
+            raise ValueError("it says nothing of itself")
+        meta = json.loads(raw.tobytes())
+        if not isinstance(meta["format"], int) or not isinstance(meta["state"]["params"], dict):
+            raise ValueError("its description has another form")
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise RecordingError(f"this is no model, or a damaged one: {error}") from error
+    if meta["format"] > FORMAT:
+        raise RecordingError(
+            f"this model has format {meta['format']}; this program knows up to {FORMAT}: update it"
+        )
+    return dict(meta)
+
+
+def _card(meta: dict[str, Any]) -> ModelCard:
+    try:
+        return ModelCard(
+            learner=str(meta["learner"]),
+            moves=tuple(Action(move) for move in meta["moves"]),
+            taught={Action(action): int(count) for action, count in meta["taught"].items()},
+            n_nodes=int(meta["n_nodes"]),
+            saved_at_s=float(meta["saved_at_s"]),
+            place=str(meta["place"])[:200],
+        )
+    except (KeyError, ValueError, TypeError, AttributeError) as error:
+        raise RecordingError(f"the model's description is damaged: {error}") from error

@@ -1,0 +1,216 @@
+"""The models of one robot, by name: each a folder of versions, so that one is always good."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot.errors import ConfigurationError, NotFoundError, RecordingError
+from robot.models.model import (
+    MAX_BYTES,
+    Model,
+    ModelCard,
+    decode_card,
+    decode_model,
+    encode_model,
+    stamp,
+)
+from robot.storage import Storage, check_name, free_name, write_whole
+
+log = logging.getLogger(__name__)
+
+KEEP_VERSIONS = 3
+"""How many versions of a model stay: what is saved last may be what a fault spoiled."""
+_DAMAGED = ".damaged"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shelved:
+    """One model of the list; `card` is None where no version can be read."""
+
+    name: str
+    card: ModelCard | None
+    bytes: int
+    is_current: bool
+    damaged: tuple[str, ...]
+
+
+class ModelShelf:
+    """Every file operation on models. Safe for one writer and any number of readers.
+
+    Args:
+        storage: The data folder.
+        wall_s: Seconds since 1970, for the time that a saved model carries.
+    """
+
+    def __init__(self, storage: Storage, wall_s: Callable[[], float] = time.time) -> None:
+        self._storage = storage
+        self._wall_s = wall_s
+        self._marker = storage.models / "current.txt"
+
+    def names(self) -> list[str]:
+        """List the models' names, sorted."""
+        folders = self._storage.models.iterdir()
+        return sorted((f.name for f in folders if f.is_dir()), key=str.casefold)
+
+    def shelved(self) -> list[Shelved]:
+        """List all models, the one saved last first."""
+        current = self.current
+        shelved = [self._look_at(name, name == current) for name in self.names()]
+        return sorted(shelved, key=lambda s: -s.card.saved_at_s if s.card else 0.0)
+
+    def _look_at(self, name: str, is_current: bool) -> Shelved:
+        folder = self._storage.models / name
+        versions = self._versions(name)
+        card = None
+        for version in reversed(versions):
+            with contextlib.suppress(RecordingError, OSError):
+                card = decode_card(_read(version))
+                break
+        return Shelved(
+            name=name,
+            card=card,
+            bytes=versions[-1].stat().st_size if versions else 0,
+            is_current=is_current,
+            damaged=tuple(sorted(path.name for path in folder.glob(f"*{_DAMAGED}"))),
+        )
+
+    @property
+    def current(self) -> str | None:
+        """Name of the model that the robot used last, and uses at the next start."""
+        with contextlib.suppress(OSError, UnicodeDecodeError):
+            name = self._marker.read_text(encoding="utf-8").strip()
+            if self._has(name):
+                return name
+        return None
+
+    @current.setter
+    def current(self, name: str) -> None:
+        write_whole(self._marker, name.encode())
+
+    def save(self, name: str, model: Model) -> Path:
+        """Write the model as the newest version under this name.
+
+        Raises:
+            ConfigurationError: If the name cannot be one.
+            OSError: If the disk refuses; the versions before are untouched.
+        """
+        name = check_name(name)
+        versions = self._versions(name)
+        number = int(versions[-1].stem) + 1 if versions else 1
+        path = self._storage.models / name / f"{number:05d}.npz"
+        write_whole(path, encode_model(stamp(model, saved_at_s=self._wall_s())))
+        for old in versions[: -(KEEP_VERSIONS - 1)]:
+            old.unlink(missing_ok=True)
+        return path
+
+    def load(self, name: str) -> Model:
+        """Read the newest good version; damaged ones are set aside, named, and stay on disk.
+
+        Raises:
+            NotFoundError: If there is no such model.
+        RecordingError: If no version of it is good.
+        """
+        for version in reversed(self._versions(self._check(name))):
+            try:
+                model = decode_model(_read(version))
+                model.to_policy()
+            except RecordingError as error:
+                aside = version.with_name(version.name + _DAMAGED)
+                version.rename(aside)
+                log.warning("model %s set aside as %s: %s", name, aside.name, error)
+            else:
+                return model
+        raise RecordingError(
+            f"no version of the model {name!r} can be read; the damaged ones are still in "
+            f"{self._storage.models / name}"
+        )
+
+    def good_models(self) -> Iterator[tuple[str, Model]]:
+        """Yield what can be read: the model used last, then the others, newest first."""
+        current = self.current
+        others = [other.name for other in self.shelved() if other.name != current]
+        for name in ([current] if current else []) + others:
+            with contextlib.suppress(RecordingError):
+                yield name, self.load(name)
+
+    def read_file(self, name: str) -> bytes:
+        """Return the newest version's bytes, for a download."""
+        versions = self._versions(self._check(name))
+        if not versions:
+            raise RecordingError(f"the model {name!r} has no readable version")
+        return _read(versions[-1])
+
+    def add_file(self, name: str, data: bytes) -> str:
+        """Keep an uploaded model under this name or one like it; return the name.
+
+        Raises:
+            RecordingError: If the bytes are no model that this program can use.
+        """
+        model = decode_model(data)
+        model.to_policy()
+        name = self.free_name(name)
+        write_whole(self._storage.models / name / "00001.npz", data)
+        return name
+
+    def free_name(self, wanted: str) -> str:
+        """Return a name like `wanted` that no model has."""
+        return free_name(check_name(wanted), set(self.names()))
+
+    def rename(self, name: str, new_name: str) -> str:
+        """Give a model another name; return it in the form in which it is kept."""
+        was_current = self.current == self._check(name)
+        new_name = check_name(new_name)
+        others = {other.casefold() for other in self.names() if other != name}
+        if new_name.casefold() in others:
+            raise ConfigurationError(f"there is already a model called {new_name!r}")
+        (self._storage.models / name).rename(self._storage.models / new_name)
+        if was_current:
+            self.current = new_name
+        return new_name
+
+    def set_place(self, name: str, place: str) -> None:
+        """Write down where a model was taught."""
+        model = self.load(name)
+        self.save(name, stamp(model, saved_at_s=model.card.saved_at_s, place=place.strip()[:200]))
+
+    def copy(self, name: str, new_name: str | None = None) -> str:
+        """Copy a model; return the copy's name."""
+        data = self.read_file(name)
+        return self.add_file(new_name or name, data)
+
+    def delete(self, name: str) -> str:
+        """Move a model to the trash; return the word that brings it back."""
+        return self._storage.discard(self._storage.models / self._check(name))
+
+    def restore(self, key: str) -> str:
+        """Bring a deleted model back; return its name, which differs if it was taken since."""
+        place = self._storage.discarded(key)
+        folder = next(iter(place.iterdir()))
+        name = free_name(folder.name, set(self.names()))
+        folder.rename(self._storage.models / name)
+        shutil.rmtree(place, ignore_errors=True)
+        return name
+
+    def _check(self, name: str) -> str:
+        if not self._has(name):
+            raise NotFoundError(f"there is no model called {name[:80]!r}")
+        return name
+
+    def _has(self, name: str) -> bool:
+        return name in self.names()
+
+    def _versions(self, name: str) -> list[Path]:
+        folder = self._storage.models / name
+        return sorted(p for p in folder.glob("*.npz") if p.stem.isdecimal())
+
+
+def _read(path: Path) -> bytes:
+    if path.stat().st_size > MAX_BYTES:
+        raise RecordingError(f"{path.name} is too large for a model")
+    return path.read_bytes()

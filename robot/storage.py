@@ -1,0 +1,196 @@
+"""The one place on disk: what is kept, where, and how it gets there whole.
+
+    DATA/
+      README.txt            says what is here, for a person without the program
+      models/NAME/00001.npz versions of a model, newest last; `current.txt` names the one in use
+      episodes/ID.mcap      recordings, with ID.edits.json beside them
+      exports/              what was made for other tools
+      trash/                what was deleted, until a person empties it
+
+Written down for people in docs/reference/storage.md.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import shutil
+import time
+import unicodedata
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot.errors import ConfigurationError, NotFoundError
+
+_README = """\
+Drivelesson keeps here what was taught.
+
+models/     one folder a model, versions as NumPy .npz files (no pickles): open with numpy.load
+episodes/   one MCAP file a run: open with Foxglove, or with the mcap library
+            NAME.edits.json beside it lists what a person mended; the recording is not touched
+exports/    what was made for other programs
+trash/      what was deleted; move it back, or empty it with: drivelesson episodes empty-trash
+
+All of it can be copied and moved while the program does not run.
+"""
+
+_NAME = re.compile(r"[^\W_][\w .()+,-]{0,63}", re.UNICODE)
+_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+
+
+def default_root() -> Path:
+    """Return where things are kept unless a person says otherwise.
+
+    DRIVELESSON_DATA if it is set; else the user's data folder as the system has it (platformdirs);
+    else, where platformdirs is not installed, the folder of the XDG standard.
+    """
+    chosen = os.environ.get("DRIVELESSON_DATA")
+    if chosen:
+        return Path(chosen).expanduser()
+    try:
+        import platformdirs
+    except ImportError:
+        home = os.environ.get("XDG_DATA_HOME") or "~/.local/share"
+        return Path(home).expanduser() / "drivelesson"
+    return Path(platformdirs.user_data_dir("drivelesson", appauthor=False))
+
+
+def check_name(name: str) -> str:
+    """Return a person's name for a thing in the form in which it can also name a file.
+
+    Raises:
+        ConfigurationError: If it could lead elsewhere, or some system could not store it.
+    """
+    tidy = unicodedata.normalize("NFC", name).strip().rstrip(".")
+    if not _NAME.fullmatch(tidy) or _RESERVED.fullmatch(tidy) or len(tidy.encode()) > 200:
+        raise ConfigurationError(
+            f"{name[:80]!r} cannot be a name: use up to 64 letters, digits, spaces and ( ) - + , . "
+            "and begin with a letter or digit"
+        )
+    return tidy
+
+
+def free_name(wanted: str, taken: set[str]) -> str:
+    """Return `wanted`, or `wanted (2)` and so on, so that no file system mixes it up."""
+    folded = {name.casefold() for name in taken}
+    candidate, number = wanted, 2
+    while candidate.casefold() in folded:
+        ending = f" ({number})"
+        candidate = wanted[: 64 - len(ending)].rstrip() + ending
+        number += 1
+    return candidate
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Put a file in its place all at once: after a power cut it is the old one or the new one.
+
+    Raises:
+        OSError: If the disk refuses; then the old file is untouched.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with temporary.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the folder's list of names reach the disk, where the system can."""
+    if hasattr(os, "O_DIRECTORY"):
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Usage:
+    """Bytes on disk: what is kept, what is in the trash, what the disk has left."""
+
+    models: int
+    episodes: int
+    exports: int
+    trash: int
+    free: int
+
+
+class Storage:
+    """The data folder. Making one makes the folder and what belongs in it."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root.expanduser()
+        self.models = self.root / "models"
+        self.episodes = self.root / "episodes"
+        self.exports = self.root / "exports"
+        self.trash = self.root / "trash"
+        try:
+            for folder in (self.models, self.episodes, self.exports, self.trash):
+                folder.mkdir(parents=True, exist_ok=True)
+            if not (self.root / "README.txt").exists():
+                write_whole(self.root / "README.txt", _README.encode())
+        except OSError as error:
+            raise ConfigurationError(
+                f"the data folder {self.root} cannot be used: {error.strerror or error}; "
+                "choose another with --data FOLDER"
+            ) from error
+        self._sweep()
+
+    def _sweep(self) -> None:
+        """Remove halves of files that a power cut left; whole ones have no such name."""
+        for part in (*self.models.glob("*/.*.part"), *self.episodes.glob(".*.part")):
+            with contextlib.suppress(OSError):
+                part.unlink()
+
+    def usage(self) -> Usage:
+        """Count the bytes of all files."""
+        return Usage(
+            models=_size(self.models),
+            episodes=_size(self.episodes),
+            exports=_size(self.exports),
+            trash=_size(self.trash),
+            free=shutil.disk_usage(self.root).free,
+        )
+
+    def discard(self, *paths: Path) -> str:
+        """Move files or folders to the trash together; return the word that brings them back."""
+        key = f"{time.time_ns():020d}"
+        place = self.trash / key
+        place.mkdir()
+        for path in paths:
+            if path.exists():
+                path.rename(place / path.name)
+        return key
+
+    def discarded(self, key: str) -> Path:
+        """Return the trash folder of this word.
+
+        Raises:
+            NotFoundError: If there is none: it was restored, or the trash was emptied.
+        """
+        if not re.fullmatch(r"\d{20}", key) or not (self.trash / key).is_dir():
+            raise NotFoundError("that is no longer in the trash")
+        return self.trash / key
+
+    def empty_trash(self) -> int:
+        """Delete for good what is in the trash; return how many bytes that freed."""
+        size = _size(self.trash)
+        for place in self.trash.iterdir():
+            shutil.rmtree(place, ignore_errors=True)
+        return size
+
+
+def _size(folder: Path) -> int:
+    total = 0
+    for path in folder.rglob("*"):
+        with contextlib.suppress(OSError):
+            total += path.stat().st_size if path.is_file() else 0
+    return total

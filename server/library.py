@@ -1,0 +1,98 @@
+"""What the server keeps on disk, joined to one robot: models, and the recordings of its runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any, Self
+
+from fastapi import HTTPException, Request
+
+from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
+from robot.models.keeper import Announce, Keeper, say_nothing
+from robot.models.shelf import ModelShelf
+from robot.rig import Rig
+from robot.storage import Storage
+
+
+class Library:
+    """Starts and stops what keeps. A context manager, inside of the rig's."""
+
+    def __init__(
+        self, storage: Storage, rig: Rig, *, name: str = "robot", announce: Announce = say_nothing
+    ) -> None:
+        self.storage = storage
+        self.models = ModelShelf(storage)
+        self.keeper = Keeper(
+            rig.loop, self.models, name=name, moves=rig.driver.moves, announce=announce
+        )
+
+    def start(self) -> None:
+        """Begin to keep; what was kept before is loaded by `keeper.load_last`."""
+        self.keeper.start()
+
+    def stop(self) -> None:
+        """Save what was learned; the loop must still turn. Idempotent."""
+        self.keeper.stop()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+
+def library_of(request: Request) -> Library:
+    """Dependency of routes that need what is kept; 503 where nothing is."""
+    library = getattr(request.app.state, "library", None)
+    if not isinstance(library, Library):
+        raise HTTPException(503, "Nothing is kept here: start the server with --data FOLDER.")
+    return library
+
+
+@contextmanager
+def refusals() -> Iterator[None]:
+    """Turn what went wrong into a status and a sentence for the page."""
+    try:
+        yield
+    except NotFoundError as error:
+        raise HTTPException(404, str(error)) from error
+    except ConfigurationError as error:
+        raise HTTPException(409, str(error)) from error
+    except MissingExtraError as error:
+        raise HTTPException(501, str(error)) from error
+    except RobotError as error:
+        raise HTTPException(422, str(error)) from error
+    except OSError as error:
+        raise HTTPException(507, f"The disk refused: {error.strerror or error}") from error
+
+
+async def read_body(request: Request) -> dict[str, Any]:
+    """Return the JSON object that a request carries; {} if it has no body.
+
+    Raises:
+        HTTPException: 400 if it is anything else.
+    """
+    raw = await request.body()
+    try:
+        body = await request.json() if raw else {}
+    except (ValueError, RecursionError) as error:
+        raise HTTPException(400, "The body is no JSON.") from error
+    if not isinstance(body, dict):
+        raise HTTPException(400, "The body must be a JSON object.")
+    return body
+
+
+def text_field(body: dict[str, Any], name: str, default: str | None = None) -> str | None:
+    """Return a text of the body, or the default; 400 if it is none, or overlong."""
+    value = body.get(name, default)
+    if value is not None and (not isinstance(value, str) or len(value) > 200):
+        raise HTTPException(400, f"{name!r} must be a text of at most 200 characters.")
+    return value

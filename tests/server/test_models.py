@@ -1,0 +1,160 @@
+"""The models of one robot over HTTP, with a running loop behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from robot.policy import make_policy
+from robot.rig import Rig
+from robot.storage import Storage
+from robot.types import Action, Lesson, Mode
+from server.app import create_app
+from server.config import Config
+from server.library import Library
+from server.serving import served
+
+from .live_robot import WEB, LiveCamera, RealClock, TimedDriver
+
+
+class Bench:
+    def __init__(self, rig: Rig, library: Library, client: httpx.Client) -> None:
+        self.rig, self.library, self.client = rig, library, client
+
+    def teach(self, lessons: int) -> None:
+        loop, camera = self.rig.loop, self.rig.camera
+
+        def teach() -> None:
+            frame = camera.latest()
+            assert frame is not None
+            x = loop.school.policy.extract(frame)
+            for i in range(lessons):
+                lesson = Lesson(frame_id=i, label=Action.LEFT, is_intervention=False)
+                loop.school.teach(lesson, x + i, i * 0.05)
+
+        loop.submit(teach).result(5)
+
+    def names(self) -> list[str]:
+        return [model["name"] for model in self.client.get("/api/models").json()["models"]]
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    clock = RealClock()
+    rig = Rig(TimedDriver(), LiveCamera(clock), make_policy("published-8"), clock)
+    config = Config(port=0, web=WEB, data=tmp_path)
+    app = create_app(config, rig, name="bench")
+    library = app.state.library = Library(Storage(tmp_path), rig, name="bench")
+    with (
+        rig,
+        library,
+        served(app, config) as address,
+        httpx.Client(base_url=address, timeout=20) as client,
+    ):
+        while rig.camera.latest() is None:
+            pass
+        yield Bench(rig, library, client)
+
+
+def test_a_taught_model_is_saved_listed_and_previewed(bench: Bench) -> None:
+    assert bench.client.get("/api/models").json() == {"current": None, "models": []}
+    bench.teach(12)
+    assert bench.client.post("/api/models/save").json() == {"name": "bench"}
+    listed = bench.client.get("/api/models").json()
+    assert listed["current"] == "bench"
+    [model] = listed["models"]
+    assert model["lessons"] == 12 and model["taught"] == {"left": 12}
+    assert model["learner"] == "published-8" and model["current"] and model["readable"]
+    preview = bench.client.get("/api/models/bench/preview")
+    assert preview.content.startswith(b"\x89PNG")
+
+
+def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
+    bench.teach(12)
+    bench.client.post("/api/models/save")
+    made = bench.client.post("/api/models", json={"name": "Flur", "place": "the hall"})
+    assert (made.status_code, made.json()) == (201, {"name": "Flur"})
+    assert bench.rig.loop.submit(lambda: bench.rig.loop.school.lessons).result(5) == 0
+    bench.teach(3)
+    assert bench.client.post("/api/models/bench/load").json() == {"name": "bench"}
+    assert bench.rig.loop.submit(lambda: bench.rig.loop.school.lessons).result(5) == 12
+    assert bench.client.post("/api/models/Flur/load").status_code == 200
+    assert bench.rig.loop.submit(lambda: bench.rig.loop.school.lessons).result(5) == 3
+
+
+def test_a_driving_robot_keeps_its_model(bench: Bench) -> None:
+    bench.teach(12)
+    bench.client.post("/api/models/save")
+    bench.rig.loop.set_mode(Mode.TRAIN).result(5)
+    answer = bench.client.post("/api/models/bench/load")
+    assert answer.status_code == 409 and "stop the robot" in answer.json()["detail"]
+
+
+def test_rename_copy_delete_and_undo(bench: Bench) -> None:
+    bench.teach(5)
+    bench.client.post("/api/models/save")
+    changed = bench.client.patch("/api/models/bench", json={"name": "Küche", "place": "home"})
+    assert changed.json() == {"name": "Küche"}
+    assert bench.client.post("/api/models/Küche/copy", json={}).json() == {"name": "Küche (2)"}
+    undo = bench.client.delete("/api/models/Küche (2)").json()["undo"]
+    assert bench.names() == ["Küche"]
+    assert bench.client.post("/api/models/restore", json={"undo": undo}).status_code == 200
+    assert sorted(bench.names()) == ["Küche", "Küche (2)"]
+    bench.teach(1)
+    assert bench.client.post("/api/models/save").json() == {"name": "Küche"}
+
+
+def test_download_and_upload(bench: Bench) -> None:
+    bench.teach(5)
+    bench.client.post("/api/models/save")
+    file = bench.client.get("/api/models/bench/file")
+    assert "attachment" in file.headers["content-disposition"]
+    uploaded = bench.client.put("/api/models/bench/file", content=file.content)
+    assert (uploaded.status_code, uploaded.json()) == (201, {"name": "bench (2)"})
+    assert bench.client.get("/api/models/bench (2)/file").content == file.content
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body", "status"),
+    [
+        ("PUT", "/api/models/x/file", b"no model", 422),
+        ("PUT", "/api/models/x/file", b"", 400),
+        ("PUT", "/api/models/..%2Fx/file", b"no model", 405),
+        ("POST", "/api/models/nobody/load", b"", 404),
+        ("DELETE", "/api/models/nobody", b"", 404),
+        ("GET", "/api/models/nobody/preview", b"", 404),
+        ("GET", "/api/models/%2e%2e/file", b"", 404),
+        ("POST", "/api/models/restore", b'{"undo": "../.."}', 404),
+        ("POST", "/api/models", b"[1]", 400),
+        ("POST", "/api/models", b"{", 400),
+        ("POST", "/api/models", b'{"name": 7}', 400),
+        ("POST", "/api/models", b'{"name": "../x"}', 409),
+        ("POST", "/api/models", b'{"learner": "oracle-7"}', 409),
+    ],
+)
+def test_what_cannot_be_done_is_said(
+    bench: Bench, tmp_path: Path, method: str, path: str, body: bytes, status: int
+) -> None:
+    before = sorted(tmp_path.parent.rglob("*"))
+    answer = bench.client.request(method, path, content=body)
+    assert answer.status_code == status, answer.text
+    assert sorted(tmp_path.parent.rglob("*")) == before
+
+
+def test_what_was_taught_is_saved_at_the_end_and_loaded_at_the_next_start(bench: Bench) -> None:
+    bench.teach(7)
+    bench.library.stop()
+    next_rig = Rig(TimedDriver(), LiveCamera(RealClock()), make_policy("published-8"))
+    with next_rig, Library(bench.library.storage, next_rig) as library:
+        assert library.keeper.load_last() == "bench"
+        assert next_rig.loop.submit(lambda: next_rig.loop.school.lessons).result(5) == 7
+
+
+def test_a_mode_change_saves(bench: Bench) -> None:
+    bench.teach(7)
+    bench.rig.loop.set_mode(Mode.TRAIN).result(5)
+    bench.library.keeper.stop()
+    assert bench.names() == ["bench"]
