@@ -1,0 +1,140 @@
+import assert from 'node:assert/strict';
+import { beforeEach, test } from 'node:test';
+
+import { Connection } from '../../web/js/connection.js';
+import { encodePicture } from '../../web/js/protocol.js';
+
+/** A socket that a test opens, feeds and cuts. */
+class FakeSocket {
+  static all = [];
+
+  constructor(url) {
+    this.url = url;
+    this.sent = [];
+    this.readyState = 0;
+    FakeSocket.all.push(this);
+  }
+
+  open() {
+    this.readyState = 1;
+    this.onopen?.();
+  }
+
+  send(message) {
+    this.sent.push(message);
+  }
+
+  close() {
+    this.readyState = 3;
+  }
+}
+
+/** Timers that run when a test says so. */
+class FakeTime {
+  nowMs = 0;
+  timers = new Map();
+  next = 1;
+
+  setTimeout = (act, ms) => {
+    this.timers.set(this.next, { at: this.nowMs + ms, act });
+    return this.next++;
+  };
+
+  clearTimeout = (id) => this.timers.delete(id);
+
+  forward(ms) {
+    const end = this.nowMs + ms;
+    for (;;) {
+      const due = [...this.timers].filter(([, t]) => t.at <= end).sort((a, b) => a[1].at - b[1].at)[0];
+      if (!due) break;
+      this.timers.delete(due[0]);
+      this.nowMs = due[1].at;
+      due[1].act();
+    }
+    this.nowMs = end;
+  }
+}
+
+let time;
+let connection;
+let events;
+const latest = (path) => FakeSocket.all.filter((s) => s.url.endsWith(path)).at(-1);
+
+beforeEach(() => {
+  FakeSocket.all = [];
+  time = new FakeTime();
+  connection = new Connection('ws://robot', {
+    WebSocket: FakeSocket,
+    nowMs: () => time.nowMs,
+    setTimeout: time.setTimeout,
+    clearTimeout: time.clearTimeout,
+  });
+  events = [];
+  for (const type of ['open', 'lost', 'words', 'picture']) {
+    connection.addEventListener(type, (event) => events.push([type, event.detail]));
+  }
+  connection.connect();
+});
+
+test('pictures have a socket of their own, opened after the words', () => {
+  assert.deepEqual(FakeSocket.all.map((s) => s.url), ['ws://robot/ws/drive']);
+  latest('/ws/drive').open();
+  latest('/ws/video').open();
+  const picture = { frameId: 7, capturedMs: 3, encoding: 'rgb', width: 1, height: 1, data: new Uint8Array(3) };
+  latest('/ws/video').onmessage({ data: encodePicture(picture) });
+  assert.deepEqual(events.at(-1), ['picture', picture]);
+  connection.acknowledge(7);
+  assert.equal(latest('/ws/video').sent.length, 1);
+});
+
+test('a silent link counts as lost, and a new one begins with nothing to say', () => {
+  latest('/ws/drive').open();
+  connection.nextSeq();
+  assert.equal(connection.nextSeq(), 2);
+  time.forward(1000);
+  latest('/ws/drive').onmessage({ data: '{"type":"state"}' });
+  time.forward(1400);
+  assert.deepEqual(events.map(([type]) => type), ['open', 'words']);
+  time.forward(200);
+  assert.equal(events.at(-1)[0], 'lost');
+  assert.equal(connection.send('late'), false);
+  time.forward(300);
+  latest('/ws/drive').open();
+  const said = latest('/ws/drive').sent.map((text) => JSON.parse(text).type);
+  assert.deepEqual(said, ['ping']);
+  assert.equal(connection.nextSeq(), 1);
+});
+
+test('a dead robot is asked for less and less often, a living one at once', () => {
+  for (const wait of [250, 500, 1000, 2000, 2000]) {
+    const before = FakeSocket.all.length;
+    latest('/ws/drive').onclose();
+    time.forward(wait - 1);
+    assert.equal(FakeSocket.all.length, before);
+    time.forward(1);
+    assert.equal(FakeSocket.all.length, before + 1);
+  }
+});
+
+test('the clocks are compared by the quickest answer', () => {
+  latest('/ws/drive').open();
+  const pong = (sentMs, backMs, serverMs) => {
+    time.nowMs = backMs;
+    latest('/ws/drive').onmessage({ data: JSON.stringify({ type: 'pong', client_ms: sentMs, server_ms: serverMs }) });
+  };
+  assert.equal(connection.ageMs(0), null);
+  pong(100, 300, 5000); // 200 ms there and back, answered at 200 by our clock: 4800 ahead
+  assert.equal(connection.ageMs(5000), 100);
+  pong(400, 410, 5205); // 10 ms there and back: the same difference, told better
+  pong(500, 900, 5900); // a slow one changes nothing
+  assert.equal(connection.delayMs, 400);
+  assert.equal(connection.ageMs(5600), 100);
+});
+
+test('a video socket that closes alone is opened again', () => {
+  latest('/ws/drive').open();
+  latest('/ws/video').open();
+  latest('/ws/video').onclose();
+  time.forward(250);
+  assert.equal(FakeSocket.all.filter((s) => s.url.endsWith('/ws/video')).length, 2);
+});

@@ -1,0 +1,29 @@
+"""The page's own tests run in node; here they join the others."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+IN_CI = os.environ.get("CI") == "true"
+
+
+@pytest.fixture
+def node() -> str:
+    found = shutil.which("node")
+    if found is None and IN_CI:
+        pytest.fail("CI needs node: apt-get install nodejs")
+    if found is None:
+        pytest.skip("NODE IS MISSING: the page's own tests did not run (apt-get install nodejs)")
+    return found
+
+
+def test_the_page_in_node(node: str) -> None:
+    files = sorted(str(path) for path in HERE.glob("*.test.mjs"))
+    ran = subprocess.run([node, "--test", *files], capture_output=True, text=True, timeout=100)
+    assert ran.returncode == 0, ran.stdout + ran.stderr

@@ -1,0 +1,78 @@
+// What to tell a person about their robot now: one sentence and its next step. Pure.
+
+/** @typedef {import('./store.js').PageState} PageState */
+/** @typedef {{key: string, values?: Record<string, string | number>, step?: string, stepKey?: string, level: 'info' | 'ask' | 'stop'}} Advice */
+
+const FEW_LESSONS = 60;
+const STARVED_SHARE = 0.1;
+const READY_LESSONS = 150;
+const READY_AGREEMENT = 0.85;
+
+/**
+ * The move of which too little was taught; null if none is starved or it is too early to say.
+ * @param {Record<string, number>} taught
+ * @returns {{move: string, share: number} | null}
+ */
+export function starvedMove(taught) {
+  const total = Object.values(taught).reduce((sum, n) => sum + n, 0);
+  if (total < FEW_LESSONS) return null;
+  const [move, n] = Object.entries(taught).reduce((a, b) => (b[1] < a[1] ? b : a));
+  return n / total < STARVED_SHARE ? { move, share: n / total } : null;
+}
+
+/** True if the robot may try alone. @param {{lessons: number, agreement: number | null, agreement_frames: number, taught: Record<string, number>}} robot */
+export function isReady(robot) {
+  return (
+    robot.lessons >= READY_LESSONS &&
+    robot.agreement_frames >= 50 &&
+    (robot.agreement ?? 0) >= READY_AGREEMENT &&
+    starvedMove(robot.taught) === null
+  );
+}
+
+/**
+ * Why the robot cannot be driven just now, if so; the first that applies.
+ * @param {PageState} page
+ * @returns {Advice | null}
+ */
+export function obstacle(page) {
+  const robot = page.robot;
+  if (page.link !== 'open' || !robot) {
+    return { key: page.link === 'lost' ? 'out_of_reach' : 'connecting', level: 'info' };
+  }
+  if (robot.emergency) return { key: 'emergency', step: 'release', level: 'stop' };
+  if (!robot.you_are_pilot) return wheelElsewhere(page);
+  if (page.wheelAsked) return { key: 'wheel_asked', step: 'yield', level: 'ask' };
+  if (robot.fault) return { key: 'fault', values: { fault: robot.fault }, level: 'stop' };
+  if (page.localStop) return { key: `local.${page.localStop}`, level: 'stop' };
+  if (robot.mode === 'stopped' && robot.stop_reason && robot.stop_reason !== 'pilot_asked') {
+    return { key: `stop.${robot.stop_reason}`, level: 'stop' };
+  }
+  if (robot.asks_pilot && robot.mode === 'autonomous') {
+    return { key: robot.lessons ? 'asks' : 'asks_empty', level: 'ask' };
+  }
+  return null;
+}
+
+/** @param {PageState} page @returns {Advice} */
+function wheelElsewhere(page) {
+  if (page.role === 'viewer') return { key: 'viewer', level: 'info' };
+  if (page.robot?.pilot === null) return { key: 'wheel_free', step: 'take', level: 'info' };
+  if (page.wheelWaiting) return { key: 'wheel_waiting', level: 'info' };
+  return { key: 'wheel_taken', step: 'take', level: 'info' };
+}
+
+/**
+ * What would help the lesson most.
+ * @param {import('./protocol.js').RobotState} robot
+ * @returns {{key: string, move?: string, share?: number}}
+ */
+export function teachingAdvice(robot) {
+  if (robot.mode === 'stopped' && robot.lessons === 0) return { key: 'advice.start' };
+  if (robot.lessons === 0) return { key: 'advice.first' };
+  const starved = starvedMove(robot.taught);
+  if (starved) return { key: 'advice.starved', ...starved };
+  if (robot.mode === 'autonomous') return { key: 'advice.watch' };
+  if (isReady(robot)) return { key: 'advice.ready' };
+  return { key: robot.mode === 'stopped' ? 'advice.more' : 'advice.go_on' };
+}

@@ -1,0 +1,117 @@
+// <drive-pad>: the directions to hold, Undo, and the emergency stop.
+//
+// Each finger is followed by itself and may slide from one direction to another; a finger that
+// slides off the pad lets go.
+
+import { append, fill, h, icon } from '../dom.js';
+import { t } from '../i18n.js';
+import { Tilt } from '../inputs/tilt.js';
+
+const SLACK_PX = 24;
+const TAP_MS = 500;
+
+export class DrivePad extends HTMLElement {
+  /** @param {import('../page.js').Page} page */
+  start(page) {
+    this.page = page;
+    this.tilt = new Tilt(page.helm);
+    this.moves = h('div', { class: 'moves', role: 'group', 'aria-label': t('pad') });
+    this.undo = h('a', { class: 'button undo', href: '#undo' }, icon('undo'), t('undo'));
+    this.stop = h('button', { class: 'stop', type: 'button', onclick: () => page.stop() },
+      h('span', { class: 'square', 'aria-hidden': 'true' }), t('emergency_stop'));
+    append(this, [this.moves, this.undo, this.stop]);
+    page.store.watch(['moves'], (state) => this.build(state.moves));
+    page.store.watch(['held', 'robot', 'link'], (state) => this.render(state));
+    this.follow(this.moves);
+  }
+
+  /** @param {string[]} moves */
+  build(moves) {
+    const useTilt = this.page?.preferences.tilt;
+    fill(/** @type {Element} */ (this.moves), ...moves.map((move) => this.makeButton(move)),
+      useTilt ? h('button', { class: 'move tilt', type: 'button', 'data-move': 'tilt' }, icon('tilt'), t('tilt_hold')) : null);
+    this.dataset.count = String(moves.length + (useTilt ? 1 : 0));
+  }
+
+  /** @param {string} move */
+  makeButton(move) {
+    const source = `button ${move}`;
+    const helm = this.page?.helm;
+    return h('button', {
+      class: 'move', type: 'button', 'data-move': move, 'aria-pressed': 'false',
+      onkeydown: (/** @type {KeyboardEvent} */ event) => {
+        if (event.key === 'Enter' && !event.repeat) helm?.press(source, move);
+      },
+      onkeyup: () => helm?.release(source),
+      onblur: () => helm?.release(source),
+      // A screen reader's click has no finger that could hold.
+      onclick: (/** @type {PointerEvent} */ event) => {
+        if (event.pointerType || event.detail) return;
+        helm?.press(source, move);
+        setTimeout(() => helm?.release(source), TAP_MS);
+      },
+    }, icon(move), t(`move.${move}`));
+  }
+
+  /** @param {HTMLElement} moves */
+  follow(moves) {
+    const helm = /** @type {import('../helm.js').Helm} */ (this.page?.helm);
+    const letGo = (/** @type {PointerEvent} */ event) => {
+      helm.release(`finger ${event.pointerId}`);
+      this.tilt?.letGo();
+    };
+    moves.addEventListener('pointerdown', (event) => {
+      const move = moveAt(event);
+      if (!move || (event.pointerType === 'mouse' && event.button !== 0)) return;
+      event.preventDefault();
+      moves.setPointerCapture(event.pointerId);
+      this.press(event.pointerId, move);
+    });
+    moves.addEventListener('pointermove', (event) => {
+      if (!moves.hasPointerCapture(event.pointerId) || this.tilt?.isHeld) return;
+      const move = moveAt(event);
+      if (move && move !== 'tilt') helm.press(`finger ${event.pointerId}`, move);
+      else if (!isNear(moves, event)) letGo(event);
+    });
+    for (const type of /** @type {const} */ (['pointerup', 'pointercancel', 'lostpointercapture'])) {
+      moves.addEventListener(type, letGo);
+    }
+    this.addEventListener('contextmenu', (event) => event.preventDefault());
+  }
+
+  /** @param {number} pointerId @param {string} move */
+  press(pointerId, move) {
+    if (this.page?.preferences.vibrate) navigator.vibrate?.(12);
+    if (move === 'tilt') this.tilt?.hold();
+    else this.page?.helm.press(`finger ${pointerId}`, move);
+  }
+
+  /** @param {import('../store.js').PageState} state */
+  render({ held, robot, link }) {
+    const byRobot = robot?.driven_by === 'robot' ? robot.action : null;
+    for (const button of this.querySelectorAll('.move')) {
+      const move = button.getAttribute('data-move');
+      button.classList.toggle('held', move === held);
+      button.classList.toggle('robot', !held && move === byRobot);
+      button.setAttribute('aria-pressed', String(move === held));
+    }
+    this.classList.toggle('idle', link !== 'open' || !robot?.you_are_pilot || robot.mode === 'stopped');
+  }
+}
+
+/** @param {PointerEvent} event */
+function moveAt(event) {
+  const under = document.elementFromPoint(event.clientX, event.clientY);
+  return under?.closest('.move')?.getAttribute('data-move') ?? null;
+}
+
+/** True if the finger is on a button or in the gaps about them. @param {Element} moves @param {PointerEvent} event */
+function isNear(moves, event) {
+  return [...moves.children].some((button) => {
+    const box = button.getBoundingClientRect();
+    return event.clientX > box.left - SLACK_PX && event.clientX < box.right + SLACK_PX &&
+      event.clientY > box.top - SLACK_PX && event.clientY < box.bottom + SLACK_PX;
+  });
+}
+
+customElements.define('drive-pad', DrivePad);

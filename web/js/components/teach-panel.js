@@ -1,0 +1,52 @@
+// <teach-panel>: how good the robot is, how much it was taught, and what would help most.
+
+import { append, h, say, svg } from '../dom.js';
+import { teachingAdvice } from '../advice.js';
+import { count, percent, t } from '../i18n.js';
+
+const WIDTH = 200;
+const HEIGHT = 34;
+
+export class TeachPanel extends HTMLElement {
+  /** @param {import('../page.js').Page} page */
+  start(page) {
+    this.agreement = h('strong', {}, '–');
+    this.agreementWord = h('small', {}, t('agrees'));
+    this.lessons = h('b', {}, '0');
+    this.advice = h('p', { role: 'status' });
+    this.curve = svg('polyline', { class: 'curve' });
+    const goal = svg('line', { class: 'goal', x1: 0, x2: WIDTH, y1: height(0.85), y2: height(0.85) });
+    const chart = svg('svg', { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: 'none', 'aria-hidden': 'true' }, goal, this.curve);
+    append(this, [
+      h('a', { href: '#teaching', class: 'summary', 'aria-label': t('screen.teaching') },
+        h('span', { class: 'big' }, this.agreement, this.agreementWord), chart,
+        h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught')))),
+      this.advice,
+    ]);
+    page.store.watch(['robot'], ({ robot }) => robot && this.render(robot));
+    page.store.watch(['agreement'], (state) => this.curve?.setAttribute('points', points(state.agreement)));
+  }
+
+  /** @param {import('../protocol.js').RobotState} robot */
+  render(robot) {
+    say(/** @type {Node} */ (this.agreement), robot.agreement === null ? '–' : percent(robot.agreement));
+    say(/** @type {Node} */ (this.lessons), count(robot.lessons));
+    const { key, move, share } = teachingAdvice(robot);
+    say(/** @type {Node} */ (this.advice), t(key, {
+      moves: move ? t(`moves.${move}`) : '',
+      share: share === undefined ? '' : percent(share),
+      agreement: robot.agreement === null ? '' : percent(robot.agreement),
+    }));
+  }
+}
+
+/** @param {number} share */
+const height = (share) => HEIGHT - 2 - share * (HEIGHT - 4);
+
+/** @param {number[]} shares */
+export function points(shares) {
+  const step = WIDTH / Math.max(1, shares.length - 1);
+  return shares.map((share, i) => `${(i * step).toFixed(1)},${height(share).toFixed(1)}`).join(' ');
+}
+
+customElements.define('teach-panel', TeachPanel);

@@ -1,0 +1,191 @@
+// The two sockets, kept open. A reconnect begins anew: nothing that was held is ever replayed.
+
+import {
+  encodeAcknowledgement,
+  encodePing,
+  encodeWord,
+  parsePicture,
+  parseWords,
+} from './protocol.js';
+
+const SILENCE_MS = 1500; // states come ten times a second: so much silence is a dead link
+const FIRST_RETRY_MS = 250;
+const LAST_RETRY_MS = 2000;
+const PING_EVERY_MS = 1000;
+const CLOCK_SAMPLES = 8;
+
+/**
+ * Events: `open`, `lost`, and `words` and `picture` with the message as `detail`.
+ *
+ * @typedef {object} Environment  what tests put in place of the browser's own
+ * @property {new (url: string) => WebSocket} WebSocket
+ * @property {() => number} nowMs
+ * @property {(f: () => void, ms: number) => number} setTimeout
+ * @property {(id: number) => void} clearTimeout
+ */
+export class Connection extends EventTarget {
+  /** @param {string} base such as ws://host:8000 @param {Partial<Environment>} [environment] */
+  constructor(base, environment = {}) {
+    super();
+    this.base = base;
+    /** @type {Environment} */
+    this.env = {
+      WebSocket: globalThis.WebSocket,
+      nowMs: () => performance.now(),
+      setTimeout: (f, ms) => /** @type {any} */ (globalThis.setTimeout(f, ms)),
+      clearTimeout: (id) => globalThis.clearTimeout(id),
+      ...environment,
+    };
+    this.retryMs = FIRST_RETRY_MS;
+    this.seq = 0;
+    /** @type {WebSocket | null} */
+    this.drive = null;
+    /** @type {WebSocket | null} */
+    this.video = null;
+    /** @type {{rttMs: number, offsetMs: number}[]} */
+    this.samples = [];
+    /** @type {Record<string, number>} */
+    this.timers = {};
+  }
+
+  get isOpen() {
+    return this.drive?.readyState === 1;
+  }
+
+  /** Round trip of the last ping; null before the first. */
+  get delayMs() {
+    return this.samples.at(-1)?.rttMs ?? null;
+  }
+
+  /** How old a moment of the server's clock is now; null before the first pong. @param {number} serverMs */
+  ageMs(serverMs) {
+    if (!this.samples.length) return null;
+    // The quickest round trip tells the clocks' difference best.
+    const best = this.samples.reduce((a, b) => (b.rttMs < a.rttMs ? b : a));
+    return Math.max(0, this.env.nowMs() + best.offsetMs - serverMs);
+  }
+
+  connect() {
+    this.dropSockets();
+    this.seq = 0;
+    this.samples = [];
+    const drive = (this.drive = new this.env.WebSocket(`${this.base}/ws/drive`));
+    drive.onopen = () => this.opened();
+    drive.onmessage = ({ data }) => this.heard(data);
+    drive.onclose = drive.onerror = () => this.lose();
+    this.expectWord(SILENCE_MS * 2);
+  }
+
+  /** Give up these sockets and try again at once, as after a page comes back from the cache. */
+  reconnect() {
+    this.retryMs = FIRST_RETRY_MS;
+    this.lose();
+  }
+
+  /** Leave for good. */
+  close() {
+    for (const name of Object.keys(this.timers)) this.cancel(name);
+    this.dropSockets();
+  }
+
+  /** Send one message; false if the link is down. @param {string} text */
+  send(text) {
+    if (!this.isOpen) return false;
+    this.drive?.send(text);
+    return true;
+  }
+
+  /** Send a word without fields. @param {'stop' | 'release' | 'take' | 'yield'} type */
+  say(type) {
+    return this.send(encodeWord(type));
+  }
+
+  nextSeq() {
+    this.seq += 1;
+    return this.seq;
+  }
+
+  /** @param {number} frameId */
+  acknowledge(frameId) {
+    if (this.video?.readyState === 1) this.video.send(encodeAcknowledgement(frameId));
+  }
+
+  opened() {
+    this.openVideo();
+    this.ping();
+    this.dispatchEvent(new Event('open'));
+  }
+
+  openVideo() {
+    const video = (this.video = new this.env.WebSocket(`${this.base}/ws/video`));
+    video.binaryType = 'arraybuffer';
+    video.onmessage = ({ data }) => this.emit('picture', parsePicture(data));
+    video.onclose = () => {
+      if (this.video === video && this.isOpen) {
+        this.after('video', FIRST_RETRY_MS, () => this.isOpen && this.openVideo());
+      }
+    };
+  }
+
+  /** @param {string} text */
+  heard(text) {
+    this.expectWord(SILENCE_MS);
+    this.retryMs = FIRST_RETRY_MS;
+    const words = parseWords(text);
+    if (words.type === 'pong') this.notePong(words.client_ms, words.server_ms);
+    else this.emit('words', words);
+  }
+
+  ping() {
+    this.send(encodePing(this.env.nowMs()));
+    this.after('ping', PING_EVERY_MS, () => this.ping());
+  }
+
+  /** @param {number} clientMs @param {number} serverMs */
+  notePong(clientMs, serverMs) {
+    const nowMs = this.env.nowMs();
+    this.samples.push({ rttMs: nowMs - clientMs, offsetMs: serverMs - (clientMs + nowMs) / 2 });
+    if (this.samples.length > CLOCK_SAMPLES) this.samples.shift();
+  }
+
+  lose() {
+    this.dropSockets();
+    this.cancel('ping');
+    this.cancel('silence');
+    this.dispatchEvent(new Event('lost'));
+    this.after('retry', this.retryMs, () => this.connect());
+    this.retryMs = Math.min(this.retryMs * 2, LAST_RETRY_MS);
+  }
+
+  dropSockets() {
+    for (const socket of [this.drive, this.video]) {
+      if (!socket) continue;
+      // A socket on a silent network takes long to close: forget it now.
+      socket.onopen = socket.onmessage = socket.onclose = socket.onerror = null;
+      socket.close();
+    }
+    this.drive = this.video = null;
+  }
+
+  /** @param {number} ms */
+  expectWord(ms) {
+    this.after('silence', ms, () => this.lose());
+  }
+
+  /** @param {string} name @param {number} ms @param {() => void} act */
+  after(name, ms, act) {
+    this.cancel(name);
+    this.timers[name] = this.env.setTimeout(act, ms);
+  }
+
+  /** @param {string} name */
+  cancel(name) {
+    if (name in this.timers) this.env.clearTimeout(this.timers[name]);
+    delete this.timers[name];
+  }
+
+  /** @param {string} type @param {unknown} detail */
+  emit(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, { detail }));
+  }
+}

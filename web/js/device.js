@@ -1,0 +1,61 @@
+// What the browser can do for a page that drives: keep the screen on, and say what is off and why.
+
+/** Keep the screen on while `wanted` says so; plain HTTP cannot. */
+export class WakeLock {
+  constructor() {
+    /** @type {any} */
+    this.lock = null;
+    this.wanted = false;
+  }
+
+  /** @param {boolean} wanted */
+  async want(wanted) {
+    this.wanted = wanted;
+    const api = /** @type {any} */ (navigator).wakeLock;
+    if (!api) return;
+    if (wanted && !this.lock && document.visibilityState === 'visible') {
+      this.lock = await api.request('screen').catch(() => null);
+      this.lock?.addEventListener('release', () => (this.lock = null));
+    } else if (!wanted && this.lock) {
+      await this.lock.release();
+    }
+  }
+}
+
+const KEY = 'drivelesson.preferences';
+
+/** What this person wants on this device. */
+export class Preferences {
+  constructor(storage = localStorage) {
+    this.storage = storage;
+    /** @type {Record<string, any>} */
+    this.values = { vibrate: true, tilt: false, hintsSeen: false, ...read(storage) };
+  }
+
+  get vibrate() {
+    return Boolean(this.values.vibrate);
+  }
+
+  get tilt() {
+    return Boolean(this.values.tilt);
+  }
+
+  get hintsSeen() {
+    return Boolean(this.values.hintsSeen);
+  }
+
+  /** @param {string} name @param {unknown} value */
+  set(name, value) {
+    this.values[name] = value;
+    this.storage.setItem(KEY, JSON.stringify(this.values));
+  }
+}
+
+/** @param {Storage} storage */
+function read(storage) {
+  try {
+    return JSON.parse(storage.getItem(KEY) ?? '{}');
+  } catch {
+    return {};
+  }
+}

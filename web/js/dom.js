@@ -1,0 +1,74 @@
+// Building elements without a framework. The page's policy allows no inline style, so sizes that
+// follow data are set through `element.style`, which it does allow.
+
+/**
+ * @template {keyof HTMLElementTagNameMap} T
+ * @param {T} tag
+ * @param {Record<string, any>} [props]  `on…` listens, `class` and attributes are set, else a property
+ * @param {...(Node | string | null | undefined | false)} children
+ * @returns {HTMLElementTagNameMap[T]}
+ */
+export function h(tag, props = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(props)) {
+    if (value === undefined || value === null || value === false) continue;
+    if (name.startsWith('on')) element.addEventListener(name.slice(2), value);
+    else element.setAttribute(name, value === true ? '' : String(value));
+  }
+  append(element, children);
+  return element;
+}
+
+/** @param {Element} parent @param {(Node | string | null | undefined | false)[]} children */
+export function append(parent, children) {
+  parent.append(.../** @type {(Node | string)[]} */ (children.filter((c) => c || c === '')));
+}
+
+/** Put `children` in place of what is there. @param {Element} parent @param {...(Node | string | null | false)} children */
+export function fill(parent, ...children) {
+  parent.replaceChildren();
+  append(parent, children);
+}
+
+/** Set text only where it differs, so that nothing is laid out for nothing. @param {Node} node @param {string} text */
+export function say(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}
+
+const SVG = 'http://www.w3.org/2000/svg';
+
+/**
+ * @param {string} tag
+ * @param {Record<string, string | number>} props
+ * @param {...Element} children
+ */
+export function svg(tag, props = {}, ...children) {
+  const element = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(props)) element.setAttribute(name, String(value));
+  element.append(...children);
+  return element;
+}
+
+/** @type {Record<string, string>} outlines on a 24x24 ground */
+const PATHS = {
+  forward: 'M12 20V5M5 12l7-7 7 7',
+  backward: 'M12 4v15M5 12l7 7 7-7',
+  left: 'M9 5 4 10l5 5M4 10h9a7 7 0 0 1 7 7v2',
+  right: 'm15 5 5 5-5 5M20 10h-9a7 7 0 0 0-7 7v2',
+  spin_left: 'M4 4v6h6M4.6 10a8 8 0 1 1-.5 4',
+  spin_right: 'M20 4v6h-6M19.4 10a8 8 0 1 0 .5 4',
+  pilot: 'M12 11.5a4 4 0 1 0 0-8 4 4 0 0 0 0 8zM4 21c0-4.5 3.6-7 8-7s8 2.5 8 7',
+  robot: 'M5 9h14v10H5zM12 9V5M9.5 4h5M9 13v2M15 13v2M2.5 12v4M21.5 12v4',
+  nobody: 'M8 5v14M16 5v14',
+  menu: 'M4 7h16M4 12h16M4 17h16',
+  back: 'm14 5-7 7 7 7',
+  undo: 'M9 6 4 11l5 5M4 11h9a6 6 0 0 1 0 12',
+  pin: 'M9 3h6l-1 7 4 4H6l4-4zM12 14v7',
+  tilt: 'M8 3h8v18H8zM3 8l-1 4 1 4M21 8l1 4-1 4',
+};
+
+/** @param {string} name */
+export function icon(name) {
+  const path = svg('path', { d: PATHS[name] ?? '' });
+  return svg('svg', { viewBox: '0 0 24 24', class: 'icon', 'aria-hidden': 'true' }, path);
+}

@@ -1,0 +1,99 @@
+// What the pilot holds, whatever with; said on every change and every 100 ms.
+//
+// The heartbeat runs on the page's main thread on purpose: a page that hangs falls silent, and
+// the robot stops.
+
+import { encodeDrive, encodeMode } from './protocol.js';
+
+export const HEARTBEAT_MS = 100;
+
+/** @typedef {import('./protocol.js').Mode} Mode */
+
+/** Events: `held` when what is held changes, `refused` when a move is asked of a standing robot. */
+export class Helm extends EventTarget {
+  /**
+   * @param {{send: (text: string) => boolean, nextSeq: () => number}} connection
+   * @param {() => {frame: number | null, frameAgeMs: number | null}} lookingAt
+   */
+  constructor(connection, lookingAt) {
+    super();
+    this.connection = connection;
+    this.lookingAt = lookingAt;
+    /** @type {Map<string, string>} what each finger, key or stick holds; the newest last */
+    this.holds = new Map();
+    /** @type {readonly string[]} */
+    this.moves = [];
+    this.hasWheel = false;
+    /** @type {Mode} */
+    this.mode = 'stopped';
+  }
+
+  /** The one move that counts: the newest that is still held. */
+  get held() {
+    return [...this.holds.values()].at(-1) ?? null;
+  }
+
+  get mayMove() {
+    return this.hasWheel && this.mode !== 'stopped';
+  }
+
+  /** @param {string} source such as `key ArrowUp` @param {string} move */
+  press(source, move) {
+    if (!this.moves.includes(move)) return;
+    if (!this.mayMove) {
+      this.dispatchEvent(new Event('refused'));
+      return;
+    }
+    this.change(() => {
+      if (this.holds.get(source) === move) return;
+      this.holds.delete(source);
+      this.holds.set(source, move);
+    });
+  }
+
+  /** @param {string} source */
+  release(source) {
+    this.change(() => this.holds.delete(source));
+  }
+
+  releaseAll() {
+    this.change(() => this.holds.clear());
+  }
+
+  /** @param {() => void} act */
+  change(act) {
+    const before = this.held;
+    act();
+    if (this.held === before) return;
+    this.beat();
+    this.dispatchEvent(new Event('held'));
+  }
+
+  /** Say what is held. Called by every change, and by a timer every `HEARTBEAT_MS`. */
+  beat() {
+    if (!this.hasWheel) return;
+    const seq = this.connection.nextSeq();
+    this.connection.send(encodeDrive({ held: this.held, seq, ...this.lookingAt() }));
+  }
+
+  /** Choose a mode; what was held before does not count in it. @param {Mode} mode */
+  choose(mode) {
+    this.releaseAll();
+    this.connection.send(encodeMode(mode, this.connection.nextSeq()));
+  }
+
+  /** Take over what the robot says. @param {{mode: Mode, you_are_pilot: boolean}} robot @param {readonly string[]} moves */
+  follow(robot, moves) {
+    this.moves = moves;
+    this.hasWheel = robot.you_are_pilot;
+    this.mode = robot.mode;
+    if (!this.mayMove) this.releaseAll();
+  }
+
+  /** The link is gone: so is the wheel. */
+  lose() {
+    this.hasWheel = false;
+    this.mode = 'stopped';
+    this.releaseAll();
+  }
+}

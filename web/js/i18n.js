@@ -1,0 +1,52 @@
+// The page's words in the person's language: plain message files, English where one is missing.
+
+export const LANGUAGES = { en: 'English', es: 'Español', zh: '中文' };
+const KEY = 'drivelesson.language';
+
+/** @type {Record<string, string>} */
+let messages = {};
+export let language = 'en';
+
+/** @param {readonly string[]} wanted  as in `navigator.languages` @param {string | null} chosen */
+export function pickLanguage(wanted, chosen) {
+  const codes = [chosen ?? '', ...wanted].map((tag) => tag.toLowerCase().split('-')[0]);
+  return codes.find((code) => code in LANGUAGES) ?? 'en';
+}
+
+export async function loadLanguage() {
+  language = pickLanguage(navigator.languages, localStorage.getItem(KEY));
+  const files = [import('./messages/en.js')];
+  if (language !== 'en') files.push(import(`./messages/${language}.js`));
+  messages = Object.assign({}, ...(await Promise.all(files)).map((file) => file.default));
+  document.documentElement.lang = language;
+}
+
+/** Tests and tools speak a language without loading it. @param {Record<string, string>} words */
+export function speak(words) {
+  messages = words;
+}
+
+/** @param {string} code */
+export function chooseLanguage(code) {
+  localStorage.setItem(KEY, code);
+  location.reload();
+}
+
+/**
+ * The sentence called `key`, with `{name}` filled in.
+ * @param {string} key
+ * @param {Record<string, string | number>} [values]
+ */
+export function t(key, values = {}) {
+  const text = messages[key] ?? key;
+  return text.replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? whole));
+}
+
+/** True if there is such a sentence. @param {string} key */
+export const has = (key) => key in messages;
+
+/** @param {number} value */
+export const count = (value) => value.toLocaleString(language);
+
+/** @param {number} share */
+export const percent = (share) => `${Math.round(share * 100)} %`;

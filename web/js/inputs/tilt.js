@@ -1,0 +1,75 @@
+// Tilting the phone drives while a thumb rests on the pad. Upright is however it was held when the
+// thumb went down. Browsers give the sensor to secure pages only.
+
+const ON_DEG = 14;
+const OFF_DEG = 9;
+
+/**
+ * Which way the phone leans from where it was.
+ * @param {{beta: number, gamma: number}} now  degrees, as the browser gives them
+ * @param {{beta: number, gamma: number}} zero
+ * @param {number} screenAngle  0, 90, 180 or 270 degrees
+ * @param {string | null} before  what it asked for last
+ * @returns {string | null}
+ */
+export function readTilt(now, zero, screenAngle, before) {
+  const [pitch, roll] = turned(now.beta - zero.beta, now.gamma - zero.gamma, screenAngle);
+  const across = Math.abs(roll) > Math.abs(pitch);
+  const lean = across ? Math.abs(roll) : Math.abs(pitch);
+  const move = across ? (roll < 0 ? 'left' : 'right') : pitch < 0 ? 'forward' : 'backward';
+  return lean > (move === before ? OFF_DEG : ON_DEG) ? move : null;
+}
+
+/** @param {number} beta @param {number} gamma @param {number} angle @returns {[number, number]} */
+function turned(beta, gamma, angle) {
+  if (angle === 90) return [-gamma, beta];
+  if (angle === 180) return [-beta, -gamma];
+  if (angle === 270) return [gamma, -beta];
+  return [beta, gamma];
+}
+
+export const hasTilt = () => isSecureContext && 'DeviceOrientationEvent' in globalThis;
+
+export class Tilt {
+  /** @param {import('../helm.js').Helm} helm */
+  constructor(helm) {
+    this.helm = helm;
+    /** @type {{beta: number, gamma: number} | null} */
+    this.zero = null;
+    /** @type {string | null} */
+    this.move = null;
+    this.isHeld = false;
+    this.follow = this.follow.bind(this);
+  }
+
+  /** Ask the person where the browser wants that; false if it may not be. */
+  static async allow() {
+    if (!hasTilt()) return false;
+    const sensor = /** @type {any} */ (DeviceOrientationEvent);
+    if (!sensor.requestPermission) return true;
+    return (await sensor.requestPermission().catch(() => 'denied')) === 'granted';
+  }
+
+  hold() {
+    this.isHeld = true;
+    this.zero = null;
+    addEventListener('deviceorientation', this.follow);
+  }
+
+  letGo() {
+    this.isHeld = false;
+    this.move = null;
+    removeEventListener('deviceorientation', this.follow);
+    this.helm.release('tilt');
+  }
+
+  /** @param {DeviceOrientationEvent} event */
+  follow({ beta, gamma }) {
+    if (beta === null || gamma === null) return;
+    this.zero ??= { beta, gamma };
+    const angle = screen.orientation?.angle ?? 0;
+    this.move = readTilt({ beta, gamma }, this.zero, angle, this.move);
+    if (this.move) this.helm.press('tilt', this.move);
+    else this.helm.release('tilt');
+  }
+}

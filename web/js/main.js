@@ -1,0 +1,30 @@
+// Wires the modules together.
+
+import { Connection } from './connection.js';
+import { Preferences, WakeLock } from './device.js';
+import { HEARTBEAT_MS } from './helm.js';
+import { loadLanguage } from './i18n.js';
+import { listenToGamepads } from './inputs/gamepad.js';
+import { listenToKeyboard } from './inputs/keyboard.js';
+import { Page } from './page.js';
+import { Router } from './router.js';
+import { Store } from './store.js';
+
+await loadLanguage();
+const store = new Store();
+const connection = new Connection(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}`);
+const page = new Page({ store, connection, preferences: new Preferences(), wakeLock: new WakeLock() });
+setInterval(() => page.helm.beat(), HEARTBEAT_MS);
+
+await import('./components/index.js');
+for (const name of ['app-bar', 'video-view', 'teach-panel', 'mode-bar', 'drive-pad']) {
+  /** @type {any} */ (document.querySelector(name)).start(page);
+}
+new Router(page).start();
+const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
+listenToKeyboard(page.helm, reach);
+listenToGamepads(page.helm, reach);
+connection.connect();
+if (isSecureContext && 'serviceWorker' in navigator) {
+  navigator.serviceWorker.register('/sw.js').catch(() => {}); // only the shell without a robot is lost
+}

@@ -1,0 +1,144 @@
+// What a person does on the page, and what the robot says to it.
+
+import { Helm } from './helm.js';
+
+const AGREEMENT_EVERY = 5; // lessons between two points of the curve
+const CURVE_POINTS = 160;
+const NOTICE_MS = 3500;
+
+/** @typedef {import('./protocol.js').Mode} Mode */
+/** @typedef {import('./protocol.js').RobotState} RobotState */
+
+export class Page {
+  /**
+   * @param {{store: import('./store.js').Store, connection: import('./connection.js').Connection,
+   *   preferences: import('./device.js').Preferences, wakeLock: import('./device.js').WakeLock}} parts
+   */
+  constructor({ store, connection, preferences, wakeLock }) {
+    this.store = store;
+    this.connection = connection;
+    this.preferences = preferences;
+    this.wakeLock = wakeLock;
+    /** @type {{frame: number, capturedMs: number} | null} the picture on the screen */
+    this.looking = null;
+    this.helm = new Helm(connection, () => this.lookingAt());
+    this.curveLessons = 0;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.noticeTimer = undefined;
+    /** @type {Record<string, (words: any) => void>} */
+    this.hearers = { hello: (w) => this.greet(w), state: (w) => this.follow(w), event: (w) => this.note(w) };
+    this.listen();
+  }
+
+  listen() {
+    const { connection, helm, store } = this;
+    connection.addEventListener('words', (event) => {
+      const words = /** @type {CustomEvent} */ (event).detail;
+      this.hearers[words.type]?.(words);
+    });
+    connection.addEventListener('lost', () => {
+      helm.lose();
+      this.looking = null;
+      store.set({ link: 'lost', held: null, wheelAsked: false, wheelWaiting: false });
+    });
+    helm.addEventListener('held', () => store.set({ held: helm.held }));
+    helm.addEventListener('refused', () => helm.hasWheel && this.mention('choose_first'));
+    addEventListener('blur', () => helm.releaseAll());
+    addEventListener('pagehide', () => this.hide());
+    addEventListener('pageshow', (event) => event.persisted && connection.reconnect());
+    document.addEventListener('visibilitychange', () => document.hidden && this.hide());
+  }
+
+  get lastAgeMs() {
+    return this.looking ? this.connection.ageMs(this.looking.capturedMs) : null;
+  }
+
+  lookingAt() {
+    const ageMs = this.lastAgeMs;
+    return { frame: this.looking?.frame ?? null, frameAgeMs: ageMs === null ? null : Math.round(ageMs) };
+  }
+
+  /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[]}} hello */
+  greet(hello) {
+    this.curveLessons = 0;
+    this.store.set({ link: 'open', role: hello.role, robotName: hello.robot, moves: hello.moves });
+  }
+
+  /** @param {RobotState} robot */
+  follow(robot) {
+    const { store, helm } = this;
+    const moves = Object.keys(robot.taught);
+    helm.follow(robot, moves);
+    const isSame = String(moves) === String(store.state.moves);
+    store.set({
+      robot,
+      pictureAgeMs: this.lastAgeMs,
+      delayMs: this.connection.delayMs,
+      frame: this.looking?.frame ?? null,
+      held: helm.held,
+      ...(isSame ? {} : { moves }),
+      ...(robot.you_are_pilot ? { wheelWaiting: false } : { wheelAsked: false }),
+    });
+    this.drawCurve(robot);
+    this.wakeLock.want(robot.mode !== 'stopped');
+  }
+
+  /** @param {RobotState} robot */
+  drawCurve({ agreement, lessons }) {
+    if (lessons < this.curveLessons) {
+      this.store.set({ agreement: [] });
+      this.curveLessons = lessons;
+    }
+    if (agreement === null || lessons - this.curveLessons < AGREEMENT_EVERY) return;
+    this.curveLessons = lessons;
+    this.store.set({ agreement: [...this.store.state.agreement, agreement].slice(-CURVE_POINTS) });
+  }
+
+  /** @param {{name: string}} event */
+  note(event) {
+    if (event.name === 'wheel_asked') this.store.set({ wheelAsked: true });
+    if (event.name === 'wheel_waiting') this.store.set({ wheelWaiting: true });
+  }
+
+  /** Say something for a moment. @param {string} notice */
+  mention(notice) {
+    clearTimeout(this.noticeTimer);
+    this.store.set({ notice });
+    this.noticeTimer = setTimeout(() => this.store.set({ notice: null }), NOTICE_MS);
+  }
+
+  // What a person does ---------------------------------------------------------------------------
+
+  /** True while the pad is on the screen, so that keys and sticks may drive. */
+  isDriving() {
+    return ['drive', 'lesson'].includes(this.store.state.screen);
+  }
+
+  /** @param {Mode} mode */
+  choose(mode) {
+    this.store.set({ localStop: null, notice: null });
+    this.helm.choose(mode);
+  }
+
+  /** The emergency stop. Anybody may, pilot or not. */
+  stop() {
+    this.helm.releaseAll();
+    this.connection.say('stop');
+    if (this.preferences.vibrate) navigator.vibrate?.([60, 40, 60]);
+  }
+
+  /** Take the step that a notice offers. @param {string} step */
+  take(step) {
+    if (step === 'yield') this.store.set({ wheelAsked: false });
+    this.connection.say(/** @type {'release' | 'take' | 'yield'} */ (step));
+  }
+
+  /** The page goes out of sight: nobody supervises the robot any more. */
+  hide() {
+    const { robot } = this.store.state;
+    this.helm.releaseAll();
+    if (!robot?.you_are_pilot || robot.mode === 'stopped') return;
+    this.helm.choose('stopped');
+    this.store.set({ localStop: 'hidden' });
+  }
+}

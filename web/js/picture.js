@@ -1,0 +1,41 @@
+// From a frame's bytes to something that a canvas draws.
+
+/** @typedef {import('./protocol.js').Picture} Picture */
+
+/**
+ * @param {Picture} picture
+ * @returns {Promise<ImageBitmap>}
+ */
+export function decode(picture) {
+  if (picture.encoding === 'jpeg') {
+    return createImageBitmap(new Blob([picture.data], { type: 'image/jpeg' }));
+  }
+  const rgba = picture.encoding === 'yuyv' ? yuyvToRgba(picture) : rgbToRgba(picture);
+  return createImageBitmap(new ImageData(rgba, picture.width, picture.height));
+}
+
+/** @param {Picture} picture */
+export function rgbToRgba({ data, width, height }) {
+  const rgba = new Uint8ClampedArray(width * height * 4).fill(255);
+  for (let from = 0, to = 0; to < rgba.length; from += 3, to += 4) {
+    rgba[to] = data[from];
+    rgba[to + 1] = data[from + 1];
+    rgba[to + 2] = data[from + 2];
+  }
+  return rgba;
+}
+
+/** BT.601, as USB cameras give it. @param {Picture} picture */
+export function yuyvToRgba({ data, width, height }) {
+  const rgba = new Uint8ClampedArray(width * height * 4).fill(255);
+  for (let i = 0, to = 0; to < rgba.length; i += 2, to += 4) {
+    const pair = i & ~3;
+    const y = 1.164 * (data[i] - 16);
+    const u = data[pair + 1] - 128;
+    const v = data[pair + 3] - 128;
+    rgba[to] = y + 1.596 * v;
+    rgba[to + 1] = y - 0.392 * u - 0.813 * v;
+    rgba[to + 2] = y + 2.017 * u;
+  }
+  return rgba;
+}

@@ -1,0 +1,175 @@
+// The wire, mirrored from server/protocol.py. Pure; described in docs/reference/protocol.md.
+
+export const PROTOCOL_VERSION = 1;
+const FRAME_HEADER_BYTES = 24;
+const ACKNOWLEDGEMENT_BYTES = 8;
+const FRAME = 1;
+const ACKNOWLEDGEMENT = 2;
+/** @type {readonly Encoding[]} */
+const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
+
+/** @typedef {'jpeg' | 'yuyv' | 'rgb'} Encoding */
+/** @typedef {'stopped' | 'train' | 'autonomous'} Mode */
+/**
+ * @typedef {object} Picture
+ * @property {number} frameId
+ * @property {number} capturedMs  on the server's clock
+ * @property {Encoding} encoding
+ * @property {number} width
+ * @property {number} height
+ * @property {Uint8Array} data
+ */
+/**
+ * @typedef {object} Prediction
+ * @property {number} frame
+ * @property {string | null} action
+ * @property {number} confidence
+ * @property {number} novelty
+ * @property {Record<string, number>} probabilities
+ * @property {number | null} node
+ * @property {number} distance
+ */
+/**
+ * What the robot does and sees; the fields of a `state` message.
+ * @typedef {object} RobotState
+ * @property {number} server_ms
+ * @property {Mode} mode
+ * @property {'nobody' | 'pilot' | 'robot'} driven_by
+ * @property {string} action
+ * @property {number} speed_scale
+ * @property {string | null} stop_reason
+ * @property {boolean} emergency
+ * @property {boolean} asks_pilot
+ * @property {string | null} fault
+ * @property {string | null} pilot
+ * @property {boolean} you_are_pilot
+ * @property {number} viewers
+ * @property {number | null} frame
+ * @property {number | null} frame_age_ms
+ * @property {number} cycle_hz
+ * @property {Prediction | null} prediction
+ * @property {number | null} agreement
+ * @property {number} agreement_frames
+ * @property {Record<string, number>} taught
+ * @property {number} lessons
+ * @property {number} nodes
+ * @property {number} max_nodes
+ * @property {string} learner
+ * @property {number | null} distance_m
+ * @property {boolean | null} bumped
+ * @property {number | null} battery
+ * @property {{x_m: number, y_m: number, heading_rad: number} | null} pose
+ */
+
+/** A message that is none of the protocol's; `code` is one of the protocol's error codes. */
+export class ProtocolError extends Error {
+  /** @param {string} code @param {string} message */
+  constructor(code, message) {
+    super(message);
+    this.code = code;
+  }
+}
+
+/**
+ * Read a frame's message of `/ws/video`.
+ * @param {ArrayBuffer} message
+ * @returns {Picture}
+ */
+export function parsePicture(message) {
+  if (message.byteLength < FRAME_HEADER_BYTES) {
+    throw new ProtocolError('malformed', 'a frame starts with a header of 24 bytes');
+  }
+  const view = new DataView(message);
+  const encoding = ENCODINGS[view.getUint8(1)];
+  if (view.getUint8(0) !== FRAME || !encoding) {
+    throw new ProtocolError('unknown_type', 'not a frame of a known encoding');
+  }
+  return {
+    frameId: view.getUint32(8, true),
+    capturedMs: view.getFloat64(16, true),
+    encoding,
+    width: view.getUint16(2, true),
+    height: view.getUint16(4, true),
+    data: new Uint8Array(message, FRAME_HEADER_BYTES),
+  };
+}
+
+/**
+ * Write a frame's message; the page itself only reads them.
+ * @param {Picture} picture
+ */
+export function encodePicture(picture) {
+  const message = new ArrayBuffer(FRAME_HEADER_BYTES + picture.data.length);
+  const view = new DataView(message);
+  view.setUint8(0, FRAME);
+  view.setUint8(1, ENCODINGS.indexOf(picture.encoding));
+  view.setUint16(2, picture.width, true);
+  view.setUint16(4, picture.height, true);
+  view.setUint32(8, picture.frameId, true);
+  view.setFloat64(16, picture.capturedMs, true);
+  new Uint8Array(message).set(picture.data, FRAME_HEADER_BYTES);
+  return message;
+}
+
+/** Write the acknowledgement of a drawn frame. @param {number} frameId */
+export function encodeAcknowledgement(frameId) {
+  const message = new ArrayBuffer(ACKNOWLEDGEMENT_BYTES);
+  const view = new DataView(message);
+  view.setUint8(0, ACKNOWLEDGEMENT);
+  view.setUint32(4, frameId, true);
+  return message;
+}
+
+/** Return the id of an acknowledged frame. @param {ArrayBuffer} message */
+export function parseAcknowledgement(message) {
+  if (message.byteLength !== ACKNOWLEDGEMENT_BYTES) {
+    const code = message.byteLength > ACKNOWLEDGEMENT_BYTES ? 'too_large' : 'malformed';
+    throw new ProtocolError(code, 'an acknowledgement has 8 bytes');
+  }
+  const view = new DataView(message);
+  if (view.getUint8(0) !== ACKNOWLEDGEMENT) {
+    throw new ProtocolError('unknown_type', 'only acknowledgements go up on this socket');
+  }
+  return view.getUint32(4, true);
+}
+
+/**
+ * What is held now and which frame is on the screen: command and heartbeat in one.
+ * @param {{held: string | null, frame: number | null, seq: number, frameAgeMs?: number | null}} word
+ */
+export function encodeDrive({ held, frame, seq, frameAgeMs = null }) {
+  return JSON.stringify({ type: 'drive', held, frame, seq, frame_age_ms: frameAgeMs ?? undefined });
+}
+
+/** The explicit start after any stop, or the wish to stop. @param {Mode} mode @param {number} seq */
+export function encodeMode(mode, seq) {
+  return JSON.stringify({ type: 'mode', mode, seq });
+}
+
+/** @param {'stop' | 'release' | 'take' | 'yield'} type */
+export function encodeWord(type) {
+  return JSON.stringify({ type });
+}
+
+/** @param {number} clientMs */
+export function encodePing(clientMs) {
+  return JSON.stringify({ type: 'ping', client_ms: clientMs });
+}
+
+/**
+ * Read one message of `/ws/drive`; unknown fields are kept and may be ignored.
+ * @param {string} text
+ * @returns {{type: string} & Record<string, any>}
+ */
+export function parseWords(text) {
+  let message;
+  try {
+    message = JSON.parse(text);
+  } catch {
+    message = null;
+  }
+  if (typeof message !== 'object' || message === null || typeof message.type !== 'string') {
+    throw new ProtocolError('malformed', 'a message is one JSON object with a type');
+  }
+  return message;
+}

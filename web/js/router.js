@@ -1,0 +1,47 @@
+// Which screen is shown: the part of the address after #. Screens are loaded when first opened.
+
+import { t } from './i18n.js';
+
+/** @type {Record<string, string>} element of each screen besides the drive screen */
+const ELEMENTS = {
+  gallery: 'gallery-screen',
+  teaching: 'teaching-screen',
+  undo: 'undo-screen',
+  lesson: 'lesson-screen',
+  home: 'home-screen',
+  settings: 'settings-screen',
+};
+
+export class Router {
+  /** @param {import('./page.js').Page} page */
+  constructor(page) {
+    this.page = page;
+    this.drive = /** @type {HTMLElement} */ (document.querySelector('main#drive'));
+    this.other = /** @type {HTMLElement} */ (document.querySelector('main#other'));
+  }
+
+  start() {
+    addEventListener('hashchange', () => this.show());
+    this.show();
+  }
+
+  async show() {
+    const wanted = location.hash.slice(1);
+    const screen = wanted in ELEMENTS ? wanted : 'drive';
+    const { page, drive, other } = this;
+    page.helm.releaseAll();
+    page.store.set({ screen, notice: null });
+    document.body.dataset.screen = screen;
+    document.title = screen === 'drive' ? t('app') : `${t(`screen.${screen}`)} · ${t('app')}`;
+    drive.hidden = screen !== 'drive';
+    other.hidden = screen === 'drive';
+    other.replaceChildren();
+    if (screen === 'drive') return;
+    await import(`./components/${ELEMENTS[screen]}.js`);
+    if (page.store.state.screen !== screen) return;
+    const element = /** @type {any} */ (document.createElement(ELEMENTS[screen]));
+    other.append(element);
+    element.start(page);
+    scrollTo(0, 0);
+  }
+}

@@ -1,0 +1,71 @@
+// What the page knows, in one place that components watch. Nothing here touches the document.
+
+/** @typedef {import('./protocol.js').RobotState} RobotState */
+/**
+ * @typedef {object} PageState
+ * @property {'connecting' | 'open' | 'lost'} link
+ * @property {string} robotName
+ * @property {'pilot' | 'viewer'} role  what this browser may become
+ * @property {string[]} moves
+ * @property {RobotState | null} robot  null before the first state
+ * @property {number | null} frame  id of the picture on the screen
+ * @property {number | null} pictureAgeMs  how old that picture was when it was drawn
+ * @property {number | null} delayMs  round trip of a word
+ * @property {string | null} held  what the pilot holds here
+ * @property {string} screen
+ * @property {'hidden' | null} localStop  a stop that this page asked for by itself
+ * @property {number[]} agreement  newest last, one for each ten lessons or so
+ * @property {boolean} wheelAsked  somebody else asks for the wheel
+ * @property {boolean} wheelWaiting  this page asked for it
+ * @property {string | null} notice  a short word that goes away by itself
+ */
+
+/** @returns {PageState} */
+export const initialState = () => ({
+  link: 'connecting',
+  robotName: '',
+  role: 'pilot',
+  moves: ['forward', 'left', 'right'],
+  robot: null,
+  frame: null,
+  pictureAgeMs: null,
+  delayMs: null,
+  held: null,
+  screen: 'drive',
+  localStop: null,
+  agreement: [],
+  wheelAsked: false,
+  wheelWaiting: false,
+  notice: null,
+});
+
+export class Store extends EventTarget {
+  /** @param {Partial<PageState>} [state] */
+  constructor(state = {}) {
+    super();
+    /** @type {PageState} */
+    this.state = { ...initialState(), ...state };
+  }
+
+  /** Change some fields; watchers of those that really changed are told. @param {Partial<PageState>} patch */
+  set(patch) {
+    const before = this.state;
+    this.state = { ...before, ...patch };
+    for (const key of /** @type {(keyof PageState)[]} */ (Object.keys(patch))) {
+      if (before[key] !== this.state[key]) this.dispatchEvent(new Event(key));
+    }
+  }
+
+  /**
+   * Call `tell` now and after each change of one of `keys`.
+   * @param {(keyof PageState)[]} keys
+   * @param {(state: PageState) => void} tell
+   * @returns {() => void} ends the watching
+   */
+  watch(keys, tell) {
+    const listener = () => tell(this.state);
+    for (const key of keys) this.addEventListener(key, listener);
+    listener();
+    return () => keys.forEach((key) => this.removeEventListener(key, listener));
+  }
+}
