@@ -12,7 +12,7 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from robot.camera import Camera
@@ -20,11 +20,12 @@ from robot.clock import Clock
 from robot.driver import Driver
 from robot.errors import CameraError, DriveError
 from robot.gate import Gate, GateConfig
+from robot.governor import Governor, GovernorConfig, age_of_link_s
 from robot.labels import Labeller
 from robot.learner.base import Vector
 from robot.policy import Policy
 from robot.school import School, SchoolEvent
-from robot.state import LoopState, Tick
+from robot.state import LoopState, Tick, Timing
 from robot.types import (
     Action,
     Decision,
@@ -52,10 +53,14 @@ class LoopConfig:
     """What the loop does, and how patient it is."""
 
     gate: GateConfig = field(default_factory=GateConfig)
+    governor: GovernorConfig = field(default_factory=GovernorConfig)
     longest_wait_s: float = 0.05
     """A turn is made at least so often, even when the camera is silent."""
     late_cycle_s: float = 0.1
     """A turn that takes longer counts as late."""
+    stall_s: float = 0.3
+    """After a longer gap between two turns the robot stops: whatever the pilot said meanwhile is
+    of the past (the computer slept, or the process was held up)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +89,7 @@ class ControlLoop:
         self._camera = camera
         self._clock = clock
         self._gate = Gate(self.config.gate)
+        self._governor = Governor(self.config.governor)
         self._labeller = Labeller()
         self._events: list[SchoolEvent] = []
         self.school = School(policy, self._events.append)
@@ -99,6 +105,8 @@ class ControlLoop:
         self._stops: Counter[StopReason] = Counter()
         self._cycles = 0
         self._late_cycles = 0
+        self._last_turn_s: float | None = None
+        self._timings = {"propose": Timing(), "learn": Timing()}
         self._fault: str | None = None
         self._state = self._make_state(clock.now_s(), self._idle_decision(), Sensors())
         camera.listen(self.wake.set)
@@ -122,7 +130,7 @@ class ControlLoop:
 
     def empty_command(self) -> Future[None]:
         """Forget what is held: the pilot joined, left or lost the wheel. Stops a moving robot."""
-        return self.submit(lambda: self._trip(StopReason.PILOT_GONE))
+        return self.submit(self._change_pilot)
 
     def trip(self, reason: StopReason) -> Future[None]:
         """Stop and wait for an explicit start."""
@@ -182,8 +190,9 @@ class ControlLoop:
             return self._finish(now_s, started_s, None, None, self._idle_decision(), Action.STOP)
 
     def _turn(self, now_s: float, started_s: float) -> Tick:
+        self._check_stall(now_s)
         self._serve_requests()
-        commands = self._hear()
+        commands = self._hear(now_s)
         frame = self._look()
         sensors = self._sense()
         decision = self._decide(now_s)
@@ -203,14 +212,35 @@ class ControlLoop:
                 request = self._requests.popleft()
             request()
 
-    def _hear(self) -> list[PilotCommand]:
+    def _check_stall(self, now_s: float) -> None:
+        before_s, self._last_turn_s = self._last_turn_s, now_s
+        if self._gate.mode is Mode.STOPPED or before_s is None:
+            return
+        if now_s - before_s > self.config.stall_s:
+            self._trip(StopReason.LOOP_FAULT)
+            self._fault = f"The robot's computer was held up for {now_s - before_s:.1f} s."
+
+    def _hear(self, now_s: float) -> list[PilotCommand]:
         with self._lock:
             commands, self._inbox = self._inbox, []
+        for command in commands:
+            self._judge_link(command, now_s)
+        if self._governor.must_stop:
+            self._trip(StopReason.LINK_SLOW)
         if self._gate.mode is Mode.STOPPED:
             return []
         for command in commands:
             self._gate.hear(command)
         return commands
+
+    def _judge_link(self, command: PilotCommand, now_s: float) -> None:
+        """Have the governor weigh how old the picture is that the pilot acts upon."""
+        if command.frame_id is None or not self._seen:
+            return
+        oldest = next(iter(self._seen.values()))
+        captured_s = self._seen.get(command.frame_id, oldest).captured_s
+        age_s = age_of_link_s(command.received_s - captured_s, command.frame_age_s)
+        self._governor.hear(age_s, now_s)
 
     def _look(self) -> Frame | None:
         """Take the newest frame, and return it if the policy has not seen it yet."""
@@ -224,7 +254,9 @@ class ControlLoop:
             return None
         self._frame = frame
         self._frame_times_s.append(frame.captured_s)
+        started_s = self._clock.now_s()
         self._prediction = self.school.policy.propose(frame.frame_id, x)
+        self._note_time("propose", started_s)
         self._seen[frame.frame_id] = _Seen(
             x=x, captured_s=frame.captured_s, predicted=self._prediction.action
         )
@@ -249,7 +281,8 @@ class ControlLoop:
         )
         if was_moving and decision.mode is Mode.STOPPED and decision.stop_reason is not None:
             self._note_stop(decision.stop_reason)
-        return decision
+        scale = min(decision.speed_scale, self._governor.speed_scale)
+        return replace(decision, speed_scale=scale)
 
     def _drive(self, decision: Decision) -> Action | None:
         """Send the decision to the motors; None if they failed, after a try to stop them."""
@@ -264,10 +297,17 @@ class ControlLoop:
         is_intervention = self._gate.mode is Mode.AUTONOMOUS
         for command in commands:
             for frame_id, label in list(self._labeller.label(command, self._seen)):
+                if not self._governor.may_learn:
+                    continue
                 seen = self._seen[frame_id]
                 lesson = Lesson(frame_id=frame_id, label=label, is_intervention=is_intervention)
                 self._agreed.append(seen.predicted is label)
+                started_s = self._clock.now_s()
                 self.school.teach(lesson, seen.x, seen.captured_s)
+                self._note_time("learn", started_s)
+
+    def _note_time(self, name: str, started_s: float) -> None:
+        self._timings[name] = self._timings[name].plus(self._clock.now_s() - started_s)
 
     def _finish(
         self,
@@ -309,6 +349,10 @@ class ControlLoop:
         self._settle()
         self._fault = None
         return self._gate.start(mode, self._clock.now_s())
+
+    def _change_pilot(self) -> None:
+        self._trip(StopReason.PILOT_GONE)
+        self._governor.forget()
 
     def _trip(self, reason: StopReason) -> None:
         if self._gate.mode is not Mode.STOPPED:
@@ -370,6 +414,9 @@ class ControlLoop:
             learner=policy.name,
             moves=policy.moves,
             stops=dict(self._stops),
+            link=self._governor.level,
+            pilot_frame_age_s=self._governor.age_s,
+            learner_times=dict(self._timings),
         )
 
     def _frame_rate_hz(self) -> float:

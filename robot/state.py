@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from robot.governor import LinkLevel
 from robot.school import SchoolEvent
 from robot.types import (
     Action,
@@ -15,6 +16,18 @@ from robot.types import (
     Sensors,
     StopReason,
 )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """How often something was done, and how long it took in all."""
+
+    count: int = 0
+    total_s: float = 0.0
+
+    def plus(self, seconds: float) -> Timing:
+        """Return this with one more."""
+        return Timing(count=self.count + 1, total_s=self.total_s + seconds)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +53,9 @@ class LoopState:
     learner: str
     moves: tuple[Action, ...]
     stops: Mapping[StopReason, int]
+    link: LinkLevel = LinkLevel.GOOD
+    pilot_frame_age_s: float | None = None
+    learner_times: Mapping[str, Timing] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

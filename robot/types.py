@@ -112,6 +112,7 @@ class PilotCommand:
 
     `held` is None while nothing is held: then it is only a heartbeat. `seq` counts up within
     one connection; `received_s` is the loop's clock at the border, never the phone's.
+    `frame_age_s` is how old that frame was when this was said, as the page reckons it.
     """
 
     held: Action | None
@@ -119,6 +120,7 @@ class PilotCommand:
     seq: int
     received_s: float
     pilot: str = "pilot"
+    frame_age_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

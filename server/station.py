@@ -7,6 +7,7 @@ here and goes on. Nothing in this module decides over motors: that is the gate's
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import functools
 import itertools
 import logging
@@ -104,7 +105,8 @@ class Station:
                 self._frame = tick.frame
             if not self._is_tick_due and (self.pages or self.video.viewers):
                 self._is_tick_due = True
-                event_loop.call_soon_threadsafe(self._note_tick)
+                with contextlib.suppress(RuntimeError):  # the server has just ended
+                    event_loop.call_soon_threadsafe(self._note_tick)
 
         self._unsubscribe = self.robot.loop.subscribe(on_tick)
         self._tasks = [
@@ -217,6 +219,7 @@ class Station:
                 seq=word.seq,
                 received_s=self.robot.clock.now_s(),
                 pilot=page.client,
+                frame_age_s=None if word.frame_age_ms is None else word.frame_age_ms / 1000,
             )
         )
 
@@ -285,6 +288,7 @@ class Station:
             decision.driven_by,
             decision.stop_reason,
             decision.asks_pilot,
+            state.link,
             state.emergency,
             state.fault,
             self.lease.owner,

@@ -11,7 +11,6 @@ from robot.types import Pose, Prediction, Sensors
 def describe(state: LoopState, now_ms: float) -> dict[str, Any]:
     """Return the fields of a `state` message that are the robot's own."""
     decision = state.decision
-    captured_s = state.frame_captured_s
     return {
         "server_ms": round(now_ms, 1),
         "mode": decision.mode.value,
@@ -23,7 +22,9 @@ def describe(state: LoopState, now_ms: float) -> dict[str, Any]:
         "asks_pilot": decision.asks_pilot,
         "fault": state.fault,
         "frame": state.frame_id,
-        "frame_age_ms": None if captured_s is None else round(now_ms - captured_s * 1000, 1),
+        "frame_age_ms": _milliseconds(_age_s(state, now_ms)),
+        "link": state.link.value,
+        "pilot_frame_age_ms": _milliseconds(state.pilot_frame_age_s),
         "cycle_hz": round(state.cycle_hz, 1),
         "prediction": _describe_prediction(state.prediction),
         "agreement": None if state.agreement is None else round(state.agreement, 4),
@@ -35,6 +36,14 @@ def describe(state: LoopState, now_ms: float) -> dict[str, Any]:
         "learner": state.learner,
         **_describe_sensors(state.sensors),
     }
+
+
+def _age_s(state: LoopState, now_ms: float) -> float | None:
+    return None if state.frame_captured_s is None else now_ms / 1000 - state.frame_captured_s
+
+
+def _milliseconds(seconds: float | None) -> float | None:
+    return None if seconds is None else round(seconds * 1000, 1)
 
 
 def _describe_prediction(prediction: Prediction | None) -> dict[str, Any] | None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.gate import GateConfig
+from robot.governor import GovernorConfig
 from robot.options import Option, options_of
 from robot.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.storage import Storage, default_root
@@ -160,7 +161,10 @@ def _make_config(args: argparse.Namespace) -> Config:
 def _make_loop_config(settings: Settings) -> LoopConfig:
     from robot.loop import LoopConfig
 
-    return LoopConfig(gate=build(GateConfig, settings.tables.get("gate", {}), "gate"))
+    return LoopConfig(
+        gate=build(GateConfig, settings.tables.get("gate", {}), "gate"),
+        governor=build(GovernorConfig, settings.tables.get("governor", {}), "governor"),
+    )
 
 
 def _reached_at(config: Config) -> list[str]:

@@ -1,0 +1,105 @@
+"""What a slow link allows: warn, slow down, stop learning, stop. Pure; time is an argument.
+
+The measure is the age of the picture that the pilot acts upon. Steps up are taken at once; steps
+down only after the link has been clearly better for a while, so that nothing flutters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class LinkLevel(StrEnum):
+    """How far the link has to be mistrusted, from not at all to wholly."""
+
+    GOOD = "good"
+    SLOW = "slow"  # the pilot is warned
+    CAPPED = "capped"  # and the robot goes slower
+    NOT_LEARNING = "not_learning"  # and learns nothing: the label would meet the wrong picture
+    TOO_SLOW = "too_slow"  # and stands
+
+
+_LEVELS = tuple(LinkLevel)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GovernorConfig:
+    """Ages of the pilot's picture, in seconds, above which each step is taken."""
+
+    warn_s: float = 0.2
+    cap_speed_s: float = 0.25
+    stop_learning_s: float = 0.3
+    stop_s: float = 0.5
+    capped_speed_scale: float = 0.5
+    """Share of full speed that is left from `cap_speed_s` on."""
+    recovery_share: float = 0.85
+    """A step is taken back when the age is below this share of its threshold ..."""
+    recovery_s: float = 1.0
+    """... and was so for this long."""
+
+
+def age_of_link_s(picture_age_s: float, reported_age_s: float | None) -> float:
+    """Return the age to judge by: that of the picture, or that of the command if it is worse.
+
+    Args:
+        picture_age_s: Age of the named picture when the command came; both ways of the link and
+            the time on the screen are in it. Measured on one clock, so it cannot be wrong.
+        reported_age_s: Age when the command was sent, as the page reckons it; None if it does
+            not say. Then the whole of `picture_age_s` is held against the link.
+    """
+    if reported_age_s is None:
+        return picture_age_s
+    on_screen_s = min(max(reported_age_s, 0.0), picture_age_s)
+    return max(on_screen_s, picture_age_s - on_screen_s)
+
+
+class Governor:
+    """Turns ages into a level, with hysteresis."""
+
+    def __init__(self, config: GovernorConfig | None = None) -> None:
+        self.config = config or GovernorConfig()
+        c = self.config
+        self._thresholds_s = (0.0, c.warn_s, c.cap_speed_s, c.stop_learning_s, c.stop_s)
+        self.forget()
+
+    def forget(self) -> None:
+        """Another pilot, another link: nothing is known of it."""
+        self.level = LinkLevel.GOOD
+        self.age_s: float | None = None
+        self._better_since_s: float | None = None
+
+    def hear(self, age_s: float, now_s: float) -> None:
+        """Take note of an age, and step up at once or down when it has been better long enough."""
+        self.age_s = age_s
+        present = _LEVELS.index(self.level)
+        wanted = self._rank(age_s, 1.0)
+        if wanted >= present:
+            self.level = _LEVELS[wanted]
+            self._better_since_s = None
+        elif self._rank(age_s, self.config.recovery_share) >= present:
+            self._better_since_s = None
+        elif self._better_since_s is None:
+            self._better_since_s = now_s
+        elif now_s - self._better_since_s >= self.config.recovery_s:
+            self.level = _LEVELS[present - 1]
+            self._better_since_s = now_s
+
+    def _rank(self, age_s: float, share: float) -> int:
+        return sum(age_s > threshold_s * share for threshold_s in self._thresholds_s[1:])
+
+    @property
+    def must_stop(self) -> bool:
+        """True while the robot may not move at all."""
+        return self.level is LinkLevel.TOO_SLOW
+
+    @property
+    def may_learn(self) -> bool:
+        """True while labels meet the right pictures."""
+        return self.level not in (LinkLevel.NOT_LEARNING, LinkLevel.TOO_SLOW)
+
+    @property
+    def speed_scale(self) -> float:
+        """Share of full speed that is allowed."""
+        is_free = self.level in (LinkLevel.GOOD, LinkLevel.SLOW)
+        return 1.0 if is_free else self.config.capped_speed_scale

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import pytest
+
+from robot.governor import Governor, GovernorConfig, LinkLevel, age_of_link_s
+from robot.types import Action, Mode, PilotCommand, StopReason
+from tests.robot.bench_robot import BenchRobot
+
+
+@pytest.mark.parametrize(
+    ("age_s", "level", "scale", "learns", "stops"),
+    [
+        (0.05, LinkLevel.GOOD, 1.0, True, False),
+        (0.21, LinkLevel.SLOW, 1.0, True, False),
+        (0.26, LinkLevel.CAPPED, 0.5, True, False),
+        (0.31, LinkLevel.NOT_LEARNING, 0.5, False, False),
+        (0.51, LinkLevel.TOO_SLOW, 0.5, False, True),
+    ],
+)
+def test_each_step_is_taken_at_once(
+    age_s: float, level: LinkLevel, scale: float, learns: bool, stops: bool
+) -> None:
+    governor = Governor()
+    governor.hear(age_s, 0.0)
+    assert governor.level is level
+    assert (governor.speed_scale, governor.may_learn, governor.must_stop) == (scale, learns, stops)
+
+
+def test_steps_are_taken_back_one_by_one_and_only_after_a_while() -> None:
+    governor = Governor()
+    governor.hear(0.4, 0.0)
+    levels = []
+    for tenth in range(1, 40):
+        governor.hear(0.03, tenth / 10)
+        levels.append(governor.level)
+    changes = [(i + 1) / 10 for i in range(1, 39) if levels[i] is not levels[i - 1]]
+    assert changes == pytest.approx([1.1, 2.1, 3.1])
+    assert levels[-1] is LinkLevel.GOOD
+
+
+def test_an_age_about_a_threshold_does_not_make_it_flutter() -> None:
+    governor = Governor()
+    levels = []
+    for tenth in range(100):
+        governor.hear(0.252 if tenth % 3 == 0 else 0.248, tenth / 10)
+        levels.append(governor.level)
+    assert set(levels) == {LinkLevel.CAPPED}
+
+
+def test_thresholds_are_settings() -> None:
+    governor = Governor(GovernorConfig(warn_s=0.01))
+    governor.hear(0.02, 0.0)
+    assert governor.level is LinkLevel.SLOW
+
+
+def test_the_age_counts_the_worse_of_the_two_ways() -> None:
+    assert age_of_link_s(0.4, None) == pytest.approx(0.4)
+    assert age_of_link_s(0.4, 0.3) == pytest.approx(0.3)
+    assert age_of_link_s(0.4, 0.05) == pytest.approx(0.35), "the command was long on its way"
+    assert age_of_link_s(0.1, 9.0) == pytest.approx(0.1), "a page's clock may be wrong"
+    assert age_of_link_s(0.1, -9.0) == pytest.approx(0.1)
+
+
+def _drive_with_age(robot: BenchRobot, age_s: float, steps: int = 30) -> None:
+    """Drive at ten pictures a second while the pilot sees each one `age_s` late."""
+    shown: list[tuple[float, int]] = []
+    for step in range(steps):
+        robot.clock.advance(0.05)
+        frame = robot.camera.show(step % 3)
+        shown.append((robot.clock.now_s(), frame.frame_id))
+        seen = [frame_id for at_s, frame_id in shown if at_s <= robot.clock.now_s() - age_s]
+        robot.tick()
+        robot.hold(Action.FORWARD, frame_id=seen[-1] if seen else frame.frame_id)
+        robot.tick()
+
+
+def test_a_slow_link_halves_the_speed_then_ends_learning_then_stops() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    _drive_with_age(robot, 0.1)
+    assert robot.driver.sent[-1] == (Action.FORWARD, 1.0)
+    _drive_with_age(robot, 0.26)
+    assert robot.driver.sent[-1] == (Action.FORWARD, 0.5)
+    _drive_with_age(robot, 0.4)
+    lessons = sum(robot.loop.state.taught.values())
+    _drive_with_age(robot, 0.4)
+    assert sum(robot.loop.state.taught.values()) == lessons
+    assert robot.loop.state.decision.mode is Mode.TRAIN
+    _drive_with_age(robot, 0.6, steps=15)
+    assert robot.loop.state.decision.mode is Mode.STOPPED
+    assert robot.loop.state.decision.stop_reason is StopReason.LINK_SLOW
+    _drive_with_age(robot, 0.1)
+    assert robot.driver.sent[-1][0] is Action.STOP, "it waits for an explicit start"
+    assert robot.loop.state.link is LinkLevel.NOT_LEARNING, "and trusts the link only step by step"
+
+
+def test_a_new_pilot_has_a_new_link() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    _drive_with_age(robot, 0.6)
+    robot.loop.empty_command()
+    robot.tick()
+    assert robot.loop.state.link is LinkLevel.GOOD
+
+
+def test_words_of_the_past_are_not_obeyed_after_the_computer_was_held_up() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.step(1, Action.FORWARD)
+    robot.clock.advance(0.8)
+    frame = robot.camera.show(2)
+    robot.loop.command(
+        PilotCommand(
+            held=Action.FORWARD,
+            frame_id=frame.frame_id,
+            seq=99,
+            received_s=robot.clock.now_s(),
+        )
+    )
+    tick = robot.tick()
+    assert tick.sent is Action.STOP
+    assert tick.decision.stop_reason is StopReason.LOOP_FAULT
+    assert "held up" in (robot.loop.state.fault or "")
