@@ -1,4 +1,4 @@
-"""Frames to arrays. Only JPEG needs OpenCV; what an EV3's camera gives needs numpy alone."""
+"""Frames to arrays: whatever a camera gives, as colour or grey pixels."""
 
 from __future__ import annotations
 
@@ -10,55 +10,108 @@ from numpy.typing import NDArray
 from robot.errors import CameraError, MissingExtraError
 from robot.types import Encoding, Frame
 
-Picture = NDArray[np.uint8]
+Pixels = NDArray[np.uint8]
 
 
-def to_rgb(frame: Frame) -> Picture:
-    """Return the frame's pixels, shape (height, width, 3), uint8.
+def to_rgb(frame: Frame) -> Pixels:
+    """Return the frame's pixels, shape (height, width, 3).
 
     Raises:
-        CameraError: If the bytes are no picture of this size.
-        MissingExtraError: If it is a JPEG and OpenCV is not installed.
+        CameraError: If the bytes are no image of the frame's size.
+        MissingExtraError: If a JPEG is to be read and OpenCV is not installed.
     """
     if frame.encoding is Encoding.JPEG:
-        cv2 = _import_cv2()
-        bgr = cv2.imdecode(np.frombuffer(frame.data, np.uint8), cv2.IMREAD_COLOR)
-        if bgr is None:
-            raise CameraError(f"frame {frame.frame_id} is no JPEG picture")
-        return np.ascontiguousarray(bgr[:, :, ::-1])
+        colour = _decode_jpeg(frame, colour=True)
+        return np.ascontiguousarray(colour[:, :, ::-1])
     if frame.encoding is Encoding.RGB:
-        return _reshape(frame, 3)
-    yuyv = _reshape(frame, 2).astype(np.float32)
-    y, u, v = (
-        yuyv[:, :, 0],
-        yuyv[:, 0::2, 1].repeat(2, 1) - 128,
-        yuyv[:, 1::2, 1].repeat(2, 1) - 128,
-    )
-    rgb = np.stack((y + 1.402 * v, y - 0.344 * u - 0.714 * v, y + 1.772 * u), axis=2)
-    return rgb.round().clip(0, 255).astype(np.uint8)
+        return _packed(frame, 3)
+    return _yuyv_to_rgb(_packed(frame, 2))
 
 
-def to_grey(frame: Frame) -> Picture:
-    """Return the frame's brightness, shape (height, width), uint8; raises as `to_rgb`."""
+def to_grey(frame: Frame) -> Pixels:
+    """Return the frame's brightness, shape (height, width); raises as `to_rgb`."""
+    if frame.encoding is Encoding.JPEG:
+        return _decode_jpeg(frame, colour=False)
     if frame.encoding is Encoding.YUYV:
-        return _reshape(frame, 2)[:, :, 0]
-    rgb = to_rgb(frame).astype(np.uint16)
-    return ((77 * rgb[:, :, 0] + 150 * rgb[:, :, 1] + 29 * rgb[:, :, 2]) >> 8).astype(np.uint8)
+        return _packed(frame, 2)[:, :, 0]
+    red, green, blue = np.moveaxis(_packed(frame, 3).astype(np.uint32), 2, 0)
+    # ITU-R BT.601 in 16 fractional bits: whole numbers alone, for machines without an FPU.
+    grey: Pixels = ((19595 * red + 38470 * green + 7471 * blue + 32768) >> 16).astype(np.uint8)
+    return grey
 
 
-def _reshape(frame: Frame, channels: int) -> Picture:
-    expected = frame.height * frame.width * channels
-    if len(frame.data) != expected:
+def to_yuyv_small(frame: Frame, step: int = 4) -> Pixels:
+    """Return every `step`-th pixel as the paper does, shape (height/step, width/step, 2).
+
+    The channels are brightness and one of the two colour differences in turn, as in YUYV; other
+    encodings are turned into it. Raises as `to_rgb`.
+    """
+    if frame.encoding is Encoding.YUYV:
+        return _packed(frame, 2)[::step, ::step].copy()
+    red, green, blue = np.moveaxis(to_rgb(frame)[::step, ::step].astype(np.int32), 2, 0)
+    luma = (19595 * red + 38470 * green + 7471 * blue + 32768) >> 16
+    chroma = 128 + ((-11058 * red - 21710 * green + 32768 * blue + 32768) >> 16)
+    chroma_v = 128 + ((32768 * red - 27439 * green - 5329 * blue + 32768) >> 16)
+    chroma[:, 1::2] = chroma_v[:, 1::2]
+    return np.stack([luma, chroma], axis=2).clip(0, 255).astype(np.uint8)
+
+
+def shrink(grey: Pixels, width: int, height: int) -> Pixels:
+    """Return the mean brightness of each of `height` x `width` areas, rounded to nearest.
+
+    Raises:
+        CameraError: If the picture is smaller than that.
+    """
+    rows, columns = grey.shape
+    if rows < height or columns < width:
+        raise CameraError(f"a picture of {columns}x{rows} is too small; {width}x{height} is needed")
+    top, left = (np.arange(n) * full // n for n, full in ((height, rows), (width, columns)))
+    sums = np.add.reduceat(grey, top, axis=0, dtype=np.int32)
+    sums = np.add.reduceat(sums, left, axis=1)
+    areas = np.outer(np.diff(top, append=rows), np.diff(left, append=columns))
+    means: Pixels = ((2 * sums + areas) // (2 * areas)).astype(np.uint8)
+    return means
+
+
+def _packed(frame: Frame, n_channels: int) -> Pixels:
+    expected = frame.width * frame.height * n_channels
+    if len(frame.data) != expected or expected == 0:
         raise CameraError(
-            f"frame {frame.frame_id} has {len(frame.data)} bytes; "
-            f"{frame.width}x{frame.height} {frame.encoding} needs {expected}"
+            f"frame {frame.frame_id} has {len(frame.data)} bytes; {frame.encoding.upper()} of "
+            f"{frame.width}x{frame.height} has {expected}: check the camera's format"
         )
-    return np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.width, channels)
+    flat = np.frombuffer(frame.data, np.uint8)
+    return flat.reshape(frame.height, frame.width, n_channels)
 
 
-def _import_cv2() -> Any:
+def _decode_jpeg(frame: Frame, *, colour: bool) -> Pixels:
+    cv2 = _opencv()
+    flag = cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE
+    data = np.frombuffer(frame.data, np.uint8)
+    try:
+        pixels = cv2.imdecode(data, flag) if data.size else None
+    except cv2.error:
+        pixels = None
+    if pixels is None:
+        raise CameraError(f"frame {frame.frame_id} is no JPEG that can be read")
+    decoded: Pixels = pixels
+    return decoded
+
+
+def _opencv() -> Any:
     try:
         import cv2
     except ImportError as error:
-        raise MissingExtraError("reading JPEG pictures", "camera") from error
+        raise MissingExtraError("reading JPEG frames", "camera") from error
     return cv2
+
+
+def _yuyv_to_rgb(yuyv: Pixels) -> Pixels:
+    if yuyv.shape[1] % 2:
+        raise CameraError(f"a YUYV picture has an even width, not {yuyv.shape[1]}")
+    luma = yuyv[:, :, 0].astype(np.int32) << 16
+    u = np.repeat(yuyv[:, 0::2, 1].astype(np.int32), 2, axis=1) - 128
+    v = np.repeat(yuyv[:, 1::2, 1].astype(np.int32), 2, axis=1) - 128
+    red, green, blue = luma + 91881 * v, luma - 22554 * u - 46802 * v, luma + 116130 * u
+    rgb = np.stack([red, green, blue], axis=2) + 32768 >> 16
+    return rgb.clip(0, 255).astype(np.uint8)

@@ -1,8 +1,9 @@
-"""From a frame to a proposed action: features, learner, and what smooths its votes."""
+"""What the robot would do: features, learner and steadiness joined into one policy."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,158 +11,281 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import ConfigurationError
-from robot.image import to_grey
-from robot.learner.base import State, Vector
+from robot.features import Features, GradientFeatures, GreyFeatures
+from robot.learner.base import Learner, NotFittedError, State, Vector
+from robot.learner.classifier import BSOCClassifier
+from robot.steadiness import Commitment, RunningVotes
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
+
+VOTES_KEPT = 0.75
+"""Share of the running average of votes that stays at each frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedImage:
-    """One reference image as a gallery shows it."""
+    """One node as the gallery shows it.
+
+    `node_id` follows the node through merges, `index` is its present place. `last_used` and
+    `last_taught` are the numbers of the proposal and of the lesson that met it last (0: never).
+    """
 
     node_id: int
     index: int
     thumbnail: NDArray[np.uint8]
     votes: dict[Action, int]
     frames: int
+    last_used: int
+    last_taught: int
+    is_pinned: bool = False
 
 
 class Policy:
-    """The published learner on grey 40x30 pictures, plainly written."""
+    """Frames in, proposed actions out; and lessons in between.
 
-    def __init__(self, name: str, max_nodes: int, moves: Sequence[Action]) -> None:
+    Not safe for several threads: one loop owns it.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        max_nodes: int,
+        learner: Learner,
+        features: Features,
+        *,
+        moves: tuple[Action, ...] = DEFAULT_MOVES,
+        steady: bool = True,
+    ) -> None:
         self.name = name
         self.max_nodes = max_nodes
-        self.moves = tuple(moves)
-        self._forget()
-
-    def _forget(self) -> None:
-        self.n_seen = 0
-        self._nodes = np.zeros((0, 1200), np.float32)
-        self._counts = np.zeros(0, np.int64)
-        self._ids = np.zeros(0, np.int64)
-        self._votes = np.zeros((0, len(Action)), np.int64)
+        self.moves = moves
+        self.learner = learner
+        self.features = features
+        self._average = RunningVotes(VOTES_KEPT if steady else 0.0)
+        self._commitment = Commitment() if steady else None
+        self._n_lessons = 0
+        self._n_proposals = 0
+        self._last_used: dict[int, int] = {}
+        self._last_taught: dict[int, int] = {}
 
     @property
     def n_nodes(self) -> int:
-        """How many reference images there are."""
-        return len(self._nodes)
+        """How many learned images there are; 0 for learners that keep none."""
+        cluster = self._cluster()
+        return 0 if cluster is None else len(cluster.cluster)
+
+    @property
+    def n_seen(self) -> int:
+        """How many lessons were learned."""
+        return self._n_lessons
 
     def extract(self, frame: Frame) -> Vector:
-        """Return the grey picture at 40x30 as a vector, shape (1200,), float32."""
-        grey = to_grey(frame)
-        return (
-            grey[:: grey.shape[0] // 30, :: grey.shape[1] // 40][:30, :40]
-            .astype(np.float32)
-            .ravel()
-        )
+        """Return the frame's vector; pure. Raises CameraError for bytes that are no image."""
+        return self.features.extract(frame)
 
     def propose(self, frame_id: int, x: Vector) -> Prediction:
-        """Say what to do on this frame."""
-        if not self.n_nodes:
+        """Return what to do on this frame. Call it once a frame, in order.
+
+        Before the first lesson the action is None and there are no probabilities.
+        """
+        self._n_proposals += 1
+        try:
+            evidence = self.learner.explain_one(x)
+        except NotFittedError:
             return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
-        distances = ((self._nodes - x) ** 2).sum(1)
-        nearest = int(distances.argmin())
-        votes = self._votes[nearest]
-        shares = {a: float(votes[i] / votes.sum()) for i, a in enumerate(Action) if a in self.moves}
-        best = max(shares, key=lambda action: shares[action])
+        shares = {move: evidence.probabilities.get(move, 0.0) for move in self.moves}
+        steady = self._average.update(shares)
+        action = self._choose(steady)
+        node = self._note(self._last_used, evidence.node, self._n_proposals)
         return Prediction(
             frame_id=frame_id,
-            action=best,
-            confidence=shares[best],
-            probabilities=shares,
-            node=int(self._ids[nearest]),
-            distance=float(distances[nearest]) / x.size,
+            action=action,
+            confidence=steady[action],
+            probabilities=steady,
+            node=node,
+            distance=evidence.distance,
+            novelty=evidence.novelty,
         )
 
     def learn(self, x: Vector, label: Action) -> None:
-        """Add one labelled frame."""
-        self._nodes = np.vstack((self._nodes, x))
-        self._counts = np.append(self._counts, 1)
-        self._ids = np.append(self._ids, self.n_seen)
-        self._votes = np.vstack((self._votes, np.zeros(len(Action), np.int64)))
-        self.n_seen += 1
-        if self.n_nodes > self.max_nodes:
-            self._merge_closest()
-        nearest = int(((self._nodes - x) ** 2).sum(1).argmin())
-        self._votes[nearest, list(Action).index(label)] += 1
+        """Learn one lesson.
 
-    def _merge_closest(self) -> None:
-        gaps = ((self._nodes[:, None] - self._nodes[None]) ** 2).sum(2)
-        weights = gaps * np.maximum(self._counts[:, None], self._counts[None])
-        np.fill_diagonal(weights, np.inf)
-        a, b = sorted(divmod(int(weights.argmin()), self.n_nodes))
-        share = self._counts[b] / (self._counts[a] + self._counts[b])
-        self._nodes[a] += (self._nodes[b] - self._nodes[a]) * share
-        self._ids[a] = self._ids[a] if self._counts[a] >= self._counts[b] else self._ids[b]
-        self._counts[a] += self._counts[b]
-        self._votes[a] += self._votes[b]
-        keep = np.arange(self.n_nodes) != b
-        self._nodes, self._counts = self._nodes[keep], self._counts[keep]
-        self._ids, self._votes = self._ids[keep], self._votes[keep]
+        Raises:
+            ValueError: If the label is none of `moves`, or `x` cannot be learned; nothing changes.
+        """
+        if label not in self.moves:
+            raise ValueError(f"{label!r} is none of the moves {', '.join(self.moves)}")
+        self.learner.learn_one(x, Action(label))
+        self._n_lessons += 1
+        learner = self._cluster()
+        if learner is not None:
+            self._note(self._last_taught, learner.last_node_, self._n_lessons)
 
     def settle(self) -> None:
-        """A new drive begins; this learner remembers nothing of the one before."""
+        """Forget the running average and the turn begun: a new drive begins."""
+        self._average.reset()
+        if self._commitment is not None:
+            self._commitment.reset()
 
     def get_state(self) -> State:
-        """Return a copy of all that was learned."""
-        arrays: dict[str, NDArray[Any]] = {
-            "nodes": self._nodes.copy(),
-            "counts": self._counts.copy(),
-            "ids": self._ids.copy(),
-            "votes": self._votes.copy(),
+        """Return a copy of all that was learned, and of nothing that passes with the drive."""
+        state = self.learner.get_state()
+        params = {
+            "learner": state.params,
+            "lessons": self._n_lessons,
+            "proposals": self._n_proposals,
+            "last_used": {str(node): at for node, at in self._last_used.items()},
+            "last_taught": {str(node): at for node, at in self._last_taught.items()},
+            "name": self.name,
         }
-        return State(kind=self.name, params={"n_seen": self.n_seen}, arrays=arrays)
-
-    def set_state(self, state: State) -> None:
-        """Become the policy that gave `state`."""
-        self.n_seen = state.params["n_seen"]
-        self._nodes, self._counts, self._ids, self._votes = (
-            state.arrays[name].copy() for name in ("nodes", "counts", "ids", "votes")
+        return State(
+            kind=f"policy:{state.kind}", params=params, arrays=state.arrays, labels=state.labels
         )
 
+    def set_state(self, state: State) -> None:
+        """Become the policy that gave `state`: the same predictions, the same future learning.
+
+        Raises:
+            ValueError: If it is of another kind.
+        """
+        kind = state.kind.removeprefix("policy:")
+        inner: dict[str, Any] = state.params["learner"]
+        self.learner.set_state(
+            State(kind=kind, params=inner, arrays=state.arrays, labels=state.labels)
+        )
+        self._n_lessons = int(state.params["lessons"])
+        self._n_proposals = int(state.params["proposals"])
+        self._last_used = {int(k): int(v) for k, v in state.params["last_used"].items()}
+        self._last_taught = {int(k): int(v) for k, v in state.params["last_taught"].items()}
+        self.settle()
+
     def gallery(self) -> list[LearnedImage]:
-        """List the reference images."""
+        """Return every learned image, in the order of the nodes."""
+        learner = self._cluster()
+        if learner is None:
+            return []
+        cluster = learner.cluster
+        histograms, ids = learner.histograms_, cluster.ids_.tolist()
         return [
             LearnedImage(
-                node_id=int(self._ids[i]),
-                index=i,
-                thumbnail=self._nodes[i].round().astype(np.uint8).reshape(30, 40),
-                votes={a: int(v) for a, v in zip(Action, self._votes[i], strict=True) if v},
-                frames=int(self._counts[i]),
+                node_id=node_id,
+                index=index,
+                thumbnail=self.features.thumbnail(image),
+                votes={
+                    Action(label): int(count)
+                    for label, count in zip(learner.labels_, histograms[index], strict=True)
+                },
+                frames=int(cluster.counts_[index]),
+                last_used=self._last_used.get(node_id, 0),
+                last_taught=self._last_taught.get(node_id, 0),
+                is_pinned=bool(cluster.pinned_[index]),
             )
-            for i in range(self.n_nodes)
+            for index, (node_id, image) in enumerate(zip(ids, cluster.nodes_, strict=True))
         ]
 
     def relabel_node(self, node_id: int, label: Action) -> None:
-        """Give all votes of an image to `label`."""
-        row = self._votes[self._find(node_id)]
-        total = row.sum()
-        row[:] = 0
-        row[list(Action).index(label)] = total
+        """Let one learned image vote for `label` alone.
+
+        Raises:
+            LookupError: If there is no such node.
+            ValueError: If `label` is none of `moves`.
+        """
+        if label not in self.moves:
+            raise ValueError(f"{label!r} is none of the moves {', '.join(self.moves)}")
+        self._editable().relabel_node(node_id, Action(label))
 
     def delete_node(self, node_id: int) -> None:
-        """Forget one image."""
-        keep = np.arange(self.n_nodes) != self._find(node_id)
-        self._nodes, self._counts = self._nodes[keep], self._counts[keep]
-        self._ids, self._votes = self._ids[keep], self._votes[keep]
+        """Forget one learned image; raises LookupError if there is none."""
+        self._editable().delete_node(node_id)
 
-    def pin_node(self, node_id: int, pinned: bool) -> None:
-        """Protect an image from merging."""
-        self._find(node_id)
+    def pin_node(self, node_id: int, pinned: bool = True) -> None:
+        """Keep one learned image from merging; raises LookupError if there is none."""
+        self._editable().pin_node(node_id, pinned)
 
-    def _find(self, node_id: int) -> int:
-        found = np.flatnonzero(self._ids == node_id)
-        if not len(found):
-            raise LookupError(f"there is no learned image {node_id}")
-        return int(found[0])
+    def _choose(self, shares: dict[Action, float]) -> Action:
+        if self._commitment is not None:
+            return self._commitment.choose(shares)
+        return max(shares, key=lambda action: shares[action])
+
+    def _cluster(self) -> BSOCClassifier | None:
+        return self.learner if isinstance(self.learner, BSOCClassifier) else None
+
+    def _editable(self) -> BSOCClassifier:
+        learner = self._cluster()
+        if learner is None:
+            raise ValueError(f"the learner {self.name} has no images to edit")
+        return learner
+
+    def _note(self, when: dict[int, int], index: int | None, now: int) -> int | None:
+        """Write down when a node was met last, and return its id."""
+        learner = self._cluster()
+        if learner is None or index is None:
+            return None
+        node_id = learner.cluster.node_id(index)
+        when[node_id] = now
+        if len(when) > 4 * self.max_nodes + 64:
+            alive = set(learner.cluster.ids_.tolist())
+            for gone in [node for node in when if node not in alive]:
+                del when[gone]
+        return node_id
+
+
+Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
+
+
+def _default(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    learner = BSOCClassifier(number)
+    return Policy(name, number, learner, GradientFeatures(), moves=moves)
+
+
+def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    learner = BSOCClassifier.published(number, integer=integer)
+    return Policy(name, number, learner, GreyFeatures(), moves=moves, steady=False)
+
+
+def _knn(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    from robot.baselines.neighbours import NearestNeighbours
+
+    return Policy(
+        name, number, NearestNeighbours(number), GreyFeatures(), moves=moves, steady=False
+    )
+
+
+MAKERS: dict[str, Maker] = {"default": _default, "published": _published, "knn": _knn}
 
 
 def make_policy(
-    name: str = "default-32", moves: Sequence[Action] = DEFAULT_MOVES, *, integer: bool = False
+    name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MOVES, integer: bool = False
 ) -> Policy:
-    """Build a policy from its name, KIND-NUMBER."""
-    kind, _, number = name.rpartition("-")
-    if kind not in ("default", "published") or not number.isdigit():
-        raise ConfigurationError(f"no learner is called {name!r}; try default-32")
-    return Policy(name, int(number), moves)
+    """Return a policy by its name, KIND-NUMBER: `default-32`, `published-64`, `knn-9`.
+
+    Args:
+        name: The kind of learner, and its number of nodes (or of neighbours).
+        moves: What it may propose.
+        integer: Compare pixels in whole numbers, for machines without a floating-point unit.
+
+    Raises:
+        ConfigurationError: If there is no such learner.
+        MissingExtraError: If a library that it needs is not installed.
+    """
+    kind, number = split_name(name)
+    if kind not in MAKERS:
+        raise ConfigurationError(
+            f"no learner is called {name!r}; there are "
+            f"{', '.join(f'{kind}-NUMBER' for kind in MAKERS)}"
+        )
+    return MAKERS[kind](number, name, moves, integer)
+
+
+def split_name(name: str) -> tuple[str, int]:
+    """Return kind and number of a learner's name.
+
+    Raises:
+        ConfigurationError: If it is not KIND-NUMBER with a number of at least 1.
+    """
+    match = re.fullmatch(r"(.+)-([1-9]\d{0,5})", name)
+    if match is None:
+        raise ConfigurationError(
+            f"a learner is called KIND-NUMBER, as in default-32, not {name!r}; kinds: "
+            f"{', '.join(MAKERS)}"
+        )
+    return match[1], int(match[2])

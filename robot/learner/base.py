@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
 from numpy.typing import NDArray
 
 Vector = NDArray[Any]
@@ -17,6 +18,25 @@ Label = str
 
 class NotFittedError(ValueError):
     """A prediction was asked of a learner that has learned nothing."""
+
+
+def checked_vector(x: Vector, n_features: int | None = None) -> Vector:
+    """Return `x` as an array, or refuse it.
+
+    Raises:
+        ValueError: If `x` is not a non-empty, finite vector of numbers, or has not
+            `n_features` values.
+    """
+    array = np.asarray(x)
+    if array.ndim != 1 or array.size == 0:
+        raise ValueError(f"a feature vector has one dimension and some values, not {array.shape}")
+    if array.dtype.kind not in "fiub":
+        raise ValueError(f"a feature vector holds numbers, not {array.dtype}")
+    if n_features is not None and array.size != n_features:
+        raise ValueError(f"the vector has {array.size} values, learned were {n_features}")
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        raise ValueError("the vector holds values that are not finite")
+    return array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,4 +95,4 @@ class Learner(Protocol):
         ...
 
 
-__all__ = ["Evidence", "Label", "Learner", "NotFittedError", "State", "Vector"]
+__all__ = ["Evidence", "Label", "Learner", "NotFittedError", "State", "Vector", "checked_vector"]

@@ -1,0 +1,79 @@
+"""k nearest neighbours: the learner that keeps every frame."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robot.errors import MissingExtraError
+from robot.learner.base import Evidence, Label, NotFittedError, State, Vector, checked_vector
+
+
+class NearestNeighbours:
+    """scikit-learn's classifier behind the learner's interface.
+
+    Memory and time grow with every lesson; fitted anew when asked after a lesson.
+    """
+
+    def __init__(self, n_neighbours: int) -> None:
+        if n_neighbours < 1:
+            raise ValueError(f"n_neighbours must be at least 1, not {n_neighbours}")
+        try:
+            from sklearn.neighbors import KNeighborsClassifier
+        except ImportError as error:
+            raise MissingExtraError("the learner knn", "evaluate") from error
+        self.n_neighbours = n_neighbours
+        self._make: Any = KNeighborsClassifier
+        self._model: Any = None
+        self._xs: list[Vector] = []
+        self._ys: list[Label] = []
+
+    def learn_one(self, x: Vector, y: Label) -> None:
+        """Keep one labelled vector."""
+        if not isinstance(y, str) or not y:
+            raise ValueError(f"a label is a word, not {y!r}")
+        self._xs.append(checked_vector(x, self._xs[0].size if self._xs else None).copy())
+        self._ys.append(str(y))
+        self._model = None
+
+    def predict_one(self, x: Vector) -> Label:
+        """Return the label of most neighbours; raises NotFittedError before the first lesson."""
+        return self.explain_one(x).label
+
+    def predict_proba_one(self, x: Vector) -> dict[Label, float]:
+        """Return the shares of the labels among the neighbours."""
+        return dict(self.explain_one(x).probabilities)
+
+    def explain_one(self, x: Vector) -> Evidence:
+        """Return the prediction with its shares."""
+        if not self._xs:
+            raise NotFittedError("nothing was learned yet")
+        row = checked_vector(x, self._xs[0].size)[None, :].astype(np.float32)
+        if self._model is None:
+            self._model = self._make(min(self.n_neighbours, len(self._xs)), algorithm="brute")
+            self._model.fit(np.stack(self._xs).astype(np.float32), self._ys)
+        shares = self._model.predict_proba(row)[0].tolist()
+        labels = [str(label) for label in self._model.classes_]
+        best = int(np.argmax(shares))
+        return Evidence(
+            label=labels[best],
+            probabilities=dict(zip(labels, shares, strict=True)),
+            confidence=shares[best],
+        )
+
+    def get_state(self) -> State:
+        """Return a copy of all frames kept."""
+        arrays = {"xs": np.stack(self._xs)} if self._xs else {}
+        return State(
+            kind="knn", params={"n_neighbours": self.n_neighbours}, arrays=arrays, labels=self._ys
+        )
+
+    def set_state(self, state: State) -> None:
+        """Become the learner that gave `state`; raises ValueError if it is of another kind."""
+        if state.kind != "knn":
+            raise ValueError(f"the model is a {state.kind}, not a knn")
+        self.n_neighbours = int(state.params["n_neighbours"])
+        self._xs = list(state.arrays["xs"].copy()) if state.labels else []
+        self._ys = list(state.labels)
+        self._model = None

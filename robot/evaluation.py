@@ -1,0 +1,145 @@
+"""Learners compared on recorded footage: trained on one drive of a place, tested on another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot.errors import CameraError, RecordingError
+from robot.learner.base import Vector
+from robot.policy import Policy, make_policy
+from robot.recordings import Recording, load_recording
+from robot.types import Action
+
+Features = dict[str, list[Vector]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairResult:
+    """How one learner did on one pair of recordings; shares between 0 and 1."""
+
+    place: str
+    train: str
+    test: str
+    learner: str
+    accuracy: float
+    balanced_accuracy: float
+    correct: int
+    frames: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pair:
+    """Two drives of one place: learn from `train`, be judged on `test`."""
+
+    train: Recording
+    test: Recording
+
+
+def load_pairs(folder: Path | str) -> list[Pair]:
+    """Return both directions of every place X that has X_A.npz and X_B.npz in `folder`.
+
+    Raises:
+        RecordingError: If there is no such folder or pair, or a recording is broken.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise RecordingError(f"there is no folder {folder}")
+    pairs = []
+    for first in sorted(folder.glob("*_A.npz")):
+        second = first.with_name(first.name.replace("_A.npz", "_B.npz"))
+        a, b = load_recording(first), load_recording(second)
+        pairs += [Pair(train=a, test=b), Pair(train=b, test=a)]
+    if not pairs:
+        raise RecordingError(
+            f"the folder {folder} has no recordings named PLACE_A.npz, PLACE_B.npz"
+        )
+    return pairs
+
+
+def evaluate(
+    pairs: Sequence[Pair], learners: Sequence[str], tick: Callable[[], None] = lambda: None
+) -> Iterator[PairResult]:
+    """Yield each learner's result on each pair; `tick` is called after every one.
+
+    Raises:
+        ConfigurationError: If there is no such learner.
+        RecordingError: If a frame cannot be read.
+    """
+    for name in learners:
+        make_policy(name)
+    for pair in pairs:
+        vectors: dict[tuple[str, str], list[Vector]] = {}
+        for name in learners:
+            policy = make_policy(name)
+            train = _vectors(policy, pair.train, vectors)
+            test = _vectors(policy, pair.test, vectors)
+            yield _judge(policy, pair, train, test)
+            tick()
+
+
+def _vectors(
+    policy: Policy, recording: Recording, known: dict[tuple[str, str], list[Vector]]
+) -> list[Vector]:
+    key = (policy.features.name, str(recording.path))
+    if key not in known:
+        try:
+            known[key] = [policy.extract(recording.frame(i)) for i in range(len(recording))]
+        except CameraError as error:
+            raise RecordingError(f"the recording {recording.path}: {error}") from error
+    return known[key]
+
+
+def _judge(policy: Policy, pair: Pair, train: list[Vector], test: list[Vector]) -> PairResult:
+    for x, label in zip(train, pair.train.labels, strict=True):
+        policy.learn(x, label)
+    policy.settle()
+    proposed = [policy.propose(i + 1, x).action for i, x in enumerate(test)]
+    accuracy, balanced = scores(pair.test.labels, proposed)
+    return PairResult(
+        place=pair.train.place,
+        train=pair.train.path.stem,
+        test=pair.test.path.stem,
+        learner=policy.name,
+        accuracy=accuracy,
+        balanced_accuracy=balanced,
+        correct=round(accuracy * len(test)),
+        frames=len(test),
+    )
+
+
+def scores(truth: Sequence[Action], proposed: Sequence[Action | None]) -> tuple[float, float]:
+    """Return accuracy, and the mean over the true labels of the share that was recognised."""
+    right = np.array([t is p for t, p in zip(truth, proposed, strict=True)])
+    true = np.array([str(t) for t in truth])
+    recalls = [float(right[true == label].mean()) for label in np.unique(true)]
+    return float(right.mean()), float(np.mean(recalls))
+
+
+def as_json(results: Sequence[PairResult]) -> dict[str, Any]:
+    """Return the results as plain values: `{"pairs": [{"place", "train", ...}, ...]}`."""
+    return {"pairs": [asdict(result) for result in results]}
+
+
+def table(results: Sequence[PairResult]) -> str:
+    """Return the results as text: one row a pair and learner, then each learner's mean."""
+    head = (
+        f"{'place':12} {'train':14} {'test':14} {'learner':16} {'right':>9} {'acc.':>6} {'bal.':>6}"
+    )
+    rows = [head]
+    for r in results:
+        rows.append(
+            f"{r.place:12} {r.train:14} {r.test:14} {r.learner:16} "
+            f"{r.correct:4}/{r.frames:4} {r.accuracy:6.3f} {r.balanced_accuracy:6.3f}"
+        )
+    rows.append("")
+    for name in dict.fromkeys(r.learner for r in results):
+        own = [r for r in results if r.learner == name]
+        accuracy = float(np.mean([r.accuracy for r in own]))
+        balanced = float(np.mean([r.balanced_accuracy for r in own]))
+        rows.append(f"{'mean':12} {'':14} {'':14} {name:16} {'':9} {accuracy:6.3f} {balanced:6.3f}")
+    return "\n".join(rows)

@@ -1,0 +1,42 @@
+"""Which label a view deserves, from the labels and distances of the learned images near it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def majority(distances: Floats, histograms: NDArray[np.int64]) -> Floats:
+    """Return the nearest node's shares of labels, shape (n_labels,): the paper's vote."""
+    votes = histograms[int(distances.argmin())].astype(np.float64)
+    return shares(votes)
+
+
+def nearest_nodes(distances: Floats, histograms: NDArray[np.int64], n_voters: int) -> Floats:
+    """Return the labels' shares among the `n_voters` nearest nodes, the nearer the heavier.
+
+    Args:
+        distances: Squared distances to the nodes, shape (n,).
+        histograms: Labels counted per node, shape (n, n_labels).
+        n_voters: How many nodes vote at most.
+
+    Returns:
+        Shares that sum to 1, shape (n_labels,).
+    """
+    if distances.size > n_voters:
+        voters = np.argpartition(distances, n_voters - 1)[:n_voters]
+    else:
+        voters = np.arange(distances.size)
+    near = distances[voters]
+    weights = 1.0 / (near + 1e-3 * float(near.max()) + 1e-12)
+    counts = histograms[voters]
+    totals = np.maximum(counts.sum(axis=1), 1)
+    return shares((weights / totals) @ counts)
+
+
+def shares(votes: Floats) -> Floats:
+    """Return `votes` divided by their sum; equal shares if there are none."""
+    total = float(votes.sum())
+    return votes / total if total > 0 else np.full(votes.size, 1.0 / max(votes.size, 1))

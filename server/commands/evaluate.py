@@ -1,0 +1,49 @@
+"""Compare learners on recorded footage: trained on one drive of a place, tested on the other."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from robot import evaluation
+from robot.errors import ConfigurationError, MissingExtraError
+
+DEFAULT_LEARNERS = "published-32,default-32,knn-3,knn-9"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("folder", type=Path, help="folder of recordings PLACE_A.npz, PLACE_B.npz")
+    parser.add_argument(
+        "--learners",
+        default=DEFAULT_LEARNERS,
+        help="names with commas between, as in %(default)s",
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the results here")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate, print the table and write the JSON."""
+    learners = [name.strip() for name in args.learners.split(",") if name.strip()]
+    if not learners:
+        raise ConfigurationError("--learners names no learner")
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise MissingExtraError("the command evaluate", "evaluate") from error
+    pairs = evaluation.load_pairs(args.folder)
+    with tqdm(total=len(pairs) * len(learners), unit="run", file=sys.stderr) as bar:
+        results = list(evaluation.evaluate(pairs, learners, tick=bar.update))
+    print(evaluation.table(results))
+    if args.json is not None:
+        _write(args.json, json.dumps(evaluation.as_json(results), indent=2) + "\n")
+    return 0
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {path}: {error}") from error

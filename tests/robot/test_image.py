@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from robot import image
+from robot.errors import CameraError
+from robot.types import Encoding, Frame
+
+
+def frame(data, encoding, width=16, height=12):
+    return Frame(
+        frame_id=1, captured_s=0.0, width=width, height=height, encoding=encoding, data=data
+    )
+
+
+@pytest.fixture
+def smooth():
+    ramp = np.linspace(20, 220, 16)[None, :] + np.linspace(0, 30, 12)[:, None]
+    return np.stack([ramp, ramp[:, ::-1], np.full((12, 16), 90)], axis=2).astype(np.uint8)
+
+
+def test_grey_is_the_same_from_rgb_and_jpeg(smooth):
+    _, jpeg = cv2.imencode(".jpg", smooth[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 100])
+    plain = image.to_grey(frame(smooth.tobytes(), Encoding.RGB))
+    packed = image.to_grey(frame(jpeg.tobytes(), Encoding.JPEG))
+    assert np.abs(plain.astype(int) - packed.astype(int)).max() <= 3
+    assert np.abs(plain.astype(int) - cv2.cvtColor(smooth, cv2.COLOR_RGB2GRAY)).max() <= 1
+
+
+def test_yuyv_to_rgb_agrees_with_opencv():
+    rng = np.random.default_rng(1)
+    yuyv = rng.integers(60, 190, (12, 16, 2)).astype(np.uint8)
+    ours = image.to_rgb(frame(yuyv.tobytes(), Encoding.YUYV))
+    v, u = np.repeat(yuyv[:, 1::2, 1], 2, axis=1), np.repeat(yuyv[:, 0::2, 1], 2, axis=1)
+    theirs = cv2.cvtColor(np.stack([yuyv[:, :, 0], v, u], axis=2), cv2.COLOR_YCrCb2RGB)
+    assert np.abs(ours.astype(int) - theirs.astype(int)).max() <= 2
+    assert np.array_equal(image.to_grey(frame(yuyv.tobytes(), Encoding.YUYV)), yuyv[:, :, 0])
+
+
+def test_small_yuyv_is_the_same_from_both(smooth):
+    small = image.to_yuyv_small(frame(smooth.tobytes(), Encoding.RGB))
+    assert small.shape == (3, 4, 2)
+    grey = image.to_grey(frame(smooth.tobytes(), Encoding.RGB))[::4, ::4]
+    assert np.array_equal(small[:, :, 0], grey)
+
+
+@pytest.mark.parametrize("encoding", list(Encoding))
+@pytest.mark.parametrize("data", [b"", b"not an image"])
+def test_bytes_that_are_no_image_are_a_camera_error(encoding, data):
+    for convert in (image.to_grey, image.to_rgb, image.to_yuyv_small):
+        with pytest.raises(CameraError):
+            convert(frame(data, encoding))
+
+
+def test_shrink_is_the_area_average():
+    grey = np.arange(24 * 32, dtype=np.uint32).reshape(24, 32) % 251
+    small = image.shrink(grey.astype(np.uint8), 8, 6)
+    exact = grey.reshape(6, 4, 8, 4).mean(axis=(1, 3))
+    assert np.abs(small - exact).max() <= 0.5
+    assert image.shrink(grey.astype(np.uint8), 7, 5).shape == (5, 7)
+    with pytest.raises(CameraError):
+        image.shrink(grey.astype(np.uint8), 33, 6)

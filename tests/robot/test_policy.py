@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot.errors import ConfigurationError
+from robot.policy import make_policy
+from robot.steadiness import Commitment, RunningVotes
+from robot.types import Action, Encoding, Frame
+
+F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
+
+
+def view(seed, level=0):
+    rng = np.random.default_rng(seed)
+    rgb = np.kron(rng.integers(0, 200, (12, 16)), np.ones((10, 10)))[:, :, None].repeat(3, axis=2)
+    noise = np.random.default_rng(1000 + level).integers(0, 20, rgb.shape)
+    data = (rgb + noise).astype(np.uint8).tobytes()
+    return Frame(
+        frame_id=1, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=data
+    )
+
+
+def taught(name, n=40):
+    policy = make_policy(name)
+    for i in range(n):
+        seed = i % 6
+        policy.learn(policy.extract(view(seed, i)), (F, L, R)[seed % 3])
+    return policy
+
+
+@pytest.mark.parametrize("name", ["default-4", "default-32", "published-8", "knn-3"])
+def test_recalls_what_it_was_taught(name):
+    policy = taught(name, 60)
+    x = policy.extract(view(2, 999))
+    prediction = [policy.propose(i, x) for i in range(8)][-1]
+    assert prediction.action is R
+    assert sum(prediction.probabilities.values()) == pytest.approx(1.0)
+
+
+def test_proposes_nothing_before_the_first_lesson():
+    policy = make_policy("default-8")
+    prediction = policy.propose(7, policy.extract(view(0)))
+    assert (prediction.frame_id, prediction.action, dict(prediction.probabilities)) == (7, None, {})
+
+
+@pytest.mark.parametrize("name", ["default-4", "published-4", "knn-3"])
+def test_state_gives_the_same_predictions_and_the_same_future(name):
+    first, second = taught(name), make_policy(name)
+    second.set_state(first.get_state())
+    first.settle()
+    for i in range(20):
+        x = first.extract(view(i % 6, 500 + i))
+        assert first.propose(i, x) == second.propose(i, x)
+        first.learn(x, F)
+        second.learn(x, F)
+    assert [g.votes for g in first.gallery()] == [g.votes for g in second.gallery()]
+
+
+def test_gallery_shows_every_node_and_its_edits():
+    policy = taught("default-6")
+    gallery = policy.gallery()
+    assert len(gallery) == policy.n_nodes == 6
+    assert sum(image.frames for image in gallery) == policy.n_seen == 40
+    assert all(image.thumbnail.shape == (30, 40) for image in gallery)
+    first, second = gallery[0].node_id, gallery[1].node_id
+    policy.relabel_node(first, R)
+    policy.pin_node(first)
+    policy.delete_node(second)
+    shown = {image.node_id: image for image in policy.gallery()}
+    assert second not in shown
+    assert shown[first].is_pinned
+    assert shown[first].votes[R] == shown[first].frames
+    with pytest.raises(ValueError, match="pinned"):
+        policy.delete_node(first)
+    with pytest.raises(LookupError, match="no node"):
+        policy.relabel_node(second, L)
+
+
+@pytest.mark.parametrize("name", ["nobody-3", "default", "default-0", "default--1", ""])
+def test_unknown_names_say_what_there_is(name):
+    with pytest.raises(ConfigurationError, match="default"):
+        make_policy(name)
+
+
+def test_refuses_a_label_that_is_no_move():
+    policy = make_policy("default-4", moves=(F, L))
+    with pytest.raises(ValueError, match="none of the moves"):
+        policy.learn(policy.extract(view(0)), R)
+    assert policy.n_seen == 0
+
+
+def test_one_odd_frame_does_not_turn_the_average():
+    votes = RunningVotes(0.75)
+    for _ in range(10):
+        votes.update({F: 1.0, L: 0.0})
+    assert votes.update({F: 0.0, L: 1.0})[F] == pytest.approx(0.75)
+    votes.reset()
+    assert votes.update({F: 0.0, L: 1.0})[L] == 1.0
+
+
+def test_left_and_right_never_follow_each_other():
+    commitment = Commitment()
+    assert commitment.choose({F: 0.1, L: 0.5, R: 0.4}) is L
+    assert commitment.choose({F: 0.1, L: 0.2, R: 0.7}) is L
+    assert commitment.choose({F: 0.5, L: 0.1, R: 0.4}) is F
+    assert commitment.choose({F: 0.1, L: 0.2, R: 0.7}) is R
