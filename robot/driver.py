@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from enum import StrEnum
 from types import TracebackType
 from typing import Any, ClassVar, Self
 
-from robot.types import DEFAULT_MOVES, Action, Sensors
+from robot.types import DEFAULT_MOVES, Action, Mode, Sensors
 
 ACTION_TIMEOUT_S = 0.4
 """How long one `send_action` lasts. The body stops by itself unless the next comes before:
 just above the gate's watchdog of 0.3 s, so that motors stop even if Python dies."""
+
+
+class BodyButton(StrEnum):
+    """What a button on the body asks for."""
+
+    STOP = "stop"
+    START = "start"  # in the last mode
 
 
 class Driver(ABC):
@@ -77,6 +85,16 @@ class Driver(ABC):
             raise ValueError(f"the robot {self.name!r} knows no move {action!r}; it knows: {known}")
         if not 0.0 < speed_scale <= 1.0:
             raise ValueError(f"speed_scale must lie in (0, 1], not {speed_scale}")
+
+    def take_button(self) -> BodyButton | None:
+        """Return what a button on the body asked for since the last call; most bodies have none."""
+        return None
+
+    def announce(self, address: str) -> None:  # noqa: B027 - a body without a screen says nothing
+        """Take the page's address, for a body that can show it; called before `connect`."""
+
+    def show(self, mode: Mode) -> None:  # noqa: B027
+        """Show the mode on the body's own screen and lights, if it has any. Never raises."""
 
     def __enter__(self) -> Self:
         self.connect()

@@ -17,7 +17,7 @@ from typing import TypeVar
 
 from robot.camera import Camera
 from robot.clock import Clock
-from robot.driver import Driver
+from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError
 from robot.gate import Gate, GateConfig
 from robot.governor import Governor, GovernorConfig, age_of_link_s
@@ -108,6 +108,8 @@ class ControlLoop:
         self._last_turn_s: float | None = None
         self._timings = {"propose": Timing(), "learn": Timing()}
         self._fault: str | None = None
+        self._last_mode = Mode.TRAIN
+        self._shown_mode = Mode.STOPPED
         self._state = self._make_state(clock.now_s(), self._idle_decision(), Sensors())
         camera.listen(self.wake.set)
 
@@ -192,6 +194,7 @@ class ControlLoop:
     def _turn(self, now_s: float, started_s: float) -> Tick:
         self._check_stall(now_s)
         self._serve_requests()
+        self._heed_button()
         commands = self._hear(now_s)
         frame = self._look()
         sensors = self._sense()
@@ -219,6 +222,14 @@ class ControlLoop:
         if now_s - before_s > self.config.stall_s:
             self._trip(StopReason.LOOP_FAULT)
             self._fault = f"The robot's computer was held up for {now_s - before_s:.1f} s."
+
+    def _heed_button(self) -> None:
+        """Obey a button on the robot itself: any stops it, the start button starts it again."""
+        button = self._driver.take_button()
+        if button is BodyButton.START and self._gate.mode is Mode.STOPPED:
+            self._start(self._last_mode)
+        elif button is not None:
+            self._trip(StopReason.BUTTON)
 
     def _hear(self, now_s: float) -> list[PilotCommand]:
         with self._lock:
@@ -335,6 +346,9 @@ class ControlLoop:
             cycle_s=cycle_s,
         )
         self._events.clear()
+        if decision.mode is not self._shown_mode:
+            self._shown_mode = decision.mode
+            self._driver.show(decision.mode)
         self._state = self._make_state(now_s, decision, sensors)
         for listener in self._listeners:
             listener(tick)
@@ -348,6 +362,7 @@ class ControlLoop:
             return True
         self._settle()
         self._fault = None
+        self._last_mode = mode
         return self._gate.start(mode, self._clock.now_s())
 
     def _change_pilot(self) -> None:

@@ -6,15 +6,32 @@ A plugin without an entry fails the suite: nothing joins the registry untested.
 
 from __future__ import annotations
 
+import os
+import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
+import cv2
+import numpy as np
+import pytest
+
+from robot.brick.camera_options import UsbCameraOptions
 from robot.camera import Camera
+from robot.cameras.ev3_remote import Ev3RemoteCamera
+from robot.cameras.opencv import OpencvCamera, OpencvOptions
 from robot.cameras.sim import SimCamera, SimCameraOptions
+from robot.cameras.v4l2 import V4l2Camera
 from robot.clock import RealClock
 from robot.driver import Driver
+from robot.drivers.ev3 import Ev3Driver, Ev3Options
+from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.drivers.sim import SimDriver, SimOptions
+from tests.brick.fake_brick import FakeBrick
+from tests.brick.fake_video import DEVICE, FakeVideo
+from tests.brick.running_agent import SECRET, RunningAgent
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,5 +68,80 @@ def sim_camera() -> Iterator[CameraCase]:
     yield CameraCase(SimCamera(driver, SimCameraOptions(), RealClock()))
 
 
-DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {"sim": sim_driver}
-CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {"sim": sim_camera}
+@contextmanager
+def fake_brick() -> Iterator[tuple[FakeBrick, Path]]:
+    with tempfile.TemporaryDirectory() as folder, FakeBrick(Path(folder, "brick")) as brick:
+        brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
+        yield brick, Path(folder)
+
+
+def brick_case(driver: Ev3Driver | Ev3RemoteDriver, brick: FakeBrick) -> DriverCase:
+    def is_moving() -> bool:
+        if driver.is_connected:
+            driver.wheel_positions_deg()  # an answer: whatever was sent before has arrived
+        else:
+            time.sleep(0.05)
+        brick.settle()
+        return brick.is_moving()
+
+    return DriverCase(driver, time.sleep, is_moving)
+
+
+@contextmanager
+def ev3_driver() -> Iterator[DriverCase]:
+    with fake_brick() as (brick, _):
+        yield brick_case(Ev3Driver(Ev3Options(brick_root=str(brick.root))), brick)
+
+
+@contextmanager
+def ev3_remote_driver() -> Iterator[DriverCase]:
+    with fake_brick() as (brick, folder), RunningAgent(brick.root, folder) as agent:
+        options = Ev3RemoteOptions(brick=agent.address, brick_secret=SECRET)
+        yield brick_case(Ev3RemoteDriver(options), brick)
+
+
+@contextmanager
+def ev3_remote_camera() -> Iterator[CameraCase]:
+    with fake_brick() as (brick, folder):
+        video = FakeVideo(folder)
+        with RunningAgent(brick.root, folder, video.env) as agent:
+            driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address, brick_secret=SECRET))
+            camera = UsbCameraOptions(device=DEVICE)
+            yield CameraCase(Ev3RemoteCamera.for_driver(driver, camera, RealClock()))
+
+
+@contextmanager
+def v4l2_camera() -> Iterator[CameraCase]:
+    if "FAKE_VIDEO" not in os.environ:
+        pytest.skip("tests/brick/test_v4l2.py runs it in a process that sees a made-up camera")
+    yield CameraCase(V4l2Camera(UsbCameraOptions(device=DEVICE), RealClock()))
+
+
+@contextmanager
+def opencv_camera() -> Iterator[CameraCase]:
+    with tempfile.TemporaryDirectory() as folder:
+        film = Path(folder, "film.avi")
+        write_film(film)
+        yield CameraCase(OpencvCamera(OpencvOptions(source=str(film)), RealClock()))
+
+
+def write_film(path: Path, frames: int = 30) -> None:
+    """Write a film in which no two frames are alike."""
+    fourcc = cv2.VideoWriter.fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(path), fourcc, 30.0, (320, 240))
+    for index in range(frames):
+        writer.write(np.full((240, 320, 3), 5 * index, np.uint8))
+    writer.release()
+
+
+DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
+    "sim": sim_driver,
+    "ev3": ev3_driver,
+    "ev3-remote": ev3_remote_driver,
+}
+CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
+    "sim": sim_camera,
+    "ev3-remote": ev3_remote_camera,
+    "v4l2": v4l2_camera,
+    "opencv": opencv_camera,
+}

@@ -1,0 +1,1 @@
+"""What touches the brick, and the line to a brick that stands elsewhere."""

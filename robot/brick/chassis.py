@@ -1,0 +1,209 @@
+"""Two wheels and what they make of an action: shared by a brick here and a brick elsewhere."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol, TypeVar
+
+from robot.brick.agent import HardwareError
+from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
+from robot.errors import ConfigurationError, DriveError, NotConnectedError
+from robot.types import Action, Mode, Sensors
+
+MOVES = (
+    Action.FORWARD,
+    Action.LEFT,
+    Action.RIGHT,
+    Action.BACKWARD,
+    Action.SPIN_LEFT,
+    Action.SPIN_RIGHT,
+)
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChassisOptions:
+    """How the robot is built. The defaults are the paper's robot: forward turns both wheels at
+    360 degrees a second and makes 16 cm/s; a turn drives one wheel backward at 90."""
+
+    left_port: str = field(default="outB", metadata={"help": "port of the left motor"})
+    right_port: str = field(default="outC", metadata={"help": "port of the right motor"})
+    ultrasonic_port: str = field(
+        default="auto",
+        metadata={"help": "port of the ultrasonic sensor; auto takes one if it is there, or none"},
+    )
+    touch_port: str = field(
+        default="auto",
+        metadata={"help": "port of the touch sensor; auto takes one if it is there, or none"},
+    )
+    wheel_diameter_m: float = field(
+        default=0.0509, metadata={"help": "wheel diameter in metres, as calibrate measures it"}
+    )
+    track_m: float = field(
+        default=0.124, metadata={"help": "distance between the wheels in metres"}
+    )
+    forward_speed_mps: float = field(
+        default=0.16, metadata={"help": "straight speed in metres a second"}
+    )
+    turn_rate_deg_s: float = field(
+        default=18.5, metadata={"help": "turning rate in degrees a second"}
+    )
+    turn_by: str = field(
+        default="backward",
+        metadata={
+            "help": "a turn drives one wheel backward (as the paper's), one forward, or both",
+            "choices": ("backward", "forward", "both"),
+        },
+    )
+    reversed_motors: bool = field(
+        default=False, metadata={"help": "the motors are mounted the other way round"}
+    )
+
+    def __post_init__(self) -> None:
+        for name in ("wheel_diameter_m", "track_m", "forward_speed_mps", "turn_rate_deg_s"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise ConfigurationError(
+                    f"--{name.replace('_', '-')} must be more than 0, not {getattr(self, name)}"
+                )
+
+
+class Body(Protocol):
+    """What a chassis moves: the brick's own devices, or an agent's line to them."""
+
+    def open(self) -> None:
+        """Find the devices, and make sure that nothing moves."""
+
+    def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
+        """Turn the wheels for at most `time_ms`."""
+
+    def stop(self) -> None:
+        """Stop the motors; never raises."""
+
+    def positions(self) -> list[float]:
+        """How far each wheel has turned, in degrees."""
+
+    def sense(self) -> dict[str, Any]:
+        """Return the fields of `Sensors` that a body knows."""
+
+    def take_button(self) -> str | None:
+        """Return the button that was pressed since the last call."""
+
+    def show(self, mode: str, address: str) -> None:
+        """Show mode and address; never raises."""
+
+    def close(self) -> None:
+        """Stop the motors and let go; idempotent."""
+
+
+def wheel_speeds(action: Action, options: ChassisOptions) -> tuple[float, float]:
+    """Return how fast the left and right wheel turn for an action, in degrees a second."""
+    degrees_per_m = 360 / (math.pi * options.wheel_diameter_m)
+    straight = options.forward_speed_mps * degrees_per_m
+    # One wheel alone turns the robot about the other one, on a circle of radius track_m.
+    turn = math.radians(options.turn_rate_deg_s) * options.track_m * degrees_per_m
+    left = {"backward": (-turn, 0.0), "forward": (0.0, turn), "both": (-turn / 2, turn / 2)}
+    speeds = {
+        Action.STOP: (0.0, 0.0),
+        Action.FORWARD: (straight, straight),
+        Action.BACKWARD: (-straight, -straight),
+        Action.LEFT: left[options.turn_by],
+        Action.RIGHT: left[options.turn_by][::-1],
+        Action.SPIN_LEFT: left["both"],
+        Action.SPIN_RIGHT: left["both"][::-1],
+    }[action]
+    sign = -1.0 if options.reversed_motors else 1.0
+    return sign * speeds[0], sign * speeds[1]
+
+
+class ChassisDriver(Driver):
+    """A driver over a `Body`; subclasses say which."""
+
+    default_camera: ClassVar[str] = "v4l2"
+    moves: tuple[Action, ...] = MOVES
+
+    def __init__(self, options: ChassisOptions) -> None:
+        self.options = options
+        self._body: Body | None = None
+        self._address = ""
+
+    @abstractmethod
+    def _make_body(self) -> Body:
+        """Return the body, not yet open."""
+
+    @property
+    def is_connected(self) -> bool:
+        """True between a successful `connect` and `disconnect`."""
+        return self._body is not None
+
+    def connect(self) -> None:
+        """Find motors and sensors, and make sure that nothing moves."""
+        if self._body is not None:
+            return
+        body = self._make_body()
+        try:
+            body.open()
+        except HardwareError as error:
+            body.close()
+            raise DriveError(str(error)) from error
+        self._body = body
+        self.show(Mode.STOPPED)
+
+    def disconnect(self) -> None:
+        """Stop the motors and let go of the brick."""
+        body, self._body = self._body, None
+        if body is not None:
+            body.close()
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        """Run the wheels for `ACTION_TIMEOUT_S` by `run-timed`: the kernel ends the move."""
+        body = self._connected()
+        self.check_action(action, speed_scale)
+        if action is Action.STOP:
+            _told(body.stop)
+            return action
+        left, right = (speed_scale * speed for speed in wheel_speeds(action, self.options))
+        _told(lambda: body.run(left, right, round(1000 * ACTION_TIMEOUT_S)))
+        return action
+
+    def sense(self) -> Sensors:
+        """Read distance, touch and battery."""
+        return Sensors(**_told(self._connected().sense))
+
+    def stop(self) -> None:
+        """Stop the motors now; does nothing on a driver that is not connected."""
+        if self._body is not None:
+            self._body.stop()
+
+    def wheel_positions_deg(self) -> Sequence[float]:
+        """How far the left and the right wheel have turned, as the motors count it."""
+        return _told(self._connected().positions)
+
+    def take_button(self) -> BodyButton | None:
+        """Return the brick's button that was pressed since the last call."""
+        pressed = self._body.take_button() if self._body is not None else None
+        return BodyButton(pressed) if pressed else None
+
+    def announce(self, address: str) -> None:
+        """Have the brick's screen show where the page is."""
+        self._address = address
+
+    def show(self, mode: Mode) -> None:
+        """Show the mode on the brick's screen and lights."""
+        if self._body is not None:
+            self._body.show(mode.value, self._address)
+
+    def _connected(self) -> Body:
+        if self._body is None:
+            raise NotConnectedError(f"the robot {self.name!r} is not connected; call connect()")
+        return self._body
+
+
+def _told(call: Callable[[], _T]) -> _T:
+    """Call the body, and turn its error into the driver's."""
+    try:
+        return call()
+    except HardwareError as error:
+        raise DriveError(str(error)) from error

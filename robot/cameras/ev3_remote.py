@@ -1,0 +1,99 @@
+"""The camera on a brick elsewhere, through the agent that also moves its motors."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from typing import Any, ClassVar, Self
+
+from robot.brick.agent import STILL_S, HardwareError
+from robot.brick.camera_options import UsbCameraOptions
+from robot.brick.link import BrickLink, Picture
+from robot.camera import Camera
+from robot.clock import Clock
+from robot.driver import Driver
+from robot.errors import CameraError, ConfigurationError
+from robot.types import Encoding
+
+
+class Ev3RemoteCamera(Camera):
+    """Frames as the brick's camera gives them, the newest only, on this machine's clock."""
+
+    name: ClassVar[str] = "ev3-remote"
+    options_type: ClassVar[type[Any]] = UsbCameraOptions
+
+    def __init__(self, options: UsbCameraOptions, clock: Clock, link: BrickLink) -> None:
+        super().__init__(clock)
+        self.options = options
+        self._link = link
+        self._seen_s = 0.0
+        self._ending = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @classmethod
+    def for_driver(cls, driver: Driver, options: UsbCameraOptions, clock: Clock) -> Self:
+        """Build the camera on the driver's own line to the brick."""
+        link = getattr(driver, "link", None)
+        if not isinstance(link, BrickLink):
+            raise ConfigurationError(
+                f"the camera 'ev3-remote' sees through the robot 'ev3-remote', not {driver.name!r}"
+            )
+        return cls(options, clock, link)
+
+    def start(self) -> None:
+        """Have the agent open its camera and send what it sees."""
+        if self._thread is not None:
+            return
+        options = self.options
+        self._seen_s = time.monotonic()
+        self._link.on_picture = self._take
+        try:
+            self._link.open("camera")
+            self._link.wish(
+                "camera",
+                "video",
+                device=options.device,
+                width=options.width,
+                height=options.height,
+                rate=options.frame_rate,
+                encoding=options.encoding,
+            )
+        except HardwareError as error:
+            self._let_go()
+            raise CameraError(str(error)) from error
+        self._ending.clear()
+        self._thread = threading.Thread(target=self._watch, name="brick-camera", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Have the agent close its camera."""
+        if self._thread is not None:
+            self._ending.set()
+            self._thread.join(timeout=2.0)
+            self._thread = None
+            with contextlib.suppress(HardwareError):  # a lost line closes the camera by itself
+                self._link.say("blind")
+            self._let_go()
+
+    def _let_go(self) -> None:
+        self._link.on_picture = None
+        self._link.forget("camera")
+        self._link.close("camera")
+
+    def _take(self, picture: Picture) -> None:
+        self._seen_s = now_s = time.monotonic()
+        self._publish(
+            picture.data,
+            width=picture.width,
+            height=picture.height,
+            encoding=Encoding(picture.encoding),
+            captured_s=self.clock.now_s() - max(0.0, now_s - picture.taken_s),
+        )
+
+    def _watch(self) -> None:
+        while not self._ending.wait(0.05):
+            if time.monotonic() - self._seen_s > STILL_S:
+                fault = self._link.fault or self._link.camera_fault or "The brick sends no pictures"
+                if fault != self._fault:
+                    self._report_fault(fault)

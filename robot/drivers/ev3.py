@@ -1,0 +1,40 @@
+"""The brick that this program runs on: its motors and sensors through python-ev3dev2."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from robot.brick import agent
+from robot.brick.chassis import Body, ChassisDriver, ChassisOptions
+from robot.errors import MissingExtraError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ev3Options(ChassisOptions):
+    """How the robot is built, and where its devices are."""
+
+    brick_root: str = field(
+        default="/", metadata={"help": "folder that holds the brick's sys and dev"}
+    )
+
+
+class Ev3Driver(ChassisDriver):
+    """A Lego Mindstorms EV3 that runs the server itself."""
+
+    name: ClassVar[str] = "ev3"
+    options_type: ClassVar[type[Any]] = Ev3Options
+    options: Ev3Options
+
+    def _make_body(self) -> Body:
+        if importlib.util.find_spec("ev3dev2") is None:
+            raise MissingExtraError("the EV3's motors", "ev3")
+        options = self.options
+        return agent.Body(
+            options.left_port,
+            options.right_port,
+            options.ultrasonic_port,
+            options.touch_port,
+            options.brick_root,
+        )

@@ -1,0 +1,176 @@
+"""The real ioctl code against a made-up camera (a preload library that answers for the kernel)."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.brick import agent
+from tests.brick.fake_video import DEVICE, FakeVideo
+
+ROOT = Path(__file__).parents[2]
+
+
+class Probe:
+    """The camera in a process of its own."""
+
+    def __init__(self, video: FakeVideo, encoding: str = "auto", device: str = DEVICE) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "tests.brick.camera_probe", device, encoding],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=video.env,
+            cwd=ROOT,
+        )
+
+    def next(self) -> dict[str, Any]:
+        assert self.process.stdout is not None
+        said: dict[str, Any] = json.loads(self.process.stdout.readline())
+        return said
+
+    def wait_for(self, is_so: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        for _ in range(200):
+            said = self.next()
+            if is_so(said):
+                return said
+        raise AssertionError("waited in vain")
+
+    def end(self) -> None:
+        self.process.communicate("\n", timeout=10)
+
+
+@pytest.fixture
+def video(tmp_path: Path) -> FakeVideo:
+    return FakeVideo(tmp_path)
+
+
+@pytest.fixture
+def probe(video: FakeVideo) -> Iterator[Probe]:
+    running = Probe(video)
+    yield running
+    running.end()
+
+
+def test_yuyv_comes_as_it_is_and_without_padding(probe: Probe) -> None:
+    said = probe.wait_for(lambda said: said.get("frame") == 3)
+    assert said["size"] == [160, 120, 160 * 120 * 2]
+    assert said["encoding"] == "yuyv"
+    first, second = bytes.fromhex(said["first"]), bytes.fromhex(said["second_row"])
+    assert first[1::2] == second[1::2] == b"\x80\x80\x80"
+    assert list(second[::2]) == [value + 1 for value in first[::2]]
+
+
+def test_frames_are_stamped_by_the_kernel(probe: Probe) -> None:
+    said = probe.wait_for(lambda said: said.get("frame") == 5)
+    assert 0.0049 <= said["age_s"] < 0.1
+
+
+def test_mjpeg_goes_through_untouched(tmp_path: Path) -> None:
+    running = Probe(FakeVideo(tmp_path, "MJPG"))
+    said = running.wait_for(lambda said: "frame" in said)
+    running.end()
+    assert said["encoding"] == "jpeg"
+    assert said["first"].startswith("ffd8ff")
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [("freeze", "gives no pictures"), ("repeat", "repeats one picture"), ("gone", "unplugged")],
+)
+def test_a_broken_camera_is_noticed_within_500_ms_and_picked_up_again(
+    video: FakeVideo, probe: Probe, how: str, words: str
+) -> None:
+    probe.wait_for(lambda said: said.get("frame") == 3)
+    video.behave(how)
+    broken_s = time.monotonic()
+    said = probe.wait_for(lambda said: said["fault"] is not None)
+    assert words in said["fault"]
+    assert DEVICE in said["fault"]
+    assert said["now_s"] - broken_s <= 0.5
+    video.behave("run")
+    again = probe.wait_for(lambda said: said["fault"] is None)
+    assert again["frame"] > said["frame"]
+    assert again["age_s"] < 0.2
+
+
+def test_no_camera_is_one_clear_line(video: FakeVideo) -> None:
+    running = Probe(video, device="/dev/video77")
+    assert running.next()["error"] == (
+        "Camera: no camera at /dev/video77 (No such file or directory); "
+        "plug it in, or name its device with --device"
+    )
+    running.end()
+
+
+def test_a_format_that_is_not_offered_is_one_clear_line(video: FakeVideo) -> None:
+    running = Probe(video, "jpeg")
+    assert running.next()["error"] == f"Camera: the camera {DEVICE} gives no jpeg; it offers: YUYV"
+    running.end()
+
+
+def test_it_keeps_the_contract_of_cameras(video: FakeVideo) -> None:
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "tests/contract/test_cameras.py",
+            "-k",
+            "v4l2",
+            "-p",
+            "no:cacheprovider",
+        ],
+        env=video.env,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert "passed" in done.stdout and "skipped" not in done.stdout
+
+
+def test_the_numbers_are_those_of_the_kernel_headers(tmp_path: Path) -> None:
+    names = (
+        "QUERYCAP",
+        "ENUM_FMT",
+        "S_FMT",
+        "REQBUFS",
+        "QUERYBUF",
+        "QBUF",
+        "DQBUF",
+        "STREAMON",
+        "STREAMOFF",
+        "S_PARM",
+    )
+    lines = "".join(f'printf("%lu\\n", (unsigned long)VIDIOC_{name});' for name in names)
+    source = tmp_path / "numbers.c"
+    source.write_text(
+        "#include <stdio.h>\n#include <sys/time.h>\n#include <linux/videodev2.h>\n"
+        f"int main(void) {{ {lines} return 0; }}\n"
+    )
+    FakeVideo(tmp_path)  # skips where there is no compiler
+    subprocess.run(["cc", "-o", tmp_path / "numbers", source], check=True)
+    printed = subprocess.run([tmp_path / "numbers"], capture_output=True, text=True, check=True)
+    assert [getattr(agent, name) for name in names] == [int(n) for n in printed.stdout.split()]
+
+
+def test_freshness_tells_silence_from_repetition() -> None:
+    freshness = agent.Freshness(10.0)
+    assert freshness.is_new(b"a", 10.1)
+    assert not freshness.is_new(b"a", 10.5)
+    assert freshness.fault(10.54) is None
+    assert freshness.fault(10.57) == "repeats one picture"
+    assert freshness.fault(11.0) == "gives no pictures"
+    assert freshness.is_new(b"b", 11.1)
+    assert freshness.fault(11.2) is None
