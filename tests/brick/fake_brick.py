@@ -91,7 +91,7 @@ class FakeBrick:
             time_sp="0",
             stop_action="coast",
             state="",
-            position="0",
+            position="000000000000",
         )
         self.motors[port] = FakeMotor(folder, port)
 
@@ -158,7 +158,8 @@ class FakeBrick:
             motor.speed = 0
         if motor.speed:
             motor.position += motor.speed * past_s
-            (motor.folder / "position").write_text(f"{motor.position:.0f}\n")
+            with (motor.folder / "position").open("r+b", buffering=0) as file:
+                file.write(b"%012d\n" % motor.position)  # one width: never seen half written
         command = motor.read("command")
         mark = ((motor.folder / "command").stat().st_mtime_ns, command)
         if mark == motor.mark:
