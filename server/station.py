@@ -13,7 +13,7 @@ import itertools
 import logging
 import time
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import AsyncGenerator, Callable
 
 from robot.rig import Rig
 from robot.state import Tick
@@ -151,6 +151,14 @@ class Station:
         if self._frame is not None and self._frame is not self.video.newest:
             await self.video.show(self._frame)
         await self.video.add(viewer)
+
+    async def stream(self) -> AsyncGenerator[bytes, None]:
+        """Yield the newest frames as JPEG, for as long as they are asked for."""
+        if self._frame is not None and self._frame is not self.video.newest:
+            await self.video.show(self._frame)
+        async with contextlib.aclosing(self.video.stream()) as frames:
+            async for jpeg in frames:
+                yield jpeg
 
     def leave(self, page: Page) -> None:
         """A page is gone; if it had the wheel the robot stops now."""

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import logging
+import asyncio
 import time
-from collections.abc import Awaitable, Callable
+from collections import OrderedDict
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from typing import Any
 
 from robot.errors import MissingExtraError
 from robot.types import Encoding, Frame
+from server.metrics import AGE_BUCKETS_S, Histogram
 from server.protocol import Picture, encode_picture
 from server.session import VideoWindow
 
-log = logging.getLogger(__name__)
+_REMEMBERED_FRAMES = 256
+"""For how many frames it is known when they were taken."""
 
 
 class Encoder:
@@ -97,17 +100,22 @@ class VideoHub:
     """
 
     def __init__(self, encoder: Encoder) -> None:
-        self._encoder = encoder
+        self.encoder = encoder
         self._viewers: dict[int, Viewer] = {}
+        self._streams = 0
         self._frame: Frame | None = None
         self._message: bytes | None = None
+        self._jpeg: bytes | None = None
+        self._shown = asyncio.Event()
+        self._captured_s: OrderedDict[int, float] = OrderedDict()
         self.frames_encoded = 0
         self.frames_sent = 0
+        self.frame_ages = Histogram(AGE_BUCKETS_S)
 
     @property
     def viewers(self) -> int:
-        """How many browsers see the picture now."""
-        return len(self._viewers)
+        """How many see the picture now."""
+        return len(self._viewers) + self._streams
 
     @property
     def newest(self) -> Frame | None:
@@ -126,7 +134,13 @@ class VideoHub:
     async def show(self, frame: Frame) -> None:
         """Make `frame` the newest, and send it to all who have credit."""
         self._frame = frame
-        self._message = None
+        self._message = self._jpeg = None
+        self._captured_s[frame.frame_id] = frame.captured_s
+        if len(self._captured_s) > _REMEMBERED_FRAMES:
+            self._captured_s.popitem(last=False)
+        if self._streams:
+            shown, self._shown = self._shown, asyncio.Event()
+            shown.set()
         for viewer in list(self._viewers.values()):
             await self.offer(viewer)
 
@@ -136,15 +150,16 @@ class VideoHub:
         if frame is None or frame.frame_id == viewer.last_sent_id:
             return
         if self._message is None:
-            self._message = self._encoder.encode(frame)
+            self._message = self.encoder.encode(frame)
             self.frames_encoded += 1
-        if not viewer.window.may_send(len(self._message)):
+        message = self._message
+        if not viewer.window.may_send(len(message)):
             return
         viewer.last_sent_id = frame.frame_id
-        viewer.window.sent(frame.frame_id, len(self._message), time.monotonic())
+        viewer.window.sent(frame.frame_id, len(message), time.monotonic())
         self.frames_sent += 1
         try:
-            await viewer.send(self._message)
+            await viewer.send(message)
         except Exception:  # the connection is going down; its own task will take it out
             self.remove(viewer)
 
@@ -155,3 +170,27 @@ class VideoHub:
             ProtocolError: If that frame is not on its way to this viewer.
         """
         viewer.window.acknowledged(frame_id, now_s)
+        captured_s = self._captured_s.get(frame_id)
+        if captured_s is not None:
+            self.frame_ages.note(now_s - captured_s)
+
+    async def stream(self) -> AsyncGenerator[bytes, None]:
+        """Yield each newest frame as JPEG, for viewers that cannot acknowledge.
+
+        Raises:
+            MissingExtraError: If the camera gives no JPEG and OpenCV is not installed.
+        """
+        last_id = 0
+        self._streams += 1
+        try:
+            while True:
+                if self._frame is None or self._frame.frame_id == last_id:
+                    await self._shown.wait()
+                    continue
+                last_id = self._frame.frame_id
+                if self._jpeg is None:
+                    self._jpeg = self.encoder.encode_jpeg(self._frame)
+                self.frames_sent += 1
+                yield self._jpeg
+        finally:
+            self._streams -= 1

@@ -1,10 +1,11 @@
-"""`/healthz`: is the robot's loop alive? For supervisors and load tests."""
+"""`/healthz` and `/metrics`: the robot seen from outside."""
 
 from __future__ import annotations
 
 from fastapi import APIRouter, Request
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, PlainTextResponse
 
+from server.metrics import Measured, render
 from server.station import Station
 
 router = APIRouter()
@@ -24,3 +25,22 @@ async def healthz(request: Request) -> JSONResponse:
         "fault": state.fault,
     }
     return JSONResponse(body, status_code=200 if is_alive else 503)
+
+
+@router.get("/metrics", response_class=PlainTextResponse)
+async def metrics(request: Request) -> PlainTextResponse:
+    """Return what Prometheus collects."""
+    station: Station = request.app.state.station
+    video = station.video
+    measured = Measured(
+        state=station.robot.loop.state,
+        now_s=station.robot.clock.now_s(),
+        pages=len(station.pages),
+        viewers=video.viewers,
+        frames_sent=video.frames_sent,
+        frames_encoded=video.frames_encoded,
+        frame_ages=video.frame_ages,
+        refused=station.refused,
+        turned_away=request.app.state.turned_away,
+    )
+    return PlainTextResponse(render(measured), media_type="text/plain; version=0.0.4")

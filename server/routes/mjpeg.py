@@ -1,0 +1,53 @@
+"""`/video.mjpg`: the picture for VLC, dashboards and an `<img>`; the page itself does not use it.
+
+A stream cannot acknowledge, so behind a slow link it lags; `/ws/video` does not.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import AsyncIterator
+
+from fastapi import APIRouter, Depends, HTTPException, Request
+from fastapi.responses import StreamingResponse
+
+from robot.errors import MissingExtraError
+from robot.types import Encoding
+from server.guard import require_viewer
+from server.station import Station
+
+router = APIRouter()
+_BOUNDARY = b"--frame\r\nContent-Type: image/jpeg\r\n\r\n"
+_MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
+
+
+@router.get(
+    "/video.mjpg",
+    dependencies=[Depends(require_viewer)],
+    response_class=StreamingResponse,
+    include_in_schema=False,
+)
+async def mjpeg(request: Request) -> StreamingResponse:
+    """Stream the newest frames for as long as somebody looks."""
+    station: Station = request.app.state.station
+    if station.video.viewers >= station.config.limits.clients:
+        raise HTTPException(503, "Too many watch already.")
+    frame = station.robot.camera.latest()
+    if frame is not None and frame.encoding is not Encoding.JPEG:
+        try:
+            station.video.encoder.encode_jpeg(frame)
+        except MissingExtraError as error:
+            raise HTTPException(501, str(error)) from error
+    return StreamingResponse(_parts(station), media_type=_MEDIA_TYPE)
+
+
+async def _parts(station: Station) -> AsyncIterator[bytes]:
+    """Yield frames, each with the next part's header behind it.
+
+    Browsers show a part only when the header of the next one has come: sent with the frame, it
+    saves them a frame's time.
+    """
+    yield _BOUNDARY
+    async with contextlib.aclosing(station.stream()) as frames:
+        async for jpeg in frames:
+            yield jpeg + b"\r\n" + _BOUNDARY

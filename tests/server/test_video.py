@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import time
+
+import httpx
+from websockets.sync.client import connect
+
+from server.protocol import encode_acknowledgement, parse_picture
+
+from .live_robot import LiveServer, wait_until
+
+
+def test_an_mjpeg_part_is_followed_at_once_by_the_next_header(server: LiveServer) -> None:
+    marker = b"\r\n--frame\r\nContent-Type: image/jpeg\r\n\r\n"
+    with (
+        httpx.Client() as client,
+        client.stream("GET", server.address + "/video.mjpg") as answer,
+    ):
+        assert answer.headers["content-type"] == "multipart/x-mixed-replace; boundary=frame"
+        received, started_s = b"", time.monotonic()
+        for chunk in answer.iter_raw():
+            received += chunk
+            if received.count(marker) == 5:
+                break
+        assert received.endswith(marker), "a frame never waits for its end"
+        assert received.count(b"\xff\xd8") == 5
+        assert time.monotonic() - started_s < 2
+        assert server.station.video.viewers == 1
+    wait_until(lambda: server.station.video.viewers == 0, what="the stream ends with its viewer")
+
+
+def test_an_mjpeg_viewer_of_a_frozen_camera_can_leave(server: LiveServer) -> None:
+    server.camera.is_frozen = True
+    with httpx.Client() as client, client.stream("GET", server.address + "/video.mjpg"):
+        wait_until(lambda: server.station.video.viewers == 1)
+    wait_until(lambda: server.station.video.viewers == 0)
+
+
+def test_frames_are_encoded_once_for_all(server: LiveServer) -> None:
+    with (
+        connect(server.ws("/ws/video"), compression=None) as one,
+        connect(server.ws("/ws/video"), compression=None) as other,
+    ):
+        for _ in range(20):
+            for viewer in (one, other):
+                picture = parse_picture(viewer.recv(5))
+                assert picture.data.startswith(b"\xff\xd8")
+                viewer.send(encode_acknowledgement(picture.frame_id))
+    video = server.station.video
+    assert video.frames_encoded <= video.frames_sent / 2 + 3
+
+
+def test_a_viewer_who_never_acknowledges_gets_one_frame_and_slows_nobody(
+    server: LiveServer,
+) -> None:
+    with (
+        connect(server.ws("/ws/video"), compression=None) as idle,
+        connect(server.ws("/ws/video"), compression=None) as busy,
+    ):
+        parse_picture(idle.recv(5))
+        started_s = time.monotonic()
+        for _ in range(15):
+            busy.send(encode_acknowledgement(parse_picture(busy.recv(5)).frame_id))
+        assert time.monotonic() - started_s < 1.5
+        try:
+            idle.recv(0.1)
+        except TimeoutError:
+            return
+        raise AssertionError("a second frame was sent before the first was acknowledged")
+
+
+def test_metrics_tell_of_everything_that_is_promised(server: LiveServer) -> None:
+    with server.pilot() as pilot, connect(server.ws("/ws/video"), compression=None) as video:
+        for _ in range(3):
+            video.send(encode_acknowledgement(parse_picture(video.recv(5)).frame_id))
+        pilot.socket.send("nonsense")
+        pilot.wait_for(lambda m: m.get("code") == "malformed")
+        httpx.get(server.address, headers={"host": "evil.example"})
+        text = httpx.get(server.address + "/metrics").text
+    values = {
+        line.rsplit(" ", 1)[0]: float(line.rsplit(" ", 1)[1])
+        for line in text.splitlines()
+        if not line.startswith("#")
+    }
+    assert values["drivelesson_loop_rate_hz"] > 20
+    assert values["drivelesson_loop_late_cycles_total"] >= 0
+    assert values["drivelesson_frame_age_seconds_count"] >= 2
+    assert values["drivelesson_pages"] == 1 and values["drivelesson_viewers"] == 1
+    assert values['drivelesson_messages_refused_total{code="malformed"}'] == 1
+    assert values['drivelesson_requests_refused_total{reason="host"}'] == 1
+    assert values['drivelesson_stops_total{reason="pilot_silent"}'] == 0
+    assert values['drivelesson_learner_seconds_count{work="propose"}'] > 0
