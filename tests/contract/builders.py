@@ -22,16 +22,20 @@ from robot.brick.camera_options import UsbCameraOptions
 from robot.camera import Camera
 from robot.cameras.ev3_remote import Ev3RemoteCamera
 from robot.cameras.opencv import OpencvCamera, OpencvOptions
+from robot.cameras.replay import ReplayCamera, ReplayCameraOptions
 from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.cameras.v4l2 import V4l2Camera
-from robot.clock import RealClock
+from robot.clock import ManualClock, RealClock
 from robot.driver import Driver
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
+from robot.drivers.replay import ReplayDriver
 from robot.drivers.sim import SimDriver, SimOptions
+from robot.types import Action
 from tests.brick.fake_brick import FakeBrick
 from tests.brick.fake_video import DEVICE, FakeVideo
 from tests.brick.running_agent import SECRET, RunningAgent
+from tests.robot.footage import write_footage
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,13 +138,29 @@ def write_film(path: Path, frames: int = 30) -> None:
     writer.release()
 
 
+@contextmanager
+def replay_driver() -> Iterator[DriverCase]:
+    clock = ManualClock()
+    driver = ReplayDriver(clock=clock)
+    yield DriverCase(driver, clock.advance, lambda: driver.action is not Action.STOP)
+
+
+@contextmanager
+def replay_camera() -> Iterator[CameraCase]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_footage(Path(folder) / "hall_A.npz", n_frames=8)
+        yield CameraCase(ReplayCamera(ReplayCameraOptions(recording=str(path)), RealClock()))
+
+
 DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "sim": sim_driver,
+    "replay": replay_driver,
     "ev3": ev3_driver,
     "ev3-remote": ev3_remote_driver,
 }
 CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "sim": sim_camera,
+    "replay": replay_camera,
     "ev3-remote": ev3_remote_camera,
     "v4l2": v4l2_camera,
     "opencv": opencv_camera,

@@ -1,0 +1,125 @@
+"""Recorded footage as a camera: its frames at their own pace, their JPEG bytes untouched."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+from robot.camera import Camera
+from robot.clock import Clock
+from robot.driver import Driver
+from robot.errors import ConfigurationError, RecordingError
+from robot.recordings import Recording, load_recording
+from robot.types import Frame
+
+_LONGEST_PAUSE_S = 0.15
+"""A pause in the footage is cut to this: the loop's own patience with a frame is 0.2 s."""
+_LAST_FRAME_S = 0.05
+"""How long the last frame of a recording is shown before the next recording begins."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayCameraOptions:
+    """What is played."""
+
+    recording: str = field(
+        default="", metadata={"help": "a recording (.npz), or a folder whose recordings are played"}
+    )
+    loop: bool = field(default=True, metadata={"help": "yes: begin again at the end; no: stop"})
+
+
+class ReplayCamera(Camera):
+    """Plays one recording, or a folder's in the order of their names.
+
+    Raises:
+        ConfigurationError: If no recording was chosen, or the folder has none.
+        RecordingError: By `start`, if a recording is missing or broken.
+    """
+
+    name: ClassVar[str] = "replay"
+    options_type: ClassVar[type[Any]] = ReplayCameraOptions
+
+    def __init__(self, options: ReplayCameraOptions, clock: Clock) -> None:
+        super().__init__(clock)
+        if not options.recording:
+            raise ConfigurationError("the camera 'replay' needs --recording, a file or a folder")
+        self._path = Path(options.recording).expanduser()
+        self._loops = options.loop
+        self._thread: threading.Thread | None = None
+        self._ending = threading.Event()
+
+    @classmethod
+    def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
+        """Play beside any body; it need not know."""
+        return cls(options, clock)
+
+    def start(self) -> None:
+        """Read the footage and begin to play it."""
+        if self._thread is not None:
+            return
+        recordings = load_footage(self._path)
+        self._ending.clear()
+        self._thread = threading.Thread(
+            target=self._play, args=(recordings,), name="replay-camera", daemon=True
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread."""
+        if self._thread is not None:
+            self._ending.set()
+            self._thread.join(timeout=5.0)
+            self._thread = None
+
+    def _play(self, recordings: list[Recording]) -> None:
+        due_s = self.clock.now_s()
+        while True:
+            for frame, shown_s in _timed_frames(recordings):
+                if self._ending.wait(max(0.0, due_s - self.clock.now_s())):
+                    return
+                self._show(frame)
+                due_s = max(due_s, self.clock.now_s() - _LONGEST_PAUSE_S) + shown_s
+            if not self._loops:
+                self._ending.wait(max(0.0, due_s - self.clock.now_s()))
+                self._report_fault(f"The recording {self._path} is over.")
+                return
+
+    def _show(self, frame: Frame) -> None:
+        self._publish(
+            frame.data,
+            width=frame.width,
+            height=frame.height,
+            encoding=frame.encoding,
+            captured_s=self.clock.now_s(),
+        )
+
+
+def load_footage(path: Path) -> list[Recording]:
+    """Load a recording, or all recordings of a folder in the order of their names.
+
+    Raises:
+        ConfigurationError: If the folder has none.
+        RecordingError: If one is missing or broken.
+    """
+    if not path.is_dir():
+        return [load_recording(path)]
+    try:
+        paths = sorted(path.glob("*.npz"))
+    except OSError as error:
+        raise RecordingError(f"cannot read the folder {path}: {error}") from error
+    if not paths:
+        raise ConfigurationError(f"the folder {path} has no recordings (.npz)")
+    return [load_recording(each) for each in paths]
+
+
+def _timed_frames(recordings: list[Recording]) -> Iterator[tuple[Frame, float]]:
+    """Yield each frame and how long it is shown."""
+    for recording in recordings:
+        times_s = [float(t) for t in recording.t_s]
+        times_s.append(times_s[-1] + _LAST_FRAME_S)
+        for index, (begin_s, end_s) in enumerate(pairwise(times_s)):
+            yield recording.frame(index), min(max(end_s - begin_s, 0.0), _LONGEST_PAUSE_S)
