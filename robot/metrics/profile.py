@@ -1,0 +1,79 @@
+"""Behavior Profile: at which distances does a driver make which move? And how far two differ.
+
+P(d < c | move) for c = 0, 0.02, ..., 4 m, d the sonar reading, and the sum of squared differences
+(SSD) of two profiles over all moves and all c: the measure of FLAIRS-30, 2017.
+
+The paper leaves open what a move that was never made counts. Here its profile is 0 for every c,
+as that of no reading at all: a robot that never turns is then far from a teacher who does. Such
+moves are named, and `made` gives the same sum over the moves that both made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robot.types import Action
+
+THRESHOLDS_M: NDArray[np.float64] = np.linspace(0.0, 4.0, 201)
+"""The values of c: 0, 0.02, ..., 4 m."""
+
+Profile = Mapping[Action, NDArray[np.float64]]
+"""For each move that was made, P(d < c | move) at each threshold, shape (201,)."""
+
+
+def behavior_profile(moves: Sequence[Action], distances_m: ArrayLike) -> Profile:
+    """Return the profile of a drive: what was done at which sonar reading. STOP is no move.
+
+    Args:
+        moves: The action of each tick.
+        distances_m: The sonar reading of each tick, shape (n,).
+
+    Raises:
+        ValueError: If the two are not equally long.
+    """
+    distances = np.asarray(distances_m, np.float64)
+    if distances.shape != (len(moves),):
+        raise ValueError(f"{len(moves)} moves need as many distances, not {distances.shape}")
+    names = np.array([str(move) for move in moves])
+    return {
+        Action(name): (distances[names == name][:, None] < THRESHOLDS_M).mean(axis=0)
+        for name in np.unique(names)
+        if name != Action.STOP
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """How far the robot's profile is from the teacher's."""
+
+    per_move: Mapping[Action, float]
+    never_by_teacher: tuple[Action, ...]
+    never_by_robot: tuple[Action, ...]
+
+    @property
+    def ssd(self) -> float:
+        """The published figure: summed over all moves, one never made counting as P = 0."""
+        return float(sum(self.per_move.values()))
+
+    @property
+    def made(self) -> float:
+        """The same over the moves that both made."""
+        never = {*self.never_by_teacher, *self.never_by_robot}
+        return float(sum(ssd for move, ssd in self.per_move.items() if move not in never))
+
+
+def compare(teacher: Profile, robot: Profile, moves: Sequence[Action]) -> Difference:
+    """Return the squared differences of two profiles, for each of `moves` and in sum."""
+    nothing = np.zeros(len(THRESHOLDS_M))
+    return Difference(
+        per_move={
+            move: float(((teacher.get(move, nothing) - robot.get(move, nothing)) ** 2).sum())
+            for move in moves
+        },
+        never_by_teacher=tuple(move for move in moves if move not in teacher),
+        never_by_robot=tuple(move for move in moves if move not in robot),
+    )
