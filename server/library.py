@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self
 
 from fastapi import HTTPException, Request
 
+from robot.episodes.recorder import Recorder
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
 from robot.models.keeper import Announce, Keeper, say_nothing
 from robot.models.shelf import ModelShelf
@@ -20,20 +21,31 @@ class Library:
     """Starts and stops what keeps. A context manager, inside of the rig's."""
 
     def __init__(
-        self, storage: Storage, rig: Rig, *, name: str = "robot", announce: Announce = say_nothing
+        self,
+        storage: Storage,
+        rig: Rig,
+        *,
+        name: str = "robot",
+        options: Mapping[str, Any] | None = None,
+        announce: Announce = say_nothing,
     ) -> None:
         self.storage = storage
         self.models = ModelShelf(storage)
         self.keeper = Keeper(
             rig.loop, self.models, name=name, moves=rig.driver.moves, announce=announce
         )
+        self.recorder = Recorder(
+            rig.loop, storage.episodes, robot=name, options=options, announce=announce
+        )
 
     def start(self) -> None:
         """Begin to keep; what was kept before is loaded by `keeper.load_last`."""
         self.keeper.start()
+        self.recorder.start()
 
     def stop(self) -> None:
-        """Save what was learned; the loop must still turn. Idempotent."""
+        """Finish the recording and save what was learned; the loop must still turn. Idempotent."""
+        self.recorder.stop()
         self.keeper.stop()
 
     def __enter__(self) -> Self:

@@ -72,7 +72,12 @@ class Model:
 
 
 def take_model(
-    policy: Policy, taught: Counter[Action], *, saved_at_s: float, place: str = ""
+    policy: Policy,
+    taught: Counter[Action],
+    *,
+    saved_at_s: float,
+    place: str = "",
+    with_preview: bool = True,
 ) -> Model:
     """Copy what a policy knows. Call it on the thread that the policy belongs to."""
     card = ModelCard(
@@ -83,7 +88,8 @@ def take_model(
         saved_at_s=saved_at_s,
         place=place,
     )
-    return Model(card=card, state=policy.get_state(), preview=_preview(policy.gallery()))
+    preview = _preview(policy.gallery() if with_preview else [])
+    return Model(card=card, state=policy.get_state(), preview=preview)
 
 
 def _preview(gallery: list[LearnedImage]) -> NDArray[np.uint8]:

@@ -123,7 +123,9 @@ def run(args: argparse.Namespace) -> int:
     pairing = _open_pairing(config, addresses[0]) if config.lan else None
     app = create_app(config, rig, name=args.robot, pairing=pairing)
     announce = app.state.station.announce_soon
-    library = Library(Storage(config.data), rig, name=args.robot, announce=announce)
+    options = {name: str(value) for name, value in vars(args).items() if _says_something(value)}
+    storage = Storage(config.data)
+    library = Library(storage, rig, name=args.robot, options=options, announce=announce)
     app.state.library = library
     with rig, library, _announced(config):
         _choose_model(library.keeper, args, learner)
@@ -133,6 +135,10 @@ def run(args: argparse.Namespace) -> int:
             print(greet_phones(addresses, pairing.tokens), flush=True)
         serve(app, listener, certificates)
     return 0
+
+
+def _says_something(value: Any) -> bool:
+    return isinstance(value, str | int | float | Path) and value not in ("", False)
 
 
 def _choose_model(keeper: Keeper, args: argparse.Namespace, learner: str) -> None:

@@ -1,0 +1,132 @@
+"""What a person mended of a recording: a list beside the file; the recording stays as it is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from robot.errors import ConfigurationError, RecordingError
+from robot.storage import write_whole
+from robot.types import Action
+
+FORMAT = 1
+Range = tuple[int, int]
+"""First and last frame id, both included."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Edit:
+    """One change: `delete` ranges of frames, or `relabel` them."""
+
+    verb: str
+    ranges: tuple[Range, ...]
+    label: Action | None = None
+
+    def __post_init__(self) -> None:
+        if self.verb not in ("delete", "relabel") or (self.verb == "relabel") == (not self.label):
+            raise ConfigurationError(f"no such edit: {self.verb!r}; there are delete and relabel")
+        if any(first > last for first, last in self.ranges):
+            raise ConfigurationError("a range of frames must not end before it begins")
+
+    def covers(self, frame_id: int) -> bool:
+        """True if the frame is in one of the ranges."""
+        return any(first <= frame_id <= last for first, last in self.ranges)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Notes:
+    """Everything beside one recording: a title, protection from clearing up, and the edits."""
+
+    title: str = ""
+    is_protected: bool = False
+    edits: tuple[Edit, ...] = field(default=())
+
+    def with_edit(self, edit: Edit) -> Notes:
+        """Return the notes with one more edit."""
+        return replace(self, edits=(*self.edits, edit))
+
+    def without_last_edit(self) -> Notes:
+        """Return the notes without the edit made last.
+
+        Raises:
+            ConfigurationError: If there is none.
+        """
+        if not self.edits:
+            raise ConfigurationError("there is nothing to undo")
+        return replace(self, edits=self.edits[:-1])
+
+    def is_deleted(self, frame_id: int) -> bool:
+        """True if a person deleted this frame."""
+        return any(edit.verb == "delete" and edit.covers(frame_id) for edit in self.edits)
+
+    def relabel(self, frame_id: int) -> Action | None:
+        """Return the label that a person gave this frame last; None if nobody did."""
+        given = [e.label for e in self.edits if e.verb == "relabel" and e.covers(frame_id)]
+        return given[-1] if given else None
+
+
+def trim(frame_ids: Iterable[int], first: int, last: int) -> Edit:
+    """Return the edit that keeps only the frames from `first` to `last`."""
+    ids = sorted(frame_ids)
+    if first > last:
+        raise ConfigurationError("a range of frames must not end before it begins")
+    before = [i for i in ids if i < first]
+    after = [i for i in ids if i > last]
+    ranges = tuple((part[0], part[-1]) for part in (before, after) if part)
+    return Edit(verb="delete", ranges=ranges)
+
+
+def notes_path(episode: Path) -> Path:
+    """Return where the notes of a recording are: NAME.edits.json."""
+    return episode.with_suffix(".edits.json")
+
+
+def read_notes(episode: Path) -> Notes:
+    """Read the notes of a recording; there may be none.
+
+    Raises:
+        RecordingError: If they are damaged.
+    """
+    path = notes_path(episode)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return Notes()
+    try:
+        return _from_plain(json.loads(text))
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise RecordingError(f"{path.name} is damaged: {error}; mend it or move it away") from error
+
+
+def write_notes(episode: Path, notes: Notes) -> None:
+    """Write the notes of a recording, whole or not at all."""
+    plain = {
+        "format": FORMAT,
+        "title": notes.title,
+        "protected": notes.is_protected,
+        "edits": [
+            {"verb": e.verb, "ranges": [list(r) for r in e.ranges], "label": e.label}
+            for e in notes.edits
+        ],
+    }
+    write_whole(notes_path(episode), json.dumps(plain, indent=1, ensure_ascii=False).encode())
+
+
+def _from_plain(plain: Any) -> Notes:
+    if plain["format"] > FORMAT:
+        raise ValueError("it is of a newer program")
+    return Notes(
+        title=str(plain["title"]),
+        is_protected=bool(plain["protected"]),
+        edits=tuple(
+            Edit(
+                verb=edit["verb"],
+                ranges=tuple((int(first), int(last)) for first, last in edit["ranges"]),
+                label=Action(edit["label"]) if edit["label"] else None,
+            )
+            for edit in plain["edits"]
+        ),
+    )

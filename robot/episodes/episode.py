@@ -1,0 +1,209 @@
+"""One recording, opened: an index in memory, pictures read from the file when asked for."""
+
+from __future__ import annotations
+
+import json
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from robot.episodes.images import decode_image
+from robot.episodes.scan import Attachment, Cut, Message, Metadata, read_chunk, scan
+from robot.episodes.words import (
+    CAMERA,
+    COMMAND,
+    DECISION,
+    LESSON,
+    MODE,
+    PREDICTION,
+    SENSORS,
+    Words,
+    read_event,
+)
+from robot.episodes.writer import FORMAT, MODEL_AFTER, MODEL_BEFORE, RUN
+from robot.errors import RecordingError
+from robot.learner.base import Vector
+from robot.models.model import Model, decode_model
+from robot.school import SchoolEvent, Taught
+from robot.types import Action, Frame
+
+_CHUNKS_KEPT = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameEntry:
+    """Where a picture is, and when it was taken, in seconds of the run's clock."""
+
+    frame_id: int
+    captured_s: float
+    schema: str
+    size: tuple[int, int]
+    place: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LessonEntry:
+    """A change of the learner as it was recorded; `x` only where its picture was not."""
+
+    event: SchoolEvent
+    x: Vector | None
+    now_s: float
+
+
+@dataclass(slots=True, kw_only=True)
+class Episode:
+    """What a recording holds. Times are seconds of the run's clock."""
+
+    path: Path
+    run: dict[str, str] = field(default_factory=dict)
+    frames: dict[int, FrameEntry] = field(default_factory=dict)
+    lessons: list[LessonEntry] = field(default_factory=list)
+    words: dict[str, list[tuple[float, Words]]] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+    damage: str | None = None
+    _chunks: OrderedDict[int, list[Any]] = field(default_factory=OrderedDict)
+
+    @property
+    def id(self) -> str:
+        """The recording's name: its file's, so that a copy has a name of its own."""
+        return self.path.stem
+
+    @property
+    def origin_ns(self) -> int:
+        """Nanoseconds since 1970 at which the run's clock showed 0."""
+        return int(self.run.get("origin_ns", "0"))
+
+    @property
+    def moves(self) -> tuple[Action, ...]:
+        """What the robot could be taught."""
+        return tuple(Action(move) for move in self.run.get("moves", "").split(",") if move)
+
+    @property
+    def start_s(self) -> float:
+        """Time of the first picture or word."""
+        return min(self._ends(), default=0.0)
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the first picture or word to the last."""
+        return max(self._ends(), default=0.0) - self.start_s
+
+    def _ends(self) -> Iterator[float]:
+        entries = list(self.frames.values())
+        yield from (entry.captured_s for entry in entries[:1] + entries[-1:])
+        for said in self.words.values():
+            yield from (now_s for now_s, _ in said[:1] + said[-1:])
+        yield from (lesson.now_s for lesson in self.lessons[:1] + self.lessons[-1:])
+
+    def frame(self, frame_id: int) -> Frame:
+        """Read one picture.
+
+        Raises:
+            RecordingError: If there is none, or it is damaged.
+        """
+        entry = self.frames.get(frame_id)
+        if entry is None:
+            raise RecordingError(f"the recording {self.id} has no frame {frame_id}")
+        offset, index = entry.place
+        if offset not in self._chunks:
+            self._chunks[offset] = read_chunk(self.path, offset)
+            while len(self._chunks) > _CHUNKS_KEPT:
+                self._chunks.popitem(last=False)
+        return _frame(entry, self._chunks[offset][index].data)
+
+    def model_before(self) -> Model | None:
+        """Return what the learner knew when the recording began; None if it is not known."""
+        return self._model(MODEL_BEFORE)
+
+    def model_after(self) -> Model | None:
+        """Return what the learner knew when the recording ended; None if it is not known."""
+        return self._model(MODEL_AFTER)
+
+    def _model(self, name: str) -> Model | None:
+        data = self.attachments.get(name)
+        return None if data is None else decode_model(data)
+
+
+def open_episode(path: Path) -> Episode:
+    """Read a recording's words, and where its pictures are; a cut one as far as it goes.
+
+    Raises:
+        RecordingError: If it is no recording of ours, or of a newer format.
+        MissingExtraError: If the library `mcap` is not installed.
+        OSError: If the file cannot be read.
+    """
+    episode = Episode(path=path)
+    for record in scan(path):
+        try:
+            _take(episode, record)
+        except (RecordingError, ValueError, KeyError, TypeError, RecursionError) as error:
+            if not episode.run:
+                raise RecordingError(f"{path.name} cannot be read: {error}") from error
+            episode.damage = str(error)
+            break
+    if not episode.run:
+        raise RecordingError(
+            f"{path.name} is no recording of this program, or nothing of it is left"
+        )
+    episode.frames = dict(sorted(episode.frames.items()))
+    return episode
+
+
+def _take(episode: Episode, record: Message | Metadata | Attachment | Cut) -> None:
+    if isinstance(record, Message):
+        if episode.run:
+            _take_message(episode, record)
+    elif isinstance(record, Attachment):
+        episode.attachments[record.name] = record.data
+    elif isinstance(record, Cut):
+        episode.damage = record.reason
+    elif record.name == RUN:
+        if int(record.values["format"]) > FORMAT:
+            raise RecordingError("it was recorded by a newer program: update this one")
+        int(record.values["origin_ns"])
+        episode.run = record.values
+
+
+def _take_message(episode: Episode, message: Message) -> None:
+    now_s = (message.log_ns - episode.origin_ns) / 1e9
+    if message.topic == CAMERA:
+        size = message.channel_metadata
+        episode.frames[message.sequence] = FrameEntry(
+            frame_id=message.sequence,
+            captured_s=now_s,
+            schema=message.schema,
+            size=(int(size.get("width", "0")), int(size.get("height", "0"))),
+            place=message.place,
+        )
+    elif message.topic == LESSON:
+        event, x = read_event(json.loads(message.data))
+        episode.lessons.append(LessonEntry(event=event, x=x, now_s=now_s))
+    elif message.topic in (COMMAND, DECISION, PREDICTION, SENSORS, MODE):
+        words = json.loads(message.data)
+        if not isinstance(words, dict):
+            raise RecordingError("a message has another form")
+        episode.words.setdefault(message.topic, []).append((now_s, words))
+
+
+def _frame(entry: FrameEntry, data: bytes) -> Frame:
+    return decode_image(
+        entry.schema,
+        data,
+        frame_id=entry.frame_id,
+        captured_s=entry.captured_s,
+        size=entry.size,
+    )
+
+
+def taught_frames(episode: Episode) -> dict[int, Action]:
+    """Return the frames that were taught and not undone, with the label each was given last."""
+    taught: dict[int, Action] = {}
+    for entry in episode.lessons:
+        if isinstance(entry.event, Taught):
+            taught[entry.event.lesson.frame_id] = entry.event.lesson.label
+        else:
+            for frame_id in getattr(entry.event, "frame_ids", ()):
+                taught.pop(frame_id, None)
+    return taught

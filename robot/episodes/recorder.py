@@ -1,0 +1,502 @@
+"""Records each run while it is driven. The loop only takes note; a thread of its own writes.
+
+A recording begins when the robot leaves `stopped`, or when something changes the learner; it ends
+after the robot has stood for ten seconds. What waits for the disk is bounded by count and by
+bytes: a slow disk costs pictures, which are counted, and never the loop's time or the memory. A
+lesson whose picture was not kept carries its feature vector along, so that no lesson is lost.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import secrets
+import shutil
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from robot.episodes.words import (
+    COMMAND,
+    DECISION,
+    LESSON,
+    MODE,
+    PREDICTION,
+    SENSORS,
+    Words,
+    describe_command,
+    describe_event,
+    describe_prediction,
+    describe_sensors,
+)
+from robot.episodes.writer import EpisodeWriter, Run, require_mcap
+from robot.errors import MissingExtraError
+from robot.loop import ControlLoop
+from robot.models.keeper import Announce, say_nothing
+from robot.models.model import Model, encode_model, take_model
+from robot.school import Replaced, SchoolEvent, Taught, Undone
+from robot.state import Tick
+from robot.types import Frame, Mode
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecorderConfig:
+    """How much may wait, and how long."""
+
+    queue_bytes: int = 32 * 2**20
+    """Pictures that wait for the disk; more are dropped and counted."""
+    queue_items: int = 4096
+    """Anything that waits; words weigh little and are dropped last."""
+    flush_every_s: float = 0.5
+    """What a kill can cost."""
+    pause_s: float = 10.0
+    """Standing for so long ends a recording."""
+    trail_s: float = 1.0
+    """Pictures go on for so long after the robot came to stand."""
+    lead_frames: int = 15
+    """Pictures from before the start that go along: the pilot may label them."""
+    lead_bytes: int = 8 * 2**20
+    spare_bytes: int = 64 * 2**20
+    """Recording stops while the disk still has so much left: for models, and for the system."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Lost:
+    """What the disk was too slow for, counted from the program's start."""
+
+    frames: int = 0
+    words: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Open:
+    run: Run
+    model: Model | None
+    lost_before: _Lost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Say:
+    topic: str
+    now_s: float
+    words: Words
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Close:
+    model: Model | None
+
+
+_Item = _Open | _Say | _Close | Frame
+
+
+class Recorder:
+    """Listens to one loop and records its runs.
+
+    Args:
+        loop: What is recorded.
+        folder: Where recordings go.
+        robot: The robot's name, for the file's metadata.
+        options: Whatever configuration should stand in the file.
+        announce: Told when recording begins, ends, stops for a reason, or loses pictures.
+        config: The bounds.
+        open_file: Opens a new file for writing; tests give slow and failing ones.
+        wall_ns: Nanoseconds since 1970.
+    """
+
+    def __init__(
+        self,
+        loop: ControlLoop,
+        folder: Path,
+        *,
+        robot: str = "",
+        options: Mapping[str, Any] | None = None,
+        announce: Announce = say_nothing,
+        config: RecorderConfig | None = None,
+        open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
+        wall_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._loop = loop
+        self._robot = robot
+        self._options = dict(options or {})
+        self._config = config or RecorderConfig()
+        self._wall_ns = wall_ns
+        self._run_id = secrets.token_hex(8)
+        self._disk = _Disk(folder, self._config, open_file, announce)
+        self._unsubscribe: Callable[[], None] = lambda: None
+        self._base: Model | None = None
+        self._is_open = False
+        self._mode = Mode.STOPPED
+        self._moved_s = 0.0
+        self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)
+        self._kept: dict[int, None] = {}
+        self._taught: set[int] = set()
+
+    @property
+    def fault(self) -> str | None:
+        """Why nothing is recorded at present, as a sentence; None if all is well."""
+        return self._disk.fault
+
+    @property
+    def episode_id(self) -> str | None:
+        """The recording that is being written."""
+        return self._disk.episode_id
+
+    @property
+    def dropped_frames(self) -> int:
+        """Pictures that the disk was too slow for, since the start."""
+        return self._disk.lost.frames
+
+    def start(self) -> None:
+        """Begin to listen. Without the library `mcap` recording is off, and `fault` says so."""
+        try:
+            require_mcap()
+        except MissingExtraError as error:
+            self._disk.refuse(str(error))
+            return
+        self._unsubscribe = self._loop.subscribe(self.note)
+        self._disk.start()
+
+    def stop(self) -> None:
+        """Finish the recording, best while the loop still turns; idempotent."""
+        self._unsubscribe()
+        if self._is_open:
+            with contextlib.suppress(TimeoutError):
+                self._loop.submit(self.finish).result(timeout=2.0)
+        self._disk.stop()
+
+    # On the loop's thread ----------------------------------------------------------------------
+
+    def note(self, tick: Tick) -> None:
+        """Take note of one turn."""
+        if self._base is None and not self._is_open:
+            self._base = self._take()
+            return
+        mode, now_s = tick.decision.mode, tick.now_s
+        is_moving = mode is not Mode.STOPPED
+        began = is_moving and self._mode is Mode.STOPPED
+        self._moved_s = now_s if is_moving else self._moved_s
+        events = self._own_events(tick.school_events)
+        if began:
+            self._disk.try_again()
+        if not self._is_open and (is_moving or events):
+            self._open(now_s)
+        if self._is_open:
+            self._record(tick, events)
+        elif tick.frame is not None:
+            self._remember(tick.frame)
+        self._mode = mode
+        self._end_if_due(tick, events)
+
+    def finish(self) -> None:
+        """End the recording, on the loop's thread."""
+        if self._is_open:
+            self._base = self._take()
+            self._close(final=self._base)
+
+    def _own_events(self, events: tuple[SchoolEvent, ...]) -> tuple[SchoolEvent, ...]:
+        """Begin anew where another policy took over: what follows rests on its knowledge."""
+        if any(isinstance(event, Replaced) for event in events):
+            if self._is_open:
+                self._close(final=None)
+            self._base = self._take()
+            return ()
+        return events
+
+    def _open(self, now_s: float) -> None:
+        wall_ns = self._wall_ns()
+        state = self._loop.state
+        run = Run(
+            episode_id=_make_id(wall_ns),
+            run_id=self._run_id,
+            origin_ns=wall_ns - round(now_s * 1e9),
+            robot=self._robot,
+            learner=state.learner,
+            moves=tuple(move.value for move in state.moves),
+            options=self._options,
+        )
+        self._disk.put(_Open(run=run, model=self._base, lost_before=self._disk.lost), 0)
+        self._is_open = True
+        self._kept.clear()
+        self._taught.clear()
+
+    def _record(self, tick: Tick, events: tuple[SchoolEvent, ...]) -> None:
+        now_s = tick.now_s
+        if tick.decision.mode is not self._mode:
+            self._record_mode(tick)
+        if tick.frame is not None:
+            if now_s - self._moved_s <= self._config.trail_s:
+                self._record_lead()
+                self._record_frame(tick)
+            else:
+                self._remember(tick.frame)
+        if tick.command is not None:
+            self._say(COMMAND, now_s, describe_command(tick.command))
+        if tick.decision.mode is not Mode.STOPPED:
+            self._record_decision(tick)
+        for event in events:
+            self._record_event(event, now_s)
+
+    def _record_mode(self, tick: Tick) -> None:
+        reason = tick.decision.stop_reason
+        self._say(MODE, tick.now_s, {"mode": tick.decision.mode, "stop_reason": reason})
+
+    def _record_decision(self, tick: Tick) -> None:
+        decision = tick.decision
+        words = {
+            "action": decision.action,
+            "sent": tick.sent,
+            "driven_by": decision.driven_by,
+            "mode": decision.mode,
+            "speed_scale": decision.speed_scale,
+            "stop_reason": decision.stop_reason,
+            "asks_pilot": decision.asks_pilot,
+            "cycle_ms": round(tick.cycle_s * 1000, 4),
+        }
+        self._say(DECISION, tick.now_s, words)
+
+    def _record_frame(self, tick: Tick) -> None:
+        assert tick.frame is not None
+        self._keep(tick.frame)
+        self._say(SENSORS, tick.now_s, describe_sensors(tick.sensors))
+        if tick.prediction is not None and tick.prediction.frame_id == tick.frame.frame_id:
+            self._say(PREDICTION, tick.now_s, describe_prediction(tick.prediction))
+
+    def _record_event(self, event: SchoolEvent, now_s: float) -> None:
+        is_lost = isinstance(event, Taught) and event.lesson.frame_id not in self._kept
+        if isinstance(event, Taught):
+            self._taught.add(event.lesson.frame_id)
+        self._say(LESSON, now_s, describe_event(event, with_vector=is_lost))
+
+    def _record_lead(self) -> None:
+        """Write the pictures from just before: a command may label what was seen then."""
+        while self._lead:
+            self._keep(self._lead.popleft())
+
+    def _remember(self, frame: Frame) -> None:
+        self._lead.append(frame)
+        while sum(len(frame.data) for frame in self._lead) > self._config.lead_bytes:
+            self._lead.popleft()
+
+    def _keep(self, frame: Frame) -> None:
+        if frame.frame_id not in self._kept and self._disk.put(frame, len(frame.data)):
+            self._kept[frame.frame_id] = None
+            while len(self._kept) > 512:
+                del self._kept[next(iter(self._kept))]
+
+    def _say(self, topic: str, now_s: float, words: Words) -> None:
+        self._disk.put(_Say(topic=topic, now_s=now_s, words=words), 0)
+
+    def _end_if_due(self, tick: Tick, events: tuple[SchoolEvent, ...]) -> None:
+        """End after a pause, and where an undo reached back beyond this recording."""
+        if not self._is_open:
+            return
+        reached_back = any(
+            isinstance(event, Undone) and not self._taught.issuperset(event.frame_ids)
+            for event in events
+        )
+        is_pause = tick.now_s - self._moved_s >= self._config.pause_s and not events
+        if reached_back or is_pause:
+            self.finish()
+
+    def _close(self, final: Model | None) -> None:
+        self._disk.put(_Close(model=final), 0)
+        self._is_open = False
+
+    def _take(self) -> Model:
+        school = self._loop.school
+        return take_model(
+            school.policy, Counter(school.taught), saved_at_s=time.time(), with_preview=False
+        )
+
+
+class _Disk:
+    """The other side of the queue: one thread that writes what waits."""
+
+    def __init__(
+        self,
+        folder: Path,
+        config: RecorderConfig,
+        open_file: Callable[[Path], BinaryIO],
+        announce: Announce,
+    ) -> None:
+        self._folder = folder
+        self._config = config
+        self._open_file = open_file
+        self._announce = announce
+        self._lock = threading.Lock()
+        self._queue: deque[tuple[_Item, int]] = deque()
+        self._waiting_bytes = 0
+        self._wake = threading.Event()
+        self._ending = False
+        self._thread: threading.Thread | None = None
+        self._writer: EpisodeWriter | None = None
+        self._flushed_s = 0.0
+        self._checked_s = 0.0
+        self._lost_before = _Lost()
+        self.lost = _Lost()
+        self.episode_id: str | None = None
+        self.fault: str | None = None
+
+    # Called on the loop's thread ---------------------------------------------------------------
+
+    def put(self, item: _Item, size: int) -> bool:
+        """Have an item written; False if there is no room for it. Never waits for the disk."""
+        config = self._config
+        with self._lock:
+            is_full = self._waiting_bytes + size > config.queue_bytes and size > 0
+            must_go = isinstance(item, _Open | _Close)
+            if is_full or (len(self._queue) >= config.queue_items and not must_go):
+                self._note_loss(item)
+                return False
+            self._queue.append((item, size))
+            self._waiting_bytes += size
+        if not self._wake.is_set():
+            self._wake.set()
+        return True
+
+    def _note_loss(self, item: _Item) -> None:
+        is_frame = isinstance(item, Frame)
+        lost = self.lost
+        self.lost = _Lost(frames=lost.frames + is_frame, words=lost.words + (not is_frame))
+
+    def try_again(self) -> None:
+        """Forget a fault of the disk: the robot starts again, and so may recording."""
+        if self._thread is not None:
+            self.fault = None
+
+    @property
+    def waiting_bytes(self) -> int:
+        """Bytes of pictures that wait."""
+        return self._waiting_bytes
+
+    # Life --------------------------------------------------------------------------------------
+
+    def refuse(self, sentence: str) -> None:
+        """Record nothing, and say why."""
+        self.fault = sentence
+        self._announce("recording_off", detail=sentence)
+
+    def start(self) -> None:
+        """Begin to write what comes."""
+        self._ending = False
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Write what still waits, and end; a disk that hangs is left behind after ten seconds."""
+        if self._thread is not None:
+            self._ending = True
+            self._wake.set()
+            self._thread.join(timeout=10.0)
+            self._thread = None
+
+    # On the recorder's thread --------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while True:
+            self._wake.wait(self._config.flush_every_s)
+            self._wake.clear()
+            is_last = self._ending
+            self._write_what_waits()
+            if is_last:
+                self._finish(None)
+                return
+
+    def _write_what_waits(self) -> None:
+        try:
+            while True:
+                with self._lock:
+                    if not self._queue:
+                        break
+                    item, size = self._queue.popleft()
+                self._write(item)
+                with self._lock:
+                    self._waiting_bytes -= size
+                self._flush_if_due()
+            self._flush_if_due()
+        except OSError as error:
+            with self._lock:
+                self._waiting_bytes = sum(size for _, size in self._queue)
+            self._give_up(f"Recording stopped, the disk refused: {error.strerror or error}")
+
+    def _write(self, item: _Item) -> None:
+        if isinstance(item, _Open):
+            self._finish(None)
+            self._begin(item)
+        elif self._writer is None:
+            return
+        elif isinstance(item, Frame):
+            self._writer.write_frame(item)
+        elif isinstance(item, _Say):
+            self._writer.write_words(item.topic, item.now_s, item.words)
+        else:
+            self._finish(item.model)
+
+    def _begin(self, item: _Open) -> None:
+        self._check_room()
+        if self.fault is not None:
+            return
+        path = self._folder / f"{item.run.episode_id}.mcap"
+        before = encode_model(item.model) if item.model is not None else None
+        self._writer = EpisodeWriter(self._open_file(path), item.run, before)
+        self.episode_id = item.run.episode_id
+        self._lost_before = item.lost_before
+        self._announce("recording_on", episode=self.episode_id)
+
+    def _flush_if_due(self) -> None:
+        now_s = time.monotonic()
+        if self._writer is None or now_s - self._flushed_s < self._config.flush_every_s:
+            return
+        self._writer.flush()
+        self._flushed_s = time.monotonic()
+        if now_s - self._checked_s > 2.0:
+            self._checked_s = now_s
+            self._check_room()
+
+    def _check_room(self) -> None:
+        free = shutil.disk_usage(self._folder).free
+        if free < self._config.spare_bytes:
+            self._finish(None)
+            self._give_up(f"Recording stopped: the disk has only {free >> 20} MB left.")
+
+    def _finish(self, model: Model | None) -> None:
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return
+        after = encode_model(model) if model is not None else None
+        frames = self.lost.frames - self._lost_before.frames
+        words = self.lost.words - self._lost_before.words
+        summary = {"dropped_frames": str(frames), "lost_words": str(words)}
+        try:
+            writer.close(summary, after)
+        finally:
+            if frames or words:
+                self._announce("recording_lossy", dropped_frames=frames)
+            self._announce("recording_done", episode=self.episode_id)
+            self.episode_id = None
+
+    def _give_up(self, sentence: str) -> None:
+        """Stop recording until the robot starts again; it drives on."""
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            try:
+                writer.abandon()
+            except OSError as error:
+                log.warning("closing the recording failed: %s", error)
+        self.episode_id = None
+        log.warning(sentence)
+        self.refuse(sentence)
+
+
+def _make_id(wall_ns: int) -> str:
+    """Name a recording by its time, in UTC, so that names sort by time."""
+    at = datetime.fromtimestamp(wall_ns / 1e9, UTC)
+    return f"{at:%Y-%m-%d_%H%M%S}_{wall_ns // 10**6 % 1000:03d}"

@@ -1,0 +1,187 @@
+"""Learning again from recordings: the lessons as they were given, mended as a person asked.
+
+The same lessons in the same order make the same learner, bit for bit: pictures are stored as the
+camera gave them, and what was undone while driving is left out, which is what undoing means.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot.episodes.edits import Notes
+from robot.episodes.episode import Episode, LessonEntry
+from robot.errors import ConfigurationError
+from robot.learner.base import State, Vector
+from robot.policy import Policy
+from robot.school import Edited, Taught, Undone
+from robot.types import Action
+
+Mended = tuple[Episode, Notes]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Step:
+    """One thing to learn: a labelled frame, with its vector if that was recorded, or an edit."""
+
+    episode: Episode
+    frame_id: int = 0
+    label: Action | None = None
+    x: Vector | None = None
+    edit: Edited | None = None
+
+
+@dataclass(slots=True, kw_only=True)
+class Report:
+    """What came of learning again."""
+
+    taught: Counter[Action]
+    left_out_edits: int = 0
+    missing_frames: int = 0
+
+
+def plan(mended: Sequence[Mended]) -> list[Step]:
+    """List what there is to learn, in order, without what was undone or deleted."""
+    steps: list[Step] = []
+    for episode, notes, entries in _surviving(mended):
+        extras = _untaught_relabels(episode, notes)
+        for entry in entries:
+            if isinstance(entry.event, Edited):
+                steps.append(Step(episode=episode, edit=entry.event))
+            elif isinstance(entry.event, Taught):
+                frame_id = entry.event.lesson.frame_id
+                while extras and extras[0] < frame_id:
+                    steps.append(_extra(episode, notes, extras.pop(0)))
+                if not notes.is_deleted(frame_id):
+                    label = notes.relabel(frame_id) or entry.event.lesson.label
+                    steps.append(Step(episode=episode, frame_id=frame_id, label=label, x=entry.x))
+        steps.extend(_extra(episode, notes, frame_id) for frame_id in extras)
+    return steps
+
+
+def _extra(episode: Episode, notes: Notes, frame_id: int) -> Step:
+    return Step(episode=episode, frame_id=frame_id, label=notes.relabel(frame_id))
+
+
+def _untaught_relabels(episode: Episode, notes: Notes) -> list[int]:
+    """List frames that nobody taught while driving, but that a person labelled afterwards."""
+    taught = {e.event.lesson.frame_id for e in episode.lessons if isinstance(e.event, Taught)}
+    return [
+        frame_id
+        for frame_id in episode.frames
+        if frame_id not in taught and notes.relabel(frame_id) and not notes.is_deleted(frame_id)
+    ]
+
+
+def _surviving(mended: Sequence[Mended]) -> Iterator[tuple[Episode, Notes, list[LessonEntry]]]:
+    """Leave out what was undone while driving, also across the recordings of one run."""
+    log: list[tuple[Episode, LessonEntry]] = []
+    for episode, _ in mended:
+        run = episode.run.get("run", "")
+        for entry in episode.lessons:
+            if isinstance(entry.event, Undone):
+                log = _undo(log, run, entry.event)
+            else:
+                log.append((episode, entry))
+    for episode, notes in mended:
+        yield episode, notes, [entry for other, entry in log if other is episode]
+
+
+def _undo(
+    log: list[tuple[Episode, LessonEntry]], run: str, undone: Undone
+) -> list[tuple[Episode, LessonEntry]]:
+    if not undone.frame_ids:
+        edits = [i for i, (_, entry) in enumerate(log) if isinstance(entry.event, Edited)]
+        return log[: edits[-1]] + log[edits[-1] + 1 :] if edits else log
+    gone = set(undone.frame_ids)
+
+    def stays(episode: Episode, entry: LessonEntry) -> bool:
+        event = entry.event
+        return not (
+            isinstance(event, Taught)
+            and event.lesson.frame_id in gone
+            and episode.run.get("run", "") == run
+        )
+
+    return [(episode, entry) for episode, entry in log if stays(episode, entry)]
+
+
+def learn_again(
+    policy: Policy,
+    mended: Sequence[Mended],
+    *,
+    on_step: Callable[[], None] = lambda: None,
+) -> Report:
+    """Teach the policy everything the recordings hold.
+
+    Edits of learned images are made again only where they mean the same images: under the
+    learner that was driven, from lessons that nobody mended; else they are counted as left out.
+
+    Raises:
+        ConfigurationError: If a label is none of the policy's moves.
+    """
+    steps = plan(mended)
+    is_faithful = all(
+        episode.run.get("learner") == policy.name and not notes.edits for episode, notes in mended
+    )
+    report = Report(taught=Counter())
+    for step in steps:
+        if step.edit is not None:
+            _edit_again(policy, step.edit, report, is_faithful)
+        else:
+            _learn(policy, step, report)
+        on_step()
+    return report
+
+
+def _learn(policy: Policy, step: Step, report: Report) -> None:
+    assert step.label is not None
+    if step.label not in policy.moves:
+        raise ConfigurationError(
+            f"{step.episode.id} teaches {step.label.value!r}, which is none of the moves "
+            f"{', '.join(policy.moves)}"
+        )
+    if step.frame_id in step.episode.frames:
+        x = policy.extract(step.episode.frame(step.frame_id))
+    elif step.x is not None and step.episode.run.get("learner") == policy.name:
+        x = step.x
+    else:
+        report.missing_frames += 1
+        return
+    policy.learn(x, step.label)
+    report.taught[step.label] += 1
+
+
+def _edit_again(policy: Policy, edit: Edited, report: Report, is_faithful: bool) -> None:
+    if not is_faithful:
+        report.left_out_edits += 1
+        return
+    try:
+        if edit.verb == "relabel":
+            policy.relabel_node(edit.node_id, Action(edit.value))
+        elif edit.verb == "delete":
+            policy.delete_node(edit.node_id)
+        else:
+            policy.pin_node(edit.node_id, bool(edit.value))
+    except (LookupError, ValueError):
+        report.left_out_edits += 1
+
+
+def same_nodes(a: State, b: State) -> bool:
+    """True if two learners hold the same, bit for bit: every array and every label."""
+    return (
+        a.kind == b.kind
+        and [str(label) for label in a.labels] == [str(label) for label in b.labels]
+        and a.arrays.keys() == b.arrays.keys()
+        and all(
+            a.arrays[name].dtype == b.arrays[name].dtype
+            and a.arrays[name].shape == b.arrays[name].shape
+            and np.array_equal(
+                a.arrays[name], b.arrays[name], equal_nan=b.arrays[name].dtype.kind == "f"
+            )
+            for name in a.arrays
+        )
+    )

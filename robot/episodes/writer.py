@@ -1,0 +1,190 @@
+"""One recording on its way to the disk: an MCAP file that is readable up to its last flush."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, BinaryIO
+
+from robot.episodes.images import encode_image, image_schema, schema_name
+from robot.episodes.words import CAMERA, LESSON, SCHEMAS, Words, to_json
+from robot.errors import MissingExtraError
+from robot.types import Frame
+
+FORMAT = 1
+RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
+"""Names of the metadata records at the beginning and at the end."""
+MODEL_BEFORE, MODEL_AFTER = "model_before.npz", "model_after.npz"
+"""Names of the attachments: what the learner knew at the beginning and at the end."""
+_CHUNK_BYTES = 1 << 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """What is known of a recording when it begins.
+
+    `origin_ns` is what the run's clock showed as 0, in nanoseconds since 1970. Frame ids are
+    unique within one `run_id`: several recordings of one run of the program share it.
+    """
+
+    episode_id: str
+    run_id: str
+    origin_ns: int
+    robot: str = ""
+    learner: str = ""
+    moves: tuple[str, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+    source: str = "drive"
+
+    def to_ns(self, now_s: float) -> int:
+        """Return a time of the run's clock as nanoseconds since 1970."""
+        return self.origin_ns + round(now_s * 1e9)
+
+
+class EpisodeWriter:
+    """Writes one MCAP file. For one thread; raises OSError when the disk refuses.
+
+    Args:
+        file: Where to; seekable or not, opened for binary writing. Closed by `close`.
+        run: What is known already.
+        model_before: A model's file, or None for a learner that knows nothing.
+
+    Raises:
+        MissingExtraError: If the library `mcap` is not installed.
+    """
+
+    def __init__(self, file: BinaryIO, run: Run, model_before: bytes | None = None) -> None:
+        self._file = file
+        self._run = run
+        self._writer = _make_writer(file)
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[tuple[Any, ...], int] = {}
+        self.frames = 0
+        self.taught: Counter[str] = Counter()
+        self._first_ns: int | None = None
+        self._last_ns = 0
+        self._writer.start(profile="", library="drivelesson")
+        self._writer.add_metadata(RUN, self._describe_run())
+        if model_before is not None:
+            self._attach(MODEL_BEFORE, model_before)
+        self.flush()
+
+    def _describe_run(self) -> dict[str, str]:
+        run = self._run
+        return {
+            "format": str(FORMAT),
+            "episode": run.episode_id,
+            "run": run.run_id,
+            "origin_ns": str(run.origin_ns),
+            "robot": run.robot,
+            "learner": run.learner,
+            "moves": ",".join(run.moves),
+            "options": json.dumps(dict(run.options), default=str),
+            "source": run.source,
+        }
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the first to the last message."""
+        return 0.0 if self._first_ns is None else (self._last_ns - self._first_ns) / 1e9
+
+    def write_frame(self, frame: Frame) -> None:
+        """Add one picture as the camera gave it; its id is the message's sequence number."""
+        stamp_ns = self._run.to_ns(frame.captured_s)
+        channel = self._camera_channel(frame)
+        self._add(channel, stamp_ns, encode_image(frame, stamp_ns), frame.frame_id)
+        self.frames += 1
+
+    def write_words(self, topic: str, now_s: float, words: Words) -> None:
+        """Add one message of a topic of `words.SCHEMAS`."""
+        if topic == LESSON and words["event"] == "taught":
+            self.taught[str(words["label"])] += 1
+        self._add(self._words_channel(topic), self._run.to_ns(now_s), to_json(words), 0)
+
+    def flush(self) -> None:
+        """Have everything so far reach the disk: a kill or a power cut takes none of it."""
+        self._writer.flush()
+        _sync(self._file)
+
+    def close(self, summary: Mapping[str, str], model_after: bytes | None = None) -> None:
+        """Write the end: attachments, summary and index; then close the file."""
+        try:
+            if model_after is not None:
+                self._attach(MODEL_AFTER, model_after)
+            self._writer.add_metadata(
+                SUMMARY,
+                {
+                    "frames": str(self.frames),
+                    "taught": json.dumps(self.taught),
+                    "duration_s": f"{self.duration_s:.3f}",
+                    **summary,
+                },
+            )
+            self._writer.finish()
+            self._file.flush()
+            _sync(self._file)
+        finally:
+            self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is, after the disk refused."""
+        self._file.close()
+
+    def _attach(self, name: str, data: bytes) -> None:
+        stamp_ns = self._last_ns or self._run.origin_ns
+        self._writer.add_attachment(stamp_ns, stamp_ns, name, "application/zip", data)
+
+    def _add(self, channel: int, stamp_ns: int, data: bytes, sequence: int) -> None:
+        stamp_ns = max(stamp_ns, 0)
+        self._first_ns = stamp_ns if self._first_ns is None else min(self._first_ns, stamp_ns)
+        self._last_ns = max(self._last_ns, stamp_ns)
+        self._writer.add_message(channel, stamp_ns, data, stamp_ns, sequence)
+
+    def _camera_channel(self, frame: Frame) -> int:
+        name = schema_name(frame)
+        key = (name, frame.width, frame.height)
+        if key not in self._channels:
+            schema = self._schema(name, "protobuf", image_schema(name))
+            size = {"width": str(frame.width), "height": str(frame.height)}
+            self._channels[key] = self._writer.register_channel(CAMERA, "protobuf", schema, size)
+        return self._channels[key]
+
+    def _words_channel(self, topic: str) -> int:
+        if (topic,) not in self._channels:
+            described = SCHEMAS[topic]
+            schema = self._schema(described["title"], "jsonschema", to_json(described))
+            self._channels[(topic,)] = self._writer.register_channel(topic, "json", schema)
+        return self._channels[(topic,)]
+
+    def _schema(self, name: str, encoding: str, data: bytes) -> int:
+        if name not in self._schemas:
+            self._schemas[name] = self._writer.register_schema(name, encoding, data)
+        return self._schemas[name]
+
+
+def require_mcap() -> None:
+    """Raise MissingExtraError unless episodes can be recorded and read here."""
+    try:
+        import mcap.writer  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("recording episodes", "episodes") from error
+
+
+def _sync(file: BinaryIO) -> None:
+    """Have the file's bytes reach the disk, if it is a file of the system at all."""
+    try:
+        descriptor = file.fileno()
+    except io.UnsupportedOperation:
+        return
+    os.fsync(descriptor)
+
+
+def _make_writer(file: BinaryIO) -> Any:
+    require_mcap()
+    from mcap.writer import CompressionType, Writer
+
+    return Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
