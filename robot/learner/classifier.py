@@ -49,7 +49,7 @@ class BSOCClassifier:
         self.labels_: list[Label] = []
         self.n_seen_ = 0
         self.last_node_: int | None = None
-        self._histograms = np.zeros((max_nodes + 1, 0), np.int64)
+        self._histograms = np.zeros((max_nodes, 0), np.int64)
 
     @classmethod
     def published(cls, max_nodes: int = 32, *, integer: bool = False) -> Self:
@@ -75,7 +75,7 @@ class BSOCClassifier:
         node = self.cluster.train(x, column)
         if not known:
             self.labels_.append(y)
-            new = np.zeros((self.max_nodes + 1, 1), np.int64)
+            new = np.zeros((self.max_nodes, 1), np.int64)
             self._histograms = np.hstack([self._histograms, new])
         if self.cluster.last_merge_ is not None:
             self._follow(self.cluster.last_merge_)
@@ -120,8 +120,7 @@ class BSOCClassifier:
 
     def _follow(self, merge: Merge) -> None:
         self._histograms[merge.kept] += self._histograms[merge.removed]
-        self._histograms[merge.removed] = self._histograms[merge.moved]
-        self._histograms[merge.moved] = 0
+        self._histograms[merge.removed] = 0
 
     def get_state(self) -> State:
         """Return a copy of all that was learned."""
@@ -157,7 +156,7 @@ class BSOCClassifier:
         index = self._index(node_id)
         if y not in self.labels_:
             self.labels_.append(y)
-            new = np.zeros((self.max_nodes + 1, 1), np.int64)
+            new = np.zeros((self.max_nodes, 1), np.int64)
             self._histograms = np.hstack([self._histograms, new])
         column = self.labels_.index(y)
         total = int(self._histograms[index].sum())
@@ -167,9 +166,10 @@ class BSOCClassifier:
 
     def delete_node(self, node_id: int) -> None:
         """Forget the node of this id; raises LookupError if there is none."""
-        merge = self.cluster.delete(self._index(node_id))
-        self._histograms[merge.removed] = self._histograms[merge.moved]
-        self._histograms[merge.moved] = 0
+        index = self._index(node_id)
+        last = self.cluster.delete(index)
+        self._histograms[index] = self._histograms[last]
+        self._histograms[last] = 0
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
         """Keep the node of this id as it is: never merged, never deleted."""

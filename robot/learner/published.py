@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.base import State, Vector, checked_vector
+from robot.learner.base import State, Vector
 from robot.learner.bsoc import Merge
+from robot.learner.images import checked_bytes
 
 Integers = NDArray[np.int64]
 _ARRAYS = ("images", "norms", "counts", "ids", "pinned", "weights")
@@ -122,14 +123,18 @@ class PublishedBSOC:
         self._pinned[node] = pinned
         self._set_weights(node)
 
-    def delete(self, node: int) -> Merge:
-        """Forget one node; the last takes its index. Raises ValueError if it is pinned."""
+    def delete(self, node: int) -> int:
+        """Forget one node and return the index of the last, which takes its place.
+
+        Raises:
+            ValueError: If it is pinned.
+        """
         if self._pinned[node]:
             raise ValueError("a pinned node cannot be deleted; unpin it first")
         last = self._size - 1
         self._move(last, node)
         self._size = last
-        return Merge(kept=node, removed=node, moved=last)
+        return last
 
     def get_state(self) -> State:
         """Return a copy of all that was learned."""
@@ -150,12 +155,7 @@ class PublishedBSOC:
         self.last_merge_ = None
 
     def _checked(self, x: Vector) -> NDArray[Any]:
-        array = checked_vector(x, self._images.shape[1] or None)
-        if (
-            array.dtype != np.uint8
-            and not ((array == np.floor(array)) & (array >= 0) & (array <= 255)).all()
-        ):
-            raise ValueError("the published algorithm takes whole numbers from 0 to 255")
+        array = checked_bytes(x, self._images.shape[1] or None)
         pixels: NDArray[Any] = array.astype(self._dtype)
         return pixels
 
@@ -200,7 +200,8 @@ class PublishedBSOC:
         self._move(last, removed)
         self._size = last
         self._insert(kept, merged, total, name)
-        self.last_merge_ = Merge(kept=kept, removed=removed, moved=last)
+        if removed != last:
+            self.last_merge_ = Merge(kept=kept, removed=removed)
 
     def _move(self, source: int, target: int) -> None:
         for array in (self._images, self._norms, self._counts, self._ids, self._pinned):

@@ -1,0 +1,244 @@
+"""The pixels of the nodes: measuring and blending, in float32 or in whole numbers alone."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.learner.base import Vector, checked_vector
+
+Floats = NDArray[np.float64]
+
+
+class Images(Protocol):
+    """Node images in rows, and one frame `x` at a time that is compared with them."""
+
+    is_empty: bool
+
+    def begin(self, x: Vector) -> None:
+        """Fix the length of the vectors by the first one."""
+        ...
+
+    def measure(self, x: Vector, size: int) -> Floats:
+        """Take `x` in and return its squared distances to the first `size` images.
+
+        Raises:
+            ValueError: If `x` is of another length, not finite, or no vector of numbers.
+        """
+        ...
+
+    def put(self, row: int) -> None:
+        """Make the measured `x` the image of a row."""
+        ...
+
+    def absorb(self, row: int, count: int) -> None:
+        """Blend the measured `x` into a row that sums up `count` frames."""
+        ...
+
+    def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
+        """Blend row `removed` into row `kept`, each by its count of frames."""
+        ...
+
+    def move(self, source: int, target: int) -> None:
+        """Copy one row over another."""
+        ...
+
+    def nodes(self, size: int) -> NDArray[np.float32]:
+        """Return the first `size` images, shape (size, d)."""
+        ...
+
+    def get_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all that is kept."""
+        ...
+
+    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Become what gave `arrays`."""
+        ...
+
+
+class FloatImages:
+    """float32 images relative to the first frame.
+
+    float32 products of raw bytes lose the small differences between near-duplicates; without
+    what all frames have in common they keep them.
+    """
+
+    def __init__(self, max_nodes: int) -> None:
+        self.max_nodes = max_nodes
+        self.is_empty = True
+        self._shape: tuple[int, ...] = ()
+        self._origin = np.zeros(0, np.float32)
+        self._rows = np.zeros((max_nodes, 0), np.float32)
+        self._norms = np.zeros(max_nodes)
+        self._x = np.zeros(0, np.float32)
+        self._step = np.zeros(0, np.float32)
+        self._x_norm = 0.0
+
+    def begin(self, x: Vector) -> None:
+        """Fix length and origin by the first vector."""
+        origin = checked_vector(x).astype(np.float32)
+        if not np.isfinite(origin).all():
+            raise ValueError("the vector holds values too large for float32")
+        self._set_origin(origin)
+        self._rows = np.zeros((self.max_nodes, origin.size), np.float32)
+
+    def _set_origin(self, origin: NDArray[np.float32]) -> None:
+        self.is_empty = False
+        self._origin = origin
+        self._shape = origin.shape
+        self._x = np.zeros_like(origin)
+        self._step = np.zeros_like(origin)
+
+    def measure(self, x: Vector, size: int) -> Floats:
+        """Return |n|^2 - 2 n.x + |x|^2 for each image, shape (size,)."""
+        array = np.asarray(x)
+        if array.shape != self._shape or array.dtype.kind not in "fiub":
+            checked_vector(array, self._origin.size)
+        centred = self._x
+        np.subtract(array, self._origin, out=centred, casting="unsafe")
+        norm = float(centred.dot(centred))
+        if not norm < np.inf:
+            raise ValueError("the vector holds values that are not finite, or too large")
+        self._x_norm = norm
+        products = self._rows[:size].dot(centred)
+        distances: Floats = self._norms[:size] - 2.0 * products
+        distances += norm
+        np.maximum(distances, 0.0, out=distances)
+        return distances
+
+    def put(self, row: int) -> None:
+        """Make the measured vector the image of a row."""
+        self._rows[row] = self._x
+        self._norms[row] = self._x_norm
+
+    def absorb(self, row: int, count: int) -> None:
+        """Move an image towards the measured vector by 1 / (count + 1)."""
+        self._blend(row, self._x, 1.0 / (count + 1))
+
+    def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
+        """Move one image towards another by its share of the frames."""
+        self._blend(kept, self._rows[removed], count_removed / (count_kept + count_removed))
+
+    def _blend(self, row: int, other: NDArray[np.float32], share: float) -> None:
+        image, step = self._rows[row], self._step
+        np.subtract(other, image, out=step)
+        np.multiply(step, share, out=step)
+        image += step
+        self._norms[row] = image.dot(image)
+
+    def move(self, source: int, target: int) -> None:
+        """Copy one image over another."""
+        self._rows[target] = self._rows[source]
+        self._norms[target] = self._norms[source]
+
+    def nodes(self, size: int) -> NDArray[np.float32]:
+        """Return the images as they were learned, shape (size, d)."""
+        images: NDArray[np.float32] = self._rows[:size] + self._origin
+        return images
+
+    def get_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return copies of images, their norms and the origin."""
+        return {
+            "images": self._rows.copy(),
+            "norms": self._norms.copy(),
+            "origin": self._origin.copy(),
+        }
+
+    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Become what gave `arrays`."""
+        self._rows = arrays["images"].astype(np.float32)
+        self._norms = arrays["norms"].astype(np.float64)
+        self._set_origin(arrays["origin"].astype(np.float32))
+        self.max_nodes = len(self._rows)
+        self.is_empty = self._origin.size == 0
+
+
+class IntegerImages:
+    """Whole numbers alone on every pixel, for machines without a floating-point unit.
+
+    Vectors are whole numbers from 0 to 255. A row keeps the exact sum of its frames, so that
+    nothing is lost however many there are; frames are compared with the mean rounded to nearest.
+    """
+
+    def __init__(self, max_nodes: int) -> None:
+        self.max_nodes = max_nodes
+        self.is_empty = True
+        self._sums = np.zeros((max_nodes, 0), np.int64)
+        self._rows = np.zeros((max_nodes, 0), np.int32)
+        self._norms = np.zeros(max_nodes, np.int64)
+        self._x = np.zeros(0, np.int32)
+        self._x_norm = 0
+
+    def begin(self, x: Vector) -> None:
+        """Fix the length by the first vector."""
+        size = checked_vector(x).size
+        self._sums = np.zeros((self.max_nodes, size), np.int64)
+        self._rows = np.zeros((self.max_nodes, size), np.int32)
+        self.is_empty = False
+
+    def measure(self, x: Vector, size: int) -> Floats:
+        """Return the squared distance to each rounded image; exact below 2 ** 31."""
+        self._x = checked_bytes(x, self._rows.shape[1]).astype(np.int32)
+        self._x_norm = int(self._x.dot(self._x))
+        products = self._rows[:size].dot(self._x)
+        distances: Floats = (self._norms[:size] - 2 * products + self._x_norm).astype(np.float64)
+        return distances
+
+    def put(self, row: int) -> None:
+        """Make the measured vector the image of a row."""
+        self._sums[row] = self._x
+        self._rows[row] = self._x
+        self._norms[row] = self._x_norm
+
+    def absorb(self, row: int, count: int) -> None:
+        """Add the measured vector to a row's sum."""
+        self._sums[row] += self._x
+        self._divide(row, count + 1)
+
+    def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
+        """Add one row's sum to another's."""
+        self._sums[kept] += self._sums[removed]
+        self._divide(kept, count_kept + count_removed)
+
+    def _divide(self, row: int, count: int) -> None:
+        image = (self._sums[row] + count // 2) // count
+        self._rows[row] = image
+        self._norms[row] = image.dot(image)
+
+    def move(self, source: int, target: int) -> None:
+        """Copy one row over another."""
+        for array in (self._sums, self._rows, self._norms):
+            array[target] = array[source]
+
+    def nodes(self, size: int) -> NDArray[np.float32]:
+        """Return the rounded images, shape (size, d)."""
+        return self._rows[:size].astype(np.float32)
+
+    def get_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return copies of sums, images and their norms."""
+        return {
+            "sums": self._sums.copy(),
+            "images": self._rows.copy(),
+            "norms": self._norms.copy(),
+        }
+
+    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Become what gave `arrays`."""
+        self._sums = arrays["sums"].astype(np.int64)
+        self._rows = arrays["images"].astype(np.int32)
+        self._norms = arrays["norms"].astype(np.int64)
+        self.max_nodes = len(self._rows)
+        self.is_empty = self._rows.shape[1] == 0
+
+
+def checked_bytes(x: Vector, n_features: int | None = None) -> Vector:
+    """Return `x` as an array of whole numbers from 0 to 255, or raise ValueError."""
+    array = checked_vector(x, n_features)
+    if (
+        array.dtype != np.uint8
+        and not ((array == np.floor(array)) & (array >= 0) & (array <= 255)).all()
+    ):
+        raise ValueError("whole numbers from 0 to 255 are needed here")
+    return array
