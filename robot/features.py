@@ -36,7 +36,7 @@ class GreyFeatures:
 
     def extract(self, frame: Frame) -> Vector:
         """Return shape (1200,), uint8."""
-        return image.shrink(image.to_grey(frame), THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT).ravel()
+        return image.to_small_grey(frame, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT).ravel()
 
     def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
         """Return shape (30, 40)."""

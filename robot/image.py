@@ -34,7 +34,22 @@ def to_grey(frame: Frame) -> Pixels:
         return _decode_jpeg(frame, colour=False)
     if frame.encoding is Encoding.YUYV:
         return _packed(frame, 2)[:, :, 0]
-    red, green, blue = np.moveaxis(_packed(frame, 3).astype(np.uint32), 2, 0)
+    return rgb_to_grey(_packed(frame, 3))
+
+
+def to_small_grey(frame: Frame, width: int, height: int) -> Pixels:
+    """Return the brightness of the frame's areas, shape (height, width); raises as `to_rgb`.
+
+    Colours are averaged before they become grey, as the measured figures of the recordings do.
+    """
+    if frame.encoding is Encoding.YUYV:
+        return shrink(to_grey(frame), width, height)
+    return rgb_to_grey(shrink(to_rgb(frame), width, height))
+
+
+def rgb_to_grey(rgb: Pixels) -> Pixels:
+    """Return the brightness of pixels, shape (height, width)."""
+    red, green, blue = np.moveaxis(rgb.astype(np.uint32), 2, 0)
     # ITU-R BT.601 in 16 fractional bits: whole numbers alone, for machines without an FPU.
     grey: Pixels = ((19595 * red + 38470 * green + 7471 * blue + 32768) >> 16).astype(np.uint8)
     return grey
@@ -56,21 +71,24 @@ def to_yuyv_small(frame: Frame, step: int = 4) -> Pixels:
     return np.stack([luma, chroma], axis=2).clip(0, 255).astype(np.uint8)
 
 
-def shrink(grey: Pixels, width: int, height: int) -> Pixels:
-    """Return the mean brightness of each of `height` x `width` areas, rounded to nearest.
+def shrink(pixels: Pixels, width: int, height: int) -> Pixels:
+    """Return the mean of each of `height` x `width` areas, rounded to nearest.
 
     Raises:
         CameraError: If the picture is smaller than that.
     """
-    rows, columns = grey.shape
+    rows, columns = pixels.shape[:2]
     if rows < height or columns < width:
         raise CameraError(f"a picture of {columns}x{rows} is too small; {width}x{height} is needed")
     top, left = (np.arange(n) * full // n for n, full in ((height, rows), (width, columns)))
-    sums = np.add.reduceat(grey, top, axis=0, dtype=np.int32)
+    sums = np.add.reduceat(pixels, top, axis=0, dtype=np.int32)
     sums = np.add.reduceat(sums, left, axis=1)
     areas = np.outer(np.diff(top, append=rows), np.diff(left, append=columns))
-    means: Pixels = ((2 * sums + areas) // (2 * areas)).astype(np.uint8)
-    return means
+    areas = areas.reshape(areas.shape + (1,) * (pixels.ndim - 2))
+    means, rests = np.divmod(2 * sums + areas, 2 * areas)
+    means -= (rests == 0) & (means % 2 == 1)  # halves go to the even neighbour
+    small: Pixels = means.astype(np.uint8)
+    return small
 
 
 def _packed(frame: Frame, n_channels: int) -> Pixels:

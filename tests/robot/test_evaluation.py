@@ -136,9 +136,9 @@ README = {  # place: 9-nn, published BSOC-32, published BSOC-64
 @pytest.mark.recordings
 @pytest.mark.slow
 def test_reproduces_the_figures_of_the_recordings():
-    learners = ["knn-9"]
+    learners = ["knn-9", "published-32", "published-64"]
     results = list(evaluation.evaluate(evaluation.load_pairs(FOUND), learners))
     for place, figures in README.items():
-        for learner, figure in zip(learners, figures, strict=False):
+        for learner, figure in zip(learners, figures, strict=True):
             own = [r.accuracy for r in results if (r.place, r.learner) == (place, learner)]
             assert statistics.mean(own) == pytest.approx(figure, abs=0.015), (place, learner)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot.learner import edges
 from robot.learner.bsoc import BSOC
 from robot.learner.published import PublishedBSOC
 from tests.robot.learner import paper
@@ -17,13 +18,10 @@ CASES = [
 
 
 @pytest.mark.parametrize(("max_nodes", "d", "top", "seed"), CASES)
-@pytest.mark.parametrize("integer", [False, True])
-def test_published_equals_the_pseudocode_ties_included(max_nodes, d, top, seed, integer):
+def test_published_bytes_equal_the_pseudocode_ties_included(max_nodes, d, top, seed):
     rng = np.random.default_rng(seed)
-    ours, theirs = (
-        PublishedBSOC(max_nodes, integer=integer),
-        paper.PaperBSOC(max_nodes, rounded=True),
-    )
+    ours = PublishedBSOC(max_nodes, integer=True)
+    theirs = paper.PaperBSOC(max_nodes, rounded=True)
     for x in rng.integers(0, top + 1, (60, d)).astype(np.uint8):
         assert ours.train(x) == theirs.train([int(v) for v in x])
         assert ours.nodes_.tolist() == [node.image for node in theirs.nodes]
@@ -32,12 +30,13 @@ def test_published_equals_the_pseudocode_ties_included(max_nodes, d, top, seed, 
         assert ours.lookup(x) == theirs.lookup([int(v) for v in x])
 
 
+@pytest.mark.parametrize("cluster", [BSOC, PublishedBSOC])
 @pytest.mark.parametrize(
     ("max_nodes", "d", "seed"), [(m, d, s) for m in (1, 2, 5, 9) for d in (2, 30) for s in range(3)]
 )
-def test_fast_equals_the_pseudocode_without_rounding(max_nodes, d, seed):
+def test_equals_the_pseudocode_without_rounding(cluster, max_nodes, d, seed):
     rng = np.random.default_rng(seed)
-    ours, theirs = BSOC(max_nodes), paper.PaperBSOC(max_nodes, rounded=False)
+    ours, theirs = cluster(max_nodes), paper.PaperBSOC(max_nodes, rounded=False)
     for x in rng.normal(size=(120, d)).astype(np.float32):
         assert ours.train(x) == theirs.train(x.tolist())
         np.testing.assert_allclose(ours.nodes_, [node.image for node in theirs.nodes], atol=1e-4)
@@ -45,10 +44,11 @@ def test_fast_equals_the_pseudocode_without_rounding(max_nodes, d, seed):
         assert ours.ids_.tolist() == [node.name for node in theirs.nodes]
 
 
-def test_fast_breaks_exact_ties_as_the_pseudocode():
+@pytest.mark.parametrize("cluster", [BSOC, PublishedBSOC])
+def test_breaks_exact_ties_as_the_pseudocode(cluster):
     points = [[0], [8], [16], [24], [4], [12], [0], [8], [32], [40], [32], [40], [16], [16]]
     for max_nodes in (1, 2, 3, 4, 5):
-        ours, theirs = BSOC(max_nodes), paper.PaperBSOC(max_nodes, rounded=False)
+        ours, theirs = cluster(max_nodes), paper.PaperBSOC(max_nodes, rounded=False)
         for x in points:
             slots = ours.train(np.array(x, np.float32)), theirs.train([float(v) for v in x])
             if not all(n.count & (n.count - 1) == 0 for n in theirs.nodes):
@@ -112,3 +112,28 @@ def test_state_goes_on_exactly():
     for i, x in enumerate(xs[30:]):
         assert first.train(x, i % 2) == second.train(x, i % 2)
     assert np.array_equal(first.nodes_, second.nodes_)
+
+
+@pytest.mark.parametrize("max_nodes", [1, 6, 8, 30])
+def test_whole_numbers_give_the_same_nodes_within_rounding(max_nodes):
+    rng = np.random.default_rng(4)
+    scenes = rng.integers(0, 256, (6, 50))
+    exact, whole = BSOC(max_nodes), BSOC(max_nodes, integer=True)
+    for i in range(200):
+        x = np.clip(scenes[i % 6] + rng.integers(-9, 10, 50), 0, 255).astype(np.uint8)
+        assert exact.train(x) == whole.train(x)
+    assert np.array_equal(exact.counts_, whole.counts_)
+    assert np.abs(exact.nodes_ - whole.nodes_).max() <= 0.51
+
+
+def test_a_row_cache_finds_the_same_pairs(monkeypatch):
+    rng = np.random.default_rng(5)
+    xs = rng.integers(0, 4, (300, 4)).astype(np.float32)
+    plain = BSOC(20)
+    monkeypatch.setattr(edges, "CACHED_FROM", 1)
+    cached = BSOC(20)
+    for i, x in enumerate(xs):
+        assert plain.train(x) == cached.train(x)
+        if i in (50, 200):
+            assert plain.delete(3) == cached.delete(3)
+    assert np.array_equal(plain.nodes_, cached.nodes_)
