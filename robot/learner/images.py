@@ -155,41 +155,45 @@ class FloatImages:
         self.is_empty = self._origin.size == 0
 
 
+_STEPS = 256
+"""Steps between two grey levels in the images of `IntegerImages`."""
+
+
 class IntegerImages:
     """Whole numbers alone on every pixel, for machines without a floating-point unit.
 
     Vectors are whole numbers from 0 to 255. A row keeps the exact sum of its frames, so that
-    nothing is lost however many there are; frames are compared with the mean rounded to nearest.
+    nothing is lost however many there are; frames are compared with the mean in 1/256 steps.
     """
 
     def __init__(self, max_nodes: int) -> None:
         self.max_nodes = max_nodes
         self.is_empty = True
         self._sums = np.zeros((max_nodes, 0), np.int64)
-        self._rows = np.zeros((max_nodes, 0), np.int32)
-        self._norms = np.zeros(max_nodes, np.int64)
-        self._x = np.zeros(0, np.int32)
-        self._x_norm = 0
+        self._rows = np.zeros((max_nodes, 0), np.int64)
+        self._norms = np.zeros(max_nodes)
+        self._x = np.zeros(0, np.int64)
+        self._x_norm = 0.0
 
     def begin(self, x: Vector) -> None:
         """Fix the length by the first vector."""
         size = checked_vector(x).size
         self._sums = np.zeros((self.max_nodes, size), np.int64)
-        self._rows = np.zeros((self.max_nodes, size), np.int32)
+        self._rows = np.zeros((self.max_nodes, size), np.int64)
         self.is_empty = False
 
     def measure(self, x: Vector, size: int) -> Floats:
-        """Return the squared distance to each rounded image; exact below 2 ** 31."""
-        self._x = checked_bytes(x, self._rows.shape[1]).astype(np.int32)
-        self._x_norm = int(self._x.dot(self._x))
+        """Return |n|^2 - 2 n.x + |x|^2 for each image, shape (size,)."""
+        self._x = checked_bytes(x, self._rows.shape[1]).astype(np.int64)
+        self._x_norm = float(self._x.dot(self._x))
         products = self._rows[:size].dot(self._x)
-        distances: Floats = (self._norms[:size] - 2 * products + self._x_norm).astype(np.float64)
-        return distances
+        distances: Floats = self._norms[:size] - (2.0 / _STEPS) * products + self._x_norm
+        return np.maximum(distances, 0.0, out=distances)
 
     def put(self, row: int) -> None:
         """Make the measured vector the image of a row."""
         self._sums[row] = self._x
-        self._rows[row] = self._x
+        self._rows[row] = self._x * _STEPS
         self._norms[row] = self._x_norm
 
     def absorb(self, row: int, count: int) -> None:
@@ -203,9 +207,9 @@ class IntegerImages:
         self._divide(kept, count_kept + count_removed)
 
     def _divide(self, row: int, count: int) -> None:
-        image = (self._sums[row] + count // 2) // count
+        image = (self._sums[row] * _STEPS + count // 2) // count
         self._rows[row] = image
-        self._norms[row] = image.dot(image)
+        self._norms[row] = float(image.dot(image)) / _STEPS**2
 
     def move(self, source: int, target: int) -> None:
         """Copy one row over another."""
@@ -213,8 +217,8 @@ class IntegerImages:
             array[target] = array[source]
 
     def nodes(self, size: int) -> NDArray[np.float32]:
-        """Return the rounded images, shape (size, d)."""
-        return self._rows[:size].astype(np.float32)
+        """Return the images, shape (size, d)."""
+        return self._rows[:size].astype(np.float32) / np.float32(_STEPS)
 
     def get_arrays(self) -> dict[str, NDArray[Any]]:
         """Return copies of sums, images and their norms."""
@@ -227,8 +231,8 @@ class IntegerImages:
     def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Become what gave `arrays`."""
         self._sums = arrays["sums"].astype(np.int64)
-        self._rows = arrays["images"].astype(np.int32)
-        self._norms = arrays["norms"].astype(np.int64)
+        self._rows = arrays["images"].astype(np.int64)
+        self._norms = arrays["norms"].astype(np.float64)
         self.max_nodes = len(self._rows)
         self.is_empty = self._rows.shape[1] == 0
 

@@ -114,7 +114,7 @@ def test_state_goes_on_exactly():
     assert np.array_equal(first.nodes_, second.nodes_)
 
 
-@pytest.mark.parametrize("max_nodes", [1, 6, 8, 30])
+@pytest.mark.parametrize("max_nodes", [1, 3, 8, 30])
 def test_whole_numbers_give_the_same_nodes_within_rounding(max_nodes):
     rng = np.random.default_rng(4)
     scenes = rng.integers(0, 256, (6, 50))
@@ -123,7 +123,7 @@ def test_whole_numbers_give_the_same_nodes_within_rounding(max_nodes):
         x = np.clip(scenes[i % 6] + rng.integers(-9, 10, 50), 0, 255).astype(np.uint8)
         assert exact.train(x) == whole.train(x)
     assert np.array_equal(exact.counts_, whole.counts_)
-    assert np.abs(exact.nodes_ - whole.nodes_).max() <= 0.51
+    assert np.abs(exact.nodes_ - whole.nodes_).max() < 0.01
 
 
 def test_a_row_cache_finds_the_same_pairs(monkeypatch):
