@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self
 
 from fastapi import HTTPException, Request
+from starlette.concurrency import run_in_threadpool
 
 from robot.episodes.recorder import Recorder
+from robot.episodes.shelf import EpisodeShelf
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
 from robot.models.keeper import Announce, Keeper, say_nothing
 from robot.models.shelf import ModelShelf
@@ -37,6 +39,7 @@ class Library:
         self.recorder = Recorder(
             rig.loop, storage.episodes, robot=name, options=options, announce=announce
         )
+        self.episodes = EpisodeShelf(storage, recording=lambda: self.recorder.episode_id)
 
     def start(self) -> None:
         """Begin to keep; what was kept before is loaded by `keeper.load_last`."""
@@ -84,6 +87,12 @@ def refusals() -> Iterator[None]:
         raise HTTPException(422, str(error)) from error
     except OSError as error:
         raise HTTPException(507, f"The disk refused: {error.strerror or error}") from error
+
+
+async def do(action: Callable[..., Any], *args: Any) -> Any:
+    """Run what touches the disk off the event loop, with errors as answers."""
+    with refusals():
+        return await run_in_threadpool(action, *args)
 
 
 async def read_body(request: Request) -> dict[str, Any]:

@@ -214,9 +214,10 @@ class Recorder:
         wall_ns = self._wall_ns()
         state = self._loop.state
         run = Run(
-            episode_id=_make_id(wall_ns),
+            episode_id=make_id(wall_ns),
             run_id=self._run_id,
             origin_ns=wall_ns - round(now_s * 1e9),
+            started_at_s=wall_ns / 1e9,
             robot=self._robot,
             learner=state.learner,
             moves=tuple(move.value for move in state.moves),
@@ -496,7 +497,7 @@ class _Disk:
         self.refuse(sentence)
 
 
-def _make_id(wall_ns: int) -> str:
+def make_id(wall_ns: int) -> str:
     """Name a recording by its time, in UTC, so that names sort by time."""
     at = datetime.fromtimestamp(wall_ns / 1e9, UTC)
     return f"{at:%Y-%m-%d_%H%M%S}_{wall_ns // 10**6 % 1000:03d}"

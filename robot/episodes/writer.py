@@ -8,12 +8,15 @@ import os
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from robot.episodes.images import encode_image, image_schema, schema_name
 from robot.episodes.words import CAMERA, LESSON, SCHEMAS, Words, to_json
 from robot.errors import MissingExtraError
 from robot.types import Frame
+
+if TYPE_CHECKING:
+    from robot.episodes.scan import Message
 
 FORMAT = 1
 RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
@@ -27,13 +30,15 @@ _CHUNK_BYTES = 1 << 20
 class Run:
     """What is known of a recording when it begins.
 
-    `origin_ns` is what the run's clock showed as 0, in nanoseconds since 1970. Frame ids are
-    unique within one `run_id`: several recordings of one run of the program share it.
+    `started_at_s` is wall-clock time, seconds since 1970. `origin_ns` is what the run's clock
+    showed as 0, in nanoseconds since 1970. Frame ids are unique within one `run_id`: several
+    recordings of one run of the program share it.
     """
 
     episode_id: str
     run_id: str
     origin_ns: int
+    started_at_s: float = 0.0
     robot: str = ""
     learner: str = ""
     moves: tuple[str, ...] = ()
@@ -80,6 +85,7 @@ class EpisodeWriter:
             "episode": run.episode_id,
             "run": run.run_id,
             "origin_ns": str(run.origin_ns),
+            "started_at_s": f"{run.started_at_s:.3f}",
             "robot": run.robot,
             "learner": run.learner,
             "moves": ",".join(run.moves),
@@ -104,6 +110,18 @@ class EpisodeWriter:
         if topic == LESSON and words["event"] == "taught":
             self.taught[str(words["label"])] += 1
         self._add(self._words_channel(topic), self._run.to_ns(now_s), to_json(words), 0)
+
+    def write_copy(self, message: Message) -> None:
+        """Add a message of another recording, byte for byte."""
+        if message.topic == CAMERA:
+            self.frames += 1
+            size = message.channel_metadata
+            channel = self._image_channel(
+                message.schema, size.get("width", "0"), size.get("height", "0")
+            )
+        else:
+            channel = self._words_channel(message.topic)
+        self._add(channel, message.log_ns, message.data, message.sequence)
 
     def flush(self) -> None:
         """Have everything so far reach the disk: a kill or a power cut takes none of it."""
@@ -145,11 +163,13 @@ class EpisodeWriter:
         self._writer.add_message(channel, stamp_ns, data, stamp_ns, sequence)
 
     def _camera_channel(self, frame: Frame) -> int:
-        name = schema_name(frame)
-        key = (name, frame.width, frame.height)
+        return self._image_channel(schema_name(frame), str(frame.width), str(frame.height))
+
+    def _image_channel(self, name: str, width: str, height: str) -> int:
+        key = (name, width, height)
         if key not in self._channels:
             schema = self._schema(name, "protobuf", image_schema(name))
-            size = {"width": str(frame.width), "height": str(frame.height)}
+            size = {"width": width, "height": height}
             self._channels[key] = self._writer.register_channel(CAMERA, "protobuf", schema, size)
         return self._channels[key]
 

@@ -11,7 +11,7 @@ import importlib
 
 from fastapi import APIRouter
 
-MODULES = ("drive", "video", "health", "mjpeg", "pairing", "models")
+MODULES = ("drive", "video", "health", "mjpeg", "pairing", "models", "episodes")
 """Modules of this package; a new one is added here, and nowhere else."""
 
 

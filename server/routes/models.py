@@ -6,13 +6,12 @@ from typing import Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
-from starlette.concurrency import run_in_threadpool
 
 from robot.models.model import decode_model
 from robot.models.shelf import Shelved
 from robot.png import encode_png
 from server.guard import require_pilot, require_viewer
-from server.library import library_of, read_body, refusals, text_field
+from server.library import do, library_of, read_body, refusals, text_field
 
 router = APIRouter(prefix="/api/models")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
@@ -51,26 +50,26 @@ async def begin_model(request: Request) -> dict[str, str]:
     """Save the model in use and begin an empty one: {name?, learner?, place?}."""
     body = await read_body(request)
     name, learner, place = (text_field(body, field) for field in ("name", "learner", "place"))
-    return {"name": await _do(library_of(request).keeper.begin, name, learner, place)}
+    return {"name": await do(library_of(request).keeper.begin, name, learner, place)}
 
 
 @router.post("/save", dependencies=[PILOT])
 async def save_model(request: Request) -> dict[str, str]:
     """Save the model in use now."""
-    return {"name": await _do(library_of(request).keeper.save)}
+    return {"name": await do(library_of(request).keeper.save)}
 
 
 @router.post("/restore", dependencies=[PILOT])
 async def restore_model(request: Request) -> dict[str, str]:
     """Bring a deleted model back: {undo}, as `delete` returned it."""
     key = text_field(await read_body(request), "undo", "") or ""
-    return {"name": await _do(library_of(request).models.restore, key)}
+    return {"name": await do(library_of(request).models.restore, key)}
 
 
 @router.post("/{name}/load", dependencies=[PILOT])
 async def load_model(request: Request, name: str) -> dict[str, str]:
     """Save the model in use and go on with this one; 409 unless the robot is stopped."""
-    await _do(library_of(request).keeper.load, name)
+    await do(library_of(request).keeper.load, name)
     return {"name": name}
 
 
@@ -81,9 +80,9 @@ async def change_model(request: Request, name: str) -> dict[str, str]:
     new_name, place = text_field(body, "name"), text_field(body, "place")
     library = library_of(request)
     if place is not None:
-        await _do(library.keeper.set_place, name, place)
+        await do(library.keeper.set_place, name, place)
     if new_name is not None and new_name != name:
-        name = await _do(library.keeper.rename, name, new_name)
+        name = await do(library.keeper.rename, name, new_name)
     return {"name": name}
 
 
@@ -91,13 +90,13 @@ async def change_model(request: Request, name: str) -> dict[str, str]:
 async def copy_model(request: Request, name: str) -> dict[str, str]:
     """Copy a model: {name?} of the copy."""
     new_name = text_field(await read_body(request), "name")
-    return {"name": await _do(library_of(request).models.copy, name, new_name)}
+    return {"name": await do(library_of(request).models.copy, name, new_name)}
 
 
 @router.delete("/{name}", dependencies=[PILOT])
 async def delete_model(request: Request, name: str) -> dict[str, str]:
     """Move a model to the trash; `undo` is the word that brings it back."""
-    return {"undo": await _do(library_of(request).keeper.delete, name)}
+    return {"undo": await do(library_of(request).keeper.delete, name)}
 
 
 @router.get("/{name}/preview", dependencies=[VIEWER])
@@ -128,10 +127,4 @@ async def upload_model(request: Request, name: str) -> dict[str, str]:
     data = await request.body()
     if not data:
         raise HTTPException(400, "The body must be a model's file.")
-    return {"name": await _do(library.models.add_file, name, data)}
-
-
-async def _do(action: Any, *args: Any) -> Any:
-    """Run what touches the disk off the event loop, with errors as answers."""
-    with refusals():
-        return await run_in_threadpool(action, *args)
+    return {"name": await do(library.models.add_file, name, data)}

@@ -1,0 +1,133 @@
+"""A recording as a person sees it: with its labels, and with what was mended."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from robot.episodes.edits import Notes
+from robot.episodes.episode import Episode, FrameEntry, taught_frames
+from robot.episodes.scan import Message, scan
+from robot.episodes.teaching import Step, plan
+from robot.episodes.words import CAMERA, DECISION, LESSON, PREDICTION, describe_event
+from robot.episodes.writer import MODEL_BEFORE, EpisodeWriter, Run
+from robot.learner.base import Vector
+from robot.school import Taught, Undone
+from robot.types import Action, Lesson
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moment:
+    """One picture with what belongs to it. `at_s` counts from the recording's beginning."""
+
+    frame_id: int
+    at_s: float
+    label: Action | None
+    is_relabelled: bool
+    is_deleted: bool
+    predicted: str | None = None
+    confidence: float | None = None
+    driven_by: str | None = None
+    sent: str | None = None
+
+
+def moments(episode: Episode, notes: Notes) -> list[Moment]:
+    """List the recording's pictures in order, each with label, prediction and driver."""
+    labels = taught_frames(episode)
+    predictions = {words["frame"]: words for _, words in episode.words.get(PREDICTION, [])}
+    decisions = episode.words.get(DECISION, [])
+    start_s, at = episode.start_s, 0
+    found = []
+    for entry in episode.frames.values():
+        while at < len(decisions) and decisions[at][0] < entry.captured_s:
+            at += 1
+        decision = decisions[at][1] if at < len(decisions) else {}
+        said = predictions.get(entry.frame_id, {})
+        relabel = notes.relabel(entry.frame_id)
+        found.append(
+            Moment(
+                frame_id=entry.frame_id,
+                at_s=entry.captured_s - start_s,
+                label=relabel or labels.get(entry.frame_id),
+                is_relabelled=relabel is not None,
+                is_deleted=notes.is_deleted(entry.frame_id),
+                predicted=said.get("action"),
+                confidence=said.get("confidence"),
+                driven_by=decision.get("driven_by"),
+                sent=decision.get("sent"),
+            )
+        )
+    return found
+
+
+def kept_frames(episode: Episode, notes: Notes) -> list[FrameEntry]:
+    """List the pictures that nobody deleted."""
+    return [e for e in episode.frames.values() if not notes.is_deleted(e.frame_id)]
+
+
+def choose(found: Sequence[Moment], count: int) -> list[Moment]:
+    """Choose `count` moments at even distances, for a strip."""
+    if len(found) <= count:
+        return list(found)
+    return [found[round(i * (len(found) - 1) / max(count - 1, 1))] for i in range(count)]
+
+
+def write_mended(episode: Episode, notes: Notes, file: BinaryIO) -> None:
+    """Write the recording anew, with what was mended worked in.
+
+    What was undone while driving and what was deleted is gone; a relabelled frame has its new
+    label. Frame ids stay. Predictions stay as they were made.
+    """
+    before = episode.attachments.get(MODEL_BEFORE)
+    writer = EpisodeWriter(file, run_of(episode), before)
+    own = {e.event.lesson.frame_id for e in episode.lessons if isinstance(e.event, Taught)}
+    for record in scan(episode.path):
+        if not isinstance(record, Message) or record.topic == LESSON:
+            continue
+        if record.topic != CAMERA or not notes.is_deleted(record.sequence):
+            writer.write_copy(record)
+    _write_lessons(writer, episode, plan([(episode, notes)]), own)
+    writer.close({"dropped_frames": "0", "lost_words": "0"})
+
+
+def _write_lessons(
+    writer: EpisodeWriter, episode: Episode, steps: list[Step], own: set[int]
+) -> None:
+    now_s = episode.start_s
+    for step in steps:
+        if step.edit is not None:
+            writer.write_words(LESSON, now_s, describe_event(step.edit))
+            continue
+        assert step.label is not None
+        lesson = Lesson(frame_id=step.frame_id, label=step.label, is_intervention=False)
+        entry = episode.frames.get(step.frame_id)
+        now_s = entry.captured_s if entry else now_s
+        taught = Taught(lesson=lesson, x=_vector(step), at_s=0.0)
+        writer.write_words(LESSON, now_s, describe_event(taught, with_vector=step.x is not None))
+    for late in episode.lessons:
+        if isinstance(late.event, Undone) and not own.issuperset(late.event.frame_ids):
+            writer.write_words(LESSON, late.now_s, describe_event(late.event))
+
+
+def _vector(step: Step) -> Vector:
+    return np.zeros(0) if step.x is None else step.x
+
+
+def run_of(episode: Episode, path: Path | None = None) -> Run:
+    """Return what the recording says of itself, for a copy of it."""
+    run: dict[str, Any] = episode.run
+    return Run(
+        episode_id=(path or episode.path).stem,
+        run_id=run.get("run", ""),
+        origin_ns=episode.origin_ns,
+        started_at_s=float(run.get("started_at_s", "0")),
+        robot=run.get("robot", ""),
+        learner=run.get("learner", ""),
+        moves=tuple(run.get("moves", "").split(",")),
+        options={"recorded_with": run.get("options", "")},
+        source=run.get("source", ""),
+    )

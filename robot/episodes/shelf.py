@@ -1,0 +1,201 @@
+"""The recordings of one robot: listed, opened, mended, deleted and brought back."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from robot.episodes.card import EpisodeCard, read_card
+from robot.episodes.edits import Edit, Notes, notes_path, read_notes, write_notes
+from robot.episodes.episode import Episode, open_episode
+from robot.episodes.mending import write_mended
+from robot.errors import ConfigurationError, NotFoundError
+from robot.storage import Storage, check_name, free_name
+
+DEFAULT_BUDGET_BYTES = 8 * 2**30
+_OPEN_EPISODES = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Budget:
+    """How the space is used, and which episodes would bring it back within the budget."""
+
+    budget_bytes: int
+    used_bytes: int
+    offered: tuple[EpisodeCard, ...]
+
+
+class EpisodeShelf:
+    """Every file operation on episodes. Safe for several threads.
+
+    Args:
+        storage: The data folder.
+        recording: Says which episode is being written at present; that one stays as it is.
+        budget_bytes: Beyond this the oldest unprotected episodes are offered for deletion.
+    """
+
+    def __init__(
+        self,
+        storage: Storage,
+        recording: Callable[[], str | None] = lambda: None,
+        budget_bytes: int = DEFAULT_BUDGET_BYTES,
+    ) -> None:
+        self._storage = storage
+        self._recording = recording
+        self.budget_bytes = budget_bytes
+        self._lock = threading.RLock()
+        self._opened: OrderedDict[tuple[str, int, int], Episode] = OrderedDict()
+        self._cards: dict[tuple[str, int, int, int], EpisodeCard] = {}
+
+    def ids(self) -> list[str]:
+        """List the episodes, the newest first: their names begin with their time."""
+        return sorted((path.stem for path in self._storage.episodes.glob("*.mcap")), reverse=True)
+
+    def cards(self) -> list[EpisodeCard]:
+        """Describe all episodes, the newest first."""
+        found = []
+        for episode_id in self.ids():
+            with contextlib.suppress(OSError):
+                found.append(self.card(episode_id))
+        return sorted(found, key=lambda card: card.started_at_s, reverse=True)
+
+    def card(self, episode_id: str) -> EpisodeCard:
+        """Describe one episode."""
+        path = self.path(episode_id)
+        notes = notes_path(path)
+        noted_ns = notes.stat().st_mtime_ns if notes.exists() else 0
+        key = (*_version(path), noted_ns)
+        with self._lock:
+            if key not in self._cards:
+                if len(self._cards) > 10_000:
+                    self._cards.clear()
+                self._cards[key] = read_card(path)
+            return self._cards[key]
+
+    def path(self, episode_id: str) -> Path:
+        """Return the file of an episode.
+
+        Raises:
+            NotFoundError: If there is none of this name.
+        """
+        if episode_id not in self.ids():
+            raise NotFoundError(f"there is no episode called {episode_id[:80]!r}")
+        return self._storage.episodes / f"{episode_id}.mcap"
+
+    def open(self, episode_id: str) -> Episode:
+        """Open an episode; the last two stay open.
+
+        Raises:
+            NotFoundError: If there is none of this name.
+            RecordingError: If nothing of it can be read.
+        """
+        path = self.path(episode_id)
+        key = _version(path)
+        with self._lock:
+            if key not in self._opened:
+                self._opened[key] = open_episode(path)
+                while len(self._opened) > _OPEN_EPISODES:
+                    self._opened.popitem(last=False)
+            self._opened.move_to_end(key)
+            return self._opened[key]
+
+    def notes(self, episode_id: str) -> Notes:
+        """Return what was noted and mended."""
+        return read_notes(self.path(episode_id))
+
+    def edit(self, episode_id: str, edit: Edit) -> Notes:
+        """Mend an episode: the edit goes on the list beside it."""
+        return self._change(episode_id, lambda notes: notes.with_edit(edit))
+
+    def undo_edit(self, episode_id: str) -> Notes:
+        """Take the last edit back."""
+        return self._change(episode_id, Notes.without_last_edit)
+
+    def set_title(self, episode_id: str, title: str) -> Notes:
+        """Give an episode a title."""
+        return self._change(episode_id, lambda notes: replace(notes, title=title.strip()[:200]))
+
+    def protect(self, episode_id: str, is_protected: bool) -> Notes:
+        """Protect an episode from being offered for deletion, or not any more."""
+        return self._change(episode_id, lambda notes: replace(notes, is_protected=is_protected))
+
+    def _change(self, episode_id: str, change: Callable[[Notes], Notes]) -> Notes:
+        with self._lock:
+            path = self.path(episode_id)
+            notes = change(read_notes(path))
+            write_notes(path, notes)
+            return notes
+
+    def delete(self, episode_id: str) -> str:
+        """Move an episode to the trash; return the word that brings it back."""
+        path = self._idle_path(episode_id)
+        return self._storage.discard(path, notes_path(path))
+
+    def restore(self, key: str) -> str:
+        """Bring a deleted episode back; return its name, which differs if it was taken since."""
+        place = self._storage.discarded(key)
+        episodes = list(place.glob("*.mcap"))
+        if not episodes:
+            raise NotFoundError("what was deleted there was no episode")
+        name = free_name(episodes[0].stem, set(self.ids()))
+        notes = notes_path(episodes[0])
+        if notes.exists():
+            notes.rename(notes_path(self._storage.episodes / f"{name}.mcap"))
+        episodes[0].rename(self._storage.episodes / f"{name}.mcap")
+        shutil.rmtree(place, ignore_errors=True)
+        return name
+
+    def compact(self, episode_id: str) -> str:
+        """Work the edits into the recording; the one before goes to the trash.
+
+        Returns:
+            The word that brings the recording as it was back.
+        """
+        with self._lock:
+            path = self._idle_path(episode_id)
+            notes = read_notes(path)
+            part = path.with_name(f".{path.stem}.part")
+            part.unlink(missing_ok=True)
+            try:
+                with part.open("xb") as file:
+                    write_mended(self.open(episode_id), notes, file)
+            except BaseException:
+                part.unlink(missing_ok=True)
+                raise
+            key = self._storage.discard(path, notes_path(path))
+            part.rename(path)
+            write_notes(path, replace(notes, edits=()))
+            return key
+
+    def new_path(self, name: str) -> Path:
+        """Return where a new episode of this name may be written."""
+        free = free_name(check_name(name), set(self.ids()))
+        return self._storage.episodes / f"{free}.mcap"
+
+    def budget(self) -> Budget:
+        """Say how much is used; nothing is ever deleted by the program itself."""
+        cards = self.cards()
+        used = sum(card.bytes for card in cards)
+        offered, excess = [], used - self.budget_bytes
+        for card in reversed(cards):
+            if excess <= 0:
+                break
+            if not card.is_protected and card.id != self._recording():
+                offered.append(card)
+                excess -= card.bytes
+        return Budget(budget_bytes=self.budget_bytes, used_bytes=used, offered=tuple(offered))
+
+    def _idle_path(self, episode_id: str) -> Path:
+        if episode_id == self._recording():
+            raise ConfigurationError("this episode is being recorded; stop the robot and wait")
+        return self.path(episode_id)
+
+
+def _version(path: Path) -> tuple[str, int, int]:
+    status = path.stat()
+    return path.name, status.st_size, status.st_mtime_ns

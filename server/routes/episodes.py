@@ -1,0 +1,236 @@
+"""`/api/episodes` and `/api/storage`: recordings, seen and mended. See docs/reference/http.md."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from fastapi import APIRouter, Depends, HTTPException, Request, Response
+from starlette.responses import FileResponse
+
+from robot.episodes.card import EpisodeCard
+from robot.episodes.edits import Edit, Notes, trim
+from robot.episodes.mending import Moment, choose, moments
+from robot.errors import ConfigurationError
+from robot.image import to_rgb
+from robot.png import encode_png
+from robot.types import Action, Encoding
+from server.guard import require_pilot, require_viewer
+from server.library import do, library_of, read_body, refusals, text_field
+
+router = APIRouter(prefix="/api")
+VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
+_MOST_IN_A_STRIP = 400
+
+
+def describe(card: EpisodeCard, recording: str | None = None) -> dict[str, Any]:
+    """Return one episode as the page gets it."""
+    return {
+        "id": card.id,
+        "title": card.title,
+        "protected": card.is_protected,
+        "recording": card.id == recording,
+        "bytes": card.bytes,
+        "started_at_s": card.started_at_s,
+        "duration_s": card.duration_s,
+        "frames": card.frames,
+        "taught": dict(card.taught),
+        "lessons": sum(card.taught.values()),
+        "robot": card.robot,
+        "learner": card.learner,
+        "source": card.source,
+        "edits": card.edits,
+        "readable": card.is_readable,
+        "damage": card.damage,
+    }
+
+
+def describe_moment(moment: Moment) -> dict[str, Any]:
+    """Return one picture of the strip as the page gets it."""
+    return {
+        "frame": moment.frame_id,
+        "at_s": round(moment.at_s, 3),
+        "label": moment.label,
+        "relabelled": moment.is_relabelled,
+        "deleted": moment.is_deleted,
+        "predicted": moment.predicted,
+        "confidence": moment.confidence,
+        "driven_by": moment.driven_by,
+        "sent": moment.sent,
+    }
+
+
+@router.get("/episodes", dependencies=[VIEWER])
+def list_episodes(request: Request) -> dict[str, Any]:
+    """List all episodes, the newest first."""
+    library = library_of(request)
+    recorder = library.recorder
+    with refusals():
+        cards = library.episodes.cards()
+    return {
+        "recording": recorder.episode_id,
+        "fault": recorder.fault,
+        "dropped_frames": recorder.dropped_frames,
+        "episodes": [describe(card, recorder.episode_id) for card in cards],
+    }
+
+
+@router.get("/storage", dependencies=[VIEWER])
+def show_storage(request: Request) -> dict[str, Any]:
+    """Say how much is kept, and which episodes could go if it is too much."""
+    library = library_of(request)
+    with refusals():
+        usage, budget = library.storage.usage(), library.episodes.budget()
+    return {
+        **dataclasses.asdict(usage),
+        "budget": budget.budget_bytes,
+        "offered": [describe(card) for card in budget.offered],
+    }
+
+
+@router.post("/episodes/restore", dependencies=[PILOT])
+async def restore_episode(request: Request) -> dict[str, str]:
+    """Bring a deleted episode back: {undo}, as `delete` returned it."""
+    key = text_field(await read_body(request), "undo", "") or ""
+    return {"id": await do(library_of(request).episodes.restore, key)}
+
+
+@router.get("/episodes/{episode_id}", dependencies=[VIEWER])
+def show_episode(request: Request, episode_id: str) -> dict[str, Any]:
+    """Describe one episode, with its edits and the run's metadata."""
+    library = library_of(request)
+    with refusals():
+        episode, notes = library.episodes.open(episode_id), library.episodes.notes(episode_id)
+        card = library.episodes.card(episode_id)
+    ids = list(episode.frames)
+    return {
+        **describe(card, library.recorder.episode_id),
+        "run": episode.run,
+        "moves": [move.value for move in episode.moves],
+        "first_frame": ids[0] if ids else None,
+        "last_frame": ids[-1] if ids else None,
+        "edit_list": _describe_edits(notes),
+    }
+
+
+@router.get("/episodes/{episode_id}/strip", dependencies=[VIEWER])
+def show_strip(
+    request: Request,
+    episode_id: str,
+    count: int = 24,
+    first: int | None = None,
+    last: int | None = None,
+) -> dict[str, Any]:
+    """Show pictures at even distances, each with label, prediction and driver."""
+    library = library_of(request)
+    with refusals():
+        episode, notes = library.episodes.open(episode_id), library.episodes.notes(episode_id)
+    found = [
+        moment
+        for moment in moments(episode, notes)
+        if (first is None or moment.frame_id >= first) and (last is None or moment.frame_id <= last)
+    ]
+    chosen = choose(found, min(max(count, 1), _MOST_IN_A_STRIP))
+    return {"frames": [describe_moment(moment) for moment in chosen], "of": len(found)}
+
+
+@router.get("/episodes/{episode_id}/timeline", dependencies=[VIEWER])
+def show_timeline(request: Request, episode_id: str) -> dict[str, Any]:
+    """Give every picture's label, prediction and driver, as columns for drawing."""
+    library = library_of(request)
+    with refusals():
+        episode, notes = library.episodes.open(episode_id), library.episodes.notes(episode_id)
+    rows = [describe_moment(moment) for moment in moments(episode, notes)]
+    columns = ("frame", "at_s", "label", "predicted", "confidence", "driven_by", "deleted")
+    return {"columns": {name: [row[name] for row in rows] for name in columns}}
+
+
+@router.get("/episodes/{episode_id}/frames/{frame_id}", dependencies=[VIEWER])
+def show_frame(request: Request, episode_id: str, frame_id: int) -> Response:
+    """Show one picture: JPEG as the camera gave it, or PNG."""
+    library = library_of(request)
+    with refusals():
+        frame = library.episodes.open(episode_id).frame(frame_id)
+        if frame.encoding is Encoding.JPEG:
+            return _picture(frame.data, "image/jpeg")
+        return _picture(encode_png(to_rgb(frame), level=1), "image/png")
+
+
+def _picture(data: bytes, kind: str) -> Response:
+    headers = {"cache-control": "private, max-age=3600"}
+    return Response(data, media_type=kind, headers=headers)
+
+
+@router.get("/episodes/{episode_id}/file", dependencies=[VIEWER])
+def download_episode(request: Request, episode_id: str) -> Response:
+    """Download the recording as it was made."""
+    with refusals():
+        path = library_of(request).episodes.path(episode_id)
+    return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+
+
+@router.patch("/episodes/{episode_id}", dependencies=[PILOT])
+async def change_episode(request: Request, episode_id: str) -> dict[str, Any]:
+    """Give an episode a title, or protect it: {title?, protected?}."""
+    body = await read_body(request)
+    title, protected = text_field(body, "title"), body.get("protected")
+    if protected is not None and not isinstance(protected, bool):
+        raise HTTPException(400, "'protected' must be true or false.")
+    shelf = library_of(request).episodes
+    if title is not None:
+        await do(shelf.set_title, episode_id, title)
+    if protected is not None:
+        await do(shelf.protect, episode_id, protected)
+    return describe(await do(shelf.card, episode_id))
+
+
+@router.post("/episodes/{episode_id}/edits", dependencies=[PILOT], status_code=201)
+async def edit_episode(request: Request, episode_id: str) -> dict[str, Any]:
+    """Mend: {verb: delete | trim | relabel, first, last, label?}; frames, both ends included."""
+    body = await read_body(request)
+    shelf = library_of(request).episodes
+
+    def mend() -> Notes:
+        return shelf.edit(episode_id, _read_edit(body, list(shelf.open(episode_id).frames)))
+
+    return {"edit_list": _describe_edits(await do(mend))}
+
+
+@router.delete("/episodes/{episode_id}/edits/last", dependencies=[PILOT])
+async def undo_edit(request: Request, episode_id: str) -> dict[str, Any]:
+    """Take the last edit back."""
+    notes = await do(library_of(request).episodes.undo_edit, episode_id)
+    return {"edit_list": _describe_edits(notes)}
+
+
+@router.post("/episodes/{episode_id}/compact", dependencies=[PILOT])
+async def compact_episode(request: Request, episode_id: str) -> dict[str, str]:
+    """Work the edits into the recording; `undo` brings it back as it was."""
+    return {"undo": await do(library_of(request).episodes.compact, episode_id)}
+
+
+@router.delete("/episodes/{episode_id}", dependencies=[PILOT])
+async def delete_episode(request: Request, episode_id: str) -> dict[str, str]:
+    """Move an episode to the trash; `undo` is the word that brings it back."""
+    return {"undo": await do(library_of(request).episodes.delete, episode_id)}
+
+
+def _read_edit(body: dict[str, Any], frame_ids: list[int]) -> Edit:
+    verb, first, last = body.get("verb"), body.get("first"), body.get("last")
+    for value in (first, last):
+        if not isinstance(value, int) or isinstance(value, bool):
+            raise ConfigurationError("'first' and 'last' must be frame ids")
+    assert isinstance(first, int) and isinstance(last, int)
+    if verb == "trim":
+        return trim(frame_ids, first, last)
+    label = str(body.get("label")) if verb == "relabel" else None
+    if label is not None and label not in tuple(Action):
+        raise ConfigurationError(f"no label is called {label!r}")
+    return Edit(verb=str(verb), ranges=((first, last),), label=Action(label) if label else None)
+
+
+def _describe_edits(notes: Notes) -> list[dict[str, Any]]:
+    return [
+        {"verb": e.verb, "ranges": [list(r) for r in e.ranges], "label": e.label}
+        for e in notes.edits
+    ]

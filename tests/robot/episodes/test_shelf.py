@@ -1,0 +1,185 @@
+"""Episodes on disk: listed whatever their state, mended, deleted, brought back, made compact."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+from robot.episodes.card import read_card
+from robot.episodes.edits import Edit, Notes, notes_path, trim
+from robot.episodes.episode import open_episode, taught_frames
+from robot.episodes.mending import choose, kept_frames, moments
+from robot.episodes.shelf import EpisodeShelf
+from robot.episodes.teaching import learn_again, same_nodes
+from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
+from robot.policy import make_policy
+from robot.storage import Storage
+from robot.types import Action
+
+from .drives import record_drive
+
+
+@pytest.fixture
+def storage(tmp_path: Path) -> Storage:
+    return Storage(tmp_path / "data")
+
+
+@pytest.fixture
+def shelf(storage: Storage) -> EpisodeShelf:
+    record_drive(storage.episodes)
+    return EpisodeShelf(storage)
+
+
+def test_a_list_shows_what_an_episode_holds_without_reading_it_all(shelf: EpisodeShelf) -> None:
+    [card] = shelf.cards()
+    episode = shelf.open(card.id)
+    assert card.damage is None and card.is_readable
+    assert card.frames == len(episode.frames)
+    assert dict(card.taught) == {"forward": 20, "left": 20, "right": 20}
+    assert card.duration_s == pytest.approx(episode.duration_s, abs=0.01)
+    assert card.started_at_s == pytest.approx(episode.origin_ns / 1e9 + 100, abs=5)
+
+
+def test_a_recording_cut_at_any_byte_lists_and_replays_up_to_the_cut(tmp_path: Path) -> None:
+    whole = record_drive(tmp_path / "whole" if (tmp_path / "whole").mkdir() is None else tmp_path)
+    data = whole.path.read_bytes()
+    cut_path = tmp_path / "cut.mcap"
+    rng, lengths = random.Random(3), []
+    for _ in range(100):
+        length = rng.randrange(len(data))
+        cut_path.write_bytes(data[:length])
+        card = read_card(cut_path)
+        if not card.is_readable:
+            assert length < 400, f"nothing of {length} bytes can be read: {card.damage}"
+            continue
+        episode = open_episode(cut_path)
+        assert card.damage and card.frames == len(episode.frames)
+        assert list(episode.frames) == list(whole.frames)[: len(episode.frames)]
+        assert all(episode.frame(i).data == whole.frame(i).data for i in list(episode.frames)[::10])
+        learn_again(make_policy("published-8"), [(episode, Notes())])
+        lengths.append(len(episode.frames))
+    assert max(lengths) == len(whole.frames)
+
+
+def test_damaged_bytes_never_raise_anything_but_our_own_errors(tmp_path: Path) -> None:
+    data = bytearray(record_drive(tmp_path).path.read_bytes())
+    rng, path = random.Random(5), tmp_path / "damaged.mcap"
+    for _ in range(150):
+        damaged = bytearray(data)
+        for _ in range(rng.randrange(1, 20)):
+            damaged[rng.randrange(len(data))] = rng.randrange(256)
+        path.write_bytes(damaged)
+        assert read_card(path).id == "damaged"
+        try:
+            episode = open_episode(path)
+            for frame_id in list(episode.frames)[::20]:
+                episode.frame(frame_id)
+        except RobotError:
+            pass
+
+
+def test_labels_predictions_and_drivers_stand_beside_each_picture(shelf: EpisodeShelf) -> None:
+    episode = shelf.open(shelf.ids()[0])
+    found = moments(episode, Notes())
+    taught = [moment for moment in found if moment.label]
+    assert len(taught) == 60
+    assert taught[0].label is Action.FORWARD and taught[4].label is Action.LEFT
+    assert {moment.driven_by for moment in taught[1:]} == {"pilot"}
+    assert all(moment.predicted for moment in taught[2:])
+    assert [m.frame_id for m in choose(found, 3)] == [
+        found[0].frame_id,
+        found[len(found) // 2].frame_id,
+        found[-1].frame_id,
+    ]
+
+
+def test_edits_are_kept_beside_the_file_and_can_all_be_undone(shelf: EpisodeShelf) -> None:
+    [episode_id] = shelf.ids()
+    path = shelf.path(episode_id)
+    before = path.read_bytes()
+    ids = list(shelf.open(episode_id).frames)
+    shelf.edit(episode_id, Edit(verb="delete", ranges=((ids[5], ids[9]),)))
+    shelf.edit(episode_id, Edit(verb="relabel", ranges=((ids[0], ids[20]),), label=Action.RIGHT))
+    shelf.set_title(episode_id, "  Flur, abends ")
+    shelf.protect(episode_id, True)
+    notes = EpisodeShelf(Storage(path.parent.parent)).notes(episode_id)
+    assert (notes.title, notes.is_protected, len(notes.edits)) == ("Flur, abends", True, 2)
+    assert len(kept_frames(shelf.open(episode_id), notes)) == len(ids) - 5
+    assert path.read_bytes() == before
+    shelf.undo_edit(episode_id)
+    shelf.undo_edit(episode_id)
+    assert shelf.notes(episode_id).edits == ()
+    with pytest.raises(ConfigurationError, match="nothing to undo"):
+        shelf.undo_edit(episode_id)
+
+
+def test_compacting_works_the_edits_in_and_teaches_the_same(shelf: EpisodeShelf) -> None:
+    [episode_id] = shelf.ids()
+    ids = list(shelf.open(episode_id).frames)
+    shelf.edit(episode_id, trim(ids, ids[5], ids[-5]))
+    shelf.edit(episode_id, Edit(verb="relabel", ranges=((ids[10], ids[20]),), label=Action.RIGHT))
+    before, size = make_policy("default-8"), shelf.card(episode_id).bytes
+    learn_again(before, [(shelf.open(episode_id), shelf.notes(episode_id))])
+    undo = shelf.compact(episode_id)
+    assert shelf.card(episode_id).bytes < size
+    assert shelf.notes(episode_id).edits == ()
+    after = make_policy("default-8")
+    learn_again(after, [(shelf.open(episode_id), Notes())])
+    assert same_nodes(after.get_state(), before.get_state())
+    assert len(shelf.open(episode_id).frames) == len(ids) - 9
+
+    assert shelf.restore(undo) == f"{episode_id} (2)"
+    assert len(shelf.notes(f"{episode_id} (2)").edits) == 2
+    assert len(shelf.open(f"{episode_id} (2)").frames) == len(ids)
+
+
+def test_delete_and_restore_take_the_edits_along(shelf: EpisodeShelf) -> None:
+    [episode_id] = shelf.ids()
+    shelf.set_title(episode_id, "kept")
+    undo = shelf.delete(episode_id)
+    assert shelf.ids() == []
+    assert shelf.restore(undo) == episode_id
+    assert shelf.card(episode_id).title == "kept"
+    with pytest.raises(NotFoundError):
+        shelf.restore(undo)
+
+
+def test_what_is_being_recorded_is_left_alone(storage: Storage) -> None:
+    episode_id = record_drive(storage.episodes).id
+    shelf = EpisodeShelf(storage, recording=lambda: episode_id)
+    for refused in (shelf.delete, shelf.compact):
+        with pytest.raises(ConfigurationError, match="being recorded"):
+            refused(episode_id)
+
+
+def test_beyond_the_budget_the_oldest_unprotected_are_offered_and_none_is_deleted(
+    storage: Storage,
+) -> None:
+    ids = [record_drive(storage.episodes, frames=20).id for _ in range(4)]
+    shelf = EpisodeShelf(storage)
+    shelf.protect(ids[0], True)
+    size = shelf.card(ids[0]).bytes
+    shelf.budget_bytes = size * 5 // 2
+    offer = shelf.budget()
+    assert [card.id for card in offer.offered] == ids[1:3]
+    assert len(shelf.ids()) == 4
+    shelf.budget_bytes = size * 10
+    assert shelf.budget().offered == ()
+
+
+@pytest.mark.parametrize("name", ["../x", "..", "/etc/passwd", "", "a/../b"])
+def test_no_name_leads_out_of_the_folder(shelf: EpisodeShelf, name: str) -> None:
+    for attempt in (shelf.open, shelf.delete, shelf.notes, shelf.compact, shelf.restore):
+        with pytest.raises(NotFoundError):
+            attempt(name)
+
+
+def test_damaged_notes_are_named_and_hide_no_episode(shelf: EpisodeShelf) -> None:
+    [episode_id] = shelf.ids()
+    notes_path(shelf.path(episode_id)).write_text("{")
+    assert "edits.json is damaged" in str(shelf.card(episode_id).damage)
+    assert len(taught_frames(shelf.open(episode_id))) == 60
+    with pytest.raises(RecordingError, match="damaged"):
+        shelf.set_title(episode_id, "x")

@@ -1,0 +1,155 @@
+"""The recordings of one robot over HTTP: driven, seen, mended, brought back."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from robot.clock import RealClock
+from robot.policy import make_policy
+from robot.rig import Rig
+from robot.storage import Storage
+from robot.types import Action, Mode, PilotCommand
+from server.app import create_app
+from server.config import Config
+from server.library import Library
+from server.serving import served
+from tests.robot.episodes.drives import record_drive
+
+from .live_robot import WEB, LiveCamera, TimedDriver
+
+Client = httpx.Client
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Iterator[Library]:
+    clock = RealClock()
+    rig = Rig(TimedDriver(), LiveCamera(clock), make_policy("published-8"), clock)
+    storage = Storage(tmp_path)
+    with rig, Library(storage, rig, name="bench") as library:
+        library.rig = rig  # type: ignore[attr-defined]
+        yield library
+
+
+@pytest.fixture
+def client(library: Library) -> Iterator[Client]:
+    config = Config(port=0, web=WEB, data=library.storage.root)
+    app = create_app(config, library.rig, name="bench")  # type: ignore[attr-defined]
+    app.state.library = library
+    with served(app, config) as address, Client(base_url=address, timeout=20) as client:
+        yield client
+
+
+@pytest.fixture
+def episode_id(library: Library) -> str:
+    return record_drive(library.storage.episodes).id
+
+
+def wait_for(condition: Any) -> None:
+    deadline = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_a_drive_appears_in_the_list_while_it_is_recorded(library: Library, client: Client) -> None:
+    loop = library.rig.loop  # type: ignore[attr-defined]
+    clock = library.rig.clock  # type: ignore[attr-defined]
+    assert client.get("/api/episodes").json()["episodes"] == []
+    loop.set_mode(Mode.TRAIN).result(5)
+    for seq in range(40):
+        frame_id = loop.state.frame_id
+        loop.command(
+            PilotCommand(held=Action.LEFT, frame_id=frame_id, seq=seq, received_s=clock.now_s())
+        )
+        time.sleep(0.02)
+    wait_for(lambda: client.get("/api/episodes").json()["recording"])
+    wait_for(lambda: client.get("/api/episodes").json()["episodes"][0]["lessons"] > 5)
+    listed = client.get("/api/episodes").json()
+    [episode] = listed["episodes"]
+    assert episode["recording"] and episode["id"] == listed["recording"]
+    assert client.delete(f"/api/episodes/{episode['id']}").status_code == 409
+    loop.set_mode(Mode.STOPPED).result(5)
+    library.stop()
+    [episode] = client.get("/api/episodes").json()["episodes"]
+    assert episode["damage"] is None and episode["lessons"] == loop.school.lessons
+
+
+def test_an_episode_is_shown_with_strip_timeline_and_pictures(
+    client: Client, episode_id: str
+) -> None:
+    shown = client.get(f"/api/episodes/{episode_id}").json()
+    assert shown["lessons"] == 60 and shown["moves"] == ["forward", "left", "right"]
+    strip = client.get(f"/api/episodes/{episode_id}/strip", params={"count": 5}).json()
+    assert len(strip["frames"]) == 5 and strip["of"] == shown["frames"]
+    assert strip["frames"][2]["label"] and strip["frames"][2]["driven_by"] == "pilot"
+    columns = client.get(f"/api/episodes/{episode_id}/timeline").json()["columns"]
+    assert len(columns["frame"]) == len(columns["label"]) == shown["frames"]
+    picture = client.get(f"/api/episodes/{episode_id}/frames/{shown['first_frame']}")
+    assert picture.headers["content-type"] == "image/png"
+    assert picture.content.startswith(b"\x89PNG")
+    file = client.get(f"/api/episodes/{episode_id}/file")
+    assert file.content.startswith(b"\x89MCAP0\r\n") and "attachment" in str(file.headers)
+
+
+def test_mending_is_undone_step_by_step(client: Client, episode_id: str) -> None:
+    path = f"/api/episodes/{episode_id}"
+    shown = client.get(path).json()
+    first = shown["first_frame"]
+    edits = [
+        {"verb": "relabel", "first": first, "last": first + 9, "label": "right"},
+        {"verb": "delete", "first": first + 20, "last": first + 29},
+        {"verb": "trim", "first": first + 5, "last": first + 40},
+    ]
+    for number, edit in enumerate(edits, start=1):
+        made = client.post(f"{path}/edits", json=edit)
+        assert (made.status_code, len(made.json()["edit_list"])) == (201, number)
+    columns = client.get(f"{path}/timeline").json()["columns"]
+    assert columns["deleted"][:5] == [True] * 5 and columns["deleted"][20:30] == [True] * 10
+    assert columns["label"][:10] == ["right"] * 10
+    for left in (2, 1, 0):
+        assert len(client.delete(f"{path}/edits/last").json()["edit_list"]) == left
+    assert client.delete(f"{path}/edits/last").status_code == 409
+
+
+def test_title_protection_compact_delete_and_restore(client: Client, episode_id: str) -> None:
+    path = f"/api/episodes/{episode_id}"
+    changed = client.patch(path, json={"title": "Hall", "protected": True}).json()
+    assert (changed["title"], changed["protected"]) == ("Hall", True)
+    first = client.get(path).json()["first_frame"]
+    client.post(f"{path}/edits", json={"verb": "delete", "first": first, "last": first + 9})
+    assert client.post(f"{path}/compact").json()["undo"]
+    assert client.get(path).json()["first_frame"] == first + 10
+    undo = client.delete(path).json()["undo"]
+    assert client.get(path).status_code == 404
+    assert client.post("/api/episodes/restore", json={"undo": undo}).json() == {"id": episode_id}
+    storage = client.get("/api/storage").json()
+    assert storage["episodes"] > 0 and storage["trash"] > 0 and storage["offered"] == []
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body", "status"),
+    [
+        ("GET", "/nobody", None, 404),
+        ("GET", "/%2e%2e%2fmodels", None, 404),
+        ("GET", "/ID/frames/99999", None, 422),
+        ("GET", "/ID/frames/x", None, 422),
+        ("POST", "/ID/edits", {"verb": "paint", "first": 1, "last": 2}, 409),
+        ("POST", "/ID/edits", {"verb": "delete", "first": 9, "last": 2}, 409),
+        ("POST", "/ID/edits", {"verb": "delete"}, 409),
+        ("POST", "/ID/edits", {"verb": "relabel", "first": 1, "last": 2, "label": "fly"}, 409),
+        ("PATCH", "/ID", {"protected": "yes"}, 400),
+        ("POST", "/restore", {"undo": "../../etc"}, 404),
+    ],
+)
+def test_what_cannot_be_done_is_said(
+    client: Client, episode_id: str, method: str, path: str, body: Any, status: int
+) -> None:
+    address = "/api/episodes" + path.replace("ID", episode_id)
+    answer = client.request(method, address, json=body)
+    assert answer.status_code == status, answer.text
