@@ -24,7 +24,7 @@ from robot.governor import Governor, GovernorConfig, age_of_link_s
 from robot.labels import Labeller
 from robot.learner.base import Vector
 from robot.policy import Policy
-from robot.school import School, SchoolEvent
+from robot.school import Replaced, School, SchoolEvent
 from robot.state import LoopState, Tick, Timing
 from robot.types import (
     Action,
@@ -73,7 +73,10 @@ class _Seen:
 
 
 class ControlLoop:
-    """One robot's loop. `tick` is for one thread; all other methods may be called from any."""
+    """One robot's loop. `tick` is for one thread; all other methods may be called from any.
+
+    `speed_share`, in (0, 1], is how much of full speed a person allows.
+    """
 
     def __init__(
         self,
@@ -110,6 +113,7 @@ class ControlLoop:
         self._fault: str | None = None
         self._last_mode = Mode.TRAIN
         self._shown_mode = Mode.STOPPED
+        self.speed_share = 1.0
         self._state = self._make_state(clock.now_s(), self._idle_decision(), Sensors())
         camera.listen(self.wake.set)
 
@@ -292,7 +296,7 @@ class ControlLoop:
         )
         if was_moving and decision.mode is Mode.STOPPED and decision.stop_reason is not None:
             self._note_stop(decision.stop_reason)
-        scale = min(decision.speed_scale, self._governor.speed_scale)
+        scale = min(decision.speed_scale, self._governor.speed_scale) * self.speed_share
         return replace(decision, speed_scale=scale)
 
     def _drive(self, decision: Decision) -> Action | None:
@@ -345,6 +349,8 @@ class ControlLoop:
             school_events=tuple(self._events),
             cycle_s=cycle_s,
         )
+        if any(isinstance(event, Replaced) for event in self._events):
+            self._agreed.clear()  # another policy: how good the one before was says nothing
         self._events.clear()
         if decision.mode is not self._shown_mode:
             self._shown_mode = decision.mode

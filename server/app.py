@@ -12,6 +12,7 @@ from starlette.staticfiles import StaticFiles
 
 from robot.rig import Rig
 from server.access import Access
+from server.coach import Coach
 from server.config import Config
 from server.guard import Guard
 from server.network import host_names
@@ -41,6 +42,7 @@ def create_app(
     station = Station(config, robot, name)
     turned_away: Counter[str] = Counter()
     app.state.config, app.state.robot, app.state.station = config, robot, station
+    app.state.coach = coach = Coach(robot.loop)
     app.state.pairing, app.state.turned_away = pairing, turned_away
     for router in routers():
         app.include_router(router)
@@ -50,7 +52,8 @@ def create_app(
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         await station.start()
         try:
-            yield
+            with coach:
+                yield
         finally:
             await station.stop()
 

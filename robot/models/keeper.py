@@ -168,12 +168,18 @@ class Keeper:
             self._use(name, model)
 
     def begin(
-        self, name: str | None = None, learner: str | None = None, place: str | None = None
+        self,
+        name: str | None = None,
+        learner: str | None = None,
+        place: str | None = None,
+        moves: tuple[Action, ...] | None = None,
     ) -> str:
         """Save the model in use, and begin an empty one; return its name."""
         with self._lock:
             self.save_if_changed()
-            policy = make_policy(learner or self._loop.state.learner, self._loop.state.moves)
+            policy = make_policy(
+                learner or self._loop.state.learner, moves or self._loop.state.moves
+            )
             place = self._place if place is None else place
             model = take_model(policy, Counter(), saved_at_s=time.time(), place=place)
             new_name = self.shelf.free_name(name or self._wanted_name)

@@ -11,7 +11,18 @@ import importlib
 
 from fastapi import APIRouter
 
-MODULES = ("drive", "video", "health", "mjpeg", "pairing", "models", "episodes")
+MODULES = (
+    "drive",
+    "video",
+    "health",
+    "mjpeg",
+    "pairing",
+    "models",
+    "episodes",
+    "gallery",
+    "teaching",
+    "settings",
+)
 """Modules of this package; a new one is added here, and nowhere else."""
 
 

@@ -1,7 +1,7 @@
 // What to tell a person about their robot now: one sentence and its next step. Pure.
 
 /** @typedef {import('./store.js').PageState} PageState */
-/** @typedef {{key: string, values?: Record<string, string | number>, step?: string, stepKey?: string, level: 'info' | 'ask' | 'stop'}} Advice */
+/** @typedef {{key: string, values?: Record<string, string | number>, step?: string, level: 'info' | 'ask' | 'stop'}} Advice */
 
 const FEW_LESSONS = 60;
 const STARVED_SHARE = 0.1;
@@ -31,11 +31,11 @@ export function isReady(robot) {
 }
 
 /**
- * Why the robot cannot be driven just now, if so; the first that applies.
+ * What a person must know now, the most urgent first; null if all is well.
  * @param {PageState} page
  * @returns {Advice | null}
  */
-export function obstacle(page) {
+export function urgentAdvice(page) {
   const robot = page.robot;
   if (page.link !== 'open' || !robot) {
     return { key: page.link === 'lost' ? 'out_of_reach' : 'connecting', level: 'info' };
@@ -51,6 +51,9 @@ export function obstacle(page) {
   if (robot.asks_pilot && robot.mode === 'autonomous') {
     return { key: robot.lessons ? 'asks' : 'asks_empty', level: 'ask' };
   }
+  if (robot.mode !== 'stopped' && robot.link !== 'good' && robot.link) return { key: `link.${robot.link}`, level: 'info' };
+  if (page.notice) return { key: page.notice, level: 'info' };
+  if (page.hint) return { key: `hint.${page.hint}`, step: 'hint', level: 'info' };
   return null;
 }
 

@@ -61,6 +61,7 @@ const PATHS = {
   robot: 'M5 9h14v10H5zM12 9V5M9.5 4h5M9 13v2M15 13v2M2.5 12v4M21.5 12v4',
   nobody: 'M8 5v14M16 5v14',
   menu: 'M4 7h16M4 12h16M4 17h16',
+  more: 'M5 12h.01M12 12h.01M19 12h.01',
   back: 'm14 5-7 7 7 7',
   undo: 'M9 6 4 11l5 5M4 11h9a6 6 0 0 1 0 12',
   pin: 'M9 3h6l-1 7 4 4H6l4-4zM12 14v7',

@@ -1,10 +1,12 @@
 // What a person does on the page, and what the robot says to it.
 
 import { Helm } from './helm.js';
+import { t } from './i18n.js';
 
 const AGREEMENT_EVERY = 5; // lessons between two points of the curve
 const CURVE_POINTS = 160;
 const NOTICE_MS = 3500;
+const HINTS = 3;
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 /** @typedef {import('./protocol.js').RobotState} RobotState */
@@ -27,6 +29,7 @@ export class Page {
     this.noticeTimer = undefined;
     /** @type {Record<string, (words: any) => void>} */
     this.hearers = { hello: (w) => this.greet(w), state: (w) => this.follow(w), event: (w) => this.note(w) };
+    if (!preferences.hintsSeen) store.set({ hint: 1 });
     this.listen();
   }
 
@@ -94,8 +97,9 @@ export class Page {
     this.store.set({ agreement: [...this.store.state.agreement, agreement].slice(-CURVE_POINTS) });
   }
 
-  /** @param {{name: string}} event */
+  /** @param {{name: string, detail?: string}} event */
   note(event) {
+    if (event.name === 'model_not_saved') this.toast(t('not_saved', { detail: event.detail ?? '' }));
     if (event.name === 'wheel_asked') this.store.set({ wheelAsked: true });
     if (event.name === 'wheel_waiting') this.store.set({ wheelWaiting: true });
   }
@@ -105,6 +109,11 @@ export class Page {
     clearTimeout(this.noticeTimer);
     this.store.set({ notice });
     this.noticeTimer = setTimeout(() => this.store.set({ notice: null }), NOTICE_MS);
+  }
+
+  /** Say something on whatever screen is open, with one step to take. @param {string} text @param {{label: string, act: () => void} | null} [step] */
+  toast(text, step = null) {
+    /** @type {import('./components/toast-bar.js').ToastBar | null} */ (document.querySelector('toast-bar'))?.show(text, step);
   }
 
   // What a person does ---------------------------------------------------------------------------
@@ -129,8 +138,18 @@ export class Page {
 
   /** Take the step that a notice offers. @param {string} step */
   take(step) {
+    if (step === 'hint') {
+      this.nextHint();
+      return;
+    }
     if (step === 'yield') this.store.set({ wheelAsked: false });
     this.connection.say(/** @type {'release' | 'take' | 'yield'} */ (step));
+  }
+
+  nextHint() {
+    const next = (this.store.state.hint ?? 0) + 1;
+    if (next > HINTS) this.preferences.set('hintsSeen', true);
+    this.store.set({ hint: next > HINTS ? null : next });
   }
 
   /** The page goes out of sight: nobody supervises the robot any more. */

@@ -47,6 +47,8 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {number | null} frame
  * @property {number | null} frame_age_ms
  * @property {number} cycle_hz
+ * @property {'good' | 'slow' | 'capped' | 'not_learning' | 'too_slow'} link  what the link allows
+ * @property {number | null} pilot_frame_age_ms
  * @property {Prediction | null} prediction
  * @property {number | null} agreement
  * @property {number} agreement_frames

@@ -17,6 +17,7 @@
  * @property {number[]} agreement  newest last, one for each ten lessons or so
  * @property {boolean} wheelAsked  somebody else asks for the wheel
  * @property {boolean} wheelWaiting  this page asked for it
+ * @property {number | null} hint  which of the first visit's hints is shown
  * @property {string | null} notice  a short word that goes away by itself
  */
 
@@ -36,6 +37,7 @@ export const initialState = () => ({
   agreement: [],
   wheelAsked: false,
   wheelWaiting: false,
+  hint: null,
   notice: null,
 });
 

@@ -3,4 +3,5 @@ import './app-bar.js';
 import './drive-pad.js';
 import './mode-bar.js';
 import './teach-panel.js';
+import './toast-bar.js';
 import './video-view.js';

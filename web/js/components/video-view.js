@@ -2,7 +2,7 @@
 
 import { append, fill, h, icon, say } from '../dom.js';
 import { decode } from '../picture.js';
-import { obstacle } from '../advice.js';
+import { urgentAdvice } from '../advice.js';
 import { percent, t } from '../i18n.js';
 
 const OLD_PICTURE_MS = 200;
@@ -25,7 +25,7 @@ export class VideoView extends HTMLElement {
     this.drawnMs = performance.now();
     append(this, [this.canvas, this.who, this.facts, this.likeLink, this.notice, this.votes]);
     const { store } = page;
-    store.watch(['robot', 'link', 'held', 'localStop', 'wheelAsked', 'wheelWaiting', 'notice', 'moves'], (state) => this.render(state));
+    store.watch(['robot', 'link', 'held', 'localStop', 'wheelAsked', 'wheelWaiting', 'notice', 'hint', 'moves'], (state) => this.render(state));
     page.connection.addEventListener('picture', (event) =>
       this.show(/** @type {CustomEvent} */ (event).detail));
     setInterval(() => this.classList.toggle('frozen', performance.now() - this.drawnMs > FROZEN_MS), 500);
@@ -77,7 +77,7 @@ export class VideoView extends HTMLElement {
     if (robot?.distance_m != null) facts.push(t('distance', { cm: Math.round(robot.distance_m * 100) }));
     if (robot?.bumped) facts.push(t('bumped'));
     const ageMs = this.page?.store.state.pictureAgeMs;
-    if (robot && ageMs != null) facts.push(t('picture_age', { ms: Math.round(ageMs / 10) * 10 }));
+    if (robot && ageMs != null) facts.push(t('picture_age', { ms: Math.max(1, Math.round(ageMs / 10)) * 10 }));
     const element = /** @type {HTMLElement} */ (this.facts);
     element.classList.toggle('old', (ageMs ?? 0) > OLD_PICTURE_MS);
     element.hidden = facts.length === 0;
@@ -118,8 +118,7 @@ export class VideoView extends HTMLElement {
   /** @param {import('../store.js').PageState} state */
   renderNotice(state) {
     const notice = /** @type {HTMLElement} */ (this.notice);
-    const advice = obstacle(state) ??
-      (state.notice ? { key: state.notice, level: 'info', values: {}, step: undefined } : null);
+    const advice = urgentAdvice(state);
     const text = advice ? t(advice.key, advice.values) : '';
     const stamp = `${text}/${advice?.step ?? ''}`;
     notice.hidden = !advice;

@@ -1,0 +1,106 @@
+"""What the page asks about the lesson so far: how agreement rose, and what is in the gallery.
+
+The loop's thread only takes note here; pictures are fetched from the learner when a page asks,
+and kept until something is taught or changed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from bisect import bisect_left
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+from robot.loop import ControlLoop
+from robot.policy import LearnedImage
+from robot.school import Replaced, Taught, Undone
+from robot.state import Tick
+
+MARK_EVERY = 10
+"""Lessons between two marks of the curve."""
+_MARKS = 2000
+_REFRESH_S = 0.4
+"""The gallery of a robot that learns is fetched no more often than so."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mark:
+    """How things stood after so many lessons. `at_s` is in seconds since 1970."""
+
+    lessons: int
+    agreement: float
+    at_s: float
+
+
+class Coach:
+    """Follows one robot's lessons. A context manager: it follows inside of the block."""
+
+    def __init__(self, loop: ControlLoop) -> None:
+        self._loop = loop
+        self._marks: list[Mark] = []
+        self._gallery: list[LearnedImage] = []
+        self._is_stale = True
+        self._fetched_s = 0.0
+        self._unsubscribe: Callable[[], None] = lambda: None
+
+    def __enter__(self) -> Self:
+        self._unsubscribe = self._loop.subscribe(self.note)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._unsubscribe()
+
+    def note(self, tick: Tick) -> None:
+        """Take note of one turn, on the loop's thread."""
+        if not tick.school_events:
+            return
+        self._is_stale = True
+        lessons = self._loop.school.policy.n_seen
+        for event in tick.school_events:
+            if isinstance(event, Replaced):
+                self._marks = []
+            elif isinstance(event, Undone):
+                self._marks = [mark for mark in self._marks if mark.lessons <= lessons]
+            elif isinstance(event, Taught):
+                self._mark(lessons)
+
+    def _mark(self, lessons: int) -> None:
+        agreement = self._loop.state.agreement
+        last = self._marks[-1].lessons if self._marks else 0
+        if agreement is None or lessons - last < MARK_EVERY:
+            return
+        mark = Mark(lessons=lessons, agreement=agreement, at_s=time.time())
+        self._marks = [*self._marks[-_MARKS:], mark]
+
+    def history(self, points: int = 200) -> list[Mark]:
+        """Return at most so many marks, spread over the whole lesson, oldest first."""
+        marks = self._marks
+        step = max(1, -(-len(marks) // points))
+        return marks[::-1][::step][::-1]
+
+    def taught_at_s(self, lesson: int) -> float | None:
+        """Return when a lesson was taught, to within some lessons; None if that is not known."""
+        marks = self._marks
+        at = bisect_left(marks, lesson, key=lambda mark: mark.lessons)
+        if lesson < 1 or at == len(marks):
+            return None
+        is_covered = at > 0 or marks[0].lessons - lesson < MARK_EVERY
+        return marks[at].at_s if is_covered else None
+
+    async def gallery(self, *, fresh: bool = False) -> list[LearnedImage]:
+        """Return the learned images; `fresh` after a change made just now."""
+        now_s = time.monotonic()
+        if fresh or (self._is_stale and now_s - self._fetched_s > _REFRESH_S):
+            self._is_stale, self._fetched_s = False, now_s
+            school = self._loop.school
+            request = self._loop.submit(lambda: school.policy.gallery())
+            self._gallery = await asyncio.wrap_future(request)
+        return self._gallery

@@ -1,0 +1,85 @@
+"""`/api/gallery`: what the robot has learned, image by image. See docs/reference/http.md."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from fastapi import APIRouter, Depends, HTTPException, Request, Response
+
+from robot.png import encode_png
+from robot.policy import LearnedImage
+from server.coach import Coach
+from server.guard import require_pilot, require_viewer
+from server.library import read_body
+
+router = APIRouter(prefix="/api/gallery")
+VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
+
+
+@router.get("", dependencies=[VIEWER])
+async def list_images(request: Request) -> dict[str, Any]:
+    """List the learned images, in the learner's own order."""
+    coach: Coach = request.app.state.coach
+    state = request.app.state.robot.loop.state
+    images = await coach.gallery()
+    return {
+        "moves": [move.value for move in state.moves],
+        "max_nodes": state.max_nodes,
+        "images": [_describe(image, coach) for image in images],
+    }
+
+
+@router.get("/{node}.png", dependencies=[VIEWER])
+async def show_image(request: Request, node: int) -> Response:
+    """Return one learned image as a small PNG."""
+    images = await request.app.state.coach.gallery()
+    for image in images:
+        if image.node_id == node:
+            return Response(
+                encode_png(image.thumbnail),
+                media_type="image/png",
+                headers={"cache-control": "private, max-age=600"},
+            )
+    raise HTTPException(404, "That image is no longer there; it may have been merged.")
+
+
+@router.post("/undo", dependencies=[PILOT])
+async def undo_edit(request: Request) -> dict[str, bool]:
+    """Take the last change to an image back; `undone` is false if there is none to take back."""
+    loop = request.app.state.robot.loop
+    undone = await asyncio.wrap_future(loop.submit(lambda: loop.school.undo_edit()))
+    await request.app.state.coach.gallery(fresh=True)
+    return {"undone": bool(undone)}
+
+
+@router.post("/{node}", dependencies=[PILOT])
+async def edit_image(request: Request, node: int) -> dict[str, Any]:
+    """Change one image: {verb: relabel, value: move}, {verb: pin, value: bool}, {verb: delete}."""
+    body = await read_body(request)
+    verb, value = body.get("verb"), body.get("value")
+    if not isinstance(verb, str):
+        raise HTTPException(400, "'verb' must be relabel, pin or delete.")
+    loop = request.app.state.robot.loop
+    try:
+        await asyncio.wrap_future(loop.submit(lambda: loop.school.edit(verb, node, value)))
+    except LookupError as error:
+        raise HTTPException(
+            404, "That image is no longer there; it may have been merged."
+        ) from error
+    except ValueError as error:
+        raise HTTPException(409, str(error)) from error
+    await request.app.state.coach.gallery(fresh=True)
+    return {"node": node}
+
+
+def _describe(image: LearnedImage, coach: Coach) -> dict[str, Any]:
+    return {
+        "node": image.node_id,
+        "votes": {move.value: count for move, count in image.votes.items()},
+        "frames": image.frames,
+        "last_used": image.last_used,
+        "last_taught": image.last_taught,
+        "taught_at_s": coach.taught_at_s(image.last_taught),
+        "pinned": image.is_pinned,
+    }

@@ -1,0 +1,121 @@
+"""`/api/settings`: the little that a person changes about a robot. See docs/reference/http.md."""
+
+from __future__ import annotations
+
+import time
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from fastapi import APIRouter, Depends, HTTPException, Request
+from starlette.concurrency import run_in_threadpool
+
+from robot.loop import ControlLoop
+from robot.policy import make_policy, split_name
+from robot.types import Action, Encoding, Frame
+from server.guard import require_pilot, require_viewer
+from server.library import library_of, read_body, refusals
+
+router = APIRouter(prefix="/api/settings")
+VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
+SIZES = (16, 32, 64, 128, 256)
+"""Numbers of learned images that a person may choose from."""
+SLOWEST, FASTEST = 0.3, 1.0
+_TRIALS = 10
+
+
+@router.get("", dependencies=[VIEWER])
+async def describe_settings(request: Request) -> dict[str, Any]:
+    """Return what is set, and what may be chosen."""
+    robot = request.app.state.robot
+    loop: ControlLoop = robot.loop
+    state = loop.state
+    kind, _ = split_name(state.learner)
+    rates_hz = await run_in_threadpool(estimate_rates_hz, kind)
+    frame = robot.camera.latest()
+    return {
+        "learner": state.learner,
+        "max_nodes": state.max_nodes,
+        "sizes": [{"max_nodes": n, "rate_hz": round(rates_hz[n])} for n in SIZES],
+        "speed": loop.speed_share,
+        "moves": [move.value for move in state.moves],
+        "possible_moves": [move.value for move in robot.driver.moves],
+        "camera": {
+            "name": robot.camera.name,
+            "rate_hz": round(state.cycle_hz, 1),
+            "width": frame.width if frame else None,
+            "height": frame.height if frame else None,
+        },
+    }
+
+
+@router.put("", dependencies=[PILOT])
+async def change_settings(request: Request) -> dict[str, Any]:
+    """Set {speed}, or begin an empty model with {max_nodes} or {moves}; 409 while it drives."""
+    body = await read_body(request)
+    loop: ControlLoop = request.app.state.robot.loop
+    if "speed" in body:
+        loop.speed_share = _checked_speed(body["speed"])
+    if "max_nodes" in body or "moves" in body:
+        kind, size = split_name(loop.state.learner)
+        size = body.get("max_nodes", size)
+        if isinstance(size, bool) or size not in SIZES:
+            raise HTTPException(400, f"'max_nodes' must be one of {', '.join(map(str, SIZES))}.")
+        moves = _checked_moves(body.get("moves", list(loop.state.moves)), request)
+        keeper = library_of(request).keeper
+        with refusals():
+            await run_in_threadpool(keeper.begin, None, f"{kind}-{size}", None, moves)
+    return {"learner": loop.state.learner, "speed": loop.speed_share}
+
+
+def _checked_speed(speed: Any) -> float:
+    if isinstance(speed, bool) or not isinstance(speed, int | float):
+        raise HTTPException(400, "'speed' must be a number.")
+    if not SLOWEST <= speed <= FASTEST:
+        raise HTTPException(400, f"'speed' must lie between {SLOWEST} and {FASTEST}.")
+    return float(speed)
+
+
+def _checked_moves(moves: Any, request: Request) -> tuple[Action, ...]:
+    possible = request.app.state.robot.driver.moves
+    if not isinstance(moves, list) or not set(moves) <= {move.value for move in possible}:
+        raise HTTPException(400, f"'moves' must be some of {', '.join(possible)}.")
+    if len(set(moves)) < 2:
+        raise HTTPException(400, "A robot needs at least two moves to choose from.")
+    return tuple(move for move in possible if move.value in moves)
+
+
+@lru_cache(maxsize=8)
+def estimate_rates_hz(kind: str) -> dict[int, float]:
+    """Return how many pictures a second this machine can judge and learn, per number of images.
+
+    Two sizes are tried, once; the cost grows with the number of images along a straight line.
+    """
+    small, large = SIZES[0], SIZES[-2]
+    small_s, large_s = measure_frame_s(f"{kind}-{small}"), measure_frame_s(f"{kind}-{large}")
+    slope_s = max(0.0, (large_s - small_s) / (large - small))
+    return {n: 1 / (small_s + slope_s * (n - small)) for n in SIZES}
+
+
+def measure_frame_s(learner: str) -> float:
+    """Return the seconds that one picture takes a full learner: features, proposal, lesson."""
+    policy = make_policy(learner)
+    noise = np.random.default_rng(1)
+    frames = [_noise_frame(noise, i) for i in range(4)]
+    vectors = [policy.extract(frame) for frame in frames]
+    varied = [v + noise.normal(0, 1, v.shape).astype(np.float32) for v in vectors]
+    for i in range(policy.max_nodes + 1):
+        policy.learn(np.abs(varied[i % 4] * (1 + i % 7)).astype(vectors[0].dtype), Action.FORWARD)
+    start_s = time.perf_counter()
+    for i in range(_TRIALS):
+        x = policy.extract(frames[i % 4])
+        policy.propose(i, x)
+        policy.learn(x, Action.FORWARD)
+    return (time.perf_counter() - start_s) / _TRIALS
+
+
+def _noise_frame(noise: np.random.Generator, frame_id: int) -> Frame:
+    data = noise.integers(0, 255, (120, 160, 3), dtype=np.uint8).tobytes()
+    return Frame(
+        frame_id=frame_id, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=data
+    )

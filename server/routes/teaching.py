@@ -1,0 +1,80 @@
+"""`/api/teaching`: how the lesson goes, and taking back its end. See docs/reference/http.md."""
+
+from __future__ import annotations
+
+import asyncio
+from base64 import b64encode
+from collections import Counter
+from typing import Any
+
+from fastapi import APIRouter, Depends, HTTPException, Request
+
+from robot.png import encode_png
+from robot.school import UNDO_HORIZON_S, School
+from server.guard import require_pilot, require_viewer
+from server.library import read_body
+
+router = APIRouter(prefix="/api/teaching")
+VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
+_STRIP = 24
+"""How many frames a strip shows at most."""
+
+
+@router.get("", dependencies=[VIEWER])
+def describe_teaching(request: Request) -> dict[str, Any]:
+    """Return what was taught, and how agreement rose with the lessons."""
+    state = request.app.state.robot.loop.state
+    return {
+        "lessons": sum(state.taught.values()),
+        "taught": {move.value: state.taught.get(move, 0) for move in state.moves},
+        "agreement": state.agreement,
+        "history": [
+            [mark.lessons, round(mark.agreement, 4)] for mark in request.app.state.coach.history()
+        ],
+    }
+
+
+@router.get("/last", dependencies=[VIEWER])
+async def show_last(request: Request, seconds: float = 5.0) -> dict[str, Any]:
+    """Show what undoing the last seconds would take away."""
+    loop = request.app.state.robot.loop
+    wanted_s = _checked(seconds)
+    return dict(await asyncio.wrap_future(loop.submit(lambda: _preview(loop.school, wanted_s))))
+
+
+@router.post("/undo", dependencies=[PILOT])
+async def undo(request: Request) -> dict[str, Any]:
+    """Un-learn the last seconds of teaching: {seconds}."""
+    seconds = _checked((await read_body(request)).get("seconds"))
+    loop = request.app.state.robot.loop
+    gone = await asyncio.wrap_future(loop.submit(lambda: loop.school.undo(seconds)))
+    return {"undone": len(gone)}
+
+
+def _checked(seconds: Any) -> float:
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float):
+        raise HTTPException(400, "'seconds' must be a number.")
+    if not 0 < seconds <= UNDO_HORIZON_S:
+        raise HTTPException(400, f"'seconds' must lie between 0 and {UNDO_HORIZON_S:.0f}.")
+    return float(seconds)
+
+
+def _preview(school: School, seconds: float) -> dict[str, Any]:
+    """Describe the lessons that would go; on the loop's thread."""
+    taught = school.last_lessons(seconds)
+    step = max(1, -(-len(taught) // _STRIP))
+    labels = Counter(lesson.lesson.label for lesson in taught)
+    picture = school.policy.features.thumbnail
+    return {
+        "lessons": len(taught),
+        "taught": {move.value: labels[move] for move in school.policy.moves},
+        "strip": [
+            {
+                "frame": lesson.lesson.frame_id,
+                "label": lesson.lesson.label.value,
+                "is_intervention": lesson.lesson.is_intervention,
+                "png": b64encode(encode_png(picture(lesson.x))).decode(),
+            }
+            for lesson in taught[::step]
+        ],
+    }

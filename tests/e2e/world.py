@@ -1,0 +1,176 @@
+"""A real server around a simulated robot, a Chromium before it, and a hand on its glass."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.rig import Rig, build_rig
+from robot.storage import Storage
+from robot.types import Action, Mode, Pose
+from server.app import create_app
+from server.config import Config
+from server.library import Library
+from server.serving import served
+
+IN_CI = os.environ.get("CI") == "true"
+PHONE = {"width": 390, "height": 844}
+LANDSCAPE = {"width": 844, "height": 390}
+DESKTOP = {"width": 1280, "height": 800}
+_FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--mute-audio"]
+
+
+class World:
+    """One running robot: its address, and the truth about it that no page can bend."""
+
+    def __init__(self, address: str, rig: Rig, app: Any) -> None:
+        self.address, self.rig, self.app = address, rig, app
+
+    @property
+    def pose(self) -> Pose:
+        pose = self.rig.driver.sense().pose
+        assert pose is not None, "only a simulated robot knows where it is"
+        return pose
+
+    @property
+    def mode(self) -> Mode:
+        return self.rig.loop.state.decision.mode
+
+    @property
+    def action(self) -> Action:
+        return self.rig.loop.state.decision.action
+
+    @property
+    def distance_m(self) -> float:
+        return self.rig.loop.state.sensors.distance_m or 9.0
+
+    @property
+    def lessons(self) -> int:
+        return sum(self.rig.loop.state.taught.values())
+
+
+@contextlib.contextmanager
+def running_world(
+    folder: Path,
+    robot: str = "sim",
+    learner: str = "default-32",
+    config: Config | None = None,
+    **options: Any,
+) -> Iterator[World]:
+    """Serve a robot on a free port of this machine while the block runs."""
+    config = config or Config(port=0, data=folder)
+    rig = build_rig(robot, learner=learner, options=options)
+    app = create_app(config, rig, name="Rover")
+    library = Library(Storage(folder), rig, name="Rover", announce=app.state.station.announce_soon)
+    app.state.library = library
+    with rig, library, served(app, config) as address:
+        yield World(address, rig, app)
+
+
+def find_chromium() -> str:
+    """Return Chromium's path; skips loudly where there is none, and fails in CI."""
+    for path in (os.environ.get("CHROMIUM", ""), "/usr/bin/chromium", "/usr/bin/chromium-browser"):
+        if path and Path(path).exists():
+            return path
+    if IN_CI:
+        pytest.fail("CI needs Chromium: apt-get install chromium")
+    pytest.skip("CHROMIUM IS MISSING: the page was not tested in a browser (install chromium)")
+
+
+@contextlib.contextmanager
+def running_chromium(*flags: str) -> Iterator[Any]:
+    """Start a Chromium, headless and with a fresh profile."""
+    from playwright.sync_api import sync_playwright
+
+    path = find_chromium()
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=[*_FLAGS, *flags])
+        try:
+            yield browser
+        finally:
+            with contextlib.suppress(Exception):
+                browser.close()
+
+
+def open_page(context: Any, address: str, path: str = "/", *, hints: bool = False) -> Any:
+    """Open the page and wait for the first picture; without the first visit's hints."""
+    page = context.new_page()
+    if not hints:
+        page.add_init_script(
+            "localStorage.setItem('drivelesson.preferences', '{\"hintsSeen\": true}')"
+        )
+    page.goto(address + path)
+    page.wait_for_selector("video-view[data-frames]", state="attached", timeout=20_000)
+    return page
+
+
+def wait_for(condition: Callable[[], bool], what: str, within_s: float = 10.0) -> float:
+    """Wait until something is so; return how long it took."""
+    start_s = time.monotonic()
+    while not condition():
+        assert time.monotonic() - start_s < within_s, f"not within {within_s} s: {what}"
+        time.sleep(0.005)
+    return time.monotonic() - start_s
+
+
+class Fingers:
+    """Fingers on a touch screen, each held until it is lifted."""
+
+    def __init__(self, page: Any) -> None:
+        self._page = page
+        self._cdp = page.context.new_cdp_session(page)
+        self._points: dict[int, dict[str, float]] = {}
+
+    def press(self, selector: str, finger: int = 1) -> None:
+        self._points[finger] = {**self._middle(selector), "id": finger}
+        self._send("touchStart")
+
+    def slide(self, selector: str, finger: int = 1) -> None:
+        self._points[finger] = {**self._middle(selector), "id": finger}
+        self._send("touchMove")
+
+    def lift(self, finger: int = 1) -> None:
+        del self._points[finger]
+        self._send("touchEnd")
+
+    def cancel(self) -> None:
+        self._points.clear()
+        self._send("touchCancel")
+
+    def _send(self, kind: str) -> None:
+        points = list(self._points.values())
+        self._cdp.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def _middle(self, selector: str) -> dict[str, float]:
+        box = self._page.locator(selector).first.bounding_box()
+        assert box is not None, f"{selector} is not on the screen"
+        return {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+
+
+def teach(world: World, fingers: Fingers, lessons: int, *, near_m: float = 0.35) -> None:
+    """Drive as a person would: straight on, and left before whatever stands in the way."""
+    held: str | None = None
+    deadline_s = time.monotonic() + 60
+    while world.lessons < lessons:
+        assert time.monotonic() < deadline_s, f"only {world.lessons} lessons came through"
+        patience_m = near_m if held == "forward" else near_m * 1.3
+        wanted = "left" if world.distance_m < patience_m else "forward"
+        if wanted != held:
+            if held:
+                fingers.lift()
+            fingers.press(pad(wanted))
+            held = wanted
+        time.sleep(0.03)
+    if held:
+        fingers.lift()
+
+
+def pad(move: str) -> str:
+    """Selector of a button of the pad."""
+    return f"drive-pad .move[data-move={move}]"

@@ -1,0 +1,157 @@
+"""Gallery, teaching and settings over HTTP, on a robot on the bench."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from robot.models.keeper import Keeper
+from robot.policy import make_policy
+from robot.storage import Storage
+from robot.types import Action, Lesson
+from server.library import Library
+
+from .live_robot import LiveServer, live_server
+
+
+@pytest.fixture
+def taught(tmp_path: Path) -> Iterator[LiveServer]:
+    """A running robot that was taught 40 frames in four seconds of its time."""
+    with live_server() as server, Library(Storage(tmp_path), server.rig) as library:
+        server.app.state.library = library
+        _teach(server, 40)
+        yield server
+
+
+def _teach(server: LiveServer, lessons: int) -> None:
+    loop = server.rig.loop
+    frame = server.station.robot.camera.latest
+    while frame() is None:
+        pass
+
+    def teach() -> None:
+        loop.school.replace_policy(make_policy("default-8"))
+        x = loop.school.policy.extract(frame())
+        for i in range(lessons):
+            label = Action.LEFT if i % 4 == 0 else Action.FORWARD
+            varied = (x + (i * 37) % 91).astype(x.dtype)
+            lesson = Lesson(frame_id=1000 + i, label=label, is_intervention=False)
+            loop.school.teach(lesson, varied, i * 0.1)
+
+    loop.submit(teach).result(5)
+
+
+def ask(server: LiveServer, method: str, path: str, **options: Any) -> httpx.Response:
+    return httpx.request(method, server.address + path, timeout=10, **options)
+
+
+def gallery(server: LiveServer) -> dict[int, dict[str, Any]]:
+    images = ask(server, "GET", "/api/gallery").json()["images"]
+    for image in images:
+        del image["last_used"]  # goes on while the robot looks about
+    return {image["node"]: image for image in images}
+
+
+def test_the_gallery_lists_every_image_with_its_picture(taught: LiveServer) -> None:
+    images = gallery(taught)
+    assert len(images) == 8
+    assert sum(image["frames"] for image in images.values()) == 40
+    picture = ask(taught, "GET", f"/api/gallery/{next(iter(images))}.png")
+    assert picture.headers["content-type"] == "image/png"
+    assert picture.content.startswith(b"\x89PNG")
+    assert ask(taught, "GET", "/api/gallery/999999.png").status_code == 404
+
+
+def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught: LiveServer) -> None:
+    before = gallery(taught)
+    node = next(iter(before))
+
+    def edit(**body: Any) -> int:
+        return ask(taught, "POST", f"/api/gallery/{node}", json=body).status_code
+
+    assert edit(verb="relabel", value="right") == 200
+    assert {k for k, n in gallery(taught)[node]["votes"].items() if n} == {"right"}
+    assert edit(verb="pin", value=True) == 200
+    assert gallery(taught)[node]["pinned"]
+    assert edit(verb="delete") == 409, "what is pinned stays"
+    assert edit(verb="pin", value=False) == 200
+    assert edit(verb="delete") == 200
+    assert node not in gallery(taught)
+    for _ in range(4):
+        assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": True}
+    assert gallery(taught) == before
+    assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False}
+
+
+@pytest.mark.parametrize(
+    ("node", "body", "status"),
+    [
+        (999999, {"verb": "delete"}, 404),
+        (None, {"verb": "paint"}, 409),
+        (None, {"verb": "relabel", "value": "fly"}, 409),
+        (None, {"verb": "relabel", "value": "stop"}, 409),
+        (None, {}, 400),
+    ],
+)
+def test_a_bad_change_is_refused_with_a_sentence(
+    taught: LiveServer, node: int | None, body: dict[str, Any], status: int
+) -> None:
+    node = next(iter(gallery(taught))) if node is None else node
+    answer = ask(taught, "POST", f"/api/gallery/{node}", json=body)
+    assert (answer.status_code, bool(answer.json()["detail"])) == (status, True)
+
+
+def test_undo_shows_what_goes_and_takes_it(taught: LiveServer) -> None:
+    last = ask(taught, "GET", "/api/teaching/last", params={"seconds": 1}).json()
+    assert last["lessons"] == 10
+    assert sum(last["taught"].values()) == 10
+    assert [lesson["frame"] for lesson in last["strip"]] == list(range(1030, 1040))
+    undone = ask(taught, "POST", "/api/teaching/undo", json={"seconds": 1}).json()
+    assert undone == {"undone": 10}
+    assert ask(taught, "GET", "/api/teaching").json()["lessons"] == 30
+
+
+@pytest.mark.parametrize("seconds", [0, -1, 36, "5", None, True])
+def test_undo_of_a_nonsensical_time_is_refused(taught: LiveServer, seconds: Any) -> None:
+    answer = ask(taught, "POST", "/api/teaching/undo", json={"seconds": seconds})
+    assert answer.status_code == 400
+    assert taught.rig.loop.state.taught[Action.FORWARD] == 30
+
+
+def test_settings_say_what_may_be_chosen(taught: LiveServer) -> None:
+    settings = ask(taught, "GET", "/api/settings").json()
+    assert settings["learner"] == "default-8"
+    rates = [size["rate_hz"] for size in settings["sizes"]]
+    assert rates == sorted(rates, reverse=True)
+    assert settings["camera"]["width"] == 160
+
+
+def test_another_size_begins_anew_and_keeps_the_old_model(taught: LiveServer) -> None:
+    answer = ask(taught, "PUT", "/api/settings", json={"max_nodes": 64, "speed": 0.5})
+    assert answer.json() == {"learner": "default-64", "speed": 0.5}
+    assert gallery(taught) == {}
+    keeper: Keeper = taught.app.state.library.keeper
+    assert len(keeper.shelf.names()) == 2
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"speed": 0},
+        {"speed": 2},
+        {"speed": "fast"},
+        {"max_nodes": 33},
+        {"max_nodes": True},
+        {"moves": ["forward"]},
+        {"moves": ["forward", "fly"]},
+        {"moves": "forward"},
+    ],
+)
+def test_a_bad_setting_is_refused(taught: LiveServer, body: dict[str, Any]) -> None:
+    answer = ask(taught, "PUT", "/api/settings", json=body)
+    assert answer.status_code == 400
+    assert len(gallery(taught)) == 8

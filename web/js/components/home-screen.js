@@ -1,0 +1,125 @@
+// <home-screen>: the models that are kept on this robot, and the recordings of its drives.
+
+import { ask } from '../api.js';
+import { append, fill, h, icon } from '../dom.js';
+import { count, language, t } from '../i18n.js';
+import { Screen } from './screen.js';
+
+/**
+ * @typedef {{name: string, current: boolean, bytes: number, readable: boolean, place: string,
+ *   saved_at_s: number | null, learner: string | null, moves: string[],
+ *   taught: Record<string, number>, lessons: number, nodes: number}} Model
+ */
+
+export class HomeScreen extends Screen {
+  build() {
+    /** @type {string | null} */
+    this.open = null;
+    this.models = h('div', { class: 'stack', role: 'list' });
+    this.episodes = h('div', { class: 'stack' });
+    const file = h('input', { type: 'file', accept: '.npz', class: 'unseen', tabindex: -1, 'aria-label': t('home.upload'),
+      onchange: () => file.files?.[0] && this.upload(file.files[0]) });
+    append(this, [
+      h('h2', {}, t('home.models')), this.models,
+      h('div', { class: 'row' },
+        h('button', { type: 'button', onclick: () => this.begin() }, t('home.begin')),
+        h('button', { type: 'button', onclick: () => file.click() }, t('home.upload')), file),
+      this.episodes,
+    ]);
+    this.refresh();
+    import('./episode-list.js').then(({ listEpisodes }) => listEpisodes(this));
+  }
+
+  async refresh() {
+    const answer = await this.attempt(() => ask('GET', '/api/models'));
+    if (!answer || !this.isConnected) return;
+    /** @type {Model[]} */
+    const models = /** @type {any} */ (answer).models;
+    fill(/** @type {Element} */ (this.models),
+      ...(models.length ? models.map((model) => this.card(model)) : [h('p', { class: 'hint' }, t('home.none'))]));
+  }
+
+  /** @param {Model} model */
+  card(model) {
+    const { name, current } = model;
+    const isOpen = this.open === name;
+    const preview = model.nodes
+      ? h('img', { class: 'pixels', width: 40, height: 30, alt: '', src: `/api/models/${encodeURIComponent(name)}/preview?v=${model.saved_at_s}` })
+      : h('span', { class: 'pixels blank' });
+    return h('article', { class: `panel model${current ? ' current' : ''}`, role: 'listitem' },
+      h('div', { class: 'facts-row' }, preview,
+        h('div', { class: 'grow' }, h('h3', {}, name, current ? h('span', { class: 'tag' }, t('home.current')) : null),
+          h('small', {}, describe(model))),
+        h('button', { type: 'button', class: 'quiet', 'aria-expanded': String(isOpen), 'aria-label': t('home.more', { name }), onclick: () => this.toggle(name) }, icon('more'))),
+      isOpen ? this.tools(model) : null);
+  }
+
+  /** @param {Model} model */
+  tools({ name, current, place, readable }) {
+    const path = `/api/models/${encodeURIComponent(name)}`;
+    const nameField = h('input', { value: name, maxlength: 60, 'aria-label': t('home.name') });
+    const placeField = h('input', { value: place, maxlength: 60, 'aria-label': t('home.place'), placeholder: t('home.place') });
+    const button = (/** @type {string} */ key, /** @type {() => Promise<unknown>} */ act) =>
+      h('button', { type: 'button', onclick: () => this.act(act) }, t(key));
+    const save = (/** @type {Event} */ event) => {
+      event.preventDefault();
+      this.act(async () => {
+        this.open = (await ask('PATCH', path, { name: nameField.value.trim() || name, place: placeField.value })).name;
+      });
+    };
+    return h('div', { class: 'stack' },
+      h('form', { class: 'row', onsubmit: save }, nameField, placeField, h('button', {}, t('home.keep'))),
+      h('div', { class: 'row' },
+        !current && readable ? button('home.load', () => ask('POST', `${path}/load`)) : null,
+        button('home.copy', () => ask('POST', `${path}/copy`, {})),
+        h('a', { class: 'button', href: `${path}/file`, download: '' }, t('download')),
+        button('delete', () => this.remove(name))));
+  }
+
+  /** @param {string} name */
+  toggle(name) {
+    this.open = this.open === name ? null : name;
+    this.refresh();
+  }
+
+  /** @param {() => Promise<unknown>} act */
+  async act(act) {
+    await this.attempt(act);
+    await this.refresh();
+  }
+
+  begin() {
+    return this.act(async () => {
+      const { name } = await ask('POST', '/api/models', {});
+      this.page?.toast(t('home.begun', { name }));
+    });
+  }
+
+  /** @param {string} name */
+  async remove(name) {
+    const { undo } = await ask('DELETE', `/api/models/${encodeURIComponent(name)}`);
+    this.page?.toast(t('home.deleted', { name }), {
+      label: t('undo'), act: () => this.act(() => ask('POST', '/api/models/restore', { undo })),
+    });
+  }
+
+  /** @param {File} file */
+  upload(file) {
+    const name = file.name.replace(/\.npz$/i, '');
+    return this.act(async () => {
+      const kept = await ask('PUT', `/api/models/${encodeURIComponent(name)}/file`, file);
+      this.page?.toast(t('home.uploaded', { name: kept.name }));
+    });
+  }
+}
+
+/** @param {Model} model */
+function describe(model) {
+  if (!model.readable) return t('home.damaged');
+  const when = model.saved_at_s === null ? '' :
+    new Date(model.saved_at_s * 1000).toLocaleString(language, { dateStyle: 'medium', timeStyle: 'short' });
+  return [t('images', { n: model.nodes }), t('home.lessons', { n: count(model.lessons) }), model.place, when]
+    .filter(Boolean).join(' · ');
+}
+
+customElements.define('home-screen', HomeScreen);

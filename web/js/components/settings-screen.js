@@ -1,0 +1,97 @@
+// <settings-screen>: only what a person would change.
+
+import { ask } from '../api.js';
+import { append, fill, h } from '../dom.js';
+import { LANGUAGES, chooseLanguage, language, percent, t } from '../i18n.js';
+import { Tilt, hasTilt } from '../inputs/tilt.js';
+import { Screen } from './screen.js';
+import { byPlace } from './video-view.js';
+
+export class SettingsScreen extends Screen {
+  build() {
+    this.robot = h('div', { class: 'stack' });
+    append(this, [this.robot, this.phone()]);
+    this.refresh();
+  }
+
+  async refresh() {
+    const settings = await this.attempt(() => ask('GET', '/api/settings'));
+    if (settings) this.renderRobot(/** @type {any} */ (settings));
+  }
+
+  /** @param {any} settings */
+  renderRobot(settings) {
+    fill(/** @type {Element} */ (this.robot), this.size(settings), this.speed(settings), this.moves(settings), camera(settings.camera));
+  }
+
+  /** @param {any} settings */
+  size({ sizes, max_nodes: now, camera: { rate_hz: most } }) {
+    const rate = (/** @type {number} */ hz) => t('settings.rate', { n: Math.round(Math.min(hz, most || hz)) });
+    const options = sizes.map((/** @type {any} */ size) => h('label', { class: 'choice' },
+      h('input', { type: 'radio', name: 'size', value: size.max_nodes, checked: size.max_nodes === now, onchange: () => this.begin({ max_nodes: size.max_nodes }) }),
+      h('span', {}, t('images', { n: size.max_nodes })), h('small', {}, rate(size.rate_hz))));
+    return group(t('settings.size'), t('settings.size_hint'), ...options);
+  }
+
+  /** @param {any} settings */
+  speed({ speed }) {
+    const shown = h('output', {}, percent(speed));
+    const slider = h('input', {
+      type: 'range', min: 30, max: 100, step: 5, value: Math.round(speed * 100), 'aria-label': t('settings.speed'),
+      oninput: () => (shown.textContent = percent(Number(slider.value) / 100)),
+      onchange: () => this.attempt(() => ask('PUT', '/api/settings', { speed: Number(slider.value) / 100 })),
+    });
+    return group(t('settings.speed'), '', h('div', { class: 'slider' }, slider, shown));
+  }
+
+  /** @param {any} settings */
+  moves({ possible_moves: possible, moves }) {
+    const boxes = byPlace(possible).map((move) => {
+      const box = h('input', { type: 'checkbox', value: move, checked: moves.includes(move) });
+      box.addEventListener('change', () => this.begin({ moves: chosen() }));
+      return box;
+    });
+    const chosen = () => boxes.filter((box) => box.checked).map((box) => box.value);
+    return group(t('settings.moves'), t('settings.moves_hint'),
+      ...boxes.map((box) => h('label', { class: 'choice' }, box, h('span', {}, t(`move.${box.value}`)))));
+  }
+
+  /** A model of another kind begins empty; the one before is kept. @param {object} change */
+  async begin(change) {
+    const done = await this.attempt(() => ask('PUT', '/api/settings', change));
+    if (done) this.page?.toast(t('settings.begun'));
+    await this.refresh();
+  }
+
+  phone() {
+    const { preferences } = /** @type {import('../page.js').Page} */ (this.page);
+    const tilt = h('input', { type: 'checkbox', checked: preferences.tilt, disabled: !hasTilt() });
+    tilt.addEventListener('change', async () => {
+      tilt.checked = tilt.checked && (await Tilt.allow());
+      preferences.set('tilt', tilt.checked);
+      this.page?.store.set({ moves: [...this.page.store.state.moves] });
+    });
+    const vibrate = h('input', { type: 'checkbox', checked: preferences.vibrate, onchange: () => preferences.set('vibrate', vibrate.checked) });
+    const languages = h('select', { 'aria-label': t('settings.language'), onchange: () => chooseLanguage(languages.value) },
+      ...Object.entries(LANGUAGES).map(([code, name]) => h('option', { value: code, selected: code === language, lang: code }, name)));
+    const hints = h('button', { type: 'button', onclick: () => { preferences.set('hintsSeen', false); location.hash = 'drive'; } }, t('settings.hints'));
+    return h('div', { class: 'stack' }, group(t('settings.phone'), isSecureContext ? '' : t('settings.insecure'),
+      h('label', { class: 'choice' }, tilt, h('span', {}, t('settings.tilt'))),
+      h('label', { class: 'choice' }, vibrate, h('span', {}, t('settings.vibrate'))),
+      h('label', { class: 'choice' }, h('span', {}, t('settings.language')), languages),
+      hints), group(t('settings.keys'), t('settings.keys_hint')));
+  }
+}
+
+/** @param {any} camera */
+function camera({ name, width, height, rate_hz: rate }) {
+  const size = width ? `${width}×${height}` : '–';
+  return group(t('settings.camera'), t('settings.camera_hint', { name, size, rate: Math.round(rate) }));
+}
+
+/** @param {string} title @param {string} hint @param {...Node} parts */
+function group(title, hint, ...parts) {
+  return h('fieldset', { class: 'panel' }, h('legend', {}, title), hint ? h('p', { class: 'hint' }, hint) : null, ...parts);
+}
+
+customElements.define('settings-screen', SettingsScreen);

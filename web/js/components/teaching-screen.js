@@ -1,0 +1,88 @@
+// <teaching-screen>: am I teaching well? Agreement over the lessons, and how much of each move.
+
+import { ask } from '../api.js';
+import { teachingAdvice } from '../advice.js';
+import { append, fill, h, icon, say, svg } from '../dom.js';
+import { count, percent, t } from '../i18n.js';
+import { Screen } from './screen.js';
+import { byPlace } from './video-view.js';
+
+const WIDTH = 400;
+const HEIGHT = 190;
+
+export class TeachingScreen extends Screen {
+  build() {
+    this.advice = h('p', { class: 'lead', role: 'status' });
+    this.chart = h('figure', { class: 'panel chart' });
+    this.moves = h('div', { class: 'panel bars', role: 'list' });
+    append(this, [
+      this.advice,
+      h('h2', {}, t('teaching.agreement')), this.chart,
+      h('h2', {}, t('teaching.moves')), this.moves,
+      h('div', { class: 'row' },
+        h('a', { class: 'button', href: '#undo' }, icon('undo'), t('screen.undo')),
+        h('a', { class: 'button', href: '#gallery' }, t('screen.gallery'))),
+    ]);
+    this.every(2000, () => this.refresh());
+    this.watch(['robot'], ({ robot }) => robot && this.render(robot));
+  }
+
+  async refresh() {
+    const teaching = await ask('GET', '/api/teaching').catch(() => null);
+    if (teaching && this.isConnected) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
+  }
+
+  /** @param {import('../protocol.js').RobotState} robot */
+  render(robot) {
+    const { key, move, share } = teachingAdvice(robot);
+    say(/** @type {Node} */ (this.advice), t(key, {
+      moves: move ? t(`moves.${move}`) : '', share: share === undefined ? '' : percent(share),
+      agreement: robot.agreement === null ? '' : percent(robot.agreement),
+    }));
+    const moves = /** @type {HTMLElement} */ (this.moves);
+    if (moves.dataset.stamp === JSON.stringify(robot.taught)) return;
+    moves.dataset.stamp = JSON.stringify(robot.taught);
+    fill(moves, ...byPlace(Object.keys(robot.taught)).map((name) => bar(name, robot)));
+  }
+}
+
+/** @param {string} move @param {import('../protocol.js').RobotState} robot */
+function bar(move, robot) {
+  const n = robot.taught[move] ?? 0;
+  const share = robot.lessons ? n / robot.lessons : 0;
+  const fillBar = h('i');
+  fillBar.style.transform = `scaleX(${share})`;
+  return h('div', { role: 'listitem', class: 'bar-row' },
+    h('span', { class: 'bar-name' }, icon(move), t(`move.${move}`)),
+    h('span', { class: 'track', 'aria-hidden': 'true' }, fillBar),
+    h('span', { class: 'bar-figure' }, `${count(n)} · ${percent(share)}`));
+}
+
+/** @param {HTMLElement} figure @param {{history: [number, number][], lessons: number, agreement: number | null}} teaching */
+function drawAgreement(figure, { history, lessons, agreement }) {
+  if (history.length < 2) {
+    fill(figure, h('p', { class: 'hint' }, t('teaching.too_early')));
+    return;
+  }
+  const last = Math.max(lessons, history[history.length - 1][0]);
+  const x = (/** @type {number} */ n) => 44 + (n / last) * (WIDTH - 56);
+  const y = (/** @type {number} */ share) => 10 + (1 - share) * (HEIGHT - 40);
+  const points = history.map(([n, share]) => `${x(n).toFixed(1)},${y(share).toFixed(1)}`).join(' ');
+  const lines = [0, 0.5, 1].flatMap((share) => [
+    svg('line', { class: 'grid', x1: 44, x2: WIDTH - 12, y1: y(share), y2: y(share) }),
+    text(38, y(share) + 5, 'end', percent(share)),
+  ]);
+  const chart = svg('svg', { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: 'img', 'aria-label': t('teaching.chart', { agreement: percent(agreement ?? 0), n: lessons }) },
+    ...lines, svg('polyline', { class: 'curve', points }),
+    text(44, HEIGHT - 6, 'start', '0'), text(WIDTH - 12, HEIGHT - 6, 'end', t('teaching.frames', { n: count(lessons) })));
+  figure.replaceChildren(chart);
+}
+
+/** @param {number} x @param {number} y @param {string} anchor @param {string} words */
+export function text(x, y, anchor, words) {
+  const element = svg('text', { x, y, 'text-anchor': anchor });
+  element.textContent = words;
+  return element;
+}
+
+customElements.define('teaching-screen', TeachingScreen);
