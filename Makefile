@@ -3,9 +3,10 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run test check format clean
+.PHONY: help run test test-brick test-oldest check format clean
 
 help: ## Say what there is
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -15,6 +16,13 @@ run: $(VENV)/.demo ## Start the simulated robot and its page (ARGS="--lan" for a
 
 test: check ## Check and test everything
 	$(BIN)/python -m pytest $(ARGS)
+
+test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs root; says what it lacks)
+	DRIVELESSON_BRICK=1 $(BIN)/python -m pytest tests/brick/test_server_on_brick.py $(ARGS)
+
+test-oldest: $(OLDEST)/.made ## Test the server on the versions of Debian 12
+	$(OLDEST)/bin/python -m pytest -p tests.oldest.newer_client -p no:cacheprovider \
+	  tests/server tests/faults tests/brick tests/contract -k "not browser" $(ARGS)
 
 check: $(VENV)/.dev ## Format, lint, types and import contracts, without the tests
 	$(BIN)/ruff format --check .
@@ -41,3 +49,15 @@ $(VENV)/.demo: pyproject.toml | $(BIN)/python
 $(VENV)/.dev: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	@touch $@ $(VENV)/.demo
+
+$(OLDEST)/.made: tests/oldest/debian-12.txt pyproject.toml Makefile
+	rm -rf $(OLDEST)
+	python3.11 -m venv $(OLDEST)
+	$(OLDEST)/bin/python -m pip install --quiet --no-deps --requirement tests/oldest/debian-12.txt
+	$(OLDEST)/bin/python -m pip install --quiet --constraint tests/oldest/debian-12.txt \
+	  pytest pytest-timeout hypothesis 'httpx>=0.27' 'opencv-python-headless<4.9' python-ev3dev2 vermin \
+	  'cryptography>=42' 'segno>=1.6' 'zeroconf>=0.131' 'panda3d>=1.10.14'
+	$(OLDEST)/bin/python -m pip install --quiet --no-deps --target $(OLDEST)/newer websockets
+	mv $(OLDEST)/newer/websockets $(OLDEST)/lib/python3.11/site-packages/newer_websockets
+	$(OLDEST)/bin/python -m pip install --quiet --no-deps --editable .
+	@touch $@

@@ -77,7 +77,7 @@ class GradientFeatures:
         down = padded[2:, 1:-1] - padded[:-2, 1:-1]
         strength = np.hypot(across, down)
         turn = np.arctan2(down, across) * (self.n_bins / (2 * np.pi))
-        bins = np.floor(turn).astype(np.int64) % self.n_bins
+        bins = np.floor(turn).astype(np.intp) % self.n_bins  # what bincount takes on 32 bits too
         rows, columns = small.shape[0] // self.cell, small.shape[1] // self.cell
         cell_row = np.arange(small.shape[0]) // self.cell
         cell_column = np.arange(small.shape[1]) // self.cell

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -254,14 +255,17 @@ MAKERS: dict[str, Maker] = {"default": _default, "published": _published, "knn":
 
 
 def make_policy(
-    name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MOVES, integer: bool = False
+    name: str = "default-32",
+    moves: tuple[Action, ...] = DEFAULT_MOVES,
+    integer: bool | None = None,
 ) -> Policy:
     """Return a policy by its name, KIND-NUMBER: `default-32`, `published-64`, `knn-9`.
 
     Args:
         name: The kind of learner, and its number of nodes (or of neighbours).
         moves: What it may propose.
-        integer: Compare pixels in whole numbers, for machines without a floating-point unit.
+        integer: Compare pixels in whole numbers, for machines without a floating-point unit;
+            None: if this machine has none.
 
     Raises:
         ConfigurationError: If there is no such learner.
@@ -273,6 +277,8 @@ def make_policy(
             f"no learner is called {name!r}; there are "
             f"{', '.join(f'{kind}-NUMBER' for kind in MAKERS)}"
         )
+    if integer is None:
+        integer = os.uname().machine.startswith("armv5")  # the EV3's processor
     return MAKERS[kind](number, name, moves, integer)
 
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from robot.errors import RobotError
+from server.lean import leave_out_unused
 
 COMMANDS: dict[str, str] = {
     "serve": "drive a robot from the browser",
@@ -30,6 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             f"drivelesson: no command {name!r}; there are: {', '.join(COMMANDS)}", file=sys.stderr
         )
         return 2
+    leave_out_unused()
     module = importlib.import_module(f"server.commands.{name}")
     parser = argparse.ArgumentParser(prog=f"drivelesson {name}", description=module.__doc__)
     try:

@@ -1,0 +1,273 @@
+"""The whole server on an emulated brick: Debian 12 for armel on an ARM926, taught and driven.
+
+`make test-brick` runs this and prints what it measured: memory of the guest, and instructions
+(a count, which does not depend on the machine that runs the test).
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Self
+
+import cv2
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from server.protocol import encode_acknowledgement
+from tests.brick import film_camera
+from tests.brick.armel import ROOT, Armel, guest_memory_mb
+from tests.brick.fake_brick import FakeBrick
+from tests.server.live_robot import Pilot
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(500)]
+MOST_MEMORY_MB = 36.0
+FRAME_RATE_HZ = 10
+UNUSED = (
+    "cv2",
+    "PIL",
+    "ssl",
+    "_ssl",
+    "_hashlib",
+    "panda3d",
+    "zeroconf",
+    "cryptography",
+    "segno",
+    "sklearn",
+    "ev3dev2.motor",
+    "ev3dev2.sensor",
+    "ev3dev2.display",
+    "evdev",
+    "pip",
+    "robot.simulation",
+    "robot.drivers.sim",
+    "robot.cameras.sim",
+    "robot.baselines",
+)
+
+
+class Served:
+    """The running server: its process, address, and the brick that it moves."""
+
+    def __init__(self, armel: Armel, brick: FakeBrick, process: subprocess.Popen[str]) -> None:
+        self.armel, self.brick, self.process = armel, brick, process
+        assert process.stdout is not None
+        said = ""
+        while not (match := re.search(r"http://(\S+)", said)):
+            line = process.stdout.readline()
+            assert line, f"the server ended: {said}"
+            said += line
+        self.address = f"ws://{match[1]}"
+
+    @property
+    def modules(self) -> set[str]:
+        said = self.armel.root / "opt/film/film.modules"
+        return set(said.read_text().split()) if said.is_file() else set()
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[Served]:
+    armel = Armel()
+    film = armel.root / "opt/film"
+    install_film(film)
+    for left_over in ("tmp/brick", "tmp/data"):
+        shutil.rmtree(armel.root / left_over, ignore_errors=True)
+    env = {**armel.env, "PYTHONPATH": "/opt/drivelesson:/opt/film"}
+    with FakeBrick(armel.root / "tmp/brick") as brick:
+        brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
+        process = subprocess.Popen(
+            armel.command(
+                "-m",
+                "server",
+                "serve",
+                "--robot",
+                "ev3",
+                "--brick-root",
+                "/tmp/brick",
+                "--camera",
+                "film",
+                "--film",
+                "/opt/film/film.yuyv",
+                "--frame-rate",
+                str(FRAME_RATE_HZ),
+                "--learner",
+                "published",
+                "--max-nodes",
+                "32",
+                "--port",
+                "0",
+                "--data",
+                "/tmp/data",
+            ),
+            env=env,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            yield Served(armel, brick, process)
+        finally:
+            process.terminate()
+            process.wait(30)
+            assert process.stdout is not None
+            process.stdout.close()
+
+
+def install_film(folder: Path) -> None:
+    """Put the film and its camera where the brick's Python finds them."""
+    shutil.rmtree(folder, ignore_errors=True)
+    metadata = folder / "film-1.dist-info"
+    metadata.mkdir(parents=True)
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: film\nVersion: 1\n")
+    (metadata / "entry_points.txt").write_text(film_camera.ENTRY_POINT)
+    shutil.copy(film_camera.__file__, folder)
+    (folder / "film.yuyv").write_bytes(b"".join(to_yuyv(picture) for picture in pictures()))
+
+
+def pictures() -> Iterator[np.ndarray]:
+    """Frames to drive by: real footage where it lies beside the project, else a moving scene."""
+    footage = ROOT.parent / "shared/recordings/gym_A.npz"
+    if footage.is_file():
+        with np.load(footage) as film:
+            jpeg, offsets = film["jpeg"], film["offsets"]
+        for index in range(0, 600, 6):
+            yield cv2.imdecode(jpeg[offsets[index] : offsets[index + 1]], cv2.IMREAD_COLOR)
+        return
+    noise = np.random.default_rng(1)
+    scene = cv2.resize(noise.integers(0, 255, (20, 100, 3), dtype=np.uint8), (800, 120))
+    for index in range(100):
+        yield scene[:, 6 * index : 6 * index + 160]
+
+
+def to_yuyv(picture: np.ndarray) -> bytes:
+    y, u, v = cv2.split(cv2.cvtColor(picture, cv2.COLOR_BGR2YUV))
+    packed = np.empty((film_camera.HEIGHT, film_camera.WIDTH, 2), np.uint8)
+    packed[:, :, 0] = y
+    packed[:, 0::2, 1], packed[:, 1::2, 1] = u[:, 0::2], v[:, 0::2]
+    return packed.tobytes()
+
+
+class Watcher:
+    """Draws nothing, but acknowledges each frame, as a page does."""
+
+    def __init__(self, address: str) -> None:
+        self.frames: list[bytes] = []
+        self._address = address
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._stack = ExitStack()
+        self._socket = self._stack.enter_context(
+            connect(self._address + "/ws/video", compression=None, open_timeout=30)
+        )
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._stack.close()
+        self._thread.join(5)
+
+    def _watch(self) -> None:
+        with suppress(ConnectionClosed):
+            for message in self._socket:
+                assert isinstance(message, bytes)
+                self.frames.append(message)
+                del self.frames[:-2]
+                self._socket.send(encode_acknowledgement(self.newest))
+
+    @property
+    def newest(self) -> int:
+        return int(struct.unpack_from("<I", self.frames[-1], 8)[0]) if self.frames else 0
+
+
+def cost_of_a_cycle(served: Served, watcher: Watcher, seconds: float = 5.0) -> float:
+    """Million guest instructions per frame, of all threads: loop, camera and server."""
+    frame, count = watcher.newest, served.armel.instructions()
+    time.sleep(seconds)
+    return (served.armel.instructions() - count) / (watcher.newest - frame) / 1e6
+
+
+def test_it_is_taught_and_drives_in_36_mb(
+    served: Served, capsys: pytest.CaptureFixture[str]
+) -> None:
+    brick = served.brick
+    drive = served.address + "/ws/drive"
+    with Watcher(served.address) as watcher, Pilot(drive, open_timeout=30) as pilot:
+        said = {"until served": served.armel.instructions() / 1e6}
+        pilot.wait_for_state(20, you_are_pilot=True)
+        said["standing"] = cost_of_a_cycle(served, watcher)
+        pilot.mode("train")
+        pilot.hold("forward")
+        brick.wait_until(lambda: set(brick.speeds().values()) == {360}, 10)
+        pilot.wait_for(lambda m: m["type"] == "state" and m["nodes"] == 32, 30)
+        said["learning at 32 nodes"] = cost_of_a_cycle(served, watcher)
+        pilot.hold("left")
+        brick.wait_until(lambda: brick.speeds() == {"outB": -90, "outC": 0}, 10)
+        time.sleep(1.5)
+        pilot.hold(None)
+        brick.wait_until(lambda: not brick.is_moving(), 1)
+        pilot.mode("autonomous")
+        pilot.wait_for_state(10, mode="autonomous", driven_by="robot")
+        brick.wait_until(brick.is_moving, 10)
+        said["driving at 32 nodes"] = cost_of_a_cycle(served, watcher)
+        assert pilot.state["mode"] == "autonomous", pilot.state
+        memory = guest_memory_mb(served.process.pid)
+        pilot.mode("stopped")
+        brick.wait_until(lambda: not brick.is_moving(), 1)
+        state = pilot.state
+        picture = watcher.frames[-1]
+    assert (picture[1], len(picture)) == (1, 24 + film_camera.SIZE), "YUYV goes as it is"
+    assert state["learner"] == "published-32"
+    with capsys.disabled():
+        print(f"\nmemory at 32 nodes: {memory['resident']:.1f} MB resident (guest pages)")
+        for name, count in said.items():
+            print(
+                f"million instructions, {name}: {count:.1f}{'' if 'until' in name else ' a cycle'}"
+            )
+    assert memory["resident"] <= MOST_MEMORY_MB
+
+
+def test_nothing_is_imported_that_the_loop_does_not_use(served: Served) -> None:
+    deadline_s = time.monotonic() + 60
+    while not served.modules and time.monotonic() < deadline_s:
+        time.sleep(0.2)
+    modules = served.modules
+    assert {"numpy", "fastapi", "ev3dev2", "robot.drivers.ev3"} <= modules
+    assert not [name for name in modules if name.startswith(UNUSED)]
+
+
+def test_every_move_on_the_brick_was_timed(served: Served) -> None:
+    moves = [command for command in served.brick.commands if command.command.startswith("run")]
+    assert moves
+    assert {(move.command, move.time_ms) for move in moves} == {("run-timed", 400)}
+
+
+def test_no_motor_is_one_clear_line(served: Served) -> None:
+    done = served.armel.run(
+        "-m",
+        "server",
+        "serve",
+        "--robot",
+        "ev3",
+        "--brick-root",
+        "/nowhere",
+        "--camera",
+        "film",
+        "--film",
+        "/opt/film/film.yuyv",
+        "--port",
+        "0",
+        "--data",
+        "/tmp/data-2",
+    )
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "no left motor at port outB" in done.stderr
