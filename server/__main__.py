@@ -13,6 +13,7 @@ from server.lean import leave_out_unused
 COMMANDS: dict[str, str] = {
     "serve": "drive a robot from the browser",
     "evaluate": "compare learners on recorded footage",
+    "bench": "measure this machine",
 }
 """Name to one line of help. Each is a module of `server.commands` with `configure(parser)` and
 `run(args) -> int`, imported only when asked for: on an EV3 every import costs seconds. Where

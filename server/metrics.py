@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -22,8 +23,7 @@ class Histogram:
 
     def note(self, value: float) -> None:
         """Count one value."""
-        rank = sum(value > bucket for bucket in self.buckets)
-        self.counts[rank] += 1
+        self.counts[bisect_left(self.buckets, value)] += 1
         self.total += value
 
     def lines(self, name: str) -> Iterator[str]:

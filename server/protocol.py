@@ -24,6 +24,7 @@ MAX_COUNT = 2**53 - 1
 FRAME_HEADER = struct.Struct("<BBHHHIId")
 ACKNOWLEDGEMENT = struct.Struct("<BBHI")
 _FRAME, _ACKNOWLEDGEMENT = 1, 2
+_QUIET = 1
 _ENCODINGS = (Encoding.JPEG, Encoding.YUYV, Encoding.RGB)
 
 
@@ -102,7 +103,10 @@ Word = Drive | ChooseMode | Stop | Release | Take | Yield | Ping
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """One frame as it travels: what its header says, and the picture itself."""
+    """One frame as it travels: what its header says, and the picture itself.
+
+    A `quiet` frame need not be acknowledged: a later one will be, and stands for it.
+    """
 
     frame_id: int
     captured_ms: float
@@ -110,6 +114,7 @@ class Picture:
     width: int
     height: int
     data: bytes = field(repr=False)
+    quiet: bool = False
 
 
 def parse_word(text: str, moves: Collection[Action]) -> Word:
@@ -217,7 +222,7 @@ def encode_picture(picture: Picture) -> bytes:
         _ENCODINGS.index(picture.encoding),
         picture.width,
         picture.height,
-        0,
+        _QUIET if picture.quiet else 0,
         picture.frame_id,
         0,
         picture.captured_ms,
@@ -233,7 +238,9 @@ def parse_picture(message: bytes) -> Picture:
     """
     if len(message) < FRAME_HEADER.size:
         raise ProtocolError(ErrorCode.MALFORMED, "a frame starts with a header of 24 bytes")
-    kind, encoding, width, height, _, frame_id, _, captured_ms = FRAME_HEADER.unpack_from(message)
+    kind, encoding, width, height, flags, frame_id, _, captured_ms = FRAME_HEADER.unpack_from(
+        message
+    )
     if kind != _FRAME or encoding >= len(_ENCODINGS):
         raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "not a frame of a known encoding")
     return Picture(
@@ -243,6 +250,7 @@ def parse_picture(message: bytes) -> Picture:
         width=width,
         height=height,
         data=message[FRAME_HEADER.size :],
+        quiet=bool(flags & _QUIET),
     )
 
 

@@ -44,15 +44,14 @@ def open_socket(host: str, port: int) -> socket.socket:
 
 def uvicorn_settings(certificates: Certificates | None = None) -> dict[str, Any]:
     """Return uvicorn's settings; the newest websocket backend that it has."""
-    import uvicorn.config
+    from server.direct import make_protocol
 
-    backends = uvicorn.config.WS_PROTOCOLS
     tls = {}
     if certificates is not None:
         tls = {"ssl_keyfile": certificates.key, "ssl_certfile": certificates.chain}
     return {
         **tls,
-        "ws": "websockets-sansio" if "websockets-sansio" in backends else "websockets",
+        "ws": make_protocol() or "websockets",
         "ws_per_message_deflate": False,
         "ws_max_size": MAX_MESSAGE_BYTES,
         "ws_ping_interval": 10.0,

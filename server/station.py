@@ -91,7 +91,6 @@ class Station:
         self._is_tick_due = False
         self._unsubscribe: Callable[[], None] = lambda: None
         self._tasks: list[asyncio.Task[None]] = []
-        self._fresh_frame = asyncio.Event()
         self._event_loop: asyncio.AbstractEventLoop | None = None
 
     # Life --------------------------------------------------------------------------------------
@@ -109,10 +108,7 @@ class Station:
                     event_loop.call_soon_threadsafe(self._note_tick)
 
         self._unsubscribe = self.robot.loop.subscribe(on_tick)
-        self._tasks = [
-            asyncio.create_task(self._show_frames()),
-            asyncio.create_task(self._keep_time()),
-        ]
+        self._tasks = [asyncio.create_task(self._keep_time())]
 
     async def stop(self) -> None:
         """Stop listening, and stop the robot if somebody drove it from here."""
@@ -146,16 +142,14 @@ class Station:
         log.info("join client=%s role=%s pilot=%s", page.client, role.value, self.lease.owner)
         return page
 
-    async def watch(self, viewer: Viewer) -> None:
+    def watch(self, viewer: Viewer) -> None:
         """Let a viewer of the picture in; it sees the newest frame at once."""
-        if self._frame is not None and self._frame is not self.video.newest:
-            await self.video.show(self._frame)
-        await self.video.add(viewer)
+        self._show_newest()
+        self.video.add(viewer)
 
     async def stream(self) -> AsyncGenerator[bytes, None]:
         """Yield the newest frames as JPEG, for as long as they are asked for."""
-        if self._frame is not None and self._frame is not self.video.newest:
-            await self.video.show(self._frame)
+        self._show_newest()
         async with contextlib.aclosing(self.video.stream()) as frames:
             async for jpeg in frames:
                 yield jpeg
@@ -307,18 +301,15 @@ class Station:
     def _note_tick(self) -> None:
         """Take over what the control loop left: on the event loop, at most once per wake-up."""
         self._is_tick_due = False
-        self._fresh_frame.set()
+        self._show_newest()
         if self.pages and (
             time.monotonic() - self._told_s >= STATE_EVERY_S or self._gist() != self._told
         ):
             self.publish_state()
 
-    async def _show_frames(self) -> None:
-        while True:
-            await self._fresh_frame.wait()
-            self._fresh_frame.clear()
-            if self._frame is not None and self._frame is not self.video.newest:
-                await self.video.show(self._frame)
+    def _show_newest(self) -> None:
+        if self._frame is not None and self._frame is not self.video.newest:
+            self.video.show(self._frame)
 
     async def _keep_time(self) -> None:
         """Pass a lapsed wheel on, and go on telling even if the control loop were silent."""

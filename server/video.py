@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import struct
 import time
 from collections import OrderedDict
-from collections.abc import AsyncGenerator, Awaitable, Callable
+from collections.abc import AsyncGenerator, Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 from robot.errors import MissingExtraError
@@ -14,6 +16,7 @@ from server.metrics import AGE_BUCKETS_S, Histogram
 from server.protocol import Picture, encode_picture
 from server.session import VideoWindow
 
+_BINARY = 0x82
 _REMEMBERED_FRAMES = 256
 """For how many frames it is known when they were taken."""
 
@@ -30,20 +33,18 @@ class Encoder:
         self._cv2: Any = None
         self._has_cv2 = True
 
-    def encode(self, frame: Frame) -> bytes:
-        """Return the message for `/ws/video`."""
+    def encode(self, frame: Frame) -> Picture:
+        """Return the picture for `/ws/video`."""
         encoding, data = frame.encoding, frame.data
         if encoding is Encoding.RGB and self._load_cv2():
             encoding, data = Encoding.JPEG, self._compress(frame)
-        return encode_picture(
-            Picture(
-                frame_id=frame.frame_id,
-                captured_ms=frame.captured_s * 1000,
-                encoding=encoding,
-                width=frame.width,
-                height=frame.height,
-                data=data,
-            )
+        return Picture(
+            frame_id=frame.frame_id,
+            captured_ms=frame.captured_s * 1000,
+            encoding=encoding,
+            width=frame.width,
+            height=frame.height,
+            data=data,
         )
 
     def encode_jpeg(self, frame: Frame) -> bytes:
@@ -83,20 +84,48 @@ class Encoder:
         return bytes(jpeg)
 
 
-class Viewer:
-    """One browser's picture: its window, and what it was sent last."""
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """One frame ready to be sent: as a message, and as the bytes that a websocket makes of it.
 
-    def __init__(self, send: Callable[[bytes], Awaitable[None]]) -> None:
+    The server's side of a websocket is not masked, so these bytes are the same for all viewers.
+    """
+
+    message: bytes
+    wire: bytes
+
+    @classmethod
+    def of(cls, picture: Picture) -> Shot:
+        """Frame the picture as one binary websocket message (RFC 6455, section 5.2)."""
+        message = encode_picture(picture)
+        size = len(message)
+        if size < 126:
+            head = struct.pack("!BB", _BINARY, size)
+        elif size < 65_536:
+            head = struct.pack("!BBH", _BINARY, 126, size)
+        else:
+            head = struct.pack("!BBQ", _BINARY, 127, size)
+        return cls(message, head + message)
+
+
+class Viewer:
+    """One browser's picture: its window, and what it was sent last.
+
+    Args:
+        send: Sends a shot. It must return at once; a viewer's window holds fewer bytes than its
+            transport takes without holding back the writer.
+    """
+
+    def __init__(self, send: Callable[[Shot], None]) -> None:
         self.send = send
         self.window = VideoWindow()
         self.last_sent_id = 0
 
 
 class VideoHub:
-    """Shows the newest frame to all viewers. Everything runs on the server's event loop.
+    """Shows the newest frame to all viewers, at each one's own pace.
 
-    Sending never waits: a viewer's window holds fewer bytes than its transport takes without
-    holding back the writer. So one task serves all viewers, and a slow one delays no other.
+    Everything runs on the server's event loop and nothing waits, so one viewer delays no other.
     """
 
     def __init__(self, encoder: Encoder) -> None:
@@ -104,7 +133,8 @@ class VideoHub:
         self._viewers: dict[int, Viewer] = {}
         self._streams = 0
         self._frame: Frame | None = None
-        self._message: bytes | None = None
+        self._picture: Picture | None = None
+        self._shots: dict[bool, Shot] = {}
         self._jpeg: bytes | None = None
         self._shown = asyncio.Event()
         self._captured_s: OrderedDict[int, float] = OrderedDict()
@@ -122,19 +152,20 @@ class VideoHub:
         """The frame that is shown now."""
         return self._frame
 
-    async def add(self, viewer: Viewer) -> None:
+    def add(self, viewer: Viewer) -> None:
         """Let a viewer in; it gets the newest frame at once."""
         self._viewers[id(viewer)] = viewer
-        await self.offer(viewer)
+        self.offer(viewer)
 
     def remove(self, viewer: Viewer) -> None:
         """Let a viewer go."""
         self._viewers.pop(id(viewer), None)
 
-    async def show(self, frame: Frame) -> None:
+    def show(self, frame: Frame) -> None:
         """Make `frame` the newest, and send it to all who have credit."""
         self._frame = frame
-        self._message = self._jpeg = None
+        self._picture = self._jpeg = None
+        self._shots = {}
         self._captured_s[frame.frame_id] = frame.captured_s
         if len(self._captured_s) > _REMEMBERED_FRAMES:
             self._captured_s.popitem(last=False)
@@ -142,29 +173,32 @@ class VideoHub:
             shown, self._shown = self._shown, asyncio.Event()
             shown.set()
         for viewer in list(self._viewers.values()):
-            await self.offer(viewer)
+            self.offer(viewer)
 
-    async def offer(self, viewer: Viewer) -> None:
+    def offer(self, viewer: Viewer) -> None:
         """Send the newest frame, unless the viewer had it or is still busy with others."""
         frame = self._frame
         if frame is None or frame.frame_id == viewer.last_sent_id:
             return
-        if self._message is None:
-            self._message = self.encoder.encode(frame)
+        if self._picture is None:
+            self._picture = self.encoder.encode(frame)
             self.frames_encoded += 1
-        message = self._message
-        if not viewer.window.may_send(len(message)):
+        window, n_bytes = viewer.window, len(self._picture.data)
+        if not window.may_send(n_bytes):
             return
+        is_quiet = window.sent(frame.frame_id, n_bytes, time.monotonic())
         viewer.last_sent_id = frame.frame_id
-        viewer.window.sent(frame.frame_id, len(message), time.monotonic())
         self.frames_sent += 1
-        try:
-            await viewer.send(message)
-        except Exception:  # the connection is going down; its own task will take it out
-            self.remove(viewer)
+        viewer.send(self._shot(self._picture, is_quiet))
+
+    def _shot(self, picture: Picture, is_quiet: bool) -> Shot:
+        """Return the frame ready to be sent; made once for all viewers of the same kind."""
+        if is_quiet not in self._shots:
+            self._shots[is_quiet] = Shot.of(replace(picture, quiet=is_quiet))
+        return self._shots[is_quiet]
 
     def acknowledge(self, viewer: Viewer, frame_id: int, now_s: float) -> None:
-        """Take note that a viewer has drawn a frame.
+        """Take note that a viewer has drawn a frame, and send the next if there is one.
 
         Raises:
             ProtocolError: If that frame is not on its way to this viewer.
@@ -173,6 +207,7 @@ class VideoHub:
         captured_s = self._captured_s.get(frame_id)
         if captured_s is not None:
             self.frame_ages.note(now_s - captured_s)
+        self.offer(viewer)
 
     async def stream(self) -> AsyncGenerator[bytes, None]:
         """Yield each newest frame as JPEG, for viewers that cannot acknowledge.

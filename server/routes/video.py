@@ -2,18 +2,81 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
-from collections.abc import MutableMapping
 from typing import Any
 
 from fastapi import APIRouter, WebSocket
 
+from server.direct import EXTENSION, Direct
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
+from server.routes.sockets import end_with_either
 from server.session import Pace
 from server.station import Station
-from server.video import Viewer
+from server.video import Shot, Viewer
 
 router = APIRouter()
+
+
+class _Watching:
+    """One viewer's socket, heard either way: directly or through ASGI."""
+
+    def __init__(self, websocket: WebSocket, station: Station) -> None:
+        self._websocket = websocket
+        self._station = station
+        limits = station.config.limits
+        self._pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
+        self._refusals_left = limits.refused_before_closing
+        self._waiting: asyncio.Queue[Shot] = asyncio.Queue()
+        self._direct: Direct | None = websocket.scope.get("extensions", {}).get(EXTENSION)
+        self.viewer = Viewer(self._send)
+
+    def _send(self, shot: Shot) -> None:
+        if self._direct is not None:
+            self._direct.write_now(shot.wire)
+        else:
+            self._waiting.put_nowait(shot)
+
+    def hear(self, message: object) -> None:
+        """Take one message of the viewer; what is refused is counted."""
+        try:
+            now_s = time.monotonic()
+            if not self._pace.allows(now_s):
+                raise ProtocolError(ErrorCode.TOO_FAST, "too many acknowledgements a second")
+            if not isinstance(message, bytes):
+                raise ProtocolError(ErrorCode.MALFORMED, "acknowledgements are bytes, not text")
+            self._station.video.acknowledge(self.viewer, parse_acknowledgement(message), now_s)
+        except ProtocolError as error:
+            self._station.refused[error.code] += 1
+            self._refusals_left -= 1
+            if self._refusals_left == 0:
+                self._show_out()
+
+    def _show_out(self) -> None:
+        self._station.video.remove(self.viewer)
+        self._ending = asyncio.ensure_future(
+            self._websocket.close(1008, "too many refused messages")
+        )
+
+    async def run(self) -> None:
+        """Serve the viewer until it goes."""
+        if self._direct is not None:
+            self._direct.on_bytes = self.hear
+            await self._receive()
+        else:
+            await end_with_either(self._receive(), self._send_waiting())
+
+    async def _receive(self) -> None:
+        while self._refusals_left > 0:
+            message: dict[str, Any] = dict(await self._websocket.receive())
+            if message["type"] == "websocket.disconnect":
+                return
+            data = message.get("bytes")
+            self.hear(data if data is not None else message.get("text"))
+
+    async def _send_waiting(self) -> None:
+        while True:
+            await self._websocket.send_bytes((await self._waiting.get()).message)
 
 
 @router.websocket("/ws/video")
@@ -21,34 +84,9 @@ async def video(websocket: WebSocket) -> None:
     """Show the picture to one viewer for as long as it is there."""
     station: Station = websocket.app.state.station
     await websocket.accept()
-    viewer = Viewer(websocket.send_bytes)
-    limits = station.config.limits
-    pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
-    refused = 0
-    await station.watch(viewer)
+    watching = _Watching(websocket, station)
+    station.watch(watching.viewer)
     try:
-        while True:
-            message = await websocket.receive()
-            if message["type"] == "websocket.disconnect":
-                return
-            try:
-                _hear(station, viewer, pace, message)
-                await station.video.offer(viewer)
-            except ProtocolError as error:
-                station.refused[error.code] += 1
-                refused += 1
-                if refused >= limits.refused_before_closing:
-                    await websocket.close(1008, "too many refused messages")
-                    return
+        await watching.run()
     finally:
-        station.video.remove(viewer)
-
-
-def _hear(station: Station, viewer: Viewer, pace: Pace, message: MutableMapping[str, Any]) -> None:
-    now_s = time.monotonic()
-    if not pace.allows(now_s):
-        raise ProtocolError(ErrorCode.TOO_FAST, "too many acknowledgements a second")
-    data = message.get("bytes")
-    if not isinstance(data, bytes):
-        raise ProtocolError(ErrorCode.MALFORMED, "acknowledgements are bytes, not text")
-    station.video.acknowledge(viewer, parse_acknowledgement(data), now_s)
+        station.video.remove(watching.viewer)

@@ -34,8 +34,9 @@ class _Link:
         self.rate, self.round_trip_s, self.size = bytes_a_second, round_trip_s, size
         self.ages_s: list[float] = []
         self.sizes: list[int] = []
+        self.n_acknowledged = 0
         self._line_free_s = 0.0
-        self._arriving: list[tuple[float, int, float]] = []
+        self._arriving: list[tuple[float, int, float, bool]] = []
         self._newest: tuple[int, float] | None = None
         self._sent = 0
 
@@ -43,8 +44,10 @@ class _Link:
         for number in range(1, int(seconds * rate_hz)):
             now_s = start_s + number / rate_hz
             while self._arriving and self._arriving[0][0] <= now_s:
-                at_s, frame_id, captured_s = heapq.heappop(self._arriving)
-                self.window.acknowledged(frame_id, at_s)
+                at_s, frame_id, captured_s, is_quiet = heapq.heappop(self._arriving)
+                if not is_quiet:
+                    self.n_acknowledged += 1
+                    self.window.acknowledged(frame_id, at_s)
                 self.ages_s.append(at_s - self.round_trip_s / 2 - captured_s)
                 self._offer(at_s)
             self._newest = (int(now_s * 1000), now_s)
@@ -56,17 +59,34 @@ class _Link:
             return
         if self.window.may_send(self.size):
             self._sent, captured_s = self._newest
-            self.window.sent(self._sent, self.size, now_s)
+            is_quiet = self.window.sent(self._sent, self.size, now_s)
             self._line_free_s = max(self._line_free_s, now_s) + self.size / self.rate
-            arrival = (self._line_free_s + self.round_trip_s, self._sent, captured_s)
+            arrival = (self._line_free_s + self.round_trip_s, self._sent, captured_s, is_quiet)
             heapq.heappush(self._arriving, arrival)
 
 
-def test_on_a_short_fast_line_every_frame_arrives_with_one_under_way() -> None:
+def test_on_an_easy_line_every_frame_arrives_and_each_third_is_acknowledged() -> None:
     link = _Link(bytes_a_second=1e7, round_trip_s=0.01)
     link.run(10)
     assert len(link.ages_s) >= 297
-    assert max(link.sizes) == 1
+    assert 95 <= link.n_acknowledged <= 115
+
+
+def test_large_frames_on_an_easy_line_are_never_all_quiet() -> None:
+    link = _Link(bytes_a_second=1e8, round_trip_s=0.01, size=45_000)
+    link.run(10)
+    assert len(link.ages_s) >= 297
+
+
+@pytest.mark.parametrize("size", [5000, 25_000])
+def test_an_easy_line_that_becomes_narrow_is_noticed(size: int) -> None:
+    link = _Link(bytes_a_second=1e7, round_trip_s=0.01, size=size)
+    link.run(5)
+    link.rate = 62_500
+    link.ages_s.clear()
+    link.run(20, start_s=5)
+    assert not link.window.is_easy
+    assert max(link.ages_s[5:]) < 4 * size / 62_500
 
 
 def test_on_a_long_line_the_window_grows_until_every_frame_arrives() -> None:

@@ -21,11 +21,11 @@ def test_an_mjpeg_part_is_followed_at_once_by_the_next_header(server: LiveServer
         for chunk in answer.iter_raw():
             received += chunk
             if received.count(marker) == 5:
+                assert server.station.video.viewers == 1
                 break
         assert received.endswith(marker), "a frame never waits for its end"
         assert received.count(b"\xff\xd8") == 5
         assert time.monotonic() - started_s < 2
-        assert server.station.video.viewers == 1
     wait_until(lambda: server.station.video.viewers == 0, what="the stream ends with its viewer")
 
 
@@ -76,15 +76,17 @@ def test_metrics_tell_of_everything_that_is_promised(server: LiveServer) -> None
         pilot.socket.send("nonsense")
         pilot.wait_for(lambda m: m.get("code") == "malformed")
         httpx.get(server.address, headers={"host": "evil.example"})
+        wait_until(lambda: sum(server.station.video.frame_ages.counts) == 3)
+        wait_until(lambda: server.rig.loop.state.cycle_hz > 20)
         text = httpx.get(server.address + "/metrics").text
     values = {
         line.rsplit(" ", 1)[0]: float(line.rsplit(" ", 1)[1])
         for line in text.splitlines()
         if not line.startswith("#")
     }
-    assert values["drivelesson_loop_rate_hz"] > 20
+    assert values["drivelesson_loop_rate_hz"] > 10
     assert values["drivelesson_loop_late_cycles_total"] >= 0
-    assert values["drivelesson_frame_age_seconds_count"] >= 2
+    assert values["drivelesson_frame_age_seconds_count"] == 3
     assert values["drivelesson_pages"] == 1 and values["drivelesson_viewers"] == 1
     assert values['drivelesson_messages_refused_total{code="malformed"}'] == 1
     assert values['drivelesson_requests_refused_total{reason="host"}'] == 1

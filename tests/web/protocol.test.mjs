@@ -24,6 +24,7 @@ for (const { name, hex: message, picture, error } of vectors.pictures) {
       width: picture.width,
       height: picture.height,
       data: new Uint8Array(bytes(picture.data_hex)),
+      quiet: picture.quiet,
     };
     assert.deepEqual(protocol.parsePicture(bytes(message)), expected);
     assert.equal(hex(protocol.encodePicture(expected)), message);

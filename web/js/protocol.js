@@ -5,6 +5,7 @@ const FRAME_HEADER_BYTES = 24;
 const ACKNOWLEDGEMENT_BYTES = 8;
 const FRAME = 1;
 const ACKNOWLEDGEMENT = 2;
+const QUIET = 1;
 /** @type {readonly Encoding[]} */
 const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
 
@@ -18,6 +19,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {number} width
  * @property {number} height
  * @property {Uint8Array} data
+ * @property {boolean} [quiet]  need not be acknowledged: a later frame stands for it
  */
 /**
  * @typedef {object} Prediction
@@ -93,6 +95,7 @@ export function parsePicture(message) {
     width: view.getUint16(2, true),
     height: view.getUint16(4, true),
     data: new Uint8Array(message, FRAME_HEADER_BYTES),
+    quiet: (view.getUint16(6, true) & QUIET) !== 0,
   };
 }
 
@@ -107,6 +110,7 @@ export function encodePicture(picture) {
   view.setUint8(1, ENCODINGS.indexOf(picture.encoding));
   view.setUint16(2, picture.width, true);
   view.setUint16(4, picture.height, true);
+  view.setUint16(6, picture.quiet ? QUIET : 0, true);
   view.setUint32(8, picture.frameId, true);
   view.setFloat64(16, picture.capturedMs, true);
   new Uint8Array(message).set(picture.data, FRAME_HEADER_BYTES);

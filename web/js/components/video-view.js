@@ -36,7 +36,7 @@ export class VideoView extends HTMLElement {
     const { page, canvas } = this;
     const bitmap = await decode(picture).catch(() => null);
     // A broken picture is acknowledged as well, or the next would never come.
-    page?.connection.acknowledge(picture.frameId);
+    if (!picture.quiet) page?.connection.acknowledge(picture.frameId);
     if (!bitmap || !canvas || !page) return;
     if (canvas.width !== bitmap.width) canvas.width = bitmap.width;
     if (canvas.height !== bitmap.height) canvas.height = bitmap.height;

@@ -1,0 +1,109 @@
+"""One server to be measured, as a process of its own: `python -m server.bench.subject KIND ...`.
+
+It prints its port, then answers each line on standard input with one line of JSON: the CPU time
+that the process and its serving thread have used, and for ours what loop and body have noted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+from robot.clock import RealClock
+from server.bench.robot import NotingDriver, SteadyCamera
+
+KINDS = ("drivelesson", "naive-websocket", "naive-mjpeg")
+
+
+def main() -> None:
+    """Serve until standard input ends."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("kind", choices=KINDS)
+    parser.add_argument("--width", type=int, default=160)
+    parser.add_argument("--height", type=int, default=120)
+    parser.add_argument("--rate", type=float, default=30.0)
+    args = parser.parse_args()
+    camera = SteadyCamera(RealClock(), args.rate, args.width, args.height)
+    with _serving(args.kind, camera) as (port, notes):
+        print(port, flush=True)
+        for _ in sys.stdin:
+            cpu = {"process_s": time.process_time(), "serving_s": _serving_cpu_s()}
+            print(json.dumps({**cpu, **notes()}), flush=True)
+    os._exit(0)
+
+
+def _serving_cpu_s() -> float:
+    """CPU time of the thread that serves: camera, control loop and learner are others'."""
+    thread = next(thread for thread in threading.enumerate() if thread.name == "server")
+    return time.clock_gettime(time.pthread_getcpuclockid(thread.ident or 0))
+
+
+@contextlib.contextmanager
+def _serving(kind: str, camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
+    if kind == "drivelesson":
+        with _ours(camera) as served:
+            yield served
+    else:
+        from server.bench import naive
+
+        make = naive.naive_websocket if kind == "naive-websocket" else naive.naive_mjpeg
+        with camera:
+            yield _serve_plainly(make(camera)), dict
+
+
+@contextlib.contextmanager
+def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
+    from robot.policy import make_policy
+    from robot.rig import Rig
+    from server.app import create_app
+    from server.config import Config, Limits
+    from server.serving import served
+
+    config = Config(port=0, limits=Limits(requests_burst=10_000))
+    rig = Rig(NotingDriver(), camera, make_policy("default-32"), camera.clock)
+
+    def notes() -> dict[str, Any]:
+        state = rig.loop.state
+        driver = rig.driver
+        assert isinstance(driver, NotingDriver)
+        return {
+            "frames": state.frame_id,
+            "cycle_hz": state.cycle_hz,
+            "cycles": state.cycles,
+            "late_cycles": state.late_cycles,
+            "changes": [(at_s, action.value) for at_s, action in driver.changes],
+            "threads": threading.active_count(),
+        }
+
+    with rig, served(create_app(config, rig, name="bench"), config) as address:
+        yield int(address.rsplit(":", 1)[1]), notes
+
+
+def _serve_plainly(app: Any) -> int:
+    """Serve as `uvicorn app:app` would, but without compressing pictures a second time."""
+    import asyncio
+
+    import uvicorn
+
+    from server.serving import open_socket
+
+    listener = open_socket("127.0.0.1", 0)
+    settings = uvicorn.Config(app, log_level="error", ws_per_message_deflate=False)
+    server = uvicorn.Server(settings)
+    threading.Thread(
+        target=lambda: asyncio.run(server.serve(sockets=[listener])), name="server", daemon=True
+    ).start()
+    while not server.started:
+        time.sleep(0.01)
+    return int(listener.getsockname()[1])
+
+
+if __name__ == "__main__":
+    main()

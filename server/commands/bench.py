@@ -1,0 +1,40 @@
+"""Measure this machine: `drivelesson bench NAME [OPTION ...]`."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from collections.abc import Sequence
+from types import ModuleType
+
+from robot.errors import ConfigurationError
+
+BENCHMARKS = {
+    "link": "server.bench.link",
+}
+"""Name to module; each has `configure(parser)` and `run(args) -> int`, as a command has."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the name."""
+    parser.add_argument("benchmark", choices=sorted(BENCHMARKS))
+
+
+def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
+    """Declare the options of the chosen benchmark."""
+    if words and words[0] in BENCHMARKS:
+        _load(words[0]).configure(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run it."""
+    return int(_load(args.benchmark).run(args))
+
+
+def _load(name: str) -> ModuleType:
+    try:
+        return importlib.import_module(BENCHMARKS[name])
+    except KeyError as error:
+        raise ConfigurationError(
+            f"no benchmark {name!r}; there are: {', '.join(BENCHMARKS)}"
+        ) from error
