@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -23,7 +24,12 @@ IN_CI = os.environ.get("CI") == "true"
 PHONE = {"width": 390, "height": 844}
 LANDSCAPE = {"width": 844, "height": 390}
 DESKTOP = {"width": 1280, "height": 800}
-_FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--mute-audio"]
+CHROMIUM_FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--mute-audio",
+]
 
 
 class World:
@@ -90,7 +96,7 @@ def running_chromium(*flags: str) -> Iterator[Any]:
 
     path = find_chromium()
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=[*_FLAGS, *flags])
+        browser = playwright.chromium.launch(executable_path=path, args=[*CHROMIUM_FLAGS, *flags])
         try:
             yield browser
         finally:
@@ -129,22 +135,22 @@ class Fingers:
 
     def press(self, selector: str, finger: int = 1) -> None:
         self._points[finger] = {**self._middle(selector), "id": finger}
-        self._send("touchStart")
+        self._send("touchStart", finger)
 
     def slide(self, selector: str, finger: int = 1) -> None:
         self._points[finger] = {**self._middle(selector), "id": finger}
-        self._send("touchMove")
+        self._send("touchMove", finger)
 
     def lift(self, finger: int = 1) -> None:
+        self._send("touchEnd", finger)
         del self._points[finger]
-        self._send("touchEnd")
 
     def cancel(self) -> None:
         self._points.clear()
         self._send("touchCancel")
 
-    def _send(self, kind: str) -> None:
-        points = list(self._points.values())
+    def _send(self, kind: str, finger: int | None = None) -> None:
+        points = [] if finger is None else [self._points[finger]]
         self._cdp.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
     def _middle(self, selector: str) -> dict[str, float]:
@@ -174,3 +180,35 @@ def teach(world: World, fingers: Fingers, lessons: int, *, near_m: float = 0.35)
 def pad(move: str) -> str:
     """Selector of a button of the pad."""
     return f"drive-pad .move[data-move={move}]"
+
+
+def choose(page: Any, world: World, mode: Mode) -> None:
+    """Choose a mode on the page, and wait until the robot is in it."""
+    page.locator(f"mode-bar [data-mode={mode.value}]").click()
+    wait_for(lambda: world.mode is mode, f"mode {mode.value}")
+    page.wait_for_selector(f"mode-bar [data-mode={mode.value}][aria-checked=true]")
+
+
+def turned_rad(world: World, seconds: float = 0.4) -> float:
+    """Return how far the robot turns to the left in some time."""
+    before = world.pose.heading_rad
+    time.sleep(seconds)
+    return math.remainder(world.pose.heading_rad - before, math.tau)
+
+
+def wait_until_turning(world: World) -> None:
+    """Wait until the robot really turns."""
+    before = world.pose.heading_rad
+    wait_for(lambda: abs(world.pose.heading_rad - before) > 0.03, "the robot turns")
+
+
+def time_to_stand(world: World, since_s: float, within_s: float = 2.0) -> float:
+    """Return how long after `since_s` (time.monotonic) the robot's body last moved."""
+    pose, moved_s = world.pose, since_s
+    while time.monotonic() - moved_s < 0.3:
+        time.sleep(0.002)
+        now_s, now = time.monotonic(), world.pose
+        if now != pose:
+            pose, moved_s = now, now_s
+        assert now_s - since_s < within_s, f"still moving after {within_s} s"
+    return moved_s - since_s

@@ -1,0 +1,192 @@
+"""Whatever happens to the page while it drives, the robot stands within half a second."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+
+from robot.types import Mode
+
+from .world import (
+    CHROMIUM_FLAGS,
+    PHONE,
+    Fingers,
+    World,
+    choose,
+    find_chromium,
+    open_page,
+    pad,
+    time_to_stand,
+    wait_for,
+    wait_until_turning,
+)
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+STANDS_WITHIN_S = 0.5
+
+
+class Proxy:
+    """Between page and robot; can fall silent without closing anything."""
+
+    def __init__(self, address: str) -> None:
+        self._to = urlsplit(address)
+        self._loop = asyncio.new_event_loop()
+        self._open = asyncio.Event()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self.address = ""
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+        self._ready.wait(5)
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        server = self._loop.run_until_complete(asyncio.start_server(self._serve, "127.0.0.1", 0))
+        self.address = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        self._open.set()
+        self._ready.set()
+        self._loop.run_forever()
+        server.close()
+        for task in asyncio.all_tasks(self._loop):
+            task.cancel()
+        self._loop.run_until_complete(asyncio.sleep(0.05))
+        self._loop.close()
+
+    async def _serve(self, reader: Any, writer: Any) -> None:
+        up = await asyncio.open_connection(self._to.hostname, self._to.port)
+        both = (self._pump(reader, up[1]), self._pump(up[0], writer))
+        with contextlib.suppress(OSError, asyncio.CancelledError):
+            await asyncio.gather(*both)
+
+    async def _pump(self, reader: Any, writer: Any) -> None:
+        with contextlib.suppress(OSError, asyncio.CancelledError):
+            while data := await reader.read(65536):
+                await self._open.wait()
+                writer.write(data)
+                await writer.drain()
+        writer.close()
+
+    def fall_silent(self) -> None:
+        self._loop.call_soon_threadsafe(self._open.clear)
+
+    def speak_again(self) -> None:
+        self._loop.call_soon_threadsafe(self._open.set)
+
+    def close(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(5)
+
+
+@pytest.fixture
+def proxy(world: World) -> Iterator[Proxy]:
+    running = Proxy(world.address)
+    yield running
+    running.close()
+
+
+def drive(page: Any, world: World) -> Fingers:
+    """Have a finger turn the robot."""
+    choose(page, world, Mode.TRAIN)
+    fingers = Fingers(page)
+    fingers.press(pad("left"))
+    wait_until_turning(world)
+    return fingers
+
+
+def test_closing_the_tab(phone: Any, world: World) -> None:
+    drive(phone, world)
+    since_s = time.monotonic()
+    phone.close()
+    assert time_to_stand(world, since_s) < STANDS_WITHIN_S
+
+
+def test_blocking_the_main_thread(phone: Any, world: World) -> None:
+    drive(phone, world)
+    phone.evaluate(
+        """() => void setTimeout(() => {
+          const end = performance.now() + 2500;
+          while (performance.now() < end);
+        })"""
+    )
+    since_s = time.monotonic()
+    assert time_to_stand(world, since_s) < STANDS_WITHIN_S
+    phone.wait_for_timeout(2600)
+    assert world.mode is Mode.STOPPED, "a page that wakes up does not go on by itself"
+    assert "no longer heard you" in phone.locator(".notice").inner_text()
+
+
+def test_killing_the_browser(chromium: Any, world: World, tmp_path: Path) -> None:
+    with _own_chromium(chromium, tmp_path) as (browser, process):
+        page = open_page(browser.contexts[0], world.address)
+        page.set_viewport_size(PHONE)
+        drive(page, world)
+        since_s = time.monotonic()
+        os.killpg(process.pid, signal.SIGKILL)
+        assert time_to_stand(world, since_s) < STANDS_WITHIN_S
+
+
+@contextlib.contextmanager
+def _own_chromium(chromium: Any, folder: Path) -> Iterator[tuple[Any, subprocess.Popen[bytes]]]:
+    """Start a Chromium whose process is ours to kill."""
+    profile = folder / "profile"
+    command = [
+        find_chromium(), *CHROMIUM_FLAGS, "--headless=new", "--remote-debugging-port=0",
+        f"--user-data-dir={profile}", "about:blank",
+    ]  # fmt: skip
+    quiet = subprocess.DEVNULL
+    process = subprocess.Popen(command, stdout=quiet, stderr=quiet, start_new_session=True)
+    try:
+        file = profile / "DevToolsActivePort"
+        wait_for(lambda: file.exists() and bool(file.read_text().strip()), "Chromium starts", 20)
+        port = file.read_text().split()[0]
+        yield chromium.browser_type.connect_over_cdp(f"http://127.0.0.1:{port}"), process
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait(10)
+
+
+def test_a_link_that_falls_silent_and_comes_back(chromium: Any, world: World, proxy: Proxy) -> None:
+    context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    page = open_page(context, proxy.address)
+    fingers = drive(page, world)
+    since_s = time.monotonic()
+    proxy.fall_silent()
+    assert time_to_stand(world, since_s) < STANDS_WITHIN_S
+    page.locator(".notice", has_text="out of reach").wait_for(timeout=5000)
+    proxy.speak_again()
+    page.wait_for_selector("drive-pad.idle")
+    page.wait_for_selector("[data-mode=train]:not([disabled])", timeout=10_000)
+    page.wait_for_timeout(500)
+    assert world.mode is Mode.STOPPED, "the finger is still down, and nothing is replayed"
+    fingers.lift()
+    drive(page, world).lift()
+    context.close()
+
+
+def test_a_robot_that_goes_away_and_comes_back_is_found_again(
+    chromium: Any, world: World, proxy: Proxy
+) -> None:
+    context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    page = open_page(context, proxy.address)
+    proxy.fall_silent()
+    page.locator("video-view.away").wait_for(timeout=5000)
+    frames = int(page.locator("video-view").get_attribute("data-frames"))
+    proxy.speak_again()
+    page.locator("video-view:not(.away)").wait_for(timeout=10_000)
+    wait_for(
+        lambda: int(page.locator("video-view").get_attribute("data-frames")) > frames,
+        "pictures come again",
+    )
+    context.close()

@@ -1,0 +1,249 @@
+"""Each way of driving drives the simulated robot; each way of letting go stops it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from robot.types import Action, Mode
+
+from .world import (
+    LANDSCAPE,
+    PHONE,
+    Fingers,
+    World,
+    choose,
+    open_page,
+    pad,
+    time_to_stand,
+    turned_rad,
+    wait_for,
+    wait_until_turning,
+)
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+STANDS_WITHIN_S = 0.5
+
+FAKE_GAMEPAD = """
+globalThis.fakePad = {connected: true, index: 0, axes: [0, 0],
+  buttons: Array.from({length: 17}, () => ({pressed: false}))};
+navigator.getGamepads = () => [globalThis.fakePad];
+"""
+
+
+def test_touch_slides_from_one_direction_to_another(phone: Any, world: World) -> None:
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    fingers.press(pad("left"))
+    wait_until_turning(world)
+    assert turned_rad(world) > 0.02
+    fingers.slide(pad("right"))
+    wait_for(lambda: world.action is Action.RIGHT, "the finger slid to the right")
+    assert turned_rad(world) < -0.02
+    lifted_s = time.monotonic()
+    fingers.lift()
+    assert time_to_stand(world, lifted_s) < STANDS_WITHIN_S
+
+
+def test_two_fingers_are_one_direction(phone: Any, world: World) -> None:
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    fingers.press(pad("forward"), finger=1)
+    wait_for(lambda: world.action is Action.FORWARD, "the first finger drives")
+    fingers.press(pad("left"), finger=2)
+    wait_for(lambda: world.action is Action.LEFT, "the newer finger counts")
+    fingers.lift(finger=2)
+    wait_for(lambda: world.action is Action.FORWARD, "the older one is still there")
+    fingers.lift(finger=1)
+    wait_for(lambda: world.action is Action.STOP, "nothing is held")
+    assert phone.evaluate("visualViewport.scale") == 1, "two fingers do not zoom"
+
+
+def test_the_mouse_drives(desktop: Any, world: World) -> None:
+    choose(desktop, world, Mode.TRAIN)
+    desktop.locator(pad("left")).hover()
+    desktop.mouse.down()
+    wait_until_turning(world)
+    released_s = time.monotonic()
+    desktop.mouse.up()
+    assert time_to_stand(world, released_s) < STANDS_WITHIN_S
+
+
+@pytest.mark.parametrize(
+    ("key", "action"),
+    [("ArrowLeft", Action.LEFT), ("d", Action.RIGHT), ("w", Action.FORWARD)],
+)
+def test_keys_drive_while_held(desktop: Any, world: World, key: str, action: Action) -> None:
+    choose(desktop, world, Mode.TRAIN)
+    desktop.keyboard.down(key)
+    wait_for(lambda: world.action is action, f"{key} drives")
+    desktop.keyboard.up(key)
+    wait_for(lambda: world.action is Action.STOP, f"{key} let go")
+
+
+def test_enter_holds_a_focused_button_and_space_stops(desktop: Any, world: World) -> None:
+    choose(desktop, world, Mode.TRAIN)
+    desktop.locator(pad("left")).focus()
+    desktop.keyboard.down("Enter")
+    wait_until_turning(world)
+    pressed_s = time.monotonic()
+    desktop.keyboard.press("Space")
+    assert time_to_stand(world, pressed_s) < STANDS_WITHIN_S
+    assert world.rig.loop.state.emergency
+    desktop.keyboard.up("Enter")
+
+
+def test_space_stops_from_every_screen(desktop: Any, world: World) -> None:
+    choose(desktop, world, Mode.TRAIN)
+    for screen in ("gallery", "teaching", "undo", "home", "settings"):
+        desktop.evaluate(f"location.hash = '{screen}'")
+        desktop.wait_for_selector(f"{screen}-screen")
+        assert desktop.locator("app-bar .stop").is_visible()
+        desktop.keyboard.press("Space")
+        wait_for(lambda: world.rig.loop.state.emergency, f"space stops on {screen}")
+        world.rig.loop.release_emergency().result(5)
+        world.rig.loop.set_mode(Mode.TRAIN).result(5)
+        wait_for(lambda: world.mode is Mode.TRAIN, "started again")
+        desktop.wait_for_timeout(150)  # the page hears of it
+
+
+def test_a_gamepad_drives_and_its_button_stops(chromium: Any, world: World) -> None:
+    context = chromium.new_context(viewport=PHONE)
+    context.add_init_script(FAKE_GAMEPAD)
+    page = open_page(context, world.address)
+    choose(page, world, Mode.TRAIN)
+    page.evaluate("dispatchEvent(new Event('gamepadconnected'))")
+    page.evaluate("fakePad.axes = [-1, 0]")
+    wait_until_turning(world)
+    page.evaluate("fakePad.axes = [0, 0]")
+    wait_for(lambda: world.action is Action.STOP, "the stick came back")
+    page.evaluate("fakePad.buttons[15].pressed = true")
+    wait_for(lambda: world.action is Action.RIGHT, "the cross drives")
+    page.evaluate("fakePad.buttons[1].pressed = true")
+    wait_for(lambda: world.rig.loop.state.emergency, "its button stops")
+    context.close()
+
+
+def test_tilting_drives_while_the_thumb_rests(chromium: Any, world: World) -> None:
+    context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    context.add_init_script(
+        "localStorage.setItem('drivelesson.preferences', '{\"hintsSeen\":true,\"tilt\":true}')"
+    )
+    page = open_page(context, world.address, hints=True)
+    lean = context.new_cdp_session(page)
+
+    def tilt(beta: float, gamma: float) -> None:
+        lean.send(
+            "DeviceOrientation.setDeviceOrientationOverride",
+            {"alpha": 0, "beta": beta, "gamma": gamma},
+        )
+
+    choose(page, world, Mode.TRAIN)
+    tilt(40, 0)
+    fingers = Fingers(page)
+    fingers.press(".move.tilt")
+    page.wait_for_timeout(300)
+    assert world.action is Action.STOP, "upright is as it was when the thumb went down"
+    tilt(40, -30)
+    wait_until_turning(world)
+    assert world.action is Action.LEFT
+    tilt(10, 0)
+    wait_for(lambda: world.action is Action.FORWARD, "leaning away drives on")
+    lifted_s = time.monotonic()
+    fingers.lift()
+    assert time_to_stand(world, lifted_s) < STANDS_WITHIN_S
+    context.close()
+
+
+LETTING_GO: dict[str, Callable[[Any, Fingers], None]] = {
+    "the finger is lifted": lambda page, fingers: fingers.lift(),
+    "the touch is cancelled": lambda page, fingers: fingers.cancel(),
+    "the window loses the focus": lambda page, fingers: page.evaluate(
+        "void dispatchEvent(new Event('blur'))"
+    ),
+    "another page is opened": lambda page, fingers: page.goto("about:blank"),
+    "the page is reloaded": lambda page, fingers: page.reload(),
+    "another screen is opened": lambda page, fingers: page.evaluate("location.hash = 'home'"),
+}
+
+
+@pytest.mark.parametrize("name", LETTING_GO)
+def test_letting_go_stops(phone: Any, world: World, name: str) -> None:
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    fingers.press(pad("left"))
+    wait_until_turning(world)
+    since_s = time.monotonic()
+    LETTING_GO[name](phone, fingers)
+    stood_s = time_to_stand(world, since_s)
+    assert stood_s < STANDS_WITHIN_S, f"{name}: stood after {stood_s:.3f} s"
+
+
+def test_a_hidden_page_stops_even_what_drives_itself(phone: Any, world: World) -> None:
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    fingers.press(pad("left"))
+    wait_for(lambda: world.lessons > 20, "it learns to turn")
+    fingers.lift()
+    choose(phone, world, Mode.AUTONOMOUS)
+    wait_until_turning(world)
+    since_s = time.monotonic()
+    phone.evaluate(
+        """() => {
+          Object.defineProperty(document, 'hidden', {get: () => true, configurable: true});
+          document.dispatchEvent(new Event('visibilitychange'));
+        }"""
+    )
+    assert time_to_stand(world, since_s) < STANDS_WITHIN_S
+    assert "out of sight" in phone.locator(".notice").inner_text()
+
+
+def test_turning_the_phone_while_holding_stops_or_goes_on_never_sticks(
+    phone: Any, world: World
+) -> None:
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    fingers.press(pad("left"))
+    wait_until_turning(world)
+    phone.set_viewport_size(LANDSCAPE)
+    phone.wait_for_timeout(300)
+    boxes = [phone.locator(pad(m)).bounding_box() for m in ("left", "right", "forward")]
+    assert boxes[0]["x"] + boxes[0]["width"] < LANDSCAPE["width"] / 3, "turns: left thumb"
+    assert boxes[2]["x"] > LANDSCAPE["width"] * 2 / 3, "forward: right thumb"
+    lifted_s = time.monotonic()
+    fingers.lift()
+    assert time_to_stand(world, lifted_s) < STANDS_WITHIN_S
+    fingers.press(pad("right"))
+    wait_for(lambda: world.action is Action.RIGHT, "the other layout drives")
+    fingers.lift()
+
+
+def test_a_second_tab_watches_asks_and_takes_over_politely(
+    chromium: Any, phone: Any, world: World
+) -> None:
+    context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    second = open_page(context, world.address)
+    assert "Somebody else has the wheel" in second.locator(".notice").inner_text()
+    assert second.locator("[data-mode=train]").is_disabled()
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    fingers.press(pad("left"))
+    wait_until_turning(world)
+    others = Fingers(second)
+    others.press(pad("forward"))
+    second.wait_for_timeout(300)
+    assert world.action is Action.LEFT, "who watches cannot drive"
+    others.lift()
+    second.locator(".notice button").tap()
+    phone.locator(".notice button", has_text="Give it").wait_for()
+    assert world.action is Action.LEFT, "asking stops nobody"
+    fingers.lift()
+    phone.locator(".notice button").tap()
+    second.wait_for_selector("[data-mode=train]:not([disabled])")
+    assert world.mode is Mode.STOPPED, "a change of hands stops the robot"
+    second.locator("drive-pad .stop").tap()
+    wait_for(lambda: world.rig.loop.state.emergency, "anybody may stop it")
+    context.close()

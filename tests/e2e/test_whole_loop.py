@@ -1,0 +1,135 @@
+"""The whole loop on a phone: teach, see it agree, let it drive, correct it, stop it."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.drivers.replay import ReplayDriver
+from robot.types import Action, DrivenBy, Mode
+
+from .world import (
+    PHONE,
+    Fingers,
+    World,
+    choose,
+    open_page,
+    pad,
+    running_world,
+    teach,
+    time_to_stand,
+    turned_rad,
+    wait_for,
+)
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+
+def agreement(page: Any) -> float:
+    """Agreement as the page shows it, in percent; -1 before there is any."""
+    text = page.locator("teach-panel strong").inner_text()
+    return float(text.split()[0]) if "%" in text else -1.0
+
+
+def moved_m(world: World, since: Any) -> float:
+    return math.hypot(world.pose.x_m - since.x_m, world.pose.y_m - since.y_m)
+
+
+@pytest.mark.parametrize("world", ["box"], indirect=True)
+def test_teach_drive_correct_and_stop_in_the_simulator(phone: Any, world: World) -> None:
+    fingers = Fingers(phone)
+    start = world.pose
+    assert world.mode is Mode.STOPPED
+
+    choose(phone, world, Mode.TRAIN)
+    teach(world, fingers, 30)
+    early = agreement(phone)
+    assert world.pose != start, "the pilot's finger drove the robot"
+    risen = -1.0
+    for lessons in range(60, 500, 20):
+        teach(world, fingers, lessons)
+        risen = agreement(phone)
+        if risen >= max(60, early + 10):
+            break
+    assert risen >= max(60, early + 10), f"agreement has not risen: {early}, then {risen}"
+
+    choose(phone, world, Mode.AUTONOMOUS)
+    here = world.pose
+    wait_for(lambda: world.pose != here, "the robot drives itself")
+    assert world.rig.loop.state.decision.driven_by is DrivenBy.ROBOT
+    phone.wait_for_selector("video-view[data-by=robot]")
+
+    lessons = world.lessons
+    fingers.press(pad("right"))
+    phone.wait_for_selector("video-view[data-by=pilot]")
+    wait_for(lambda: world.action is Action.RIGHT, "the touch takes the wheel")
+    assert turned_rad(world, 0.6) < -0.02, "it turns right, as the finger says"
+    wait_for(lambda: world.lessons > lessons, "the touch is a lesson")
+
+    fingers.lift()
+    phone.wait_for_selector("video-view[data-by=robot]")
+    here = world.pose
+    wait_for(lambda: world.pose != here, "let go, it drives on")
+
+    choose(phone, world, Mode.STOPPED)
+    here = world.pose
+    phone.wait_for_timeout(300)
+    assert world.pose == here, "stopped is stopped"
+
+
+def recordings() -> Path:
+    given = os.environ.get("DRIVELESSON_RECORDINGS")
+    return Path(given) if given else Path(__file__).resolve().parents[3] / "shared" / "recordings"
+
+
+@pytest.mark.recordings
+def test_teach_drive_correct_and_stop_on_recorded_footage(chromium: Any, tmp_path: Path) -> None:
+    recording = recordings() / "office1_A.npz"
+    if not recording.is_file():
+        pytest.skip(f"no recorded footage: {recording} is not there")
+    with running_world(tmp_path, "replay", recording=str(recording)) as world:
+        context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+        page = open_page(context, world.address)
+        driver = world.rig.driver
+        assert isinstance(driver, ReplayDriver)
+        fingers = Fingers(page)
+
+        choose(page, world, Mode.TRAIN)
+        for move in ("forward", "left", "forward"):
+            fingers.press(pad(move))
+            before = world.lessons
+            wait_for(lambda b=before: world.lessons > b + 25, "the footage teaches", 15)  # type: ignore[misc]
+            assert driver.action.value == move
+            fingers.lift()
+        assert agreement(page) >= 0
+        assert page.locator("video-view .vote.best").count() == 1
+
+        choose(page, world, Mode.AUTONOMOUS)
+        wait_for(lambda: driver.action is not Action.STOP, "the robot would drive")
+        fingers.press(pad("right"))
+        wait_for(lambda: driver.action is Action.RIGHT, "the touch takes the wheel")
+        fingers.lift()
+        wait_for(lambda: world.rig.loop.state.decision.driven_by is DrivenBy.ROBOT, "let go")
+        choose(page, world, Mode.STOPPED)
+        wait_for(lambda: driver.action is Action.STOP, "stopped")
+        context.close()
+
+
+def test_emergency_stop_latches_until_it_is_released(phone: Any, world: World) -> None:
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    fingers.press(pad("left"))
+    wait_for(lambda: world.action is Action.LEFT, "it turns")
+    phone.locator("drive-pad .stop").dispatch_event("click")
+    wait_for(lambda: world.rig.loop.state.emergency, "the emergency stop is latched")
+    phone.wait_for_selector("mode-bar [data-mode=train][disabled]")
+    fingers.lift()
+    phone.locator(".notice button").tap()
+    wait_for(lambda: not world.rig.loop.state.emergency, "released")
+    assert world.mode is Mode.STOPPED, "it waits for an explicit start"
+    assert time_to_stand(world, 0.0, math.inf) >= 0
+    choose(phone, world, Mode.TRAIN)
