@@ -15,10 +15,11 @@ from robot.errors import ConfigurationError
 from robot.features import Features, GradientFeatures, GreyFeatures
 from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.learner.classifier import BSOCClassifier
+from robot.learner.ridge import RecursiveRidge
 from robot.steadiness import Commitment, RunningVotes
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
 
-VOTES_KEPT = 0.75
+VOTES_KEPT = 0.4
 """Share of the running average of votes that stays at each frame."""
 
 
@@ -133,8 +134,6 @@ class Policy:
         params = {
             "learner": state.params,
             "lessons": self._n_lessons,
-            "proposals": self._n_proposals,
-            "last_used": {str(node): at for node, at in self._last_used.items()},
             "last_taught": {str(node): at for node, at in self._last_taught.items()},
             "name": self.name,
         }
@@ -154,8 +153,8 @@ class Policy:
             State(kind=kind, params=inner, arrays=state.arrays, labels=state.labels)
         )
         self._n_lessons = int(state.params["lessons"])
-        self._n_proposals = int(state.params["proposals"])
-        self._last_used = {int(k): int(v) for k, v in state.params["last_used"].items()}
+        self._n_proposals = 0
+        self._last_used = {}
         self._last_taught = {int(k): int(v) for k, v in state.params["last_taught"].items()}
         self.settle()
 
@@ -234,7 +233,9 @@ Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
 
 
 def _default(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    learner = BSOCClassifier(number)
+    # The linear part costs a floating-point step over all pairs of gradients a lesson.
+    linear = None if integer else RecursiveRidge(GradientFeatures.n_gradients)
+    learner = BSOCClassifier(number, linear=linear, integer=integer)
     return Policy(name, number, learner, GradientFeatures(), moves=moves)
 
 

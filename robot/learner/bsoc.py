@@ -45,6 +45,8 @@ class BSOC:
         ids_: A name for each node that survives: a merged node keeps that of its heavier parent.
         last_merge_: What the latest `train` merged; None if the frame became a node without a
             merge, or was itself merged into the node that `train` returned.
+        last_distance_: Squared distance of the latest frame from the nearest node before it;
+            None for the first.
     """
 
     def __init__(self, max_nodes: int, *, group_cost: float = 1.0, integer: bool = False) -> None:
@@ -56,6 +58,7 @@ class BSOC:
         self.group_cost = group_cost
         self.integer = integer
         self.last_merge_: Merge | None = None
+        self.last_distance_: float | None = None
         self._size = 0
         self._next_id = 0
         self._n_pinned = 0
@@ -131,6 +134,7 @@ class BSOC:
         size = self._size
         distances = self._images.measure(x, size)
         self.last_merge_ = None
+        self.last_distance_ = float(distances.min()) if size else None
         name = self._next_id
         self._next_id = name + 1
         if size < self.max_nodes:
@@ -270,12 +274,12 @@ class BSOC:
             "size": self._size,
             "next_id": self._next_id,
         }
-        return State(kind=self._kind, params=params, arrays=arrays)
+        return State(kind=self.kind, params=params, arrays=arrays)
 
     def set_state(self, state: State) -> None:
         """Become the clustering that gave `state`; raises ValueError if of another kind."""
-        if state.kind != self._kind:
-            raise ValueError(f"the model is a {state.kind}, not a {self._kind}")
+        if state.kind != self.kind:
+            raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
         self.max_nodes = int(state.params["max_nodes"])
         self.group_cost = float(state.params["group_cost"])
         self._size = int(state.params["size"])
@@ -290,5 +294,6 @@ class BSOC:
         self.last_merge_ = None
 
     @property
-    def _kind(self) -> str:
+    def kind(self) -> str:
+        """Name of the form that its state has."""
         return "bsoc-integer" if self.integer else "bsoc"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 from robot.learner import votes
 from robot.learner.base import Evidence, Label, NotFittedError, State, Vector
 from robot.learner.bsoc import BSOC, Merge
+from robot.learner.novelty import Novelty
 from robot.learner.published import PublishedBSOC
+from robot.learner.ridge import RecursiveRidge
 
 GROUP_COST = 1000.0
 """Merging nodes of two labels is this many times dearer: in practice the last resort."""
 N_VOTERS = 3
+LINEAR_SHARE = 0.7
 
 
 class BSOCClassifier:
@@ -24,6 +27,9 @@ class BSOCClassifier:
         max_nodes: How many images to keep at most.
         group_cost: How many times dearer a merge of two labels is; 1 as published.
         n_voters: How many of the nearest nodes vote.
+        linear: An online linear part, whose scores are mixed with the votes; none unless given.
+        linear_share: Weight of the linear part in the mixture.
+        integer: Compute on the nodes' pixels in whole numbers alone; vectors are then bytes.
         cluster: The clustering; a label-aware `BSOC` unless given.
 
     Example:
@@ -39,16 +45,24 @@ class BSOCClassifier:
         *,
         group_cost: float = GROUP_COST,
         n_voters: int = N_VOTERS,
+        linear: RecursiveRidge | None = None,
+        linear_share: float = LINEAR_SHARE,
+        integer: bool = False,
         cluster: BSOC | PublishedBSOC | None = None,
     ) -> None:
         if n_voters < 1:
             raise ValueError(f"n_voters must be at least 1, not {n_voters}")
         self.max_nodes = max_nodes
         self.n_voters = n_voters
-        self.cluster = BSOC(max_nodes, group_cost=group_cost) if cluster is None else cluster
+        if cluster is None:
+            cluster = BSOC(max_nodes, group_cost=group_cost, integer=integer)
+        self.cluster = cluster
         self.labels_: list[Label] = []
         self.n_seen_ = 0
         self.last_node_: int | None = None
+        self.linear = linear
+        self.linear_share = linear_share
+        self.novelty_ = Novelty()
         self._histograms = np.zeros((max_nodes, 0), np.int64)
 
     @classmethod
@@ -70,18 +84,28 @@ class BSOCClassifier:
         """
         if not isinstance(y, str) or not y:
             raise ValueError(f"a label is a word, not {y!r}")
-        known = y in self.labels_
-        column = self.labels_.index(y) if known else len(self.labels_)
+        column = self.labels_.index(y) if y in self.labels_ else len(self.labels_)
         node = self.cluster.train(x, column)
-        if not known:
-            self.labels_.append(y)
-            new = np.zeros((self.max_nodes, 1), np.int64)
-            self._histograms = np.hstack([self._histograms, new])
+        self._know(y)
         if self.cluster.last_merge_ is not None:
             self._follow(self.cluster.last_merge_)
         self._histograms[node, column] += 1
         self.n_seen_ += 1
         self.last_node_ = node
+        if self.cluster.last_distance_ is not None:
+            self.novelty_.learn(self.cluster.last_distance_)
+        if self.linear is not None:
+            self.linear.learn(x, np.eye(len(self.labels_))[column])
+
+    def _know(self, y: Label) -> int:
+        """Return the column of a label, a new one if it is not known yet."""
+        if y not in self.labels_:
+            self.labels_.append(y)
+            new = np.zeros((self.max_nodes, 1), np.int64)
+            self._histograms = np.hstack([self._histograms, new])
+            if self.linear is not None:
+                self.linear.add_label()
+        return self.labels_.index(y)
 
     def predict_one(self, x: Vector) -> Label:
         """Return the label with most votes, the first learned on a tie.
@@ -105,6 +129,7 @@ class BSOCClassifier:
             label=self.labels_[best],
             probabilities=dict(zip(self.labels_, shares.tolist(), strict=True)),
             confidence=float(shares[best]),
+            novelty=self.novelty_.score(float(distances[node])),
             node=node,
             distance=float(distances[node]),
         )
@@ -115,8 +140,13 @@ class BSOCClassifier:
         distances = self.cluster.distances(x)
         histograms = self._histograms[: len(self.cluster)]
         if self.n_voters == 1:
-            return distances, votes.majority(distances, histograms)
-        return distances, votes.nearest_nodes(distances, histograms, self.n_voters)
+            shares = votes.majority(distances, histograms)
+        else:
+            shares = votes.nearest_nodes(distances, histograms, self.n_voters)
+        if self.linear is not None:
+            scores = np.maximum(self.linear.scores(x), 0.0)
+            shares = votes.shares(self.linear_share * scores + (1.0 - self.linear_share) * shares)
+        return distances, shares
 
     def _follow(self, merge: Merge) -> None:
         self._histograms[merge.kept] += self._histograms[merge.removed]
@@ -125,11 +155,19 @@ class BSOCClassifier:
     def get_state(self) -> State:
         """Return a copy of all that was learned."""
         inner = self.cluster.get_state()
-        params = {"n_voters": self.n_voters, "n_seen": self.n_seen_, "cluster": inner.params}
+        params: dict[str, Any] = {
+            "n_voters": self.n_voters,
+            "n_seen": self.n_seen_,
+            "cluster": inner.params,
+        }
         arrays = {f"cluster_{name}": array for name, array in inner.arrays.items()}
         arrays["histograms"] = self._histograms.copy()
+        novelty = self.novelty_
+        params["novelty"] = [novelty.n, novelty.mean, novelty.variance]
+        if self.linear is not None:
+            arrays.update(self.linear.get_arrays())
         return State(
-            kind=f"classifier:{inner.kind}",
+            kind=self._kind,
             params=params,
             arrays=arrays,
             labels=list(self.labels_),
@@ -137,37 +175,46 @@ class BSOCClassifier:
 
     def set_state(self, state: State) -> None:
         """Become the classifier that gave `state`; raises ValueError if it is of another kind."""
-        kind = f"classifier:{self.cluster.get_state().kind}"
-        if state.kind != kind:
-            raise ValueError(f"the model is a {state.kind}, not a {kind}")
+        if state.kind != self._kind:
+            raise ValueError(f"the model is a {state.kind}, not a {self._kind}")
         prefix = "cluster_"
         inner = {k[len(prefix) :]: v for k, v in state.arrays.items() if k.startswith(prefix)}
         self.cluster.set_state(
-            State(kind=kind.partition(":")[2], params=state.params["cluster"], arrays=inner)
+            State(kind=self.cluster.kind, params=state.params["cluster"], arrays=inner)
         )
         self.max_nodes = self.cluster.max_nodes
         self.n_voters = int(state.params["n_voters"])
         self.n_seen_ = int(state.params["n_seen"])
         self.labels_ = list(state.labels)
         self._histograms = state.arrays["histograms"].copy()
+        novelty = self.novelty_
+        novelty.n, novelty.mean, novelty.variance = state.params["novelty"]
+        if self.linear is not None:
+            self.linear.set_arrays(state.arrays)
+
+    @property
+    def _kind(self) -> str:
+        return f"classifier{'+linear' if self.linear else ''}:{self.cluster.kind}"
 
     def relabel_node(self, node_id: int, y: Label) -> None:
         """Let the node of this id vote for `y` alone; raises LookupError if there is none."""
         index = self._index(node_id)
-        if y not in self.labels_:
-            self.labels_.append(y)
-            new = np.zeros((self.max_nodes, 1), np.int64)
-            self._histograms = np.hstack([self._histograms, new])
-        column = self.labels_.index(y)
-        total = int(self._histograms[index].sum())
+        column = self._know(y)
+        before = self._histograms[index].copy()
         self._histograms[index] = 0
-        self._histograms[index, column] = max(total, 1)
+        self._histograms[index, column] = max(int(before.sum()), 1)
+        if self.linear is not None:
+            image = self.cluster.nodes_[index]
+            self.linear.retarget(image, (self._histograms[index] - before).astype(np.float64))
         self.cluster.set_group(index, column)
 
     def delete_node(self, node_id: int) -> None:
         """Forget the node of this id; raises LookupError if there is none."""
         index = self._index(node_id)
+        image, frames = self.cluster.nodes_[index], float(self.cluster.counts_[index])
         last = self.cluster.delete(index)
+        if self.linear is not None:
+            self.linear.learn(image, self._histograms[index] / frames, -frames)
         self._histograms[index] = self._histograms[last]
         self._histograms[last] = 0
 

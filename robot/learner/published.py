@@ -34,6 +34,7 @@ class PublishedBSOC:
         self.max_nodes = max_nodes
         self.integer = integer
         self.last_merge_: Merge | None = None
+        self.last_distance_: float | None = None
         self._size = 0
         self._next_id = 0
         self._dtype: type[Any] = np.int32 if integer else np.float64
@@ -199,12 +200,12 @@ class PublishedBSOC:
         """Return a copy of all that was learned."""
         arrays = {name: getattr(self, f"_{name}").copy() for name in _ARRAYS}
         params = {"max_nodes": self.max_nodes, "size": self._size, "next_id": self._next_id}
-        return State(kind=self._kind, params=params, arrays=arrays)
+        return State(kind=self.kind, params=params, arrays=arrays)
 
     def set_state(self, state: State) -> None:
         """Become the clustering that gave `state`; raises ValueError if of another kind."""
-        if state.kind != self._kind:
-            raise ValueError(f"the model is a {state.kind}, not a {self._kind}")
+        if state.kind != self.kind:
+            raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
         self.max_nodes = int(state.params["max_nodes"])
         self._size = int(state.params["size"])
         self._next_id = int(state.params["next_id"])
@@ -213,5 +214,6 @@ class PublishedBSOC:
         self.last_merge_ = None
 
     @property
-    def _kind(self) -> str:
+    def kind(self) -> str:
+        """Name of the form that its state has."""
         return "published-integer" if self.integer else "published"

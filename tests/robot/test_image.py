@@ -62,3 +62,12 @@ def test_shrink_is_the_area_average():
     assert image.shrink(grey.astype(np.uint8), 7, 5).shape == (5, 7)
     with pytest.raises(CameraError):
         image.shrink(grey.astype(np.uint8), 33, 6)
+
+
+def test_the_fast_shrink_rounds_halves_to_even_too():
+    rng = np.random.default_rng(2)
+    grey = rng.integers(0, 256, (120, 160), dtype=np.uint8)
+    exact = np.rint(grey.reshape(30, 4, 40, 4).mean(axis=(1, 3)))
+    assert np.array_equal(image.shrink(grey, 40, 30), exact)
+    colour = np.repeat(grey[:, :, None], 3, axis=2)
+    assert np.array_equal(image.shrink(colour, 40, 30)[:, :, 1], exact)

@@ -1,0 +1,75 @@
+"""Online ridge regression from features to labels: exact after every frame, without a matrix solve.
+
+Source: recursive least squares, Haykin, "Adaptive Filter Theory", with a forgetting factor of 1.
+After any number of frames the weights are those of batch ridge regression on all of them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class RecursiveRidge:
+    """A linear score per label, from the first `n_features` values of a vector.
+
+    Time and memory O(n_features ** 2), whatever the number of frames seen.
+
+    Args:
+        n_features: How many values are used; a constant is added to them.
+        penalty: Weight of the squared coefficients.
+        scale: What the values are divided by, so that they lie about in [0, 1].
+    """
+
+    def __init__(self, n_features: int, *, penalty: float = 3.0, scale: float = 255.0) -> None:
+        if n_features < 1 or penalty <= 0.0 or scale <= 0.0:
+            raise ValueError("n_features, penalty and scale must be above 0")
+        self.n_features = n_features
+        self.scale = scale
+        size = n_features + 1
+        self._inverse = np.eye(size) / penalty
+        self._weights = np.zeros((size, 0))
+        self._work = np.zeros((size, size))
+
+    def add_label(self) -> None:
+        """Make room for one more label: no frame so far had it."""
+        self._weights = np.hstack([self._weights, np.zeros((len(self._weights), 1))])
+
+    def scores(self, x: NDArray[Any]) -> Floats:
+        """Return one score a label, about its probability but not bounded, shape (n_labels,)."""
+        scores: Floats = self._input(x) @ self._weights
+        return scores
+
+    def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:
+        """Add a frame with its target scores `weight` times; a negative weight takes it back."""
+        z = self._input(x)
+        direction = self._inverse @ z
+        gain = weight / (1.0 + weight * float(z @ direction))
+        error = targets - z @ self._weights
+        self._weights += np.outer(gain * direction, error)
+        np.multiply(direction[:, None], gain * direction[None, :], out=self._work)
+        self._inverse -= self._work
+
+    def retarget(self, x: NDArray[Any], change: Floats) -> None:
+        """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
+        self._weights += np.outer(self._inverse @ self._input(x), change)
+
+    def _input(self, x: NDArray[Any]) -> Floats:
+        z = np.ones(self.n_features + 1)
+        np.divide(x[: self.n_features], self.scale, out=z[:-1])
+        return z
+
+    def get_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all that was learned."""
+        return {"inverse": self._inverse.copy(), "linear": self._weights.copy()}
+
+    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Become what gave `arrays`; raises ValueError if it had other features."""
+        if arrays["inverse"].shape != self._inverse.shape:
+            raise ValueError("the model was learned on another number of features")
+        self._inverse = arrays["inverse"].copy()
+        self._weights = arrays["linear"].copy()

@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot.learner.ridge import RecursiveRidge
+
+
+def batch(xs, targets, weights, penalty):
+    z = np.hstack([xs, np.ones((len(xs), 1))])
+    a = z.T @ (weights[:, None] * z) + penalty * np.eye(z.shape[1])
+    return np.linalg.solve(a, z.T @ (weights[:, None] * targets))
+
+
+@pytest.fixture
+def lessons():
+    rng = np.random.default_rng(0)
+    return rng.normal(size=(50, 6)), np.eye(3)[rng.integers(0, 3, 50)]
+
+
+def test_equals_batch_ridge(lessons):
+    xs, targets = lessons
+    ridge = RecursiveRidge(6, penalty=2.0, scale=1.0)
+    ridge.add_label()
+    ridge.add_label()
+    for x, target in zip(xs[:10], targets[:10, :2], strict=True):
+        ridge.learn(x, target)
+    ridge.add_label()
+    for x, target in zip(xs[10:], targets[10:], strict=True):
+        ridge.learn(x, target)
+    known = targets.copy()
+    known[:10, 2] = 0.0
+    expected = batch(xs, known, np.ones(50), 2.0)
+    np.testing.assert_allclose(ridge.scores(xs[3]), np.append(xs[3], 1.0) @ expected, atol=1e-9)
+
+
+def test_takes_back_and_relabels(lessons):
+    xs, targets = lessons
+    ridge = RecursiveRidge(6, penalty=2.0, scale=1.0)
+    for _ in range(3):
+        ridge.add_label()
+    for x, target in zip(xs, targets, strict=True):
+        ridge.learn(x, target)
+    ridge.learn(xs[0], targets[0], -1.0)
+    ridge.retarget(xs[1], np.array([1.0, 0.0, 0.0]) - targets[1])
+    changed = targets.copy()
+    changed[1] = [1.0, 0.0, 0.0]
+    expected = batch(xs[1:], changed[1:], np.ones(49), 2.0)
+    np.testing.assert_allclose(ridge.scores(xs[7]), np.append(xs[7], 1.0) @ expected, atol=1e-8)
+
+
+def test_stays_exact_over_many_frames():
+    rng = np.random.default_rng(1)
+    xs = rng.integers(0, 256, (20000, 20)).astype(np.uint8)
+    targets = (xs[:, :1] > xs[:, 1:2]).astype(float)
+    ridge = RecursiveRidge(20)
+    ridge.add_label()
+    for x, target in zip(xs, targets, strict=True):
+        ridge.learn(x, target)
+    expected = batch(xs / 255.0, targets, np.ones(20000), 3.0)
+    np.testing.assert_allclose(
+        ridge.scores(xs[5]), np.append(xs[5] / 255.0, 1) @ expected, atol=1e-8
+    )
