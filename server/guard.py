@@ -92,6 +92,8 @@ class Guard:
         return refusal or access.admit(scope["path"], headers, address)
 
     def _check_limits(self, scope: Scope, headers: dict[str, str], address: str) -> Refusal | None:
+        if "\0" in scope["path"]:
+            return Refusal(status=400, reason="path", sentence="No page has such an address.")
         if scope["type"] == "websocket" and self._open_sockets >= self._limits.clients:
             return Refusal(status=503, reason="clients", sentence="Too many pages are open.")
         if not self._pace(address).allows(time.monotonic()):

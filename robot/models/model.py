@@ -120,7 +120,8 @@ def encode_model(model: Model) -> bytes:
     meta["sha256"] = _checksum(meta, arrays)
     text = json.dumps(meta, ensure_ascii=False, default=_plain).encode()
     file = io.BytesIO()
-    np.savez(file, allow_pickle=False, meta=np.frombuffer(text, np.uint8), **arrays)
+    # No allow_pickle: numpy 1.24 would store it as an array. Pickles are refused on reading.
+    np.savez(file, meta=np.frombuffer(text, np.uint8), **arrays)
     return file.getvalue()
 
 

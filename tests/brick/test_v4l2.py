@@ -169,8 +169,8 @@ def test_freshness_tells_silence_from_repetition() -> None:
     freshness = agent.Freshness(10.0)
     assert freshness.is_new(b"a", 10.1)
     assert not freshness.is_new(b"a", 10.5)
-    assert freshness.fault(10.54) is None
-    assert freshness.fault(10.57) == "repeats one picture"
-    assert freshness.fault(11.0) == "gives no pictures"
+    assert freshness.fault(10.49) is None
+    assert freshness.fault(10.52) == "repeats one picture"
+    assert freshness.fault(10.92) == "gives no pictures"
     assert freshness.is_new(b"b", 11.1)
     assert freshness.fault(11.2) is None
