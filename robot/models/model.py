@@ -121,7 +121,7 @@ def encode_model(model: Model) -> bytes:
     text = json.dumps(meta, ensure_ascii=False, default=_plain).encode()
     file = io.BytesIO()
     # No allow_pickle: numpy 1.24 would store it as an array. Pickles are refused on reading.
-    np.savez(file, meta=np.frombuffer(text, np.uint8), **arrays)
+    np.savez(file, meta=np.frombuffer(text, np.uint8), **arrays)  # type: ignore[arg-type]
     return file.getvalue()
 
 

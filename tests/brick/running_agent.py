@@ -16,7 +16,9 @@ SECRET = "a shared secret"
 class RunningAgent:
     """A context manager; `address` is where it listens."""
 
-    def __init__(self, root: Path, folder: Path, env: dict[str, str] | None = None) -> None:
+    def __init__(
+        self, root: Path, folder: Path, env: dict[str, str] | None = None, port: str = "0"
+    ) -> None:
         secret = folder / "secret"
         secret.write_text(SECRET)
         secret.chmod(0o600)
@@ -27,7 +29,7 @@ class RunningAgent:
                 "--host",
                 "127.0.0.1",
                 "--port",
-                "0",
+                port,
                 "--secret-file",
                 str(secret),
                 "--root",
