@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -13,9 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import RecordingError
+from robot.npz import read_arrays
 from robot.types import DEFAULT_MOVES, Action, Encoding, Frame
 
 WIDTH, HEIGHT = 160, 120
+MAX_BYTES = 512 * 2**20
+"""A recording that unpacks to more is refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,11 +54,11 @@ def load_recording(path: Path | str) -> Recording:
     """
     path = Path(path)
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        with path.open("rb") as file:
+            arrays = read_arrays(file, max_bytes=MAX_BYTES)
     except FileNotFoundError as error:
         raise RecordingError(f"there is no recording {path}") from error
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, AttributeError) as error:
+    except (OSError, RecordingError) as error:
         raise RecordingError(f"the recording {path} cannot be read: {error}") from error
     return _checked(path, arrays)
 

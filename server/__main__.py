@@ -14,6 +14,8 @@ COMMANDS: dict[str, str] = {
     "serve": "drive a robot from the browser",
     "evaluate": "compare learners on recorded footage",
     "bench": "measure this machine",
+    "episodes": "see, mend, import and export recorded runs",
+    "learn": "learn again from recorded runs",
 }
 """Name to one line of help. Each is a module of `server.commands` with `configure(parser)` and
 `run(args) -> int`, imported only when asked for: on an EV3 every import costs seconds. Where

@@ -29,6 +29,7 @@ class Moment:
     label: Action | None
     is_relabelled: bool
     is_deleted: bool
+    is_intervention: bool = False
     predicted: str | None = None
     confidence: float | None = None
     driven_by: str | None = None
@@ -38,6 +39,11 @@ class Moment:
 def moments(episode: Episode, notes: Notes) -> list[Moment]:
     """List the recording's pictures in order, each with label, prediction and driver."""
     labels = taught_frames(episode)
+    corrected = {
+        entry.event.lesson.frame_id
+        for entry in episode.lessons
+        if isinstance(entry.event, Taught) and entry.event.lesson.is_intervention
+    }
     predictions = {words["frame"]: words for _, words in episode.words.get(PREDICTION, [])}
     decisions = episode.words.get(DECISION, [])
     start_s, at = episode.start_s, 0
@@ -55,6 +61,7 @@ def moments(episode: Episode, notes: Notes) -> list[Moment]:
                 label=relabel or labels.get(entry.frame_id),
                 is_relabelled=relabel is not None,
                 is_deleted=notes.is_deleted(entry.frame_id),
+                is_intervention=entry.frame_id in corrected and entry.frame_id in labels,
                 predicted=said.get("action"),
                 confidence=said.get("confidence"),
                 driven_by=decision.get("driven_by"),

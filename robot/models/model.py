@@ -9,8 +9,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import math
-import zipfile
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -21,13 +19,13 @@ from numpy.typing import NDArray
 
 from robot.errors import RecordingError
 from robot.learner.base import State
+from robot.npz import read_arrays
 from robot.policy import LearnedImage, Policy, make_policy
 from robot.types import Action
 
 FORMAT = 1
 MAX_BYTES = 256 * 2**20
 """A model that claims to be larger is refused before anything of it is unpacked."""
-_MAX_MEMBERS = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,42 +183,9 @@ def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> st
 
 def _unpack(data: bytes, only: str | None = None) -> dict[str, NDArray[Any]]:
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = archive.infolist()
-            if len(members) > _MAX_MEMBERS or sum(m.file_size for m in members) > MAX_BYTES:
-                raise RecordingError(
-                    f"this file unpacks to more than a model of {MAX_BYTES >> 20} MB holds"
-                )
-            return {
-                member.filename.removesuffix(".npy"): _read_array(archive.read(member))
-                for member in members
-                if only is None or member.filename == f"{only}.npy"
-            }
-    except (zipfile.BadZipFile, ValueError, EOFError, NotImplementedError, OSError) as error:
-        if isinstance(error, RecordingError):
-            raise
+        return read_arrays(io.BytesIO(data), max_bytes=MAX_BYTES, only=only)
+    except RecordingError as error:
         raise RecordingError(f"this is no model, or a damaged one: {error}") from error
-    except RuntimeError as error:  # an encrypted member
-        raise RecordingError(f"this is no model: {error}") from error
-
-
-def _read_array(data: bytes) -> NDArray[Any]:
-    """Read one `.npy`; its header is believed only where the bytes are really there."""
-    file = io.BytesIO(data)
-    version = np.lib.format.read_magic(file)
-    read_header = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }.get(version)
-    if read_header is None:
-        raise ValueError(f"an array of format {version}")
-    shape, fortran, dtype = read_header(file)
-    if dtype.hasobject:
-        raise RecordingError("this file holds pickled objects, which are never opened")
-    if math.prod(shape) * dtype.itemsize != len(data) - file.tell() or min(shape, default=0) < 0:
-        raise ValueError(f"an array whose header says {shape} but whose bytes say otherwise")
-    array = np.frombuffer(data, dtype, offset=file.tell()).copy()
-    return array.reshape(shape, order="F" if fortran else "C")
 
 
 def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:

@@ -1,0 +1,105 @@
+"""A drive of somebody else's, on its way to become an episode."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robot.episodes.words import COMMAND, LESSON, describe_command, describe_event
+from robot.episodes.writer import EpisodeWriter, Run
+from robot.errors import RecordingError
+from robot.exchange.pictures import Picture
+from robot.school import Taught
+from robot.types import DEFAULT_MOVES, Action, Frame, Lesson, PilotCommand
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shot:
+    """One picture of a drive, with its label if it has one. `t_s` counts from the beginning."""
+
+    t_s: float
+    picture: Picture
+    label: Action | None
+    is_intervention: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """A drive: how it is called, where it is from, and its shots, read one at a time."""
+
+    name: str
+    source: str
+    shots: Iterable[Shot]
+    moves: tuple[Action, ...] = DEFAULT_MOVES
+    started_at_s: float = 0.0
+
+
+def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lambda: None) -> int:
+    """Write a drive as an episode; return how many pictures it has.
+
+    Raises:
+        RecordingError: If the drive is broken or empty; then no file is left.
+        OSError: If the disk refuses; neither.
+    """
+    started_at_s = drive.started_at_s or time.time()
+    run = Run(
+        episode_id=path.stem,
+        run_id=path.stem,
+        origin_ns=round(started_at_s * 1e9),
+        started_at_s=started_at_s,
+        moves=tuple(move.value for move in drive.moves),
+        source=drive.source,
+    )
+    part = path.with_name(f".{path.stem}.part")
+    part.unlink(missing_ok=True)
+    try:
+        with part.open("xb") as file:
+            writer = EpisodeWriter(file, run)
+            for frame_id, shot in enumerate(drive.shots, start=1):
+                _write_shot(writer, frame_id, shot)
+                on_shot()
+            if not writer.frames:
+                raise RecordingError(f"{drive.name} has no pictures")
+            writer.close({"dropped_frames": "0", "lost_words": "0"})
+        part.rename(path)
+    finally:
+        part.unlink(missing_ok=True)
+    return writer.frames
+
+
+def _write_shot(writer: EpisodeWriter, frame_id: int, shot: Shot) -> None:
+    picture = shot.picture
+    frame = Frame(
+        frame_id=frame_id,
+        captured_s=shot.t_s,
+        width=picture.width,
+        height=picture.height,
+        encoding=picture.encoding,
+        data=picture.data,
+    )
+    writer.write_frame(frame)
+    if shot.label is None:
+        return
+    command = PilotCommand(held=shot.label, frame_id=frame_id, seq=frame_id, received_s=shot.t_s)
+    writer.write_words(COMMAND, shot.t_s, describe_command(command))
+    lesson = Lesson(frame_id=frame_id, label=shot.label, is_intervention=shot.is_intervention)
+    taught = Taught(lesson=lesson, x=np.zeros(0), at_s=shot.t_s)
+    writer.write_words(LESSON, shot.t_s, describe_event(taught))
+
+
+def read_label(text: object) -> Action | None:
+    """Return the move that a text names, or None."""
+    if isinstance(text, str) and text.strip().lower() in tuple(Action):
+        label = Action(text.strip().lower())
+        return None if label is Action.STOP else label
+    return None
+
+
+def moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
+    """Return the usual three moves, and whatever else is among the labels."""
+    found = set(labels)
+    return DEFAULT_MOVES + tuple(a for a in Action if a in found and a not in DEFAULT_MOVES)

@@ -1,0 +1,125 @@
+"""Films: pictures to H.264, for a LeRobot dataset and for looking at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot.episodes.edits import Notes
+from robot.episodes.episode import Episode
+from robot.episodes.mending import Moment, moments
+from robot.errors import MissingExtraError, RecordingError
+from robot.image import Pixels, to_rgb
+
+_SMALLEST_HEIGHT_PX = 480
+_BAR_PX = 56
+
+
+def require_av() -> Any:
+    """Return the module `av`.
+
+    Raises:
+        MissingExtraError: If it is not installed.
+    """
+    try:
+        import av
+    except ImportError as error:
+        raise MissingExtraError("writing films", "export") from error
+    return av
+
+
+def write_film(
+    pictures: Iterable[Pixels], path: Path, fps: int, *, crf: int = 18, preset: str = "medium"
+) -> int:
+    """Write pictures of one size, evenly spaced in time; return how many.
+
+    H.264 with 4:2:0 colour, which everything plays; it needs even sides, so an odd last row or
+    column is left out. A key frame each second makes single pictures quick to find.
+
+    Raises:
+        MissingExtraError: If `av` is not installed.
+    """
+    av = require_av()
+    count, stream = 0, None
+    with av.open(str(path), "w", options={"movflags": "faststart"}) as container:
+        for picture in pictures:
+            even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
+            if stream is None:
+                stream = container.add_stream(
+                    "libx264", rate=fps, options={"crf": str(crf), "preset": preset}
+                )
+                stream.height, stream.width = even.shape[:2]
+                stream.pix_fmt = "yuv420p"
+                stream.codec_context.gop_size = fps
+                stream.codec_context.max_b_frames = 0
+            elif even.shape[:2] != (stream.height, stream.width):
+                raise RecordingError("the pictures of a film must all have one size")
+            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24")
+            frame.pts, frame.time_base = count, Fraction(1, fps)
+            container.mux(stream.encode(frame))
+            count += 1
+        if stream is not None:
+            container.mux(stream.encode())
+    return count
+
+
+def write_look(
+    episode: Episode,
+    notes: Notes,
+    path: Path,
+    *,
+    fps: int | None = None,
+    on_frame: Callable[[], None] = lambda: None,
+) -> int:
+    """Write an episode as a film to look at: large, with label and prediction below the picture.
+
+    Raises:
+        MissingExtraError: If `av` or OpenCV is not installed.
+    """
+
+    def pictures() -> Iterable[Pixels]:
+        for moment in kept:
+            on_frame()
+            yield _caption(to_rgb(episode.frame(moment.frame_id)), moment)
+
+    kept = [moment for moment in moments(episode, notes) if not moment.is_deleted]
+    return write_film(
+        pictures(), path, fps or frame_rate([m.at_s for m in kept]), crf=23, preset="ultrafast"
+    )
+
+
+def frame_rate(times_s: list[float]) -> int:
+    """Return the usual rate of these times in whole pictures a second, 1 to 60."""
+    gaps_s = np.diff(np.asarray(times_s)) if len(times_s) > 1 else np.array([1 / 20])
+    usual_s = float(np.median(gaps_s))
+    return int(np.clip(round(1 / usual_s), 1, 60)) if usual_s > 0 else 30
+
+
+def _caption(picture: Pixels, moment: Moment) -> Pixels:
+    """Enlarge the picture, and write below it what was held and what the robot would do."""
+    import cv2
+
+    scale = max(1, -(-_SMALLEST_HEIGHT_PX // picture.shape[0]))
+    large = picture.repeat(scale, axis=0).repeat(scale, axis=1)
+    bar: Pixels = np.full((_BAR_PX, large.shape[1], 3), 24, np.uint8)
+    sure = "" if moment.confidence is None else f" {moment.confidence:.0%}"
+    texts = (
+        f"{moment.at_s:6.1f} s  pilot: {moment.label or '-'}",
+        f"robot: {moment.predicted or '-'}{sure}   drives: {moment.driven_by or '-'}",
+    )
+    for row, text in enumerate(texts):
+        cv2.putText(
+            bar,
+            text,
+            (10, 22 + 24 * row),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            0.6,
+            (235, 235, 235),
+            1,
+            cv2.LINE_AA,
+        )
+    return np.vstack((large, bar))

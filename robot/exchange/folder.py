@@ -1,0 +1,165 @@
+"""A folder of pictures with a CSV table: the form that everything can read."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from robot.episodes.edits import Notes
+from robot.episodes.episode import Episode
+from robot.episodes.mending import moments
+from robot.errors import RecordingError
+from robot.exchange.drive import Drive, Shot, moves_with, read_label
+from robot.exchange.pictures import read_picture_file, write_picture
+from robot.exchange.steering import DEFAULT_THRESHOLD, to_angle, to_move
+from robot.types import Action
+
+TABLE = "frames.csv"
+COLUMNS = (
+    "file",
+    "frame",
+    "time_s",
+    "label",
+    "angle",
+    "predicted",
+    "confidence",
+    "driven_by",
+    "sent",
+)
+_FILE = ("file", "image", "filename", "path", "img", "image_path")
+_LABEL = ("label", "move", "action", "class")
+_ANGLE = ("angle", "steering", "user/angle", "steering_angle")
+_THROTTLE = ("throttle", "user/throttle", "speed")
+_TIME = ("time_s", "t", "time", "timestamp", "seconds")
+_MOST_TABLE_BYTES = 64 * 2**20
+
+
+def write_folder(
+    episode: Episode,
+    notes: Notes,
+    folder: Path,
+    *,
+    taught_only: bool = False,
+    on_frame: Callable[[], None] = lambda: None,
+) -> int:
+    """Write an episode as pictures and `frames.csv`; return how many pictures there are."""
+    folder.mkdir(parents=True)
+    rows = 0
+    with (folder / TABLE).open("x", encoding="utf-8", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(COLUMNS)
+        for moment in moments(episode, notes):
+            on_frame()
+            if moment.is_deleted or (taught_only and moment.label is None):
+                continue
+            frame = episode.frame(moment.frame_id)
+            name = write_picture(frame, folder / "images", f"{moment.frame_id:08d}")
+            table.writerow(
+                (
+                    f"images/{name}",
+                    moment.frame_id,
+                    f"{moment.at_s:.6f}",
+                    moment.label or "",
+                    to_angle(moment.label)[0] if moment.label else "",
+                    moment.predicted or "",
+                    "" if moment.confidence is None else f"{moment.confidence:.4f}",
+                    moment.driven_by or "",
+                    moment.sent or "",
+                )
+            )
+            rows += 1
+    return rows
+
+
+def read_folder(
+    folder: Path, threshold: float = DEFAULT_THRESHOLD, table: Path | None = None
+) -> Drive:
+    """Read a folder of pictures with a CSV table of one row a picture.
+
+    The table has a column for the file (`file`, `image`, `filename`, `path`), one for the label
+    (`label`, `move`, `action`) or the steering angle (`angle`, `steering`), and may have one for
+    the seconds (`time_s`, `t`, `timestamp`).
+
+    Raises:
+        RecordingError: If there is no such table, or more than one, or it is broken.
+    """
+    path = table or _find_table(folder)
+    rows = _read_rows(path)
+    labels = [_label(row, threshold, path) for row in rows]
+    return Drive(
+        name=folder.name,
+        source="folder",
+        shots=_shots(folder, rows, labels, path),
+        moves=moves_with(labels),
+    )
+
+
+def _find_table(folder: Path) -> Path:
+    tables = sorted(folder.glob("*.csv"))
+    if len(tables) != 1:
+        raise RecordingError(f"the folder {folder} has {len(tables)} CSV tables; it must have one")
+    return tables[0]
+
+
+def _read_rows(path: Path) -> list[dict[str, str]]:
+    try:
+        if path.stat().st_size > _MOST_TABLE_BYTES:
+            raise RecordingError(f"the table {path} is too large")
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = [
+                {(k or "").strip().lower(): v or "" for k, v in row.items() if isinstance(v, str)}
+                for row in csv.DictReader(file)
+            ]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(f"the table {path} cannot be read: {error}") from error
+    if not rows:
+        raise RecordingError(f"the table {path} has no rows")
+    if _find(rows[0], _FILE) is None:
+        raise RecordingError(f"the table {path} has no column {' or '.join(_FILE[:4])}")
+    if _find(rows[0], _LABEL) is None and _find(rows[0], _ANGLE) is None:
+        raise RecordingError(f"the table {path} has no column label or angle")
+    return rows
+
+
+def _find(row: dict[str, str], names: tuple[str, ...]) -> str | None:
+    return next((row[name] for name in names if name in row), None)
+
+
+def _label(row: dict[str, str], threshold: float, path: Path) -> Action | None:
+    text = _find(row, _LABEL)
+    if text is not None and not text.strip():
+        return None
+    label = read_label(text)
+    if label is not None:
+        return label
+    angle = _find(row, _ANGLE)
+    if text is not None and angle is None:
+        raise RecordingError(f"the table {path} has a label {text[:40]!r} that is no move")
+    throttle = _find(row, _THROTTLE)
+    return to_move(_number(angle, path), _number(throttle, path) if throttle else None, threshold)
+
+
+def _number(text: str | None, path: Path) -> float:
+    try:
+        number = float(text or "")
+    except ValueError as error:
+        raise RecordingError(f"the table {path} has {text!r} where a number belongs") from error
+    if not math.isfinite(number):
+        raise RecordingError(f"the table {path} has {text!r} where a number belongs")
+    return number
+
+
+def _shots(
+    folder: Path, rows: list[dict[str, str]], labels: list[Action | None], table: Path
+) -> Iterator[Shot]:
+    first_s: float | None = None
+    last_s = 0.0
+    for index, (row, label) in enumerate(zip(rows, labels, strict=True)):
+        time_text = _find(row, _TIME)
+        t_s = _number(time_text, table) if time_text else index / 20
+        first_s = t_s if first_s is None else first_s
+        last_s = max(t_s - first_s, last_s)
+        name = _find(row, _FILE) or ""
+        yield Shot(t_s=last_s, picture=read_picture_file(folder, name), label=label)

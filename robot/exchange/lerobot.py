@@ -1,0 +1,415 @@
+"""LeRobotDataset v3: tables in parquet, pictures as films, written without the lerobot package.
+
+    meta/info.json                                      features, counts, paths
+    meta/stats.json                                     of all episodes together
+    meta/tasks.parquet                                  task text (the index) and its number
+    meta/episodes/chunk-000/file-000.parquet            a row an episode: lengths, files, stats
+    data/chunk-000/file-000.parquet                     a row a frame
+    videos/observation.images.front/chunk-000/file-NNN.mp4
+
+Timestamps are frame_index / fps exactly, so pictures are resampled to one rate, and a recording is
+split where the robot stood for longer than a second. Source: lerobot, datasets/utils.py,
+datasets/dataset_writer.py and docs/source/lerobot-dataset-v3.mdx.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.episodes.edits import Notes
+from robot.episodes.episode import Episode
+from robot.episodes.mending import Moment, moments
+from robot.episodes.words import SENSORS
+from robot.errors import MissingExtraError, RecordingError
+from robot.exchange.film import frame_rate, require_av, write_film
+from robot.exchange.steering import to_angle
+from robot.image import Pixels, to_rgb
+from robot.types import Action
+
+CAMERA = "observation.images.front"
+TASK = "Drive as the pilot taught."
+_LONGEST_GAP_S = 1.0
+_FILES_A_CHUNK = 1000
+_SENSORS = ("distance_m", "bumped", "battery")
+Columns = dict[str, NDArray[Any]]
+Stats = dict[str, dict[str, list[Any]]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """One LeRobot episode: moments of a recording at even distances in time."""
+
+    episode: Episode
+    moments: list[Moment]
+
+    def pictures(self, on_frame: Callable[[], None]) -> Iterator[Pixels]:
+        """Read the pictures one after the other."""
+        for moment in self.moments:
+            on_frame()
+            yield to_rgb(self.episode.frame(moment.frame_id))
+
+
+def write_lerobot(
+    mended: Sequence[tuple[Episode, Notes]],
+    folder: Path,
+    *,
+    fps: int | None = None,
+    task: str = TASK,
+    robot_type: str | None = None,
+    on_frame: Callable[[], None] = lambda: None,
+) -> int:
+    """Write recordings as one dataset; return how many LeRobot episodes it has.
+
+    Args:
+        mended: Recordings and what was mended of them.
+        folder: A new folder.
+        fps: Pictures a second; None for the first recording's own.
+        task: What the robot was doing, in words.
+        robot_type: Name of the robot; None for the recording's.
+        on_frame: Told of each picture.
+
+    Raises:
+        MissingExtraError: If pyarrow, av or OpenCV is not installed.
+        RecordingError: If there are no pictures.
+    """
+    _require_pyarrow()
+    require_av()
+    shown = [(episode, moments(episode, notes)) for episode, notes in mended]
+    rate = fps or frame_rate([moment.at_s for moment in shown[0][1]])
+    parts = [part for episode, found in shown for part in _split(episode, found, rate)]
+    if not parts:
+        raise RecordingError("there are no pictures to export")
+    names = [n for n in _SENSORS if any(n in _sensor_series(part.episode) for part in parts)]
+    folder.mkdir(parents=True)
+    tables, rows, start = [], [], 0
+    for index, part in enumerate(parts):
+        columns = _columns(part, index, start, rate, names)
+        image_stats = _write_video(part, folder, index, rate, on_frame)
+        tables.append(columns)
+        rows.append(_episode_row(columns, image_stats, index, start, rate, task))
+        start += len(part.moments)
+    _write_data(folder, tables)
+    _write_episodes(folder, rows)
+    _write_tasks(folder, task)
+    name = robot_type or mended[0][0].run.get("robot") or "drivelesson"
+    shape = to_rgb(parts[0].episode.frame(parts[0].moments[0].frame_id)).shape
+    _write_json(folder / "meta/info.json", _info(rows, rate, name, shape, names))
+    _write_json(folder / "meta/stats.json", _all_stats([row["stats"] for row in rows]))
+    return len(parts)
+
+
+def _split(episode: Episode, found: list[Moment], fps: int) -> list[Part]:
+    """Cut where time is missing, and take the nearest picture at each tick of the rate."""
+    kept = [moment for moment in found if not moment.is_deleted]
+    runs: list[list[Moment]] = [kept[:1]] if kept else []
+    for before, moment in pairwise(kept):
+        if moment.at_s - before.at_s > _LONGEST_GAP_S:
+            runs.append([])
+        runs[-1].append(moment)
+    return [Part(episode=episode, moments=_resample(run, fps)) for run in runs]
+
+
+def _resample(run: list[Moment], fps: int) -> list[Moment]:
+    times_s = np.array([moment.at_s for moment in run])
+    ticks_s = times_s[0] + np.arange(int((times_s[-1] - times_s[0]) * fps + 1e-6) + 1) / fps
+    after = np.clip(np.searchsorted(times_s, ticks_s), 0, len(run) - 1)
+    before = np.clip(after - 1, 0, len(run) - 1)
+    is_before_nearer = ticks_s - times_s[before] < times_s[after] - ticks_s
+    return [run[int(i)] for i in np.where(is_before_nearer, before, after)]
+
+
+def _columns(part: Part, index: int, start: int, fps: int, sensors: list[str]) -> Columns:
+    count = len(part.moments)
+    done = [_done(moment) for moment in part.moments]
+    columns: Columns = {
+        "action": np.array([to_angle(action) for action in done], np.float32),
+        "intervention": np.array([m.is_intervention for m in part.moments], bool),
+        "timestamp": (np.arange(count) / fps).astype(np.float32),
+        "frame_index": np.arange(count, dtype=np.int64),
+        "episode_index": np.full(count, index, np.int64),
+        "index": np.arange(start, start + count, dtype=np.int64),
+        "task_index": np.zeros(count, np.int64),
+    }
+    if sensors:
+        series = _sensor_series(part.episode)
+        columns["observation.state"] = np.stack(
+            [_at(series.get(name), part) for name in sensors], axis=1
+        )
+    return columns
+
+
+def _done(moment: Moment) -> Action:
+    """Return what was right at this picture: the pilot's label, or else what was sent."""
+    return moment.label or Action(moment.sent or Action.STOP)
+
+
+def _sensor_series(episode: Episode) -> dict[str, tuple[NDArray[Any], NDArray[Any]]]:
+    """Return times and values of each sensor that the robot has."""
+    found = {}
+    for name in _SENSORS:
+        said = [
+            (now_s - episode.start_s, float(words[name]))
+            for now_s, words in episode.words.get(SENSORS, [])
+            if words.get(name) is not None
+        ]
+        if said:
+            times_s, values = zip(*said, strict=True)
+            found[name] = (np.array(times_s), np.array(values, np.float32))
+    return found
+
+
+def _at(series: tuple[NDArray[Any], NDArray[Any]] | None, part: Part) -> NDArray[Any]:
+    """Return a sensor's last value at each picture; before the first, the first; else 0."""
+    if series is None:
+        return np.zeros(len(part.moments), np.float32)
+    times_s, values = series
+    at = np.searchsorted(times_s, [moment.at_s for moment in part.moments], side="right") - 1
+    return values[np.clip(at, 0, None)]
+
+
+# Films -------------------------------------------------------------------------------------------
+
+
+def _video_file(index: int) -> tuple[int, int, str]:
+    chunk, file = divmod(index, _FILES_A_CHUNK)
+    return chunk, file, f"videos/{CAMERA}/chunk-{chunk:03d}/file-{file:03d}.mp4"
+
+
+def _write_video(
+    part: Part, folder: Path, index: int, fps: int, on_frame: Callable[[], None]
+) -> dict[str, list[Any]]:
+    """Write the film of one episode, and return the statistics of its pictures."""
+    path = folder / _video_file(index)[2]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    sums = _PictureSums()
+    write_film(map(sums.add, part.pictures(on_frame)), path, fps)
+    return sums.stats()
+
+
+class _PictureSums:
+    """Statistics of pictures by colour, as shares of full brightness, shape (3, 1, 1)."""
+
+    def __init__(self) -> None:
+        self._count = self._pixels = 0
+        self._sum, self._squares = np.zeros(3), np.zeros(3)
+        self._least, self._most = np.ones(3), np.zeros(3)
+
+    def add(self, picture: Pixels) -> Pixels:
+        shares = picture.reshape(-1, 3) / 255.0
+        self._count += 1
+        self._pixels += len(shares)
+        self._sum += shares.sum(axis=0)
+        self._squares += (shares**2).sum(axis=0)
+        self._least = np.minimum(self._least, shares.min(axis=0))
+        self._most = np.maximum(self._most, shares.max(axis=0))
+        return picture
+
+    def stats(self) -> dict[str, list[Any]]:
+        mean = self._sum / self._pixels
+        variance = np.clip(self._squares / self._pixels - mean**2, 0, None)
+        values = {"min": self._least, "max": self._most, "mean": mean, "std": np.sqrt(variance)}
+        plain: dict[str, list[Any]] = {k: v.reshape(3, 1, 1).tolist() for k, v in values.items()}
+        return {**plain, "count": [self._count]}
+
+
+# Tables ------------------------------------------------------------------------------------------
+
+
+def _episode_row(
+    columns: Columns,
+    image_stats: dict[str, list[Any]],
+    index: int,
+    start: int,
+    fps: int,
+    task: str,
+) -> dict[str, Any]:
+    count = len(columns["index"])
+    chunk, file, _ = _video_file(index)
+    stats: Stats = {name: _stats(values) for name, values in columns.items()}
+    stats[CAMERA] = image_stats
+    return {
+        "episode_index": index,
+        "tasks": [task],
+        "length": count,
+        "data/chunk_index": 0,
+        "data/file_index": 0,
+        "dataset_from_index": start,
+        "dataset_to_index": start + count,
+        f"videos/{CAMERA}/chunk_index": chunk,
+        f"videos/{CAMERA}/file_index": file,
+        f"videos/{CAMERA}/from_timestamp": 0.0,
+        f"videos/{CAMERA}/to_timestamp": count / fps,
+        "meta/episodes/chunk_index": 0,
+        "meta/episodes/file_index": 0,
+        "stats": stats,
+    }
+
+
+def _stats(values: NDArray[Any]) -> dict[str, list[Any]]:
+    table = values.reshape(len(values), -1).astype(np.float64)
+    return {
+        "min": table.min(axis=0).tolist(),
+        "max": table.max(axis=0).tolist(),
+        "mean": table.mean(axis=0).tolist(),
+        "std": table.std(axis=0).tolist(),
+        "count": [len(table)],
+    }
+
+
+def _all_stats(parts: list[Stats]) -> Stats:
+    """Join the statistics of episodes, each weighed by its frames."""
+    joined: Stats = {}
+    for name in parts[0]:
+        counts = np.array([part[name]["count"][0] for part in parts], np.float64)
+        means = np.array([part[name]["mean"] for part in parts])
+        stds = np.array([part[name]["std"] for part in parts])
+        weights = (counts / counts.sum()).reshape(-1, *([1] * (means.ndim - 1)))
+        mean = (weights * means).sum(axis=0)
+        variance = (weights * (stds**2 + (means - mean) ** 2)).sum(axis=0)
+        joined[name] = {
+            "min": np.min([part[name]["min"] for part in parts], axis=0).tolist(),
+            "max": np.max([part[name]["max"] for part in parts], axis=0).tolist(),
+            "mean": mean.tolist(),
+            "std": np.sqrt(variance).tolist(),
+            "count": [int(counts.sum())],
+        }
+    return joined
+
+
+def _write_data(folder: Path, tables: list[Columns]) -> None:
+    pa, pq = _require_pyarrow()
+    columns = {}
+    for name in tables[0]:
+        values = np.concatenate([table[name] for table in tables])
+        if values.ndim == 1:
+            columns[name] = pa.array(values)
+        else:
+            flat = pa.array(values.reshape(-1))
+            columns[name] = pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
+    _write_table(pq, pa.table(columns), folder / "data/chunk-000/file-000.parquet")
+
+
+def _write_episodes(folder: Path, rows: list[dict[str, Any]]) -> None:
+    pa, pq = _require_pyarrow()
+    flat = []
+    for row in rows:
+        plain = {name: value for name, value in row.items() if name != "stats"}
+        for feature, stats in row["stats"].items():
+            plain.update({f"stats/{feature}/{kind}": value for kind, value in stats.items()})
+        flat.append(plain)
+    table = pa.Table.from_pylist(flat)
+    _write_table(pq, table, folder / "meta/episodes/chunk-000/file-000.parquet")
+
+
+def _write_tasks(folder: Path, task: str) -> None:
+    """Write the tasks; their text is the index of the table, as pandas writes an index down."""
+    pa, pq = _require_pyarrow()
+    described = [
+        _pandas_column("task_index", "int64", "int64"),
+        _pandas_column("task", "unicode", "object"),
+    ]
+    pandas = {
+        "index_columns": ["task"],
+        "column_indexes": [],
+        "columns": described,
+        "creator": {"library": "pyarrow", "version": pa.__version__},
+        "pandas_version": "2.0.0",
+    }
+    table = pa.table({"task_index": pa.array([0], pa.int64()), "task": pa.array([task])})
+    table = table.replace_schema_metadata({"pandas": json.dumps(pandas)})
+    _write_table(pq, table, folder / "meta/tasks.parquet")
+
+
+def _pandas_column(name: str, pandas_type: str, numpy_type: str) -> dict[str, Any]:
+    return {
+        "name": name,
+        "field_name": name,
+        "pandas_type": pandas_type,
+        "numpy_type": numpy_type,
+        "metadata": None,
+    }
+
+
+def _write_table(pq: Any, table: Any, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pq.write_table(table, path, compression="snappy")
+
+
+def _info(
+    rows: list[dict[str, Any]],
+    fps: int,
+    robot_type: str,
+    shape: tuple[int, ...],
+    sensors: list[str],
+) -> dict[str, Any]:
+    return {
+        "codebase_version": "v3.0",
+        "robot_type": robot_type,
+        "total_episodes": len(rows),
+        "total_frames": rows[-1]["dataset_to_index"],
+        "total_tasks": 1,
+        "chunks_size": _FILES_A_CHUNK,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "fps": fps,
+        "splits": {"train": f"0:{len(rows)}"},
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "video_path": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4",
+        "features": _features(fps, (shape[0] // 2 * 2, shape[1] // 2 * 2, 3), sensors),
+    }
+
+
+def _features(fps: int, shape: tuple[int, int, int], sensors: list[str]) -> dict[str, Any]:
+    height, width, _ = shape
+    video = {
+        "video.height": height,
+        "video.width": width,
+        "video.codec": "h264",
+        "video.pix_fmt": "yuv420p",
+        "video.is_depth_map": False,
+        "video.fps": fps,
+        "video.channels": 3,
+        "has_audio": False,
+    }
+    features: dict[str, Any] = {
+        CAMERA: {
+            "dtype": "video",
+            "shape": list(shape),
+            "names": ["height", "width", "channels"],
+            "info": video,
+        },
+        "action": {"dtype": "float32", "shape": [2], "names": ["angle", "throttle"]},
+        "intervention": {"dtype": "bool", "shape": [1], "names": None},
+        "timestamp": {"dtype": "float32", "shape": [1], "names": None},
+    }
+    if sensors:
+        features["observation.state"] = {
+            "dtype": "float32",
+            "shape": [len(sensors)],
+            "names": sensors,
+        }
+    for name in ("frame_index", "episode_index", "index", "task_index"):
+        features[name] = {"dtype": "int64", "shape": [1], "names": None}
+    return features
+
+
+def _write_json(path: Path, value: Any) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(value, indent=4), encoding="utf-8")
+
+
+def _require_pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise MissingExtraError("exporting a LeRobot dataset", "export") from error
+    return pyarrow, pyarrow.parquet

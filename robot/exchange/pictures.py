@@ -1,0 +1,121 @@
+"""Picture files of others: looked at before they are believed, JPEG bytes kept as they are."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robot.errors import MissingExtraError, RecordingError
+from robot.image import to_rgb
+from robot.png import encode_png
+from robot.types import Encoding, Frame
+
+MAX_FILE_BYTES = 32 * 2**20
+MAX_SIDE_PX = 4096
+_PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG = b"\xff\xd8\xff"
+_FRAME_MARKERS = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """One picture: a JPEG as it was, or the pixels of a PNG as RGB."""
+
+    encoding: Encoding
+    width: int
+    height: int
+    data: bytes
+
+
+def read_picture_file(folder: Path, name: str) -> Picture:
+    """Read a picture of a folder, by a name that somebody else wrote.
+
+    Raises:
+        RecordingError: If the name leads out of the folder, there is no such file, or it is no
+            picture of a sensible size.
+    """
+    path = folder / name
+    try:
+        if not path.resolve().is_relative_to(folder.resolve()):
+            raise RecordingError(f"{name[:80]!r} leads out of the folder {folder}")
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise RecordingError(f"the picture {path} is too large")
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:
+        if isinstance(error, RecordingError):
+            raise
+        raise RecordingError(f"the picture {name[:80]!r} cannot be read: {error}") from error
+    return read_picture(data, str(path))
+
+
+def read_picture(data: bytes, name: str) -> Picture:
+    """Look at the bytes of a JPEG or PNG, and unpack them once to be sure.
+
+    Raises:
+        RecordingError: If they are none, damaged, or larger than 4096 pixels a side.
+        MissingExtraError: If OpenCV is not installed.
+    """
+    size = _size(data)
+    if size is None:
+        raise RecordingError(f"{name} is no picture (JPEG or PNG)")
+    width, height = size
+    if not (0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX):
+        raise RecordingError(f"{name} claims to be {width}x{height} pixels; that is refused")
+    pixels = _decode(data)
+    if pixels is None or pixels.shape != (height, width, 3):
+        raise RecordingError(f"{name} is a damaged picture")
+    if data.startswith(_JPEG):
+        return Picture(encoding=Encoding.JPEG, width=width, height=height, data=data)
+    return Picture(encoding=Encoding.RGB, width=width, height=height, data=pixels.tobytes())
+
+
+def write_picture(frame: Frame, folder: Path, stem: str) -> str:
+    """Write a frame as a file, without loss, and return its name: `.jpg` as it was, else `.png`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    is_jpeg = frame.encoding is Encoding.JPEG
+    name = f"{stem}.jpg" if is_jpeg else f"{stem}.png"
+    data = frame.data if is_jpeg else encode_png(to_rgb(frame), level=3)
+    (folder / name).write_bytes(data)
+    return name
+
+
+def _size(data: bytes) -> tuple[int, int] | None:
+    """Read width and height from the header alone: before anything is unpacked."""
+    try:
+        if data.startswith(_PNG):
+            width, height = struct.unpack_from(">II", data, 16)
+            return width, height
+        return _jpeg_size(data) if data.startswith(_JPEG) else None
+    except struct.error:
+        return None
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int] | None:
+    at = 2
+    while at + 9 < len(data):
+        if data[at] != 0xFF:
+            return None
+        marker = data[at + 1]
+        if marker in _FRAME_MARKERS:
+            height, width = struct.unpack_from(">HH", data, at + 5)
+            return width, height
+        if marker == 0xFF or 0xD0 <= marker <= 0xD8:
+            at += 1 if marker == 0xFF else 2
+            continue
+        at += 2 + int(struct.unpack_from(">H", data, at + 2)[0])
+    return None
+
+
+def _decode(data: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]] | None:
+    try:
+        import cv2
+    except ImportError as error:
+        raise MissingExtraError("reading pictures", "camera") from error
+    try:
+        bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:
+        return None
+    return None if bgr is None else np.ascontiguousarray(bgr[:, :, ::-1]).astype(np.uint8)

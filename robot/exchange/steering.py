@@ -1,0 +1,57 @@
+"""Steering angles to moves, and back: by a threshold that is stated."""
+
+from __future__ import annotations
+
+from robot.errors import ConfigurationError
+from robot.types import Action
+
+DEFAULT_THRESHOLD = 0.2
+"""Share of full lock from which on a car is said to turn."""
+
+ANGLES: dict[Action, tuple[float, float]] = {
+    Action.STOP: (0.0, 0.0),
+    Action.FORWARD: (0.0, 0.5),
+    Action.LEFT: (-1.0, 0.5),
+    Action.RIGHT: (1.0, 0.5),
+    Action.BACKWARD: (0.0, -0.5),
+    Action.SPIN_LEFT: (-1.0, 0.0),
+    Action.SPIN_RIGHT: (1.0, 0.0),
+}
+"""Move to steering angle (-1 full left, 1 full right) and throttle (1 full ahead), as donkeycar
+and others write them."""
+
+
+def to_angle(action: Action) -> tuple[float, float]:
+    """Return the angle and throttle of a move."""
+    return ANGLES[action]
+
+
+def to_move(
+    angle: float, throttle: float | None = None, threshold: float = DEFAULT_THRESHOLD
+) -> Action | None:
+    """Return the move of a steering angle.
+
+    Args:
+        angle: From -1 (full left) to 1 (full right).
+        throttle: From -1 to 1; None if it is not known.
+        threshold: An angle beyond it is a turn.
+
+    Returns:
+        FORWARD, LEFT or RIGHT; None for a car that stands or drives backward: that is no lesson.
+    """
+    if throttle is not None and throttle <= 0.0:
+        return None
+    if angle < -threshold:
+        return Action.LEFT
+    return Action.RIGHT if angle > threshold else Action.FORWARD
+
+
+def check_threshold(threshold: float) -> float:
+    """Return the threshold.
+
+    Raises:
+        ConfigurationError: If it does not lie between 0 and 1.
+    """
+    if not 0.0 <= threshold < 1.0:
+        raise ConfigurationError(f"--threshold must lie between 0 and 1, not {threshold:g}")
+    return threshold

@@ -1,0 +1,384 @@
+"""See, mend, delete, bring back, import and export recorded episodes."""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import sys
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from robot.episodes.card import EpisodeCard
+from robot.episodes.edits import Edit, Notes, read_notes, trim
+from robot.episodes.episode import Episode, open_episode
+from robot.episodes.mending import Moment, choose, moments
+from robot.episodes.shelf import EpisodeShelf
+from robot.episodes.teaching import Mended
+from robot.errors import ConfigurationError, MissingExtraError, NotFoundError
+from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
+from robot.storage import Storage, default_root
+from robot.types import Action
+
+_LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": "."}
+_AXIS = 96
+EXPORTS = ("tub", "lerobot", "folder", "film")
+_EPISODE = "name, beginning of a name, file, or last"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the subcommands."""
+    commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+    _add(commands, "list", list_episodes, "list all episodes, the newest first")
+    _add(commands, "show", show, "show one along its time: labels, and what the robot said")
+    play = _add(commands, "play", play_episode, "replay one into the page")
+    play.add_argument("--port", default="8000", help="port (default: %(default)s)")
+    for verb, action, text in (
+        ("trim", trim_episode, "keep only a range; `undo` takes it back"),
+        ("delete", delete, "delete a range, or without --from and --to all of it"),
+        ("relabel", relabel, "give a range another label; `undo` takes it back"),
+    ):
+        _add_range(_add(commands, verb, action, text), verb)
+    _add(commands, "undo", undo, "take the last edit back")
+    restore = _add(commands, "restore", restore_episode, "bring a deleted episode back")
+    restore.set_defaults(episode=None)
+    _add(commands, "compact", compact, "work the edits into the recording")
+    title = _add(commands, "title", set_title, "give one a title")
+    title.add_argument("title")
+    _add(commands, "protect", protect, "never offer one for deletion")
+    _add(commands, "unprotect", unprotect, "offer it again")
+    _add_exchange(commands)
+    budget = _add(commands, "budget", show_budget, "what is kept, and what could go")
+    budget.add_argument("--gigabytes", type=float, default=None, help="space for episodes")
+    _add(commands, "empty-trash", empty_trash, "delete for good what was deleted")
+
+
+_ALONE = ("list", "restore", "import", "budget", "empty-trash")
+
+
+def _add(commands: Any, verb: str, action: Any, text: str) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = commands.add_parser(verb, help=text, description=text)
+    parser.set_defaults(action=action)
+    if verb == "restore":
+        parser.add_argument("key", nargs="?", metavar="WORD", help="as `delete` printed it")
+    elif verb == "export":
+        parser.add_argument("episodes", nargs="+", metavar="EPISODE", help=_EPISODE)
+    elif verb not in _ALONE:
+        parser.add_argument("episode", metavar="EPISODE", help=_EPISODE)
+    add_data(parser)
+    return parser
+
+
+def _add_range(parser: argparse.ArgumentParser, verb: str) -> None:
+    needed = verb != "delete"
+    for flag, dest in (("--from", "first_s"), ("--to", "last_s")):
+        parser.add_argument(
+            flag, dest=dest, type=float, default=None, metavar="S", help="seconds from the start"
+        )
+    parser.set_defaults(needs_range=needed)
+    if verb == "relabel":
+        moves = [action.value for action in Action if action is not Action.STOP]
+        parser.add_argument("--label", required=True, choices=moves)
+
+
+def _add_exchange(commands: Any) -> None:
+    export = _add(commands, "export", export_episodes, "write episodes for other programs")
+    export.add_argument("--as", dest="form", required=True, choices=EXPORTS)
+    export.add_argument("--out", type=Path, default=None, help="new folder or file")
+    export.add_argument("--fps", type=int, default=None, help="pictures a second, of films")
+    export.add_argument("--all", action="store_true", help="tub: also pictures nobody taught")
+    imports = _add(commands, "import", import_episode, "read a tub, a folder with CSV, or an npz")
+    imports.add_argument("path", type=Path)
+    imports.add_argument("--name", default=None, help="name of the episode")
+    imports.add_argument(
+        "--threshold",
+        type=float,
+        default=DEFAULT_THRESHOLD,
+        help="steering beyond it is a turn, 0 to 1 (default: %(default)s)",
+    )
+
+
+def add_data(parser: argparse.ArgumentParser) -> None:
+    """Declare where things are kept."""
+    parser.add_argument("--data", type=Path, default=None, help="folder for what is kept")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run one subcommand."""
+    storage = Storage(args.data or default_root())
+    result = args.action(args, EpisodeShelf(storage), storage)
+    return int(result or 0)
+
+
+# Finding -----------------------------------------------------------------------------------------
+
+
+def find_id(shelf: EpisodeShelf, word: str) -> str:
+    """Return the episode that a person means.
+
+    Raises:
+        NotFoundError: If there is none, or more than one begins so.
+    """
+    ids = shelf.ids()
+    found = ids[:1] if word == "last" else [i for i in ids if i == word]
+    found = found or [i for i in ids if i.startswith(word)]
+    if len(found) != 1:
+        what = "no episode" if not found else f"{len(found)} episodes"
+        raise NotFoundError(f"{what} of this name: {word!r}; see: drivelesson episodes list")
+    return found[0]
+
+
+def find_episodes(shelf: EpisodeShelf, words: list[str]) -> list[Mended]:
+    """Open the episodes that a person means, by name or by file, oldest first as given."""
+    found: list[Mended] = []
+    for word in words:
+        path = Path(word)
+        if path.suffix == ".mcap" and path.is_file():
+            found.append((open_episode(path), read_notes(path)))
+        else:
+            episode_id = find_id(shelf, word)
+            found.append((open_episode(shelf.path(episode_id)), shelf.notes(episode_id)))
+    return found
+
+
+def _range(args: argparse.Namespace, episode: Episode) -> tuple[int, int]:
+    """Turn seconds from the start into the first and last frame between them."""
+    first_s = args.first_s if args.first_s is not None else 0.0
+    last_s = args.last_s if args.last_s is not None else episode.duration_s + 1.0
+    ids = [
+        moment.frame_id for moment in moments(episode, Notes()) if first_s <= moment.at_s <= last_s
+    ]
+    if not ids:
+        raise ConfigurationError(f"there are no pictures between {first_s:g} s and {last_s:g} s")
+    return ids[0], ids[-1]
+
+
+# Seeing ------------------------------------------------------------------------------------------
+
+
+def list_episodes(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Print the list."""
+    cards = shelf.cards()
+    if not cards:
+        print(f"no episodes in {storage.episodes}")
+        return
+    print(f"{'episode':27} {'began':16} {'length':>8} {'frames':>6} {'taught':>6} {'MB':>7}  notes")
+    for card in cards:
+        began = datetime.fromtimestamp(card.started_at_s).strftime("%Y-%m-%d %H:%M")
+        print(
+            f"{card.id:27} {began:16} {card.duration_s:7.1f}s {card.frames:6} "
+            f"{sum(card.taught.values()):6} {card.bytes / 1e6:7.1f}  {_remarks(card)}"
+        )
+
+
+def _remarks(card: EpisodeCard) -> str:
+    words = [card.title]
+    words += ["protected"] if card.is_protected else []
+    words += [f"{card.edits} edits"] if card.edits else []
+    words += [f"damaged: {card.damage}"] if card.damage else []
+    return ", ".join(word for word in words if word)
+
+
+def show(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Print what one holds, and its labels along the time axis."""
+    [(episode, notes)] = find_episodes(shelf, [args.episode])
+    found = moments(episode, notes)
+    taught: dict[str, int] = {}
+    for moment in found:
+        if moment.label and not moment.is_deleted:
+            taught[moment.label.value] = taught.get(moment.label.value, 0) + 1
+    print(f"{episode.id}  {notes.title}".rstrip())
+    print(f"robot {episode.run.get('robot') or '-'}, learner {episode.run.get('learner') or '-'}")
+    print(f"{len(found)} pictures in {episode.duration_s:.1f} s; taught {taught or 'nothing'}")
+    if episode.damage:
+        print(f"damaged: {episode.damage}")
+    for number, edit in enumerate(notes.edits, start=1):
+        print(f"edit {number}: {edit.verb} {edit.label or ''} {list(edit.ranges)}")
+    _print_axis(choose(found, _AXIS))
+
+
+def _print_axis(shown: list[Moment]) -> None:
+    rows: tuple[tuple[str, Callable[[Moment], str]], ...] = (
+        ("pilot", lambda m: "x" if m.is_deleted else _letter(m.label)),
+        ("robot", lambda m: _letter(m.predicted)),
+        ("drives", lambda m: {"pilot": "p", "robot": "r"}.get(m.driven_by or "", ".")),
+    )
+    for name, letter in rows:
+        print(f"{name:7}" + "".join(letter(moment) for moment in shown))
+    if shown:
+        print(f"{shown[0].at_s:<7.1f}" + f"{shown[-1].at_s:.1f} s".rjust(len(shown)))
+        print("F forward, L left, R right, B backward, - nothing; x deleted; p pilot, r robot")
+
+
+def _letter(move: str | None) -> str:
+    return "-" if move is None else _LETTERS.get(move, move[-1:])
+
+
+def play_episode(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> int:
+    """Serve the page with the episode in place of a robot."""
+    from server.__main__ import main
+
+    path = Path(args.episode)
+    if not path.is_file():
+        path = shelf.path(find_id(shelf, args.episode))
+    words = ["serve", "--robot", "replay", "--episode", str(path), "--port", args.port]
+    return main([*words, "--data", str(storage.root)])
+
+
+# Mending -----------------------------------------------------------------------------------------
+
+
+def trim_episode(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Keep only a range."""
+    episode_id = find_id(shelf, args.episode)
+    episode = shelf.open(episode_id)
+    _tell_edits(shelf.edit(episode_id, trim(episode.frames, *_range(args, episode))))
+
+
+def relabel(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Give a range another label."""
+    episode_id = find_id(shelf, args.episode)
+    between = _range(args, shelf.open(episode_id))
+    edit = Edit(verb="relabel", ranges=(between,), label=Action(args.label))
+    _tell_edits(shelf.edit(episode_id, edit))
+
+
+def delete(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Delete a range, or the whole episode."""
+    episode_id = find_id(shelf, args.episode)
+    if args.first_s is None and args.last_s is None:
+        key = shelf.delete(episode_id)
+        print(f"{episode_id} is in the trash; back with: drivelesson episodes restore {key}")
+        return
+    between = _range(args, shelf.open(episode_id))
+    _tell_edits(shelf.edit(episode_id, Edit(verb="delete", ranges=(between,))))
+
+
+def undo(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Take the last edit back."""
+    _tell_edits(shelf.undo_edit(find_id(shelf, args.episode)))
+
+
+def _tell_edits(notes: Notes) -> None:
+    print(f"{len(notes.edits)} edits; the recording itself is not touched")
+
+
+def restore_episode(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Bring a deleted episode back; without a word, the one deleted last."""
+    keys = sorted(p.name for p in storage.trash.iterdir() if any(p.glob("*.mcap")))
+    key = args.key or (keys[-1] if keys else "")
+    print(f"{shelf.restore(key)} is back")
+
+
+def compact(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Work the edits in."""
+    key = shelf.compact(find_id(shelf, args.episode))
+    print(f"done; the recording as it was is back with: drivelesson episodes restore {key}")
+
+
+def set_title(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Give a title."""
+    shelf.set_title(find_id(shelf, args.episode), args.title)
+
+
+def protect(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Protect one."""
+    shelf.protect(find_id(shelf, args.episode), True)
+
+
+def unprotect(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Protect one no more."""
+    shelf.protect(find_id(shelf, args.episode), False)
+
+
+# Space -------------------------------------------------------------------------------------------
+
+
+def show_budget(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Say what is kept and offer the oldest; nothing is deleted."""
+    if args.gigabytes is not None:
+        shelf.budget_bytes = round(args.gigabytes * 1e9)
+    usage, budget = storage.usage(), shelf.budget()
+    print(f"data folder  {storage.root}")
+    for name in ("models", "episodes", "exports", "trash", "free"):
+        print(f"{name:12} {getattr(usage, name) / 1e6:10.1f} MB")
+    print(f"{'budget':12} {budget.budget_bytes / 1e6:10.1f} MB for episodes")
+    for card in budget.offered:
+        print(f"could go: {card.id}  {card.bytes / 1e6:.1f} MB  {card.title}".rstrip())
+
+
+def empty_trash(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Delete for good what is in the trash."""
+    print(f"{storage.empty_trash() / 1e6:.1f} MB are free again")
+
+
+# In and out --------------------------------------------------------------------------------------
+
+
+def import_episode(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Read somebody else's drive as an episode."""
+    from robot.exchange.drive import write_episode
+    from robot.exchange.sources import read_drive
+
+    drive = read_drive(args.path, check_threshold(args.threshold))
+    path = shelf.new_path(args.name or drive.name)
+    with _progress(None, "picture") as bar:
+        count = write_episode(drive, path, on_shot=bar.update)
+    print(f"{path.stem}: {count} pictures from {args.path} ({drive.source})")
+
+
+def export_episodes(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+    """Write episodes for other programs."""
+    mended = find_episodes(shelf, args.episodes)
+    if len(mended) > 1 and args.form != "lerobot":
+        raise ConfigurationError(f"--as {args.form} takes one episode at a time")
+    out = args.out or _free_path(storage.exports, mended[0][0].id, args.form)
+    if out.exists():
+        raise ConfigurationError(f"{out} is there already; choose another with --out")
+    total = sum(len(episode.frames) for episode, _ in mended)
+    try:
+        with _progress(total, "picture") as bar:
+            made = _export(args, mended, out, bar.update)
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {out}: {error}") from error
+    print(f"{out}: {made}")
+
+
+def _export(
+    args: argparse.Namespace, mended: list[Mended], out: Path, tick: Callable[[], None]
+) -> str:
+    episode, notes = mended[0]
+    if args.form == "lerobot":
+        from robot.exchange.lerobot import write_lerobot
+
+        return f"{write_lerobot(mended, out, fps=args.fps, on_frame=tick)} LeRobot episodes"
+    if args.form == "tub":
+        from robot.exchange.tub import write_tub
+
+        records = write_tub(episode, notes, out, taught_only=not args.all, on_frame=tick)
+        return f"{records} records"
+    if args.form == "folder":
+        from robot.exchange.folder import write_folder
+
+        return f"{write_folder(episode, notes, out, on_frame=tick)} pictures"
+    from robot.exchange.film import write_look
+
+    return f"{write_look(episode, notes, out, fps=args.fps, on_frame=tick)} pictures"
+
+
+def _free_path(folder: Path, episode_id: str, form: str) -> Path:
+    ending = ".mp4" if form == "film" else ""
+    for number in itertools.count(1):
+        path = folder / f"{episode_id} {form}{'' if number == 1 else f' ({number})'}{ending}"
+        if not path.exists():
+            return path
+    raise AssertionError
+
+
+def _progress(total: int | None, unit: str) -> Any:
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise MissingExtraError("the command episodes", "episodes") from error
+    return tqdm(total=total, unit=unit, file=sys.stderr)

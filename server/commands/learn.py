@@ -1,0 +1,126 @@
+"""Learn again from recorded episodes, with any learner, as fast as the machine can."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from robot.episodes.shelf import EpisodeShelf
+from robot.episodes.teaching import Mended, Report, learn_again, plan, same_nodes
+from robot.errors import ConfigurationError, MissingExtraError
+from robot.models.model import encode_model, take_model
+from robot.models.shelf import ModelShelf
+from robot.policy import Policy, make_policy
+from robot.storage import Storage, default_root, write_whole
+from robot.types import DEFAULT_MOVES, Action
+from server.commands.episodes import add_data, find_episodes
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "episodes", nargs="+", metavar="EPISODE", help="names, beginnings of names, files, or last"
+    )
+    parser.add_argument("--learner", default=None, help="kind of learner (default: as driven)")
+    parser.add_argument(
+        "--max-nodes", default=None, metavar="N", help="images it remembers (default: as driven)"
+    )
+    parser.add_argument(
+        "--continue",
+        dest="goes_on",
+        action="store_true",
+        help="begin with what the robot knew when the first episode began, not with nothing",
+    )
+    parser.add_argument(
+        "--out", default=None, metavar="MODEL", help="a name among the models, or a file (.npz)"
+    )
+    parser.add_argument(
+        "--check", action="store_true", help="fail unless the nodes are those that driving made"
+    )
+    add_data(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Learn, say what came of it, and save the model."""
+    storage = Storage(args.data or default_root())
+    mended = find_episodes(EpisodeShelf(storage), args.episodes)
+    policy, taught = _begin(args, mended)
+    total = len(plan(mended))
+    started_s = time.monotonic()
+    with _progress(total) as bar:
+        report = learn_again(policy, mended, on_step=bar.update)
+    taught += report.taught
+    _say(report, policy, mended, time.monotonic() - started_s)
+    is_same = _compare(policy, mended, args.check)
+    if args.out:
+        _save(args.out, storage, policy, taught)
+    return 0 if is_same or not args.check else 1
+
+
+def _begin(args: argparse.Namespace, mended: list[Mended]) -> tuple[Policy, Counter[Action]]:
+    first = mended[0][0]
+    driven = first.run.get("learner") or "default-32"
+    kind, _, number = driven.rpartition("-")
+    name = f"{args.learner or kind}-{args.max_nodes or number}"
+    if not args.goes_on:
+        moves = tuple(dict.fromkeys(move for e, _ in mended for move in e.moves))
+        return make_policy(name, moves or DEFAULT_MOVES), Counter()
+    before = first.model_before()
+    if before is None or before.card.learner != name:
+        raise ConfigurationError(
+            f"{first.id} began with {before.card.learner if before else 'nothing known'}; "
+            f"{name} cannot go on from there"
+        )
+    return before.to_policy(), Counter(before.card.taught)
+
+
+def _say(report: Report, policy: Policy, mended: list[Mended], seconds: float) -> None:
+    driven_s = sum(episode.duration_s for episode, _ in mended)
+    counts = ", ".join(f"{count} {action.value}" for action, count in report.taught.items())
+    print(f"{policy.name}: {report.taught.total()} lessons ({counts or 'none'})")
+    print(f"{policy.n_nodes} nodes, learned in {seconds:.2f} s from {driven_s:.1f} s of driving")
+    if report.missing_frames:
+        print(f"{report.missing_frames} lessons were left out: their pictures were not recorded")
+    if report.left_out_edits:
+        print(f"{report.left_out_edits} edits of learned images were left out: other images now")
+
+
+def _compare(policy: Policy, mended: list[Mended], must: bool) -> bool:
+    """Say whether driving made the same nodes, where the recording can tell."""
+    last, notes = mended[-1]
+    after = last.model_after()
+    comparable = after is not None and after.card.learner == policy.name and not notes.edits
+    if not comparable or after is None:
+        if must:
+            raise ConfigurationError(f"{last.id} does not tell what driving made of {policy.name}")
+        return False
+    is_same = same_nodes(policy.get_state(), after.state)
+    print("the same nodes as driving made" if is_same else "not the nodes that driving made")
+    return is_same
+
+
+def _save(out: str, storage: Storage, policy: Policy, taught: Counter[Action]) -> None:
+    model = take_model(policy, taught, saved_at_s=time.time())
+    if out.endswith(".npz"):
+        try:
+            write_whole(Path(out), encode_model(model))
+        except OSError as error:
+            raise ConfigurationError(f"cannot write {out}: {error}") from error
+        print(f"saved as {out}")
+    else:
+        shelf = ModelShelf(storage)
+        name = shelf.free_name(out)
+        shelf.save(name, model)
+        print(f"saved as the model {name!r}")
+
+
+def _progress(total: int) -> Any:
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise MissingExtraError("the command learn", "episodes") from error
+    return tqdm(total=total, unit="lesson", file=sys.stderr)

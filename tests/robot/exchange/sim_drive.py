@@ -1,0 +1,74 @@
+"""A short lesson in the simulator, recorded: a pilot who turns left before walls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot.cameras.sim import SimCamera, SimCameraOptions
+from robot.clock import ManualClock
+from robot.drivers.sim import SimDriver, SimOptions
+from robot.episodes.recorder import Recorder, RecorderConfig
+from robot.learner.base import State
+from robot.loop import ControlLoop
+from robot.policy import make_policy
+from robot.types import Action, Mode, PilotCommand
+
+STEP_S = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Driven:
+    """What came of the lesson: the recording, and what the robot had learned at its end."""
+
+    path: Path
+    state: State
+    lessons: int
+
+
+def drive_in_simulator(folder: Path, learner: str, steps: int = 200, undo_s: float = 0.0) -> Driven:
+    """Teach for some seconds, then correct the robot now and then while it drives alone."""
+    clock = ManualClock(50.0)
+    driver = SimDriver(SimOptions())
+    camera = SimCamera(driver, SimCameraOptions(), clock)
+    loop = ControlLoop(driver, camera, make_policy(learner), clock)
+    recorder = Recorder(
+        loop, folder, robot="sim", options={"world": "box"}, config=RecorderConfig(spare_bytes=0)
+    )
+    recorder.start()
+    driver.connect()
+    try:
+        camera.capture()
+        loop.tick(clock.now_s())
+        _teach(loop, driver, camera, clock, range(1, steps + 1))
+        if undo_s:
+            loop.submit(lambda: loop.school.undo(undo_s))
+        loop.set_mode(Mode.STOPPED)
+        loop.tick(clock.now_s())
+        recorder.finish()
+        recorder.stop()
+    finally:
+        driver.disconnect()
+        driver.simulation.close()
+    [path] = folder.glob("*.mcap")
+    return Driven(path=path, state=loop.school.policy.get_state(), lessons=loop.school.lessons)
+
+
+def _teach(
+    loop: ControlLoop, driver: SimDriver, camera: SimCamera, clock: ManualClock, steps: range
+) -> None:
+    for step in steps:
+        if step in (1, len(steps) // 2):
+            loop.set_mode(Mode.TRAIN if step == 1 else Mode.AUTONOMOUS)
+        clock.advance(STEP_S)
+        driver.advance(STEP_S)
+        frame = camera.capture()
+        loop.tick(clock.now_s())
+        distance_m = driver.sense().distance_m or 9.0
+        wanted = Action.LEFT if distance_m < 0.35 or step % 23 < 6 else Action.FORWARD
+        is_alone = step >= len(steps) // 2 and step % 20 > 7
+        held = None if is_alone else wanted
+        loop.command(
+            PilotCommand(held=held, frame_id=frame.frame_id, seq=step, received_s=clock.now_s())
+        )
+        loop.tick(clock.now_s())

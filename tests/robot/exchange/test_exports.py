@@ -1,0 +1,106 @@
+"""What leaves is read back by the tools it is meant for."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import av
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from robot.episodes.edits import Edit, Notes
+from robot.episodes.episode import Episode, open_episode, taught_frames
+from robot.exchange.film import write_look
+from robot.exchange.lerobot import CAMERA, write_lerobot
+from robot.exchange.tub import write_tub
+from robot.image import to_rgb
+
+from .sim_drive import drive_in_simulator
+
+
+@pytest.fixture(scope="module")
+def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
+    return open_episode(drive_in_simulator(tmp_path_factory.mktemp("sim"), "default-8").path)
+
+
+def decoded(path: Path) -> list[np.ndarray]:
+    with av.open(str(path)) as container:
+        return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+
+
+def test_a_lerobot_dataset_has_the_published_layout(episode: Episode, tmp_path: Path) -> None:
+    root = tmp_path / "dataset"
+    assert write_lerobot([(episode, Notes())], root) == 1
+    info = json.loads((root / "meta/info.json").read_text())
+    assert info["codebase_version"] == "v3.0" and info["fps"] == 20
+    data = pq.read_table(root / info["data_path"].format(chunk_index=0, file_index=0))
+    assert data.num_rows == info["total_frames"]
+    for name, feature in info["features"].items():
+        if feature["dtype"] == "video":
+            continue
+        kind = str(data.schema.field(name).type)
+        wide = f"fixed_size_list<element: float>[{feature['shape'][0]}]"
+        assert kind in (feature["dtype"], wide, wide.replace("float32", "float"), "float")
+    stamps = data["timestamp"].to_numpy()
+    assert np.array_equal(stamps, (np.arange(len(stamps)) / 20).astype(np.float32))
+    assert data["index"].to_pylist() == list(range(len(stamps)))
+    [row] = pq.read_table(root / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert (row["dataset_from_index"], row["dataset_to_index"]) == (0, len(stamps))
+    assert row["length"] == len(stamps) and row["tasks"] == ["Drive as the pilot taught."]
+    assert row[f"videos/{CAMERA}/to_timestamp"] == pytest.approx(len(stamps) / 20)
+    tasks = pq.read_table(root / "meta/tasks.parquet")
+    assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == ["task"]
+    stats = json.loads((root / "meta/stats.json").read_text())
+    assert set(stats) == set(info["features"])
+    assert np.shape(stats[CAMERA]["mean"]) == (3, 1, 1)
+
+
+def test_its_film_shows_the_pictures_frame_by_frame(episode: Episode, tmp_path: Path) -> None:
+    root = tmp_path / "dataset"
+    write_lerobot([(episode, Notes())], root)
+    shown = decoded(root / f"videos/{CAMERA}/chunk-000/file-000.mp4")
+    ids = list(episode.frames)
+    assert len(shown) == len(ids)
+    for index in (0, len(ids) // 2, len(ids) - 1):
+        given = to_rgb(episode.frame(ids[index])).astype(float)
+        assert np.abs(shown[index] - given).mean() < 12
+
+
+def test_actions_say_what_was_done_and_what_was_corrected(episode: Episode, tmp_path: Path) -> None:
+    write_lerobot([(episode, Notes())], tmp_path / "dataset")
+    data = pq.read_table(tmp_path / "dataset/data/chunk-000/file-000.parquet").to_pydict()
+    assert {tuple(action) for action in data["action"]} <= {(0.0, 0.5), (-1.0, 0.5), (0.0, 0.0)}
+    corrected = [entry.event.lesson.is_intervention for entry in episode.lessons]  # type: ignore[union-attr]
+    assert sum(data["intervention"]) == sum(corrected) == len(taught_frames(episode)) - 99
+    state = np.array(data["observation.state"])
+    assert state.shape[1] == 2 and 0 < state[:, 0].mean() < 2.55
+
+
+def test_deleted_ranges_split_a_dataset(episode: Episode, tmp_path: Path) -> None:
+    ids = list(episode.frames)
+    notes = Notes(edits=(Edit(verb="delete", ranges=((ids[60], ids[120]),)),))
+    assert write_lerobot([(episode, notes)], tmp_path / "dataset") == 2
+    rows = pq.read_table(tmp_path / "dataset/meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert [row["length"] for row in rows] == [60, len(ids) - 121]
+    assert rows[1]["dataset_from_index"] == rows[0]["dataset_to_index"] == 60
+
+
+def test_a_film_to_look_at_plays(episode: Episode, tmp_path: Path) -> None:
+    count = write_look(episode, Notes(), tmp_path / "film.mp4")
+    shown = decoded(tmp_path / "film.mp4")
+    assert len(shown) == count == len(episode.frames)
+    assert shown[0].shape[0] >= 480
+
+
+def test_a_tub_counts_its_lines_as_donkeycar_reads_them(episode: Episode, tmp_path: Path) -> None:
+    count = write_tub(episode, Notes(), tmp_path / "tub", taught_only=False)
+    lines = (tmp_path / "tub/manifest.json").read_text().splitlines()
+    inputs, types, _, _, catalogs = map(json.loads, lines)
+    assert len(inputs) == len(types) and catalogs["current_index"] == count
+    text = (tmp_path / "tub/catalog_0.catalog").read_text()
+    lengths = json.loads((tmp_path / "tub/catalog_0.catalog_manifest").read_text())["line_lengths"]
+    assert [len(line) + 1 for line in text.splitlines()] == lengths
+    first = json.loads(text.splitlines()[0])
+    assert (tmp_path / "tub/images" / first["cam/image_array"]).is_file()

@@ -1,0 +1,254 @@
+"""What others recorded becomes an episode; what is broken or hostile is refused with a reason."""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from robot.episodes.edits import Notes
+from robot.episodes.episode import open_episode, taught_frames
+from robot.episodes.teaching import plan
+from robot.errors import RecordingError
+from robot.exchange.drive import write_episode
+from robot.exchange.pictures import read_picture
+from robot.exchange.sources import read_drive
+from robot.exchange.steering import ANGLES, to_angle, to_move
+from robot.types import Action, Encoding
+
+RECORDINGS = Path(
+    os.environ.get(
+        "DRIVELESSON_RECORDINGS", str(Path(__file__).parents[3].parent / "shared/recordings")
+    )
+)
+
+
+def jpeg(seed: int) -> bytes:
+    pixels = np.random.default_rng(seed).integers(0, 256, (15, 20, 3), dtype=np.uint8)
+    done, data = cv2.imencode(".jpg", pixels.repeat(8, axis=0).repeat(8, axis=1))
+    assert done
+    return data.tobytes()
+
+
+def tub_1(folder: Path, angles: list[float], **more: Any) -> Path:
+    folder.mkdir()
+    for number, angle in enumerate(angles):
+        name = f"{number}_cam-image_array_.jpg"
+        (folder / name).write_bytes(jpeg(number))
+        record = {"cam/image_array": name, "user/angle": angle, "user/throttle": 0.3} | more
+        record["milliseconds"] = 50 * number
+        (folder / f"record_{number}.json").write_text(json.dumps(record))
+    (folder / "meta.json").write_text("{}")
+    return folder
+
+
+def tub_2(folder: Path, records: list[dict[str, Any]], deleted: tuple[int, ...] = ()) -> Path:
+    (folder / "images").mkdir(parents=True)
+    for index, record in enumerate(records):
+        name = f"{index}_cam_image_array_.jpg"
+        (folder / "images" / name).write_bytes(jpeg(index))
+        record.setdefault("cam/image_array", name)
+        record.update({"_index": index, "_timestamp_ms": 1_600_000_000_000 + 100 * index})
+    (folder / "catalog_0.catalog").write_text("".join(json.dumps(r) + "\n" for r in records))
+    catalogs = {"paths": ["catalog_0.catalog"], "current_index": len(records), "max_len": 1000}
+    catalogs["deleted_indexes"] = list(deleted)
+    lines = [["cam/image_array"], ["image_array"], {}, {"created_at": 1.6e9}, catalogs]
+    (folder / "manifest.json").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return folder
+
+
+def imported(path: Path, folder: Path, **options: Any) -> list[Action | None]:
+    target = folder / "imported.mcap"
+    write_episode(read_drive(path, **options), target)
+    episode = open_episode(target)
+    taught = taught_frames(episode)
+    return [taught.get(frame_id) for frame_id in episode.frames]
+
+
+def test_a_tub_of_version_1_is_read_in_the_order_of_its_numbers(tmp_path: Path) -> None:
+    angles = [-0.9, 0.0, 0.9] * 5
+    labels = imported(tub_1(tmp_path / "tub", angles), tmp_path)
+    assert labels == [Action.LEFT, Action.FORWARD, Action.RIGHT] * 5
+    episode = open_episode(tmp_path / "imported.mcap")
+    assert episode.frame(3).data == jpeg(2)
+    assert episode.frame(3).encoding is Encoding.JPEG
+    assert episode.frames[15].captured_s - episode.frames[1].captured_s == pytest.approx(0.7)
+
+
+def test_a_tub_of_version_2_is_read_without_its_deleted_records(tmp_path: Path) -> None:
+    records = [{"user/angle": a, "user/throttle": 0.3} for a in (-1.0, 0.1, 0.5, 0.0)]
+    labels = imported(tub_2(tmp_path / "tub", records, deleted=(1,)), tmp_path)
+    assert labels == [Action.LEFT, Action.RIGHT, Action.FORWARD]
+    assert open_episode(tmp_path / "imported.mcap").run["started_at_s"] == "1600000000.000"
+
+
+def test_the_threshold_says_what_a_turn_is(tmp_path: Path) -> None:
+    tub = tub_1(tmp_path / "tub", [-0.3, 0.3])
+    assert imported(tub, tmp_path, threshold=0.2) == [Action.LEFT, Action.RIGHT]
+    (tmp_path / "imported.mcap").unlink()
+    assert imported(tub, tmp_path, threshold=0.4) == [Action.FORWARD, Action.FORWARD]
+
+
+def test_a_car_that_stands_teaches_nothing(tmp_path: Path) -> None:
+    records = [{"user/angle": 0.9, "user/throttle": t} for t in (0.3, 0.0, -0.2)]
+    assert imported(tub_2(tmp_path / "tub", records), tmp_path) == [Action.RIGHT, None, None]
+
+
+@pytest.mark.parametrize("action", [Action.FORWARD, Action.LEFT, Action.RIGHT])
+def test_moves_come_back_from_their_angles(action: Action) -> None:
+    assert to_move(*to_angle(action)) is action
+    assert set(ANGLES) == set(Action)
+
+
+@pytest.mark.parametrize(
+    ("table", "labels"),
+    [
+        ("file,label\na.jpg,left\nb.jpg,\n", [Action.LEFT, None]),
+        ("image,angle,throttle\na.jpg,-0.5,0.4\nb.jpg,0.1,0.4\n", [Action.LEFT, Action.FORWARD]),
+        ("\ufeffPath, Steering ,t\na.jpg,0.9,10.0\nb.jpg,0,10.5\n", [Action.RIGHT, Action.FORWARD]),
+    ],
+)
+def test_a_folder_with_a_table(tmp_path: Path, table: str, labels: list[Action | None]) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    for number, name in enumerate(("a.jpg", "b.jpg")):
+        (folder / name).write_bytes(jpeg(number))
+    (folder / "table.csv").write_text(table, encoding="utf-8")
+    assert imported(folder, tmp_path) == labels
+
+
+@pytest.mark.recordings
+@pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"no footage in {RECORDINGS}")
+def test_a_recording_of_the_evaluation(tmp_path: Path) -> None:
+    path = RECORDINGS / "asphalt_A.npz"
+    write_episode(read_drive(path), tmp_path / "a.mcap")
+    episode = open_episode(tmp_path / "a.mcap")
+    assert len(episode.frames) == len(plan([(episode, Notes())])) == 700
+
+
+# Hostile -----------------------------------------------------------------------------------------
+
+
+def refused(path: Path, folder: Path, complaint: str) -> None:
+    target = folder / "x.mcap"
+    before = sorted(p for p in folder.rglob("*"))
+    with pytest.raises(RecordingError, match=complaint):
+        write_episode(read_drive(path), target)
+    assert sorted(p for p in folder.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    "name", ["../secret.jpg", "/etc/hostname", "a/../../secret.jpg", "link.jpg"]
+)
+def test_a_picture_outside_of_the_tub_is_not_read(tmp_path: Path, name: str) -> None:
+    (tmp_path / "secret.jpg").write_bytes(jpeg(1))
+    tub = tub_2(tmp_path / "tub", [{"user/angle": 0.0, "cam/image_array": name}])
+    (tub / "images" / "link.jpg").symlink_to(tmp_path / "secret.jpg")
+    refused(tub, tmp_path, "leads out of")
+
+
+def test_a_catalog_outside_of_the_tub_is_not_read(tmp_path: Path) -> None:
+    tub = tub_2(tmp_path / "tub", [{"user/angle": 0.0}])
+    text = (tub / "manifest.json").read_text()
+    (tub / "manifest.json").write_text(text.replace("catalog_0.catalog", "../x.catalog"))
+    refused(tub, tmp_path, "leads out of")
+
+
+def png_claiming(width: int, height: int) -> bytes:
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        body = kind + data
+        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    data = zlib.compress(bytes(10**6))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"no picture at all",
+        b"\xff\xd8\xff\xe0" + b"\0" * 50,
+        jpeg(1)[:20],
+        b"\xff\xd8\xff\xc0\x00\x11\x08\x00\x78\x00\xa0" + b"\0" * 40,
+        b"GIF89a" + b"\0" * 40,
+        png_claiming(60_000, 60_000),
+        png_claiming(2_000, 2_000)[:-400],
+        png_claiming(0, 5),
+    ],
+)
+def test_an_image_that_is_no_image_is_refused(tmp_path: Path, data: bytes) -> None:
+    with pytest.raises(RecordingError, match="x"):
+        read_picture(data, "x")
+    tub = tub_2(tmp_path / "tub", [{"user/angle": 0.0}])
+    (tub / "images" / "0_cam_image_array_.jpg").write_bytes(data)
+    refused(tub, tmp_path, "picture|pixels")
+
+
+@pytest.mark.parametrize(
+    "manifest", ["", "{}", "[]\n[]\n{}\n{}\n", "[]\n[]\n{}\n{}\n[]\n", "[" * 10_000]
+)
+def test_a_broken_manifest_is_refused(tmp_path: Path, manifest: str) -> None:
+    tub = tub_2(tmp_path / "tub", [{"user/angle": 0.0}])
+    (tub / "manifest.json").write_text(manifest)
+    refused(tub, tmp_path, "manifest|no records")
+
+
+@pytest.mark.parametrize("record", ["{", "[]", "{}", '{"cam/image_array": 7}', "null"])
+def test_a_broken_record_is_refused(tmp_path: Path, record: str) -> None:
+    tub = tub_2(tmp_path / "tub", [{"user/angle": 0.0}])
+    (tub / "catalog_0.catalog").write_text(record + "\n")
+    refused(tub, tmp_path, "catalog")
+
+
+def test_a_record_without_an_angle_is_refused(tmp_path: Path) -> None:
+    refused(tub_2(tmp_path / "tub", [{"user/angle": "left"}]), tmp_path, "user/angle")
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        "",
+        "file,label\n",
+        "a,b\n1,2\n",
+        "file\na.jpg\n",
+        "file,angle\na.jpg,nan\n",
+        "file,label\na.jpg,fly\n",
+        "file,label\n../secret.jpg,left\n",
+        "file,label\nmissing.jpg,left\n",
+        "file,label\n" + "x" * 200_000 + ",left\n",
+    ],
+)
+def test_a_broken_table_is_refused(tmp_path: Path, table: str) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (tmp_path / "secret.jpg").write_bytes(jpeg(1))
+    (folder / "a.jpg").write_bytes(jpeg(1))
+    (folder / "table.csv").write_text(table)
+    refused(folder, tmp_path, "table|picture|leads out")
+
+
+def test_what_is_nothing_of_all_this_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "x.txt").write_text("x")
+    refused(tmp_path / "x.txt", tmp_path, "no tub")
+    refused(tmp_path / "missing", tmp_path, "no tub")
+
+
+def test_an_npz_with_pickles_is_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "x.npz", labels=np.array([print], dtype=object), allow_pickle=True)
+    refused(tmp_path / "x.npz", tmp_path, "x.npz")
+
+
+def test_an_npz_bomb_is_refused(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "x.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("jpeg.npy", bytes(600 * 2**20))
+    refused(tmp_path / "x.npz", tmp_path, "512 MB")

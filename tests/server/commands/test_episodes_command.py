@@ -1,0 +1,124 @@
+"""`drivelesson episodes` and `drivelesson learn`, as a person types them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robot.episodes.shelf import EpisodeShelf
+from robot.models.shelf import ModelShelf
+from robot.storage import Storage
+from server.__main__ import main
+from tests.robot.episodes.drives import record_drive
+
+
+@pytest.fixture
+def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path / "data"))
+    return tmp_path / "data"
+
+
+@pytest.fixture
+def episode_id(data: Path) -> str:
+    return record_drive(Storage(data).episodes, "default-8").id
+
+
+def say(words: str, capsys: pytest.CaptureFixture[str], status: int = 0) -> str:
+    assert main(words.split()) == status
+    captured = capsys.readouterr()
+    return captured.out if status == 0 else captured.err
+
+
+def test_list_and_show(episode_id: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert episode_id in say("episodes list", capsys)
+    shown = say("episodes show last", capsys)
+    assert "'forward': 20, 'left': 20, 'right': 20" in shown
+    pilot = next(line for line in shown.splitlines() if line.startswith("pilot"))
+    assert "FFFFLLLLRRRR" in pilot
+
+
+def test_mend_and_undo(episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shelf = EpisodeShelf(Storage(data))
+    say("episodes trim last --from 0.5 --to 2.5", capsys)
+    say("episodes relabel last --from 1 --to 2 --label right", capsys)
+    assert "3 edits" in say("episodes delete last --from 2", capsys)
+    assert len(shelf.notes(episode_id).edits) == 3
+    shown = say(f"episodes show {episode_id[:12]}", capsys)
+    assert "x" in shown and "edit 2: relabel right" in shown
+    say("episodes undo last", capsys)
+    assert len(shelf.notes(episode_id).edits) == 2
+    before = shelf.card(episode_id).bytes
+    say("episodes compact last", capsys)
+    assert shelf.card(episode_id).bytes < before
+
+
+def test_delete_restore_and_the_trash(
+    episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    say("episodes delete last", capsys)
+    assert "no episodes" in say("episodes list", capsys)
+    assert f"{episode_id} is back" in say("episodes restore", capsys)
+    say("episodes delete last", capsys)
+    say("episodes empty-trash", capsys)
+    say("episodes restore", capsys, status=1)
+
+
+def test_the_budget_offers_and_deletes_nothing(
+    episode_id: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert f"could go: {episode_id}" in say("episodes budget --gigabytes 0", capsys)
+    say("episodes protect last", capsys)
+    assert "could go" not in say("episodes budget --gigabytes 0", capsys)
+    assert episode_id in say("episodes list", capsys)
+
+
+def test_learn_gives_the_nodes_of_driving_and_saves_them(
+    episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = say("learn last --check --out again", capsys)
+    assert "the same nodes as driving made" in told
+    model = ModelShelf(Storage(data)).load("again")
+    assert (model.card.learner, model.card.lessons) == ("default-8", 60)
+    say(f"learn {episode_id} --learner published --max-nodes 64 --out {tmp_path}/m.npz", capsys)
+    assert (tmp_path / "m.npz").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("form", ["tub", "folder"])
+def test_out_and_in_again(
+    episode_id: str, data: Path, form: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    say(f"episodes export last --as {form} --out {data}/exports/{form}", capsys)
+    say(f"episodes import {data}/exports/{form} --name back", capsys)
+    say("learn back --learner default --max-nodes 8 --out back", capsys)
+    assert ModelShelf(Storage(data)).load("back").card.lessons == 60
+
+
+def test_films_and_datasets_go_to_the_exports(
+    episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    say("episodes export last --as film", capsys)
+    say("episodes export last --as lerobot --fps 10", capsys)
+    names = sorted(path.name for path in (data / "exports").iterdir())
+    assert names == [f"{episode_id} film.mp4", f"{episode_id} lerobot"]
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ("episodes show nobody", "no episode of this name"),
+        ("episodes trim last --from 90 --to 91", "no pictures between"),
+        ("episodes export last --as tub --out /proc/x", "cannot write"),
+        ("episodes import /nowhere", "no tub"),
+        ("episodes import /nowhere --threshold 7", "--threshold"),
+        ("learn last --learner oracle", "oracle"),
+        ("learn nobody", "no episode of this name"),
+        ("episodes restore 17", "no longer in the trash"),
+        ("episodes list --data /proc/x", "cannot be used"),
+    ],
+)
+def test_what_cannot_be_done_is_one_clear_line(
+    episode_id: str, words: str, complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = say(words, capsys, status=1)
+    assert complaint in told.splitlines()[-1]
