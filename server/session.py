@@ -6,7 +6,7 @@ Nothing here knows sockets or clocks; the time is an argument.
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from server.protocol import ErrorCode, ProtocolError
 
@@ -51,8 +51,7 @@ class Pace:
         return True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Sent:
+class _Sent(NamedTuple):
     at_s: float
     size: int
     in_flight: int

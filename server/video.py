@@ -209,6 +209,10 @@ class VideoHub:
             self.frame_ages.note(now_s - captured_s)
         self.offer(viewer)
 
+    def captured_s(self, frame_id: int) -> float | None:
+        """Return when a frame was taken; None for one that is unknown or long gone."""
+        return self._captured_s.get(frame_id)
+
     async def stream(self) -> AsyncGenerator[bytes, None]:
         """Yield each newest frame as JPEG, for viewers that cannot acknowledge.
 

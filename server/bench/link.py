@@ -81,6 +81,11 @@ class Subject:
         )
         self.port = int(self._line())
 
+    @property
+    def pid(self) -> int:
+        """The process's number."""
+        return self._process.pid
+
     def ask(self) -> dict[str, Any]:
         """Return what the server has noted by now."""
         assert self._process.stdin is not None
@@ -127,7 +132,9 @@ async def _measure_viewers(kind: str, count: int, seconds: float, rate_hz: float
         "viewers": count,
         "frames_per_second": round(len(ages_s) / lasted_s / count, 2),
         "latency_ms": _percentiles(ages_s),
-        "cpu_us_per_frame": round(1e6 * (serving_s - idle * lasted_s) / len(ages_s), 1),
+        "cpu_us_per_frame": round(
+            1e6 * (serving_s - min(idle, idle_after) * lasted_s) / len(ages_s), 1
+        ),
         "process_cpu_us_per_frame": round(1e6 * process_s / len(ages_s), 1),
         "serving_cpu_share": round(serving_s / lasted_s, 4),
         "serving_cpu_share_idle_before": round(idle, 4),

@@ -20,7 +20,7 @@ STAMP = struct.Struct("<d")
 def naive_websocket(camera: Camera) -> FastAPI:
     """Push every frame into a queue for each client, and out of it as fast as it goes.
 
-    The frame is encoded once for all and not compressed again, which is kinder than most recipes.
+    The frame is encoded once for all, which is kinder than most recipes.
     """
     app = FastAPI()
     encoder = Encoder(80)

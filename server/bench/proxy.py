@@ -95,9 +95,9 @@ class Proxy:
         free_s = 0.0
         try:
             while data := await source.read(_CHUNK_BYTES):
-                weather = self.weather
-                while weather.is_silent:
+                while self.weather.is_silent:
                     await asyncio.sleep(0.01)
+                weather = self.weather
                 free_s = max(free_s, now_s())
                 if throttled and weather.bytes_per_second:
                     free_s += len(data) / weather.bytes_per_second

@@ -79,7 +79,7 @@ class SteadyCamera(Camera):
 
 
 class NotingDriver(Driver):
-    """Notes each change with the machine's time; can be made to fail."""
+    """Notes each change, and when it was last told to move (`moved_s`); can be made to fail."""
 
     name: ClassVar[str] = "noting"
     default_camera: ClassVar[str] = "steady"
@@ -89,6 +89,7 @@ class NotingDriver(Driver):
         self.now = Action.STOP
         self.changes: list[tuple[float, Action]] = []
         self.failure: str | None = None
+        self.moved_s = 0.0
 
     @property
     def is_connected(self) -> bool:
@@ -106,6 +107,8 @@ class NotingDriver(Driver):
         """Note the action."""
         if self.failure is not None:
             raise DriveError(self.failure)
+        if action is not Action.STOP:
+            self.moved_s = time.monotonic()
         self._note(action)
         return action
 
@@ -125,7 +128,7 @@ class NotingDriver(Driver):
 
 def _pattern(seed: int, width: int, height: int) -> bytes:
     """Return coloured blocks whose JPEG is about 5 KB at 160x120, 25 KB at 640x480."""
-    block = max(1, width * 12 // 160)
+    block = 12 if width <= 160 else 36  # no multiple of 8, or JPEG would have an easy time
     shape = (height // block + 1, width // block + 1, 3)
     blocks = np.random.default_rng(seed).integers(60, 200, shape, dtype=np.uint8)
     picture = blocks.repeat(block, axis=0).repeat(block, axis=1)[:height, :width]

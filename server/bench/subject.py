@@ -19,7 +19,8 @@ from typing import Any
 from robot.clock import RealClock
 from server.bench.robot import NotingDriver, SteadyCamera
 
-KINDS = ("drivelesson", "naive-websocket", "naive-mjpeg")
+KINDS = ("drivelesson", "naive-websocket", "plain-websocket", "naive-mjpeg")
+"""`plain` is `naive` without uvicorn's default, which compresses each picture once more."""
 
 
 def main() -> None:
@@ -53,9 +54,9 @@ def _serving(kind: str, camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
     else:
         from server.bench import naive
 
-        make = naive.naive_websocket if kind == "naive-websocket" else naive.naive_mjpeg
+        make = naive.naive_mjpeg if kind == "naive-mjpeg" else naive.naive_websocket
         with camera:
-            yield _serve_plainly(make(camera)), dict
+            yield _serve_plainly(make(camera), deflate=kind == "naive-websocket"), dict
 
 
 @contextlib.contextmanager
@@ -79,15 +80,17 @@ def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
             "cycles": state.cycles,
             "late_cycles": state.late_cycles,
             "changes": [(at_s, action.value) for at_s, action in driver.changes],
-            "threads": threading.active_count(),
+            "moved_s": driver.moved_s,
+            "mode": state.decision.mode.value,
+            "stop_reason": state.decision.stop_reason,
         }
 
     with rig, served(create_app(config, rig, name="bench"), config) as address:
         yield int(address.rsplit(":", 1)[1]), notes
 
 
-def _serve_plainly(app: Any) -> int:
-    """Serve as `uvicorn app:app` would, but without compressing pictures a second time."""
+def _serve_plainly(app: Any, *, deflate: bool) -> int:
+    """Serve as `uvicorn app:app` would."""
     import asyncio
 
     import uvicorn
@@ -95,7 +98,7 @@ def _serve_plainly(app: Any) -> int:
     from server.serving import open_socket
 
     listener = open_socket("127.0.0.1", 0)
-    settings = uvicorn.Config(app, log_level="error", ws_per_message_deflate=False)
+    settings = uvicorn.Config(app, log_level="error", ws_per_message_deflate=deflate)
     server = uvicorn.Server(settings)
     threading.Thread(
         target=lambda: asyncio.run(server.serve(sockets=[listener])), name="server", daemon=True

@@ -37,7 +37,8 @@ async def watch(kind: str, port: int, watched: Watched) -> None:
         await _watch_mjpeg(port, watched)
         return
     url = f"ws://127.0.0.1:{port}/ws/video"
-    async with connect(url, compression=None, max_size=None, ping_interval=None) as socket:
+    # Browsers always offer to compress; whether they are taken up on it is the server's choice.
+    async with connect(url, compression="deflate", max_size=None, ping_interval=None) as socket:
         async for message in socket:
             assert isinstance(message, bytes)
             if kind == "drivelesson":

@@ -4,108 +4,29 @@ from __future__ import annotations
 
 import contextlib
 import json
+import socket
+import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
-import numpy as np
 from websockets.sync.client import ClientConnection, connect
 
-from robot.camera import Camera
-from robot.clock import Clock, RealClock
-from robot.driver import Driver
+from robot.clock import RealClock
 from robot.policy import make_policy
 from robot.rig import Rig
-from robot.types import Action, Encoding
 from server.app import create_app
+from server.bench.robot import NotingDriver, SteadyCamera
 from server.certificates import Certificates
 from server.config import Config
 from server.pairing import Pairing
+from server.protocol import encode_acknowledgement, parse_picture
 from server.serving import served
-
-from ..robot.bench_robot import BenchDriver, NoOptions
 
 WEB = Path(__file__).resolve().parents[2] / "web"
 STANDING_AFTER_S = 5.0
-
-
-class LiveCamera(Camera):
-    """Takes pictures of noise, at a steady rate, on a thread of its own. Can be frozen."""
-
-    name: ClassVar[str] = "live"
-    options_type: ClassVar[type[Any]] = NoOptions
-
-    def __init__(
-        self, clock: Clock, rate_hz: float = 30.0, width: int = 160, height: int = 120
-    ) -> None:
-        super().__init__(clock)
-        self.rate_hz, self.width, self.height = rate_hz, width, height
-        self.is_frozen = False
-        self._ending = threading.Event()
-        self._thread: threading.Thread | None = None
-        noise = np.random.default_rng(1)
-        # Coarse noise: a JPEG of it is about as large as one of a room.
-        coarse = noise.integers(0, 256, (8, height // 8, width // 8, 3), dtype=np.uint8)
-        self._pictures = [c.repeat(8, axis=0).repeat(8, axis=1).tobytes() for c in coarse]
-
-    @classmethod
-    def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        return cls(clock)
-
-    def start(self) -> None:
-        self._thread = threading.Thread(target=self._run, name="live-camera", daemon=True)
-        self._thread.start()
-
-    def stop(self) -> None:
-        self._ending.set()
-        if self._thread is not None:
-            self._thread.join()
-
-    def _run(self) -> None:
-        number = 0
-        next_s = self.clock.now_s()
-        while not self._ending.wait(max(0.0, next_s - self.clock.now_s())):
-            next_s += 1 / self.rate_hz
-            if not self.is_frozen:
-                number += 1
-                self._publish(
-                    self._pictures[number % len(self._pictures)],
-                    width=self.width,
-                    height=self.height,
-                    encoding=Encoding.RGB,
-                    captured_s=self.clock.now_s(),
-                )
-
-
-class TimedDriver(BenchDriver):
-    """Notes when the body was last told to move, on the machine's clock."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.now = Action.STOP
-        self.changes: list[tuple[float, Action]] = []
-
-    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        sent = super().send_action(action, speed_scale=speed_scale)
-        self._note(sent)
-        return sent
-
-    def stop(self) -> None:
-        super().stop()
-        self._note(Action.STOP)
-
-    def _note(self, action: Action) -> None:
-        if action is not self.now:
-            self.changes.append((time.monotonic(), action))
-            self.now = action
-
-    def stood_since_s(self) -> float | None:
-        """When the body came to stand; None while it moves."""
-        if self.now is not Action.STOP:
-            return None
-        return self.changes[-1][0] if self.changes else 0.0
 
 
 class LiveServer:
@@ -118,13 +39,13 @@ class LiveServer:
         self.station = app.state.station
 
     @property
-    def driver(self) -> TimedDriver:
-        assert isinstance(self.rig.driver, TimedDriver)
+    def driver(self) -> NotingDriver:
+        assert isinstance(self.rig.driver, NotingDriver)
         return self.rig.driver
 
     @property
-    def camera(self) -> LiveCamera:
-        assert isinstance(self.rig.camera, LiveCamera)
+    def camera(self) -> SteadyCamera:
+        assert isinstance(self.rig.camera, SteadyCamera)
         return self.rig.camera
 
     def ws(self, path: str) -> str:
@@ -133,18 +54,22 @@ class LiveServer:
     def pilot(self) -> Pilot:
         return Pilot(self.ws("/ws/drive"))
 
+    @property
+    def port(self) -> int:
+        return int(self.address.rsplit(":", 1)[1])
+
 
 @contextlib.contextmanager
 def live_server(
     config: Config | None = None,
-    camera: LiveCamera | None = None,
+    camera: SteadyCamera | None = None,
     pairing: Pairing | None = None,
     certificates: Certificates | None = None,
 ) -> Iterator[LiveServer]:
     """Serve a bench robot on loopback while the block runs."""
     clock = camera.clock if camera else RealClock()
     config = config or Config(port=0, web=WEB)
-    rig = Rig(TimedDriver(), camera or LiveCamera(clock), make_policy("published-8"), clock)
+    rig = Rig(NotingDriver(), camera or SteadyCamera(clock), make_policy("published-8"), clock)
     app = create_app(config, rig, name="bench", pairing=pairing)
     with rig, served(app, config, certificates) as address:
         yield LiveServer(address, rig, app)
@@ -153,8 +78,9 @@ def live_server(
 class Pilot:
     """A page without a screen: holds what it is told to, and beats every 100 ms until it ends."""
 
-    def __init__(self, url: str, **options: Any) -> None:
+    def __init__(self, url: str, *, sees: bool = False, **options: Any) -> None:
         self._stack = contextlib.ExitStack()
+        self.picture: int | None = None
         self.socket: ClientConnection = self._stack.enter_context(
             connect(url, compression=None, **options)
         )
@@ -169,6 +95,10 @@ class Pilot:
             threading.Thread(target=self._listen, daemon=True),
             threading.Thread(target=self._beat, daemon=True),
         ]
+        if sees:
+            video = connect(url.replace("/ws/drive", "/ws/video"), compression=None, **options)
+            self._video = self._stack.enter_context(video)
+            self._threads.append(threading.Thread(target=self._watch, daemon=True))
         for thread in self._threads:
             thread.start()
         self.hello = self.wait_for(lambda m: m["type"] == "hello")
@@ -180,6 +110,14 @@ class Pilot:
                     self.messages.append(json.loads(text))
                     self._news.notify_all()
 
+    def _watch(self) -> None:
+        with contextlib.suppress(Exception):
+            for message in self._video:
+                assert isinstance(message, bytes)
+                picture = parse_picture(message)
+                self.picture = picture.frame_id
+                self._video.send(encode_acknowledgement(picture.frame_id))
+
     def _beat(self) -> None:
         while not self._ending.wait(0.1):
             if not self.is_silent:
@@ -189,7 +127,7 @@ class Pilot:
     def _say_drive(self) -> None:
         with self._lock:
             self.seq += 1
-            frame = self.state["frame"] if self.states else None
+            frame = self.picture or (self.state["frame"] if self.states else None)
             self.send(type="drive", held=self.held, frame=frame, seq=self.seq)
 
     def send(self, **message: Any) -> None:
@@ -253,7 +191,9 @@ class Pilot:
     def vanish(self) -> None:
         """Go as a killed browser goes: the connection ends without a word."""
         self._ending.set()
-        self.socket.socket.shutdown(2)
+        linger = struct.pack("ii", 1, 0)  # the end is a reset, not a farewell
+        self.socket.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
+        self.socket.socket.shutdown(socket.SHUT_RDWR)
 
     def __enter__(self) -> Self:
         return self

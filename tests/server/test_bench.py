@@ -19,6 +19,7 @@ def test_bench_link_measures_all_servers(tmp_path: Path) -> None:
     assert [row["server"] for row in result["servers"]] == [
         "drivelesson",
         "naive-websocket",
+        "plain-websocket",
         "naive-mjpeg",
     ]
     ours = result["servers"][0]

@@ -1,0 +1,95 @@
+"""Faults that need a server in a process of its own: it is frozen, or its disk is full."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from robot.driver import ACTION_TIMEOUT_S
+from server.bench.link import Subject
+from tests.server.live_robot import Pilot
+
+
+@pytest.mark.parametrize("mode", ["train", "autonomous"])
+def test_a_frozen_server_lets_the_body_stop_and_does_not_move_it_again(mode: str) -> None:
+    """The body ends each move by itself after `ACTION_TIMEOUT_S`, which every driver's tests show.
+
+    What is left to show is that nothing was told to move after the freeze.
+    """
+    with Subject("drivelesson", 30.0) as subject, _pilot(subject.port) as pilot:
+        pilot.mode(mode)
+        pilot.wait_for_state(mode=mode)
+        pilot.hold("forward")
+        pilot.wait_for_state(driven_by="pilot", action="forward")
+        os.kill(subject.pid, signal.SIGSTOP)
+        frozen_s = time.monotonic()
+        time.sleep(1.0)  # the pilot holds on, and its words pile up
+        os.kill(subject.pid, signal.SIGCONT)
+        pilot.wait_for_state(mode="stopped")
+        time.sleep(0.2)
+        notes = subject.ask()
+    assert notes["moved_s"] <= frozen_s + 0.05, "told to move after the freeze"
+    assert ACTION_TIMEOUT_S <= 0.5
+    assert (notes["mode"], notes["stop_reason"]) == ("stopped", "loop_fault")
+
+
+def test_a_full_disk_does_not_keep_the_robot_from_driving_or_standing(tmp_path: Path) -> None:
+    with _full_disk_server(tmp_path) as (address, errors):
+        with _pilot(int(address.rsplit(":", 1)[1])) as pilot:
+            pilot.mode("train")
+            pilot.wait_for_state(mode="train")
+            pilot.hold("forward")
+            pilot.wait_for_state(driven_by="pilot", action="forward")
+            time.sleep(1.0)
+            assert pilot.state["driven_by"] == "pilot"
+            assert pilot.state["lessons"] > 10
+            pilot.hold(None)
+            pilot.wait_for_state(action="stop", within_s=0.5)
+        assert httpx.get(address + "/healthz").status_code == 200
+    assert "Traceback" not in "".join(errors)
+
+
+def _pilot(port: int) -> Pilot:
+    return Pilot(f"ws://127.0.0.1:{port}/ws/drive")
+
+
+@contextlib.contextmanager
+def _full_disk_server(folder: Path) -> Iterator[tuple[str, list[str]]]:
+    """Serve the simulated robot; once it runs, no file can grow by a single byte."""
+    pytest.importorskip("panda3d")
+
+    words = [sys.executable, "-m", "server", "--robot", "sim", "--port", "0"]
+    process = subprocess.Popen(
+        [*words, "--data", str(folder)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    )
+    assert process.stdout is not None and process.stderr is not None
+    errors: list[str] = []
+    stderr = process.stderr
+    reading = threading.Thread(target=lambda: errors.extend(stderr), daemon=True)
+    reading.start()
+    try:
+        line = process.stdout.readline()
+        assert "http://" in line, "".join(errors)
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (0, 0))
+        yield "http://" + line.rsplit("http://", 1)[1].strip(), errors
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(10)
+        reading.join(5)
+        process.stdout.close()
+        stderr.close()
