@@ -12,9 +12,11 @@ from starlette.staticfiles import StaticFiles
 
 from robot.rig import Rig
 from server.access import Access
+from server.classroom import Classroom
 from server.coach import Coach
 from server.config import Config
 from server.guard import Guard
+from server.library import recording_in
 from server.network import host_names
 from server.pairing import Pairing, cookie_name
 from server.routes import routers
@@ -42,7 +44,8 @@ def create_app(
     station = Station(config, robot, name)
     turned_away: Counter[str] = Counter()
     app.state.config, app.state.robot, app.state.station = config, robot, station
-    app.state.coach = coach = Coach(robot.loop)
+    app.state.coach = coach = Coach(robot.loop, lambda: recording_in(app.state))
+    app.state.classroom = classroom = Classroom(robot.loop, station.announce_soon)
     app.state.pairing, app.state.turned_away = pairing, turned_away
     for router in routers():
         app.include_router(router)
@@ -52,7 +55,7 @@ def create_app(
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         await station.start()
         try:
-            with coach:
+            with coach, classroom:
                 yield
         finally:
             await station.stop()

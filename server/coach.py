@@ -33,13 +33,15 @@ class Mark:
     lessons: int
     agreement: float
     at_s: float
+    episode: str | None = None
 
 
 class Coach:
     """Follows one robot's lessons. A context manager: it follows inside of the block."""
 
-    def __init__(self, loop: ControlLoop) -> None:
+    def __init__(self, loop: ControlLoop, episode: Callable[[], str | None] = lambda: None) -> None:
         self._loop = loop
+        self._episode = episode
         self._marks: list[Mark] = []
         self._gallery: list[LearnedImage] = []
         self._is_stale = True
@@ -77,7 +79,7 @@ class Coach:
         last = self._marks[-1].lessons if self._marks else 0
         if agreement is None or lessons - last < MARK_EVERY:
             return
-        mark = Mark(lessons=lessons, agreement=agreement, at_s=time.time())
+        mark = Mark(lessons=lessons, agreement=agreement, at_s=time.time(), episode=self._episode())
         self._marks = [*self._marks[-_MARKS:], mark]
 
     def history(self, points: int = 200) -> list[Mark]:
@@ -86,14 +88,14 @@ class Coach:
         step = max(1, -(-len(marks) // points))
         return marks[::-1][::step][::-1]
 
-    def taught_at_s(self, lesson: int) -> float | None:
-        """Return when a lesson was taught, to within some lessons; None if that is not known."""
+    def mark_of(self, lesson: int) -> Mark | None:
+        """Return the mark that covers a lesson; None if it was before this start."""
         marks = self._marks
         at = bisect_left(marks, lesson, key=lambda mark: mark.lessons)
         if lesson < 1 or at == len(marks):
             return None
         is_covered = at > 0 or marks[0].lessons - lesson < MARK_EVERY
-        return marks[at].at_s if is_covered else None
+        return marks[at] if is_covered else None
 
     async def gallery(self, *, fresh: bool = False) -> list[LearnedImage]:
         """Return the learned images; `fresh` after a change made just now."""

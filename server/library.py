@@ -72,6 +72,12 @@ def library_of(request: Request) -> Library:
     return library
 
 
+def recording_in(app_state: Any) -> str | None:
+    """Return the id of the episode that is being recorded, if any is."""
+    library = getattr(app_state, "library", None)
+    return library.recorder.episode_id if isinstance(library, Library) else None
+
+
 @contextmanager
 def refusals() -> Iterator[None]:
     """Turn what went wrong into a status and a sentence for the page."""

@@ -22,6 +22,7 @@ MODULES = (
     "gallery",
     "teaching",
     "settings",
+    "lesson",
 )
 """Modules of this package; a new one is added here, and nowhere else."""
 

@@ -74,12 +74,14 @@ async def edit_image(request: Request, node: int) -> dict[str, Any]:
 
 
 def _describe(image: LearnedImage, coach: Coach) -> dict[str, Any]:
+    mark = coach.mark_of(image.last_taught)
     return {
         "node": image.node_id,
         "votes": {move.value: count for move, count in image.votes.items()},
         "frames": image.frames,
         "last_used": image.last_used,
         "last_taught": image.last_taught,
-        "taught_at_s": coach.taught_at_s(image.last_taught),
+        "taught_at_s": mark.at_s if mark else None,
+        "episode": mark.episode if mark else None,
         "pinned": image.is_pinned,
     }

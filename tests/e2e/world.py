@@ -159,11 +159,18 @@ class Fingers:
         return {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
 
 
-def teach(world: World, fingers: Fingers, lessons: int, *, near_m: float = 0.35) -> None:
+def teach(
+    world: World,
+    fingers: Fingers,
+    lessons: int,
+    *,
+    near_m: float = 0.35,
+    until: Callable[[], bool] = lambda: False,
+) -> None:
     """Drive as a person would: straight on, and left before whatever stands in the way."""
     held: str | None = None
     deadline_s = time.monotonic() + 60
-    while world.lessons < lessons:
+    while world.lessons < lessons and not until():
         assert time.monotonic() < deadline_s, f"only {world.lessons} lessons came through"
         patience_m = near_m if held == "forward" else near_m * 1.3
         wanted = "left" if world.distance_m < patience_m else "forward"

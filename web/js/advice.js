@@ -52,9 +52,18 @@ export function urgentAdvice(page) {
     return { key: robot.lessons ? 'asks' : 'asks_empty', level: 'ask' };
   }
   if (robot.mode !== 'stopped' && robot.link !== 'good' && robot.link) return { key: `link.${robot.link}`, level: 'info' };
+  const lesson = lessonAdvice(page);
+  if (lesson) return lesson;
   if (page.notice) return { key: page.notice, level: 'info' };
   if (page.hint) return { key: `hint.${page.hint}`, step: 'hint', level: 'info' };
   return null;
+}
+
+/** What the guided lesson asks for next. @param {PageState} page @returns {Advice | null} */
+function lessonAdvice({ lesson, robot }) {
+  if (!lesson || lesson.phase === 'done') return null;
+  if (lesson.phase === 'question') return { key: 'lesson.over', step: 'lesson', level: 'info' };
+  return robot?.mode === lesson.mode ? null : { key: `lesson.next_${lesson.phase}`, level: 'info' };
 }
 
 /** @param {PageState} page @returns {Advice} */

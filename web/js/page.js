@@ -1,5 +1,6 @@
 // What a person does on the page, and what the robot says to it.
 
+import { ask } from './api.js';
 import { Helm } from './helm.js';
 import { t } from './i18n.js';
 
@@ -7,6 +8,7 @@ const AGREEMENT_EVERY = 5; // lessons between two points of the curve
 const CURVE_POINTS = 160;
 const NOTICE_MS = 3500;
 const HINTS = 3;
+const LESSON_MS = 1000;
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 /** @typedef {import('./protocol.js').RobotState} RobotState */
@@ -27,6 +29,8 @@ export class Page {
     this.curveLessons = 0;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.noticeTimer = undefined;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.lessonTimer = undefined;
     /** @type {Record<string, (words: any) => void>} */
     this.hearers = { hello: (w) => this.greet(w), state: (w) => this.follow(w), event: (w) => this.note(w) };
     if (!preferences.hintsSeen) store.set({ hint: 1 });
@@ -65,6 +69,7 @@ export class Page {
   greet(hello) {
     this.curveLessons = 0;
     this.store.set({ link: 'open', role: hello.role, robotName: hello.robot, moves: hello.moves });
+    this.refreshLesson();
   }
 
   /** @param {RobotState} robot */
@@ -100,8 +105,17 @@ export class Page {
   /** @param {{name: string, detail?: string}} event */
   note(event) {
     if (event.name === 'model_not_saved') this.toast(t('not_saved', { detail: event.detail ?? '' }));
+    if (event.name === 'lesson') this.refreshLesson();
     if (event.name === 'wheel_asked') this.store.set({ wheelAsked: true });
     if (event.name === 'wheel_waiting') this.store.set({ wheelWaiting: true });
+  }
+
+  /** Ask how the guided lesson stands; while one is on, again every second. */
+  async refreshLesson() {
+    clearTimeout(this.lessonTimer);
+    const answer = await ask('GET', '/api/lesson').catch(() => null);
+    if (answer) this.store.set({ lesson: answer.lesson });
+    if (this.store.state.lesson?.mode) this.lessonTimer = setTimeout(() => this.refreshLesson(), LESSON_MS);
   }
 
   /** Say something for a moment. @param {string} notice */
@@ -140,6 +154,10 @@ export class Page {
   take(step) {
     if (step === 'hint') {
       this.nextHint();
+      return;
+    }
+    if (step === 'lesson') {
+      location.hash = 'lesson';
       return;
     }
     if (step === 'yield') this.store.set({ wheelAsked: false });

@@ -2,6 +2,11 @@
 
 /** @typedef {import('./protocol.js').RobotState} RobotState */
 /**
+ * The guided lesson that is on; see docs/reference/http.md.
+ * @typedef {{trial: number, phase: string, mode: string | null, left_s: number,
+ *   wanted_s: Record<string, number>, done_s: Record<string, number>, interventions: number, result: any}} LessonState
+ */
+/**
  * @typedef {object} PageState
  * @property {'connecting' | 'open' | 'lost'} link
  * @property {string} robotName
@@ -17,6 +22,7 @@
  * @property {number[]} agreement  newest last, one for each ten lessons or so
  * @property {boolean} wheelAsked  somebody else asks for the wheel
  * @property {boolean} wheelWaiting  this page asked for it
+ * @property {LessonState | null} lesson
  * @property {number | null} hint  which of the first visit's hints is shown
  * @property {string | null} notice  a short word that goes away by itself
  */
@@ -37,6 +43,7 @@ export const initialState = () => ({
   agreement: [],
   wheelAsked: false,
   wheelWaiting: false,
+  lesson: null,
   hint: null,
   notice: null,
 });

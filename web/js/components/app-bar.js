@@ -3,6 +3,7 @@
 
 import { append, fill, h, icon, say } from '../dom.js';
 import { percent, t } from '../i18n.js';
+import { minutes } from './teach-panel.js';
 
 export const SCREENS = ['drive', 'gallery', 'teaching', 'lesson', 'home', 'settings'];
 
@@ -23,7 +24,7 @@ export class AppBar extends HTMLElement {
     this.menu = this.makeMenu();
     append(this, [this.back, this.plate, h('div', { class: 'name' }, this.heading, this.detail),
       this.figures, this.stop, this.button, this.menu]);
-    page.store.watch(['robot', 'link', 'screen', 'delayMs', 'robotName'], (state) => this.render(state));
+    page.store.watch(['robot', 'link', 'screen', 'delayMs', 'robotName', 'lesson'], (state) => this.render(state));
     addEventListener('keydown', (event) => event.key === 'Escape' && this.toggle(false));
     addEventListener('pointerdown', (event) => {
       if (event.target instanceof Node && !this.contains(event.target)) this.toggle(false);
@@ -55,8 +56,9 @@ export class AppBar extends HTMLElement {
   }
 
   /** @param {import('../store.js').PageState} state */
-  describe({ robot, link }) {
+  describe({ robot, link, lesson }) {
     if (link !== 'open' || !robot) return t(link === 'lost' ? 'searching' : 'connecting');
+    if (lesson?.mode) return t(`lesson.now_${lesson.phase}`, { left: minutes(lesson.left_s), n: lesson.trial });
     const images = t('images', { n: robot.nodes });
     return robot.agreement === null ? images : `${images} · ${percent(robot.agreement)}`;
   }

@@ -1,6 +1,72 @@
 // The recordings of past drives, as a part of the home screen.
 
-/** @param {import('./home-screen.js').HomeScreen} home */
+import { ask } from '../api.js';
+import { append, fill, h, icon } from '../dom.js';
+import { language, t } from '../i18n.js';
+
+/** @typedef {import('./home-screen.js').HomeScreen} Home */
+
+/** @param {Home} home */
 export async function listEpisodes(home) {
-  void home;
+  const answer = await ask('GET', '/api/episodes').catch(() => null);
+  if (!answer || !home.isConnected) return;
+  const list = answer.episodes.map((/** @type {any} */ episode) => card(home, episode, answer.recording === episode.id));
+  const part = /** @type {HTMLElement} */ (home.episodes);
+  fill(part, h('h2', {}, t('episodes')), answer.fault ? h('p', { class: 'hint' }, answer.fault) : null,
+    ...(list.length ? list : [h('p', { class: 'hint' }, t('episodes.none'))]));
+}
+
+/** @param {Home} home @param {any} episode @param {boolean} isOn */
+function card(home, episode, isOn) {
+  const path = `/api/episodes/${encodeURIComponent(episode.id)}`;
+  const strip = h('div', { class: 'strip' });
+  const more = h('div', { class: 'stack', hidden: true });
+  const toggle = h('button', {
+    type: 'button', class: 'quiet', 'aria-expanded': 'false', 'aria-label': t('home.more', { name: title(episode) }),
+    onclick: () => {
+      more.hidden = !more.hidden;
+      toggle.setAttribute('aria-expanded', String(!more.hidden));
+      if (!more.hidden && !strip.children.length) showStrip(home, path, strip);
+    },
+  }, icon('more'));
+  append(more, [strip, h('div', { class: 'row' },
+    h('a', { class: 'button', href: `${path}/file`, download: '' }, t('download')),
+    isOn ? null : h('button', { type: 'button', onclick: () => remove(home, path, title(episode)) }, t('delete')))]);
+  return h('article', { class: 'panel stack' }, h('div', { class: 'facts-row' },
+    h('div', { class: 'grow' }, h('h3', {}, title(episode), isOn ? h('span', { class: 'tag' }, t('episodes.on')) : null),
+      h('small', {}, facts(episode))), toggle), more);
+}
+
+/** @param {any} episode */
+function title(episode) {
+  return episode.title || new Date(episode.started_at_s * 1000).toLocaleString(language, { dateStyle: 'medium', timeStyle: 'medium' });
+}
+
+/** @param {any} episode */
+function facts(episode) {
+  const seconds = Math.round(episode.duration_s ?? 0);
+  return [`${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, '0')}`,
+    t('home.lessons', { n: episode.lessons ?? 0 }), `${((episode.bytes ?? 0) / 1e6).toFixed(1)} MB`].join(' · ');
+}
+
+/** @param {Home} home @param {string} path @param {HTMLElement} strip */
+async function showStrip(home, path, strip) {
+  const answer = /** @type {any} */ (await home.attempt(() => ask('GET', `${path}/strip?count=12`)));
+  const frames = answer?.frames ?? [];
+  fill(strip, ...frames.map((/** @type {any} */ moment) => h('img', { alt: '', width: 40, height: 30, loading: 'lazy', src: `${path}/frames/${moment.frame}` })));
+}
+
+/** @param {Home} home @param {string} path @param {string} name */
+async function remove(home, path, name) {
+  await home.attempt(async () => {
+    const { undo } = await ask('DELETE', path);
+    home.page?.toast(t('home.deleted', { name }), {
+      label: t('undo'),
+      act: () => home.attempt(async () => {
+        await ask('POST', '/api/episodes/restore', { undo });
+        await listEpisodes(home);
+      }),
+    });
+    await listEpisodes(home);
+  });
 }

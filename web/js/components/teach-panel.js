@@ -23,14 +23,19 @@ export class TeachPanel extends HTMLElement {
         h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught')))),
       this.advice,
     ]);
-    page.store.watch(['robot'], ({ robot }) => robot && this.render(robot));
+    page.store.watch(['robot', 'lesson'], ({ robot, lesson }) => robot && this.render(robot, lesson));
     page.store.watch(['agreement'], (state) => this.curve?.setAttribute('points', points(state.agreement)));
   }
 
-  /** @param {import('../protocol.js').RobotState} robot */
-  render(robot) {
+  /** @param {import('../protocol.js').RobotState} robot @param {import('../store.js').LessonState | null} lesson */
+  render(robot, lesson) {
     say(/** @type {Node} */ (this.agreement), robot.agreement === null ? '–' : percent(robot.agreement));
     say(/** @type {Node} */ (this.lessons), count(robot.lessons));
+    if (lesson?.mode) {
+      const left = minutes(lesson.left_s);
+      say(/** @type {Node} */ (this.advice), t(`lesson.now_${lesson.phase}`, { left, n: lesson.trial }));
+      return;
+    }
     const { key, move, share } = teachingAdvice(robot);
     say(/** @type {Node} */ (this.advice), t(key, {
       moves: move ? t(`moves.${move}`) : '',
@@ -38,6 +43,12 @@ export class TeachPanel extends HTMLElement {
       agreement: robot.agreement === null ? '' : percent(robot.agreement),
     }));
   }
+}
+
+/** @param {number} seconds */
+export function minutes(seconds) {
+  const whole = Math.max(0, Math.ceil(seconds));
+  return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, '0')}`;
 }
 
 /** @param {number} share */

@@ -25,7 +25,7 @@ export class VideoView extends HTMLElement {
     this.drawnMs = performance.now();
     append(this, [this.canvas, this.who, this.facts, this.likeLink, this.notice, this.votes]);
     const { store } = page;
-    store.watch(['robot', 'link', 'held', 'localStop', 'wheelAsked', 'wheelWaiting', 'notice', 'hint', 'moves'], (state) => this.render(state));
+    store.watch(['robot', 'link', 'held', 'localStop', 'wheelAsked', 'wheelWaiting', 'notice', 'hint', 'lesson', 'moves'], (state) => this.render(state));
     page.connection.addEventListener('picture', (event) =>
       this.show(/** @type {CustomEvent} */ (event).detail));
     setInterval(() => this.classList.toggle('frozen', performance.now() - this.drawnMs > FROZEN_MS), 500);

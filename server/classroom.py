@@ -1,0 +1,140 @@
+"""One robot's guided lesson: which one is on, and the results of those before."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from robot.errors import ConfigurationError, NotFoundError, RecordingError
+from robot.lesson import Lesson, Phase
+from robot.loop import ControlLoop
+from robot.state import Tick
+from robot.storage import write_whole
+from robot.types import Mode
+
+_RESULT = re.compile(r"\d{8}-\d{6}-trial-[1-3]")
+
+
+class Classroom:
+    """Follows the loop while a lesson is on. A context manager: it follows inside of the block.
+
+    `pace` is how many seconds of a lesson go by in a second: 1, but for demonstrations and tests.
+    """
+
+    def __init__(self, loop: ControlLoop, announce: Callable[..., None]) -> None:
+        self.pace = 1.0
+        self.lesson: Lesson | None = None
+        self.result: dict[str, Any] | None = None
+        self.episode: Callable[[], str | None] = lambda: None
+        self._loop = loop
+        self._announce = announce
+        self._began_s = 0.0
+        self._episodes: list[str] = []
+        self._unsubscribe: Callable[[], None] = lambda: None
+
+    def __enter__(self) -> Self:
+        self._unsubscribe = self._loop.subscribe(self.note)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._unsubscribe()
+
+    def note(self, tick: Tick) -> None:
+        """Take note of one turn, on the loop's thread; stop the robot where a phase ends."""
+        lesson = self.lesson
+        if lesson is None or lesson.mode is None:
+            return
+        episode = self.episode()
+        if episode is not None and episode not in self._episodes:
+            self._episodes.append(episode)
+        if lesson.note(tick):
+            self._loop.set_mode(Mode.STOPPED)
+            self._announce("lesson", phase=lesson.phase.value)
+
+    def begin(self, trial: int, teach_s: int) -> Lesson:
+        """Begin a lesson in place of any that is on."""
+        self.lesson = Lesson(trial, teach_s, self.pace)
+        self.result, self._episodes, self._began_s = None, [], time.time()
+        return self.lesson
+
+    def abandon(self) -> None:
+        """End the lesson without a result."""
+        self.lesson = self.result = None
+
+    def judge(self, answer: int, folder: Path) -> dict[str, Any]:
+        """Take the closing answer and keep the result.
+
+        Raises:
+            ConfigurationError: If no lesson is at its end, or the answer is none.
+        """
+        if self.lesson is None:
+            raise ConfigurationError("no lesson is on")
+        self.lesson.judge(answer)
+        began = time.strftime("%Y%m%d-%H%M%S", time.localtime(self._began_s))
+        self.result = {
+            "id": f"{began}-trial-{self.lesson.trial}",
+            "began_at_s": round(self._began_s, 1),
+            "learner": self._loop.state.learner,
+            "lessons": sum(self._loop.state.taught.values()),
+            "episodes": self._episodes,
+            **self.lesson.result(),
+        }
+        folder.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(self.result, allow_nan=False)
+        write_whole(folder / f"{self.result['id']}.json", text.encode())
+        return self.result
+
+    def describe(self) -> dict[str, Any] | None:
+        """Return the lesson that is on, as the page gets it; None if there is none."""
+        lesson = self.lesson
+        if lesson is None:
+            return None
+        return {
+            "trial": lesson.trial,
+            "place": lesson.place,
+            "phase": lesson.phase.value,
+            "mode": lesson.mode.value if lesson.mode else None,
+            "left_s": round(lesson.left_s, 1),
+            "wanted_s": {phase.value: s for phase, s in lesson.wanted_s.items()},
+            "done_s": {phase.value: round(s, 1) for phase, s in lesson.done_s.items()},
+            "interventions": lesson.interventions,
+            "result": self.result if lesson.phase is Phase.DONE else None,
+        }
+
+
+def list_results(folder: Path) -> list[dict[str, Any]]:
+    """Return a line about each result that is kept, the newest first, but for unreadable ones."""
+    lines = []
+    for file in sorted(folder.glob("*.json"), reverse=True):
+        try:
+            result = json.loads(file.read_bytes())
+            fields = ("id", "began_at_s", "trial", "ssd", "answer")
+            lines.append({name: result[name] for name in fields})
+        except (ValueError, KeyError, TypeError):
+            continue
+    return lines
+
+
+def read_result(folder: Path, result_id: str) -> bytes:
+    """Return the file of one result.
+
+    Raises:
+        NotFoundError: If there is none of that name.
+        RecordingError: If it cannot be read.
+    """
+    if not _RESULT.fullmatch(result_id) or not (folder / f"{result_id}.json").is_file():
+        raise NotFoundError(f"there is no lesson {result_id!r}")
+    try:
+        return (folder / f"{result_id}.json").read_bytes()
+    except OSError as error:
+        raise RecordingError(f"the lesson {result_id!r} cannot be read: {error}") from error

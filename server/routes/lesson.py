@@ -1,0 +1,89 @@
+"""`/api/lesson`: the paper's lesson, guided and timed. See docs/reference/http.md."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from fastapi import APIRouter, Depends, HTTPException, Request, Response
+from starlette.concurrency import run_in_threadpool
+
+from robot.lesson import TRIALS
+from server.classroom import Classroom, list_results, read_result
+from server.guard import require_pilot, require_viewer
+from server.library import library_of, read_body, refusals
+
+router = APIRouter(prefix="/api/lesson")
+VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
+
+
+def _classroom(request: Request) -> Classroom:
+    room: Classroom = request.app.state.classroom
+    return room
+
+
+def _folder(request: Request) -> Path:
+    return library_of(request).storage.root / "lessons"
+
+
+@router.get("", dependencies=[VIEWER])
+def describe_lesson(request: Request) -> dict[str, Any]:
+    """Return the lesson that is on, or null."""
+    return {"lesson": _classroom(request).describe()}
+
+
+@router.post("", dependencies=[PILOT], status_code=201)
+async def begin_lesson(request: Request) -> dict[str, Any]:
+    """Begin a lesson with an empty model: {trial, teach_s}; 409 unless the robot is stopped."""
+    body = await read_body(request)
+    trial, teach_s = _whole(body, "trial"), _whole(body, "teach_s")
+    room, library = _classroom(request), library_of(request)
+    if trial not in TRIALS:
+        raise HTTPException(400, "'trial' must be 1, 2 or 3.")
+    moves = TRIALS[trial][1]
+    if not set(moves) <= set(request.app.state.robot.driver.moves):
+        raise HTTPException(409, f"This robot cannot {', '.join(moves)}.")
+    with refusals():
+        room.abandon()
+        name = f"Trial {trial}"
+        await run_in_threadpool(library.keeper.begin, name, None, None, moves)
+        room.episode = lambda: library.recorder.episode_id
+        room.begin(trial, teach_s)
+    return {"lesson": room.describe()}
+
+
+@router.delete("", dependencies=[PILOT])
+def abandon_lesson(request: Request) -> dict[str, Any]:
+    """End the lesson; what the robot learned stays."""
+    _classroom(request).abandon()
+    return {"lesson": None}
+
+
+@router.post("/answer", dependencies=[PILOT])
+async def answer_question(request: Request) -> dict[str, Any]:
+    """Answer the closing question, {answer: 1 to 7}, and keep the result."""
+    answer = _whole(await read_body(request), "answer")
+    with refusals():
+        return await run_in_threadpool(_classroom(request).judge, answer, _folder(request))
+
+
+@router.get("/results", dependencies=[VIEWER])
+def results(request: Request) -> dict[str, Any]:
+    """List the results that are kept, the newest first."""
+    return {"results": list_results(_folder(request))}
+
+
+@router.get("/results/{result_id}.json", dependencies=[VIEWER])
+def download_result(request: Request, result_id: str) -> Response:
+    """Return one result as a file."""
+    with refusals():
+        data = read_result(_folder(request), result_id)
+    headers = {"content-disposition": f'attachment; filename="{result_id}.json"'}
+    return Response(data, media_type="application/json", headers=headers)
+
+
+def _whole(body: dict[str, Any], name: str) -> int:
+    value = body.get(name)
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise HTTPException(400, f"{name!r} must be a whole number.")
+    return value

@@ -1,0 +1,174 @@
+"""What the page shows of the learner is true: gallery, undo, lesson, models, settings."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from robot.types import Action, Mode, Prediction
+
+from .world import Fingers, World, choose, pad, teach, wait_for
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+
+def teach_both_moves(page: Any, world: World, frames_each: int = 25) -> None:
+    """Forward first, then left, so that the learner holds images of both."""
+    choose(page, world, Mode.TRAIN)
+    fingers = Fingers(page)
+    for move in ("forward", "left"):
+        before = world.lessons
+        fingers.press(pad(move))
+        wait_for(lambda b=before: world.lessons >= b + frames_each, f"{move} is learned")  # type: ignore[misc]
+        fingers.lift()
+    choose(page, world, Mode.STOPPED)
+
+
+def state_of(world: World) -> Any:
+    return world.rig.loop.submit(lambda: world.rig.loop.school.policy.get_state()).result(5)
+
+
+def test_undo_restores_the_exact_learner_from_before(phone: Any, world: World) -> None:
+    teach_both_moves(phone, world)
+    before, lessons = state_of(world), world.lessons
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    fingers.press(pad("right"))
+    wait_for(lambda: world.lessons >= lessons + 30, "something wrong is taught")
+    fingers.lift()
+    choose(phone, world, Mode.STOPPED)
+    wrong = world.lessons - lessons
+    seconds = world.rig.loop.submit(lambda: _seconds_of_last(world, wrong)).result(5)
+    assert seconds < 5, "the shortest undo takes more than was wrong"
+
+    phone.goto(world.address + "/#undo")
+    phone.locator("undo-screen .strip figure").first.wait_for()
+    shown = phone.locator("undo-screen [role=status]").inner_text()
+    assert f"Right {wrong}" in shown
+    answer = httpx.post(f"{world.address}/api/teaching/undo", json={"seconds": seconds})
+    assert answer.json() == {"undone": wrong}
+    after = state_of(world)
+    assert world.rig.loop.submit(lambda: world.rig.loop.school.lessons).result(5) == lessons
+    for name, array in before.arrays.items():
+        np.testing.assert_array_equal(after.arrays[name], array, err_msg=name)
+
+    phone.locator("undo-screen .wide").tap()
+    phone.locator("toast-bar").wait_for()
+    wait_for(lambda: world.lessons < lessons, "the page's own button undoes as well")
+
+
+def _seconds_of_last(world: World, lessons: int) -> float:
+    """How many seconds of teaching the last so many lessons are."""
+    seconds = 0.05
+    while len(world.rig.loop.school.last_lessons(seconds)) < lessons:
+        seconds += 0.01
+    return seconds
+
+
+def test_a_relabelled_image_changes_what_the_robot_would_do_there(phone: Any, world: World) -> None:
+    teach_both_moves(phone, world)
+
+    def prediction() -> Prediction:
+        now = world.rig.loop.state.prediction
+        assert now is not None
+        return now
+
+    wait_for(lambda: prediction().action is Action.LEFT, "it would turn left here")
+    phone.goto(world.address + "/#gallery")
+    phone.locator(".lit .card").tap()
+    phone.locator(".detail [data-move=right]").tap()
+    phone.locator("toast-bar").wait_for()
+    node = prediction().node
+    votes = {i["node"]: i["votes"] for i in _gallery(world)}[node]
+    assert {move for move, n in votes.items() if n} == {"right"}
+    before = prediction().probabilities.get(Action.RIGHT, 0.0)
+    phone.locator("toast-bar button").tap()
+    wait_for(
+        lambda: prediction().probabilities.get(Action.RIGHT, 0.0) < max(before, 0.05), "undone"
+    )
+    assert before > 0.1, "the view's nearest image speaks for the new label"
+
+
+def _gallery(world: World) -> list[dict[str, Any]]:
+    images: list[dict[str, Any]] = httpx.get(world.address + "/api/gallery").json()["images"]
+    return images
+
+
+@pytest.mark.parametrize("world", ["box"], indirect=True)
+def test_the_lesson_of_trial_1_from_start_to_result(
+    phone: Any, world: World, tmp_path: Path
+) -> None:
+    world.app.state.classroom.pace = 20.0
+    phone.goto(world.address + "/#lesson")
+    phone.get_by_role("button", name="Begin the lesson").tap()
+    phone.get_by_role("link", name="To the wheel").tap()
+    assert set(world.rig.loop.state.moves) == {Action.FORWARD, Action.LEFT}
+    phone.locator(".notice", has_text="tap Teach").wait_for()
+
+    choose(phone, world, Mode.TRAIN)
+    room = world.app.state.classroom
+    teach(world, Fingers(phone), 10_000, until=lambda: room.lesson.phase != "teach")
+    wait_for(lambda: world.mode is Mode.STOPPED, "the phase is over, the robot stands")
+    phone.locator(".notice", has_text="correct it").wait_for()
+    choose(phone, world, Mode.AUTONOMOUS)
+    wait_for(lambda: room.lesson.phase == "alone", "corrections are over", 40)
+    phone.locator(".notice", has_text="hands off").wait_for()
+    choose(phone, world, Mode.AUTONOMOUS)
+    wait_for(lambda: room.lesson.phase == "question", "it drove alone", 20)
+
+    phone.locator(".notice button", has_text="Answer").tap()
+    phone.get_by_role("button", name="6, agree").tap()
+    phone.locator(".profiles .curve.robot").first.wait_for(state="attached")
+    assert phone.locator(".profiles figure").count() == 2
+    drawn = phone.locator(".profiles .curve.pilot").first.get_attribute("points")
+    assert len(drawn.split()) == 101
+    with phone.expect_download() as waiting:
+        phone.get_by_role("link", name="Download the result").tap()
+    waiting.value.save_as(tmp_path / "result.json")
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert (result["trial"], result["answer"]) == (1, 6)
+    assert result["ssd"] >= 0
+    assert result["pictures"]["pilot"] > 20
+    assert result["episodes"], "the result names its recording"
+
+
+def test_models_are_renamed_copied_deleted_and_brought_back(phone: Any, world: World) -> None:
+    teach_both_moves(phone, world)
+    phone.goto(world.address + "/#home")
+    phone.get_by_role("button", name="More about Rover").tap()
+    phone.get_by_label("Name").fill("Kitchen")
+    phone.get_by_label("Place").fill("at home")
+    phone.get_by_role("button", name="Save").tap()
+    phone.locator(".model small", has_text="at home").wait_for()
+    phone.get_by_role("button", name="Copy").tap()
+    phone.locator(".model >> nth=1").wait_for()
+    phone.get_by_role("button", name="Begin anew").tap()
+    phone.locator("toast-bar", has_text="knows nothing").wait_for()
+    wait_for(lambda: world.lessons == 0, "the robot begins with nothing")
+    if not phone.get_by_role("button", name="Use this one").is_visible():
+        phone.get_by_role("button", name="More about Kitchen", exact=True).tap()
+    phone.get_by_role("button", name="Use this one").tap()
+    wait_for(lambda: world.lessons >= 50, "what it knew is back")
+    phone.get_by_role("button", name="Delete").first.tap()
+    phone.locator("toast-bar button").tap()
+    phone.locator(".model h3", has_text="Kitchen").first.wait_for()
+
+
+def test_the_speed_that_was_set_is_the_speed_that_is_driven(phone: Any, world: World) -> None:
+    phone.goto(world.address + "/#settings")
+    slider = phone.get_by_role("slider", name="Speed")
+    slider.wait_for()
+    slider.fill("50")
+    wait_for(lambda: world.rig.loop.speed_share == 0.5, "the speed is set")
+    phone.goto(world.address + "/#drive")
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    fingers.press(pad("left"))
+    wait_for(lambda: world.action is Action.LEFT, "it turns")
+    assert world.rig.loop.state.decision.speed_scale == 0.5
+    fingers.lift()
