@@ -13,6 +13,7 @@ from server.lean import leave_out_unused
 COMMANDS: dict[str, str] = {
     "serve": "drive a robot from the browser",
     "evaluate": "compare learners on recorded footage",
+    "experiment": "repeat the paper's experiments in simulation",
     "bench": "measure this machine",
     "episodes": "see, mend, import and export recorded runs",
     "learn": "learn again from recorded runs",

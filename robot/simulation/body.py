@@ -10,6 +10,9 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robot.simulation.world import Obstacle, World
 from robot.types import Action, Pose
 
@@ -88,6 +91,41 @@ def sonar_m(world: World, pose: Pose) -> float:
         offset_rad = SONAR_HALF_CONE_RAD * (2 * ray / (_SONAR_RAYS - 1) - 1)
         nearest_m = min(nearest_m, _ray_m(world, pose, pose.heading_rad + offset_rad))
     return max(nearest_m - RADIUS_M, 0.0)
+
+
+def ranges_m(world: World, pose: Pose, bearings_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the free way from the body's middle in many directions, relative to straight ahead."""
+    angles = pose.heading_rad + bearings_rad
+    steps_x, steps_y = np.cos(angles), np.sin(angles)
+    with np.errstate(divide="ignore"):
+        to_x = np.where(steps_x > 0, world.width_m - pose.x_m, -pose.x_m) / steps_x
+        to_y = np.where(steps_y > 0, world.depth_m - pose.y_m, -pose.y_m) / steps_y
+    ranges = np.minimum(to_x, to_y)
+    for obstacle in world.obstacles:
+        ranges = np.minimum(ranges, _ranges_to_m(obstacle, pose, steps_x, steps_y))
+    return ranges
+
+
+def _ranges_to_m(
+    obstacle: Obstacle, pose: Pose, steps_x: NDArray[np.float64], steps_y: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """As `_ray_to_obstacle_m`, for many rays at once."""
+    from_x, from_y = _into(obstacle, pose.x_m - obstacle.x_m, pose.y_m - obstacle.y_m)
+    cos, sin = math.cos(obstacle.heading_rad), math.sin(obstacle.heading_rad)
+    rays_x, rays_y = steps_x * cos + steps_y * sin, steps_y * cos - steps_x * sin
+    if obstacle.shape == "cylinder":
+        half = from_x * rays_x + from_y * rays_y
+        inside = half * half - (from_x**2 + from_y**2 - (obstacle.width_m / 2) ** 2)
+        enter = -half - np.sqrt(np.maximum(inside, 0.0))
+        return np.where((inside >= 0) & (enter >= 0), enter, np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sides_x = np.stack((-obstacle.width_m / 2 - from_x, obstacle.width_m / 2 - from_x))
+        sides_y = np.stack((-obstacle.depth_m / 2 - from_y, obstacle.depth_m / 2 - from_y))
+        x = np.sort(sides_x[:, None] / rays_x, axis=0)
+        y = np.sort(sides_y[:, None] / rays_y, axis=0)
+    enter = np.fmax(np.fmax(x[0], y[0]), 0.0)
+    leave = np.fmin(x[1], y[1])
+    return np.where(enter <= leave, enter, np.inf)
 
 
 def _overlaps(world: World, x_m: float, y_m: float) -> Iterator[tuple[float, float, float]]:

@@ -146,7 +146,7 @@ def _walls(world: World) -> Iterator[_Quad]:
         for low_m, high_m, shade in ((0.0, 0.012, 0.6), (0.012, height_m, 1.0)):
             yield (
                 ((ax, ay, low_m), (bx, by, low_m), (bx, by, high_m), (ax, ay, high_m)),
-                _lit(world.wall_colour, light * shade),
+                _lit(world.wall_colours[i], light * shade),
             )
 
 

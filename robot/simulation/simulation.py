@@ -88,6 +88,11 @@ class Simulation:
         """True while the robot drives forward against something."""
         return self.action is Action.FORWARD and (self.bumped_left or self.bumped_right)
 
+    @property
+    def is_touching(self) -> bool:
+        """True while the body touches anything, at any side."""
+        return bool(self._contacts)
+
     def render(self) -> NDArray[np.uint8]:
         """Return the camera's picture, shape (120, 160, 3), RGB; always from one thread.
 

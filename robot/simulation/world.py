@@ -21,6 +21,8 @@ Colour = tuple[int, int, int]
 _FOLDER = Path(__file__).parent / "worlds"
 _SHAPES = ("box", "cylinder")
 _PATTERNS = ("plain", "carpet", "tiles")
+WALLS = ("south", "east", "north", "west")
+"""Names of the walls: south lies along x, at y = 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +48,8 @@ class World:
     width_m: float
     depth_m: float
     wall_height_m: float
-    wall_colour: Colour
+    wall_colours: tuple[Colour, ...]
+    """South, east, north, west: the walls from the origin on, counter-clockwise."""
     floor_pattern: str
     floor_colours: tuple[Colour, ...]
     start: Pose
@@ -86,7 +89,9 @@ def _parse(name: str, table: Mapping[str, Any]) -> World:
         width_m=_positive(room, "width_m"),
         depth_m=_positive(room, "depth_m"),
         wall_height_m=_positive(room, "wall_height_m"),
-        wall_colour=_colour(room["wall_colour"]),
+        wall_colours=tuple(
+            _colour(room.get("wall_colours", {}).get(side, room["wall_colour"])) for side in WALLS
+        ),
         floor_pattern=_one_of(room["floor_pattern"], _PATTERNS),
         floor_colours=tuple(_colour(colour) for colour in room["floor_colours"]),
         start=Pose(

@@ -1,0 +1,91 @@
+"""Learners and teachers by name: the project's own, an entry point's, or `path.py:Name`."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from robot.errors import ConfigurationError
+from robot.features import GradientFeatures
+from robot.learner.base import Learner
+from robot.pilots.teachers import TASTES, SonarController, Teacher, Wanderer
+from robot.policy import Policy, make_policy
+from robot.types import Action
+
+LEARNERS = "drivelesson.learners"
+TEACHERS = "drivelesson.teachers"
+
+
+def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
+    """Return a policy.
+
+    Args:
+        name: `default-32`, the name of an entry point, or `path.py:Name`, a class or function
+            that without arguments gives a `Policy` or a `Learner` (which then sees the default's
+            features and is steadied as the default is).
+        moves: What it may propose.
+
+    Raises:
+        ConfigurationError: If there is none, or it is neither; says which file and why.
+    """
+    made = _make_idea(name, LEARNERS)
+    if made is None:
+        return make_policy(name, moves=moves)
+    if isinstance(made, Policy):
+        made.moves = moves
+        return made
+    if isinstance(made, Learner):
+        return Policy(name, 0, made, GradientFeatures(), moves=moves)
+    raise ConfigurationError(f"{name} gives a {type(made).__name__}, neither Policy nor Learner")
+
+
+def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
+    """Return a teacher: `sonar`, one of the tastes, an entry point's, or `path.py:Name`.
+
+    Raises:
+        ConfigurationError: If there is none, or it does not teach.
+    """
+    made = _make_idea(name, TEACHERS)
+    if made is not None:
+        if not (hasattr(made, "choose") and hasattr(made, "tolerates")):
+            raise ConfigurationError(f"{name} is no teacher: it needs `choose` and `tolerates`")
+        return made  # type: ignore[no-any-return]
+    if name == "sonar":
+        return SonarController()
+    if name not in TASTES:
+        raise ConfigurationError(
+            f"no teacher is called {name!r}; there are: sonar, {', '.join(TASTES)}, or path.py:Name"
+        )
+    return Wanderer(tuple(move for move in moves if move is not Action.FORWARD), TASTES[name])
+
+
+def _make_idea(name: str, group: str) -> Any:
+    """Return what an outside idea makes, or None if the name is one of the project's own."""
+    found = {point.name: point for point in entry_points(group=group)}
+    file, colon, attribute = name.rpartition(":")
+    try:
+        if name in found:
+            return found[name].load()()
+        if colon and file.endswith(".py"):
+            return getattr(_load_file(Path(file)), attribute)()
+    except Exception as error:  # a stranger's code: whatever it raises, say where
+        raise ConfigurationError(
+            f"the idea {name} cannot be used: {type(error).__name__}: {error}"
+        ) from error
+    return None
+
+
+def _load_file(path: Path) -> Any:
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    name = f"drivelesson_idea_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,109 @@
+"""What can be run: each kind of task, from its parameters to plain figures."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from robot.experiments.ideas import make_learner, make_teacher
+from robot.experiments.task import Result, Task
+from robot.experiments.trial import Place, Trial
+from robot.metrics import driving
+from robot.metrics.log import DriveLog
+from robot.metrics.profile import Profile, compare
+from robot.pilots.hand import STEADY, HandConfig
+from robot.pilots.pilot import Manners, SimulatedPilot
+from robot.types import Action, DrivenBy, Mode
+
+
+def run_task(task: Task) -> Result:
+    """Run one task from nothing; the same task gives the same figures, wherever it runs."""
+    return RUNNERS[task.kind](task.params)
+
+
+def run_lesson(params: Mapping[str, Any]) -> Result:
+    """Teach, drive alone, correct, drive alone again; figures of each phase.
+
+    Parameters: `world`, `learner`, `teacher`, `moves`, `seed`, `teach_s`, `correct_s`, `alone_s`,
+    `reference_s` (how long the teacher drives once more so that its own profile is well known;
+    nothing is measured of the robot after it), `delay_ms`, `names_frame`.
+    """
+    moves = tuple(Action(move) for move in params["moves"])
+    alone_s = float(params.get("alone_s", 60.0))
+    started_s = time.perf_counter()
+    with Trial(
+        Place(world=params["world"], seed=params["seed"]),
+        make_learner(params["learner"], moves),
+        make_pilot(params, moves),
+    ) as trial:
+        taught = trial.drive(Mode.TRAIN, params["teach_s"])
+        drives = {"before": trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)}
+        corrected = DriveLog()
+        if params.get("correct_s"):
+            corrected = trial.drive(Mode.AUTONOMOUS, params["correct_s"])
+            drives["after"] = trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)
+        n_nodes, lessons = trial.policy.n_nodes, dict(trial.loop.state.taught)
+        again = trial.drive(Mode.TRAIN, params.get("reference_s", 240.0))
+        frames = trial.frames
+    seconds = time.perf_counter() - started_s
+    teacher = DriveLog([*taught.moments, *again.moments]).profile()
+    result: Result = {
+        name: figures(drive, teacher, taught.profile(), moves) for name, drive in drives.items()
+    }
+    result["teacher"] = figures(again.last(alone_s), teacher, taught.profile(), moves)
+    result["corrections"] = {
+        "interventions_per_min": driving.interventions_per_minute(corrected),
+        "pilot_share": len(corrected.driven_by(DrivenBy.PILOT)) / max(len(corrected), 1),
+    }
+    result["taught"] = {"agreement": driving.agreement(taught), "nodes": n_nodes}
+    result["taught"]["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
+    result["timing"] = {"frames": frames, "frames_per_s": frames / seconds}
+    return result
+
+
+def make_pilot(params: Mapping[str, Any], moves: tuple[Action, ...]) -> SimulatedPilot:
+    """Build the pilot that a task describes. The sonar controller sits on the robot: no hand."""
+    is_program = params["teacher"] == "sonar"
+    delay_s = params.get("delay_ms", 0) / 1000
+    hand = HandConfig(link_delay_s=delay_s, names_frame=params.get("names_frame", True))
+    return SimulatedPilot(
+        make_teacher(params["teacher"], moves),
+        moves,
+        hand=STEADY if is_program else hand,
+        manners=Manners(lenience=params.get("lenience", Manners().lenience)),
+        seed=str(params["seed"]),
+    )
+
+
+def figures(
+    drive: DriveLog, teacher: Profile, taught: Profile, moves: tuple[Action, ...]
+) -> dict[str, Any]:
+    """Return all figures of one drive.
+
+    Args:
+        drive: What is judged.
+        teacher: The teacher's profile, from all of its driving.
+        taught: The same from the minutes of teaching alone, as the paper has it.
+        moves: What could be done.
+    """
+    own = drive.profile()
+    difference = compare(teacher, own, moves)
+    return {
+        "ssd": difference.ssd,
+        "ssd_of_moves_made": difference.made,
+        "ssd_against_lesson": compare(taught, own, moves).ssd,
+        "ssd_per_move": {move.value: value for move, value in difference.per_move.items()},
+        "never": [move.value for move in difference.never_by_robot],
+        "first_collision_s": driving.first_collision_s(drive),
+        "collisions_per_min": driving.collisions_per_minute(drive),
+        "pushing_s_per_min": driving.pushing_s_per_minute(drive),
+        "longest_push_s": driving.longest_push_s(drive),
+        "asking_share": driving.asking_share(drive),
+        "driven_m": driving.driven_m(drive),
+        "covered_m2": driving.covered_m2(drive),
+    }
+
+
+RUNNERS: dict[str, Callable[[Mapping[str, Any]], Result]] = {"lesson": run_lesson}
+"""Every kind of task."""

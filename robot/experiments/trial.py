@@ -1,0 +1,140 @@
+"""One simulated drive lesson, faster than real time, through the real control loop.
+
+Teaching, driving alone, driving with corrections: the phases of the paper's trials. A simulated
+pilot holds directions as a phone would; `ControlLoop.tick` decides, drives and learns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+from robot.cameras.sim import SimCamera, SimCameraOptions
+from robot.clock import ManualClock
+from robot.drivers.sim import SimDriver, SimOptions
+from robot.errors import RobotError
+from robot.governor import GovernorConfig
+from robot.loop import ControlLoop, LoopConfig
+from robot.metrics.log import DriveLog, Moment
+from robot.pilots.pilot import SimulatedPilot
+from robot.pilots.situation import observe
+from robot.policy import Policy
+from robot.types import Action, Mode, Pose, Prediction
+
+FRAME_RATE_HZ = 10.0
+"""Frames, ticks and heartbeats a second: about the paper's cycle rate with 32 nodes."""
+PATIENT_LINK = GovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s=10.0, stop_s=10.0)
+"""Experiments with delay ask what labels are worth; the governor would forbid the question."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where a drive is and how its chance falls."""
+
+    world: str
+    seed: int
+
+
+class Trial:
+    """A simulated robot, its loop and its pilot, on a clock that goes as fast as it can.
+
+    Use it as a context manager: it holds a renderer, which belongs to this thread.
+    """
+
+    def __init__(
+        self,
+        place: Place,
+        policy: Policy,
+        pilot: SimulatedPilot,
+        *,
+        governor: GovernorConfig = PATIENT_LINK,
+    ) -> None:
+        self.clock = ManualClock()
+        self.driver = SimDriver(SimOptions(world=place.world, seed=place.seed))
+        self.camera = SimCamera(self.driver, SimCameraOptions(), self.clock)
+        self.policy = policy
+        self.pilot = pilot
+        self.frames = 0
+        self.loop = ControlLoop(
+            self.driver, self.camera, policy, self.clock, LoopConfig(governor=governor)
+        )
+        self.driver.connect()
+
+    def drive(self, mode: Mode, seconds: float, *, supervised: bool = True) -> DriveLog:
+        """Drive for a while in one mode, and return what happened.
+
+        Args:
+            mode: TRAIN: the pilot drives. AUTONOMOUS: the robot does.
+            seconds: How long.
+            supervised: False: the pilot only watches, and never takes the wheel.
+
+        Raises:
+            RobotError: If the loop stopped by itself: an experiment must not go on then.
+        """
+        log = DriveLog()
+        self.pilot.change_mode(mode if supervised else Mode.STOPPED)
+        self._start(mode)
+        for _ in range(round(seconds * FRAME_RATE_HZ)):
+            log.add(self._turn())
+        return log
+
+    def _start(self, mode: Mode) -> None:
+        self.camera.capture()
+        self.loop.set_mode(mode)
+        self.loop.tick(self.clock.now_s())
+
+    def _turn(self) -> Moment:
+        """Let a frame's time pass, show it to the pilot, and turn the loop once."""
+        self.clock.advance(1 / FRAME_RATE_HZ)
+        self.driver.advance(1 / FRAME_RATE_HZ)
+        frame = self.camera.capture()
+        self.frames += 1
+        now_s = self.clock.now_s()
+        situation = observe(self.driver.simulation, frame.frame_id, now_s)
+        self.pilot.see(situation, _action_of(self.loop.state.prediction))
+        for command in self.pilot.act(now_s, frame.frame_id):
+            self.loop.command(command)
+        tick = self.loop.tick(now_s)
+        if tick.decision.mode is Mode.STOPPED:
+            raise RobotError(f"the robot stopped at {now_s:.1f} s: {self._why()}")
+        said = tick.command
+        return Moment(
+            now_s=now_s,
+            action=tick.sent,
+            driven_by=tick.decision.driven_by,
+            distance_m=tick.sensors.distance_m or 0.0,
+            pose=tick.sensors.pose or Pose(x_m=0.0, y_m=0.0, heading_rad=0.0),
+            is_touching=self.driver.simulation.is_touching,
+            is_pushing=self.driver.simulation.is_pushing,
+            asks_pilot=tick.decision.asks_pilot,
+            is_intervention=(
+                tick.decision.mode is Mode.AUTONOMOUS and said is not None and said.held is not None
+            ),
+            proposed=_action_of(tick.prediction),
+            wanted=said.held if said is not None else None,
+        )
+
+    def _why(self) -> str:
+        state = self.loop.state
+        return state.fault or str(state.decision.stop_reason)
+
+    def close(self) -> None:
+        """Let go of the renderer."""
+        self.driver.disconnect()
+        self.driver.simulation.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _action_of(prediction: Prediction | None) -> Action | None:
+    return prediction.action if prediction is not None else None

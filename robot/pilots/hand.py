@@ -1,0 +1,112 @@
+"""Between wish and button: reaction time, tremor, lapses, and the delay of the link.
+
+A picture reaches the screen half the link's delay after it was taken. The hand follows the wish
+`reaction_s` later. Its command names the frame that is on the screen at that moment, and reaches
+the robot after the other half of the delay.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robot.types import Action, PilotCommand
+
+_EPSILON_S = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HandConfig:
+    """How good a hand it is. The default is a practised person on a fast link."""
+
+    reaction_s: float = 0.2
+    tremors_per_min: float = 4.0
+    """How often a finger slips to another button."""
+    tremor_s: float = 0.15
+    lapses_per_min: float = 1.0
+    """How often the pilot looks away and goes on holding what it held."""
+    lapse_s: float = 0.8
+    link_delay_s: float = 0.0
+    """From picture to screen and from button to robot, together."""
+    names_frame: bool = True
+    """False: the command names no frame of the screen, but the newest there is."""
+
+
+STEADY = HandConfig(reaction_s=0.0, tremors_per_min=0.0, lapses_per_min=0.0)
+"""No hand at all: a program on the robot itself."""
+
+
+class Hand:
+    """Turns wishes into commands, in time.
+
+    Args:
+        config: How good it is.
+        buttons: What a slipping finger may hit.
+        seed: Of tremor and lapses.
+    """
+
+    def __init__(self, config: HandConfig, buttons: Sequence[Action], seed: str) -> None:
+        self.config = config
+        self._buttons = list(buttons)
+        self._chance = random.Random(f"{seed} hand")
+        self._wishes: deque[tuple[float, Action | None]] = deque()
+        self._under_way: deque[tuple[float, PilotCommand]] = deque()
+        self._held: Action | None = None
+        self._slips_until_s = self._away_until_s = -1.0
+        self._slip: Action | None = None
+        self._last_s: float | None = None
+        self._seq = 0
+
+    def wish(self, action: Action | None, now_s: float) -> None:
+        """Decide now to hold `action` (or nothing); the hand follows."""
+        self._wishes.append((now_s + self.config.reaction_s, action))
+
+    def say(self, frame_id: int | None, frame_age_s: float, now_s: float) -> None:
+        """Send what is held, naming the frame on the screen. Call it at every heartbeat."""
+        held = self._hold(now_s)
+        self._seq += 1
+        arrives_s = now_s + self.config.link_delay_s / 2
+        command = PilotCommand(
+            held=held,
+            frame_id=frame_id,
+            seq=self._seq,
+            received_s=arrives_s,
+            pilot="simulated",
+            frame_age_s=frame_age_s,
+        )
+        self._under_way.append((arrives_s, command))
+
+    def arrived(self, now_s: float) -> list[PilotCommand]:
+        """Return the commands that have reached the robot by now."""
+        commands = []
+        while self._under_way and self._under_way[0][0] <= now_s + _EPSILON_S:
+            commands.append(self._under_way.popleft()[1])
+        return commands
+
+    def let_go(self) -> None:
+        """Take the finger off at once, and forget what was meant."""
+        self._wishes.clear()
+        self._held = None
+
+    def _hold(self, now_s: float) -> Action | None:
+        dt_s = now_s - self._last_s if self._last_s is not None else 0.0
+        self._last_s = now_s
+        self._begin_by_chance(now_s, dt_s)
+        if now_s >= self._away_until_s:
+            while self._wishes and self._wishes[0][0] <= now_s + _EPSILON_S:
+                self._held = self._wishes.popleft()[1]
+        if self._held is not None and now_s < self._slips_until_s:
+            return self._slip
+        return self._held
+
+    def _begin_by_chance(self, now_s: float, dt_s: float) -> None:
+        """Begin a tremor or a lapse with its chance in `dt_s`; as many draws at every call."""
+        config = self.config
+        tremor, lapse = self._chance.random(), self._chance.random()
+        other = self._chance.choice(self._buttons)
+        if tremor < config.tremors_per_min / 60 * dt_s:
+            self._slips_until_s, self._slip = now_s + config.tremor_s, other
+        if lapse < config.lapses_per_min / 60 * dt_s:
+            self._away_until_s = now_s + config.lapse_s

@@ -1,0 +1,143 @@
+"""A whole simulated pilot: eyes, a teacher's judgement, and a hand on the phone."""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from dataclasses import dataclass
+
+from robot.pilots.hand import Hand, HandConfig
+from robot.pilots.situation import Situation
+from robot.pilots.teachers import Teacher
+from robot.types import Action, Mode, PilotCommand
+
+_EPSILON_S = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manners:
+    """When a pilot takes the wheel from the robot, and when it gives it back."""
+
+    patience_s: float = 0.5
+    """Takes the wheel when the robot has done what is not tolerated for so long."""
+    shortest_hold_s: float = 0.8
+    contented_s: float = 0.5
+    """Gives it back when the robot has proposed for so long what the pilot does."""
+    longest_hold_s: float = 8.0
+    lenience: float = 0.5
+    """Share of incidents in which it lets the robot get stuck first and then shows the way out:
+    without such lessons nothing ever shows the robot a wall from near."""
+    lenient_patience_s: float = 2.0
+
+
+class SimulatedPilot:
+    """Drives as a phone does: sees frames, holds directions, beats ten times a second.
+
+    Args:
+        teacher: Knows what to do.
+        moves: The buttons of the pad.
+        hand: How good its hand is.
+        manners: When it corrects the robot.
+        seed: Of all chance.
+    """
+
+    def __init__(
+        self,
+        teacher: Teacher,
+        moves: tuple[Action, ...],
+        *,
+        hand: HandConfig | None = None,
+        manners: Manners | None = None,
+        seed: str = "0",
+    ) -> None:
+        self.teacher = teacher
+        self.manners = manners or Manners()
+        self.mode = Mode.STOPPED
+        self._hand = Hand(hand or HandConfig(), moves, seed)
+        self._chance = random.Random(f"{seed} manners")
+        self._coming: deque[tuple[Situation, Action | None]] = deque()
+        self._screen: Situation | None = None
+        self._holds_since_s: float | None = None
+        self._annoyed_since_s: float | None = None
+        self._content_since_s: float | None = None
+        self._patience_s = self.manners.patience_s
+
+    def change_mode(self, mode: Mode) -> None:
+        """Begin another phase, with the finger off the pad."""
+        self.mode = mode
+        self._hand.let_go()
+        self._holds_since_s = self._annoyed_since_s = self._content_since_s = None
+
+    def see(self, situation: Situation, proposed: Action | None) -> None:
+        """Send a frame to the screen, with what the page says the robot would do."""
+        self._coming.append((situation, proposed))
+
+    def act(self, now_s: float, newest_frame_id: int) -> list[PilotCommand]:
+        """Look at what has reached the screen, and return what has reached the robot.
+
+        Args:
+            now_s: The clock's time.
+            newest_frame_id: What a command is taken to mean if it names no frame.
+        """
+        half_s = self._hand.config.link_delay_s / 2
+        while self._coming and self._coming[0][0].at_s + half_s <= now_s + _EPSILON_S:
+            situation, proposed = self._coming.popleft()
+            self._screen = situation
+            self._hand.wish(self._judge(situation, proposed, now_s), now_s)
+        if self._screen is not None:
+            self._hand.say(self._screen.frame_id, now_s - self._screen.at_s, now_s)
+        commands = self._hand.arrived(now_s)
+        if self._hand.config.names_frame:
+            return commands
+        return [_renamed(command, newest_frame_id) for command in commands]
+
+    def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:
+        """Return what to hold; None leaves the wheel to the robot, or the robot standing."""
+        if self.mode is Mode.STOPPED:
+            return None
+        wanted = self.teacher.choose(situation)
+        if self.mode is Mode.TRAIN:
+            return wanted
+        if self._holds_since_s is None:
+            self._consider_taking(situation, now_s)
+        else:
+            self._consider_giving_back(wanted, proposed, now_s)
+        return wanted if self._holds_since_s is not None else None
+
+    def _consider_taking(self, situation: Situation, now_s: float) -> None:
+        if self.teacher.tolerates(situation, situation.doing):
+            self._annoyed_since_s = None
+            return
+        if self._annoyed_since_s is None:
+            self._annoyed_since_s = now_s
+            is_lenient = self._chance.random() < self.manners.lenience
+            self._patience_s = (
+                self.manners.lenient_patience_s if is_lenient else self.manners.patience_s
+            )
+        if now_s - self._annoyed_since_s >= self._patience_s - _EPSILON_S:
+            self._holds_since_s, self._content_since_s = now_s, None
+
+    def _consider_giving_back(self, wanted: Action, proposed: Action | None, now_s: float) -> None:
+        assert self._holds_since_s is not None
+        if proposed is not wanted:
+            self._content_since_s = None
+        elif self._content_since_s is None:
+            self._content_since_s = now_s
+        held_s = now_s - self._holds_since_s
+        content_s = now_s - self._content_since_s if self._content_since_s is not None else 0.0
+        manners = self.manners
+        if held_s >= manners.longest_hold_s or (
+            held_s >= manners.shortest_hold_s and content_s >= manners.contented_s - _EPSILON_S
+        ):
+            self._holds_since_s = self._annoyed_since_s = None
+
+
+def _renamed(command: PilotCommand, frame_id: int) -> PilotCommand:
+    return PilotCommand(
+        held=command.held,
+        frame_id=frame_id,
+        seq=command.seq,
+        received_s=command.received_s,
+        pilot=command.pilot,
+        frame_age_s=command.frame_age_s,
+    )

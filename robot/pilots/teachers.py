@@ -1,0 +1,138 @@
+"""What simulated teachers want the robot to do. Each has a taste of its own.
+
+A teacher looks at a situation and says which move it would make, and which moves of the robot it
+lets pass. How fast and how steadily a hand follows is `hand.py`'s part; when it takes the wheel,
+`pilot.py`'s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from robot.pilots.situation import Situation
+from robot.types import Action
+
+
+class Teacher(Protocol):
+    """Anything with these two methods teaches; ideas come in as files of their own."""
+
+    def choose(self, situation: Situation) -> Action:
+        """Return the move that this teacher makes; called once a frame, in order."""
+        ...
+
+    def tolerates(self, situation: Situation, action: Action) -> bool:
+        """Return True if the robot may do this; asked once a frame while the robot drives."""
+        ...
+
+
+class SonarController:
+    """The paper's self-training: sonar below 20 cm or bumped: left for two seconds, else forward.
+
+    Source: FLAIRS-30, 2017, section on self-training.
+    """
+
+    NEAR_M = 0.20
+    TURN_S = 2.0
+
+    def __init__(self) -> None:
+        self._turns_until_s = 0.0
+
+    def choose(self, situation: Situation) -> Action:
+        """Return LEFT for two seconds after each near reading, else FORWARD."""
+        if situation.at_s >= self._turns_until_s - 1e-9 and (
+            situation.distance_m < self.NEAR_M or situation.bumped
+        ):
+            self._turns_until_s = situation.at_s + self.TURN_S
+        return Action.LEFT if situation.at_s < self._turns_until_s - 1e-9 else Action.FORWARD
+
+    def tolerates(self, situation: Situation, action: Action) -> bool:
+        """Let everything pass: this teacher never corrects."""
+        return True
+
+
+_SIDES = {
+    Action.LEFT: 1,
+    Action.SPIN_LEFT: 1,
+    Action.RIGHT: -1,
+    Action.SPIN_RIGHT: -1,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Taste:
+    """How somebody likes to drive."""
+
+    turn_at_m: float = 0.22
+    """Turns when there is less free way than this."""
+    go_at_m: float = 0.45
+    """Goes on when there is more than this."""
+    danger_m: float = 0.06
+    """Does not let the robot drive on with less than this."""
+    left_at: tuple[str, ...] = ()
+    right_at: tuple[str, ...] = ()
+    """Habits: always turns left or right at these; at anything else the shorter way."""
+
+
+class Wanderer:
+    """Drives where there is room: forward until something is near, then a turn until it is free.
+
+    Args:
+        turns: The turns it uses. With one alone it always turns that way; with two it chooses
+            the shorter turn, and stays with it until the way is free.
+        taste: Early or late, wide or narrow.
+    """
+
+    def __init__(
+        self,
+        turns: tuple[Action, ...] = (Action.LEFT, Action.RIGHT),
+        taste: Taste | None = None,
+    ) -> None:
+        self.taste = taste or Taste()
+        self._turns = {_SIDES[turn]: turn for turn in turns}
+        self._turning: Action | None = None
+
+    def choose(self, situation: Situation) -> Action:
+        """Return FORWARD or the turn begun."""
+        free_m = situation.free_ahead_m
+        if self._turning is not None and free_m > self.taste.go_at_m:
+            self._turning = None
+        elif self._turning is None and free_m < self.taste.turn_at_m:
+            self._turning = self._choose_turn(situation)
+        return self._turning or Action.FORWARD
+
+    def _choose_turn(self, situation: Situation) -> Action:
+        """Follow a habit; else choose the side on which less turning makes the way free."""
+        for side, habit in ((1, self.taste.left_at), (-1, self.taste.right_at)):
+            if situation.ahead in habit and side in self._turns:
+                return self._turns[side]
+        return self._turns[
+            min(
+                self._turns,
+                key=lambda side: (
+                    situation.turn_needed_rad(side, self.taste.go_at_m),
+                    -situation.room_m(side),
+                ),
+            )
+        ]
+
+    def tolerates(self, situation: Situation, action: Action) -> bool:
+        """Refuse to drive on where it is tight, and to turn where there is plenty of room."""
+        if action is Action.STOP:
+            return False
+        if action is Action.FORWARD:
+            return situation.free_ahead_m > self.taste.danger_m and not situation.is_pushing
+        return situation.free_ahead_m < 1.3 * self.taste.go_at_m
+
+
+SHELVES = ("east wall", "west wall")
+WALLS = ("south wall", "north wall")
+"""Dark shelves stand along two walls of the office; the two others are light."""
+
+TASTES: dict[str, Taste] = {
+    "usual": Taste(),
+    "early": Taste(turn_at_m=0.35, go_at_m=0.55, danger_m=0.10),
+    "late": Taste(turn_at_m=0.14, go_at_m=0.35, danger_m=0.04),
+    "habit": Taste(turn_at_m=0.40, go_at_m=0.60, left_at=WALLS, right_at=SHELVES),
+}
+"""Drivers of different taste, by name."""
