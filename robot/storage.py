@@ -35,6 +35,7 @@ trash/      what was deleted; move it back, or empty it with: drivelesson episod
 All of it can be copied and moved while the program does not run.
 """
 
+_HALF_DONE_S = 60.0
 _NAME = re.compile(r"[^\W_][\w .()+,-]{0,63}", re.UNICODE)
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
@@ -142,13 +143,18 @@ class Storage:
                 f"the data folder {self.root} cannot be used: {error.strerror or error}; "
                 "choose another with --data FOLDER"
             ) from error
-        self._sweep()
 
-    def _sweep(self) -> None:
-        """Remove halves of files that a power cut left; whole ones have no such name."""
-        for part in (*self.models.glob("*/.*.part"), *self.episodes.glob(".*.part")):
+    def sweep(self) -> None:
+        """Remove what a power cut left half done a minute ago or more: `.part`, empty recordings.
+
+        For the one program that records here: another's half may be on its way just now.
+        """
+        empty = [path for path in self.episodes.glob("*.mcap") if path.stat().st_size == 0]
+        parts = [*self.models.glob("*/.*.part"), *self.episodes.glob(".*.part")]
+        for path in (*parts, *empty):
             with contextlib.suppress(OSError):
-                part.unlink()
+                if time.time() - path.stat().st_mtime > _HALF_DONE_S:
+                    path.unlink()
 
     def usage(self) -> Usage:
         """Count the bytes of all files."""

@@ -43,6 +43,7 @@ class Library:
 
     def start(self) -> None:
         """Begin to keep; what was kept before is loaded by `keeper.load_last`."""
+        self.storage.sweep()
         self.keeper.start()
         self.recorder.start()
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Protocol, Self
+
+from numpy.typing import NDArray
 
 from robot.camera import Camera
 from robot.clock import Clock
@@ -29,7 +31,21 @@ class ReplayCameraOptions:
     recording: str = field(
         default="", metadata={"help": "a recording (.npz), or a folder whose recordings are played"}
     )
+    episode: str = field(default="", metadata={"help": "a recorded run (.mcap) to play instead"})
     loop: bool = field(default=True, metadata={"help": "yes: begin again at the end; no: stop"})
+
+
+class Footage(Protocol):
+    """Pictures in order, and the seconds at which each was taken."""
+
+    @property
+    def t_s(self) -> NDArray[Any]:
+        """Seconds, ascending, shape (pictures,)."""
+        ...
+
+    def frame(self, index: int) -> Frame:
+        """Read one picture."""
+        ...
 
 
 class ReplayCamera(Camera):
@@ -45,9 +61,12 @@ class ReplayCamera(Camera):
 
     def __init__(self, options: ReplayCameraOptions, clock: Clock) -> None:
         super().__init__(clock)
-        if not options.recording:
-            raise ConfigurationError("the camera 'replay' needs --recording, a file or a folder")
-        self._path = Path(options.recording).expanduser()
+        if bool(options.recording) == bool(options.episode):
+            raise ConfigurationError(
+                "the camera 'replay' needs --recording, a file or a folder, or else --episode FILE"
+            )
+        self._path = Path(options.recording or options.episode).expanduser()
+        self._is_episode = bool(options.episode)
         self._loops = options.loop
         self._thread: threading.Thread | None = None
         self._ending = threading.Event()
@@ -61,7 +80,9 @@ class ReplayCamera(Camera):
         """Read the footage and begin to play it."""
         if self._thread is not None:
             return
-        recordings = load_footage(self._path)
+        recordings: Sequence[Footage] = (
+            [_load_episode(self._path)] if self._is_episode else load_footage(self._path)
+        )
         self._ending.clear()
         self._thread = threading.Thread(
             target=self._play, args=(recordings,), name="replay-camera", daemon=True
@@ -75,7 +96,13 @@ class ReplayCamera(Camera):
             self._thread.join(timeout=5.0)
             self._thread = None
 
-    def _play(self, recordings: list[Recording]) -> None:
+    def _play(self, recordings: Sequence[Footage]) -> None:
+        try:
+            self._play_all(recordings)
+        except (RecordingError, OSError) as error:
+            self._report_fault(f"The recording cannot be played on: {error}")
+
+    def _play_all(self, recordings: Sequence[Footage]) -> None:
         due_s = self.clock.now_s()
         while True:
             for frame, shown_s in _timed_frames(recordings):
@@ -98,6 +125,12 @@ class ReplayCamera(Camera):
         )
 
 
+def _load_episode(path: Path) -> Footage:
+    from robot.episodes.footage import EpisodeFootage
+
+    return EpisodeFootage(path)
+
+
 def load_footage(path: Path) -> list[Recording]:
     """Load a recording, or all recordings of a folder in the order of their names.
 
@@ -116,7 +149,7 @@ def load_footage(path: Path) -> list[Recording]:
     return [load_recording(each) for each in paths]
 
 
-def _timed_frames(recordings: list[Recording]) -> Iterator[tuple[Frame, float]]:
+def _timed_frames(recordings: Sequence[Footage]) -> Iterator[tuple[Frame, float]]:
     """Yield each frame and how long it is shown."""
     for recording in recordings:
         times_s = [float(t) for t in recording.t_s]

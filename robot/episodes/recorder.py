@@ -54,7 +54,7 @@ class RecorderConfig:
     """Pictures that wait for the disk; more are dropped and counted."""
     queue_items: int = 4096
     """Anything that waits; words weigh little and are dropped last."""
-    flush_every_s: float = 0.5
+    flush_every_s: float = 0.25
     """What a kill can cost."""
     pause_s: float = 10.0
     """Standing for so long ends a recording."""

@@ -11,6 +11,7 @@ from robot.errors import ConfigurationError
 
 BENCHMARKS = {
     "link": "server.bench.link",
+    "recording": "server.bench.recording",
 }
 """Name to module; each has `configure(parser)` and `run(args) -> int`, as a command has."""
 

@@ -16,12 +16,13 @@ from robot.rig import Rig
 from robot.storage import Storage
 from robot.types import Action, Mode, PilotCommand
 from server.app import create_app
+from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
 from server.library import Library
 from server.serving import served
 from tests.robot.episodes.drives import record_drive
 
-from .live_robot import WEB, LiveCamera, TimedDriver
+from .live_robot import WEB
 
 Client = httpx.Client
 
@@ -29,7 +30,7 @@ Client = httpx.Client
 @pytest.fixture
 def library(tmp_path: Path) -> Iterator[Library]:
     clock = RealClock()
-    rig = Rig(TimedDriver(), LiveCamera(clock), make_policy("published-8"), clock)
+    rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
     storage = Storage(tmp_path)
     with rig, Library(storage, rig, name="bench") as library:
         library.rig = rig  # type: ignore[attr-defined]

@@ -8,16 +8,18 @@ from pathlib import Path
 import httpx
 import pytest
 
+from robot.clock import RealClock
 from robot.policy import make_policy
 from robot.rig import Rig
 from robot.storage import Storage
 from robot.types import Action, Lesson, Mode
 from server.app import create_app
+from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
 from server.library import Library
 from server.serving import served
 
-from .live_robot import WEB, LiveCamera, RealClock, TimedDriver
+from .live_robot import WEB
 
 
 class Bench:
@@ -44,7 +46,7 @@ class Bench:
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Bench]:
     clock = RealClock()
-    rig = Rig(TimedDriver(), LiveCamera(clock), make_policy("published-8"), clock)
+    rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
     config = Config(port=0, web=WEB, data=tmp_path)
     app = create_app(config, rig, name="bench")
     library = app.state.library = Library(Storage(tmp_path), rig, name="bench")
@@ -147,7 +149,7 @@ def test_what_cannot_be_done_is_said(
 def test_what_was_taught_is_saved_at_the_end_and_loaded_at_the_next_start(bench: Bench) -> None:
     bench.teach(7)
     bench.library.stop()
-    next_rig = Rig(TimedDriver(), LiveCamera(RealClock()), make_policy("published-8"))
+    next_rig = Rig(NotingDriver(), SteadyCamera(RealClock()), make_policy("published-8"))
     with next_rig, Library(bench.library.storage, next_rig) as library:
         assert library.keeper.load_last() == "bench"
         assert next_rig.loop.submit(lambda: next_rig.loop.school.lessons).result(5) == 7

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -140,5 +141,14 @@ def test_halves_that_a_power_cut_left_are_swept_away(tmp_path: Path) -> None:
     ModelShelf(Storage(tmp_path)).save("kitchen", some_model())
     half = tmp_path / "models" / "kitchen" / ".00002.npz.123.part"
     half.write_bytes(b"half")
-    assert ModelShelf(Storage(tmp_path)).load("kitchen").card.lessons == 40
-    assert not half.exists()
+    empty = tmp_path / "episodes" / "x.mcap"
+    empty.touch()
+    storage = Storage(tmp_path)
+    assert ModelShelf(storage).load("kitchen").card.lessons == 40
+    storage.sweep()
+    assert half.exists() and empty.exists(), "another program may be writing them just now"
+    for path in (half, empty):
+        os.utime(path, (0, 0))
+    storage.sweep()
+    assert not half.exists() and not empty.exists()
+    assert ModelShelf(storage).load("kitchen").card.lessons == 40

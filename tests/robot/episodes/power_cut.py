@@ -1,0 +1,171 @@
+"""Cuts the power of a robot at random moments, many times over one data folder.
+
+    python -m tests.robot.episodes.power_cut FOLDER [KILLS] [SEED]
+
+Each time a process starts on the same folder (loading the last model), is driven and taught in real
+time, and is killed with SIGKILL. What it had told of by then is compared with what is on the disk.
+Processes are forked, so that a start costs milliseconds. Prints JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from robot.clock import RealClock
+from robot.episodes.episode import open_episode
+from robot.episodes.recorder import Recorder, RecorderConfig
+from robot.errors import RobotError
+from robot.models.keeper import Keeper
+from robot.models.shelf import ModelShelf
+from robot.policy import make_policy
+from robot.rig import Rig
+from robot.school import Taught
+from robot.state import Tick
+from robot.storage import Storage
+from robot.types import Action, Mode, PilotCommand
+from server.bench.robot import NotingDriver, SteadyCamera
+
+LONGEST_LIFE_S = 1.0
+
+
+@dataclass(slots=True)
+class Life:
+    """What one process told of, and what was found of it afterwards."""
+
+    life_s: float
+    reached: str = "starting"
+    loaded_lessons: int = 0
+    saved_lessons: int = 0
+    found_lessons: int = 0
+    taught: int = 0
+    taught_on_disk: int = 0
+    lost_s: float = 0.0
+    failure: str | None = None
+
+
+def live(folder: Path, out: int) -> None:
+    """Be a robot until the power goes. Each line written is something that had happened by then."""
+
+    def tell(kind: str, *values: object) -> None:
+        os.write(out, (" ".join([kind, *map(str, values)]) + "\n").encode())
+
+    def announce(name: str, **fields: object) -> None:
+        if name == "model_saved":
+            tell("saved", fields["lessons"])
+
+    def note(tick: Tick) -> None:
+        taught = [e.lesson.frame_id for e in tick.school_events if isinstance(e, Taught)]
+        if tick.decision.mode is not Mode.STOPPED or taught:
+            tell("tick", tick.now_s, *taught)
+
+    storage = Storage(folder)
+    clock = RealClock()
+    rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
+    keeper = Keeper(rig.loop, ModelShelf(storage), name="bench", announce=announce)
+    recorder = Recorder(
+        rig.loop, storage.episodes, config=RecorderConfig(spare_bytes=0), announce=announce
+    )
+    with rig:
+        keeper.load_last()
+        tell("loaded", rig.loop.submit(lambda: rig.loop.school.lessons).result(5))
+        keeper.start()
+        recorder.start()
+        rig.loop.subscribe(note)
+        drive(rig)
+
+
+def drive(rig: Rig) -> None:
+    """Teach for ever, changing the mode six times a second, which saves the model each time."""
+    seq = 0
+    while True:
+        rig.loop.set_mode((Mode.TRAIN, Mode.AUTONOMOUS)[seq // 8 % 2])
+        for _ in range(8):
+            seq += 1
+            frame_id = rig.loop.state.frame_id
+            held = (Action.LEFT, Action.FORWARD)[seq // 3 % 2]
+            now_s = rig.clock.now_s()
+            rig.loop.command(PilotCommand(held=held, frame_id=frame_id, seq=seq, received_s=now_s))
+            time.sleep(0.02)
+
+
+def cut(folder: Path, life_s: float) -> Life:
+    """Start a robot, kill it after `life_s`, and compare."""
+    before = set(folder.glob("episodes/*.mcap"))
+    read_end, write_end = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(read_end)
+        try:
+            live(folder, write_end)
+        except BaseException as error:  # told to the parent, which counts it
+            os.write(write_end, f"failed {error!r}\n".encode())
+        os._exit(1)
+    os.close(write_end)
+    time.sleep(life_s)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    with os.fdopen(read_end) as file:
+        told = [line.split(maxsplit=1) for line in file.read().splitlines()]
+    return compare(folder, before, Life(life_s), told)
+
+
+def compare(folder: Path, before: set[Path], life: Life, told: list[list[str]]) -> Life:
+    taught, last_s = set(), None
+    for kind, rest in told:
+        if kind == "failed":
+            life.failure = rest
+        elif kind == "loaded":
+            life.loaded_lessons, life.reached = int(rest), "loaded"
+        elif kind == "saved":
+            life.saved_lessons, life.reached = int(rest), "saved"
+        else:
+            at_s, *frame_ids = rest.split()
+            last_s = float(at_s)
+            taught.update(map(int, frame_ids))
+    try:
+        look_at_episodes(folder, before, life, taught, last_s)
+        shelf = ModelShelf(Storage(folder))
+        if shelf.current is not None:
+            life.found_lessons = shelf.load(shelf.current).card.lessons
+    except RobotError as error:
+        life.failure = str(error)
+    return life
+
+
+def look_at_episodes(
+    folder: Path, before: set[Path], life: Life, taught: set[int], last_s: float | None
+) -> None:
+    on_disk: set[int] = set()
+    end_s = 0.0
+    for path in set(folder.glob("episodes/*.mcap")) - before:
+        if path.stat().st_size == 0:  # killed between making the file and its first flush
+            continue
+        episode = open_episode(path)
+        on_disk |= {
+            entry.event.lesson.frame_id
+            for entry in episode.lessons
+            if isinstance(entry.event, Taught)
+        }
+        end_s = max(end_s, episode.start_s + episode.duration_s)
+    life.taught = len(taught)
+    life.taught_on_disk = len(on_disk & taught)
+    if last_s is not None:
+        life.lost_s = last_s - end_s if end_s else life.life_s
+
+
+def main() -> None:
+    folder, kills, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    rng = random.Random(seed)
+    lives = [cut(folder, rng.uniform(0.0, LONGEST_LIFE_S)) for _ in range(kills)]
+    print(json.dumps([asdict(life) for life in lives]))
+
+
+if __name__ == "__main__":
+    main()
