@@ -15,12 +15,14 @@ from robot.policy import Policy, make_policy
 from robot.recordings import Recording, load_recording
 from robot.types import Action
 
-Features = dict[str, list[Vector]]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairResult:
-    """How one learner did on one pair of recordings; shares between 0 and 1."""
+    """How one learner did on one pair of recordings; shares between 0 and 1.
+
+    `calibration_error` is the expected difference between confidence and accuracy in ten equal
+    bins of confidence (Guo et al. 2017); `novel` the share of views unlike all lessons.
+    """
 
     place: str
     train: str
@@ -30,6 +32,8 @@ class PairResult:
     balanced_accuracy: float
     correct: int
     frames: int
+    calibration_error: float
+    novel: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,8 +102,8 @@ def _judge(policy: Policy, pair: Pair, train: list[Vector], test: list[Vector]) 
     for x, label in zip(train, pair.train.labels, strict=True):
         policy.learn(x, label)
     policy.settle()
-    proposed = [policy.propose(i + 1, x).action for i, x in enumerate(test)]
-    accuracy, balanced = scores(pair.test.labels, proposed)
+    proposed = [policy.propose(i + 1, x) for i, x in enumerate(test)]
+    accuracy, balanced = scores(pair.test.labels, [p.action for p in proposed])
     return PairResult(
         place=pair.train.place,
         train=pair.train.path.stem,
@@ -109,7 +113,22 @@ def _judge(policy: Policy, pair: Pair, train: list[Vector], test: list[Vector]) 
         balanced_accuracy=balanced,
         correct=round(accuracy * len(test)),
         frames=len(test),
+        calibration_error=calibration_error(
+            [p.confidence for p in proposed],
+            [p.action is label for p, label in zip(proposed, pair.test.labels, strict=True)],
+        ),
+        novel=float(np.mean([p.is_novel for p in proposed])),
     )
+
+
+def calibration_error(
+    confidences: Sequence[float], right: Sequence[bool], n_bins: int = 10
+) -> float:
+    """Return the mean over frames of |confidence - accuracy| of their bin of confidence."""
+    values, hits = np.array(confidences), np.array(right, float)
+    bins = np.minimum((values * n_bins).astype(int), n_bins - 1)
+    gaps = [abs(float((values - hits)[bins == b].sum())) for b in range(n_bins)]
+    return sum(gaps) / max(values.size, 1)
 
 
 def scores(truth: Sequence[Action], proposed: Sequence[Action | None]) -> tuple[float, float]:
@@ -128,18 +147,24 @@ def as_json(results: Sequence[PairResult]) -> dict[str, Any]:
 def table(results: Sequence[PairResult]) -> str:
     """Return the results as text: one row a pair and learner, then each learner's mean."""
     head = (
-        f"{'place':12} {'train':14} {'test':14} {'learner':16} {'right':>9} {'acc.':>6} {'bal.':>6}"
+        f"{'place':12} {'train':14} {'test':14} {'learner':16} "
+        f"{'right':>9} {'acc.':>6} {'bal.':>6} {'calib.':>6}"
     )
     rows = [head]
     for r in results:
         rows.append(
             f"{r.place:12} {r.train:14} {r.test:14} {r.learner:16} "
-            f"{r.correct:4}/{r.frames:4} {r.accuracy:6.3f} {r.balanced_accuracy:6.3f}"
+            f"{r.correct:4}/{r.frames:4} {r.accuracy:6.3f} {r.balanced_accuracy:6.3f} "
+            f"{r.calibration_error:6.3f}"
         )
     rows.append("")
     for name in dict.fromkeys(r.learner for r in results):
         own = [r for r in results if r.learner == name]
         accuracy = float(np.mean([r.accuracy for r in own]))
         balanced = float(np.mean([r.balanced_accuracy for r in own]))
-        rows.append(f"{'mean':12} {'':14} {'':14} {name:16} {'':9} {accuracy:6.3f} {balanced:6.3f}")
+        error = float(np.mean([r.calibration_error for r in own]))
+        rows.append(
+            f"{'mean':12} {'':14} {'':14} {name:16} {'':9} "
+            f"{accuracy:6.3f} {balanced:6.3f} {error:6.3f}"
+        )
     return "\n".join(rows)

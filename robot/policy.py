@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from robot.errors import ConfigurationError
 from robot.features import Features, GradientFeatures, GreyFeatures
+from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import RecursiveRidge
@@ -101,7 +102,7 @@ class Policy:
         return Prediction(
             frame_id=frame_id,
             action=action,
-            confidence=steady[action],
+            confidence=self._chance(steady, action),
             probabilities=steady,
             node=node,
             distance=evidence.distance,
@@ -200,6 +201,13 @@ class Policy:
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
         """Keep one learned image from merging; raises LookupError if there is none."""
         self._editable().pin_node(node_id, pinned)
+
+    def _chance(self, shares: dict[Action, float], action: Action) -> float:
+        learner = self._cluster()
+        values = np.array(list(shares.values()))
+        return votes.chance(
+            values, list(shares).index(action), 1.0 if learner is None else learner.sharpness
+        )
 
     def _choose(self, shares: dict[Action, float]) -> Action:
         if self._commitment is not None:

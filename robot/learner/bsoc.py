@@ -8,8 +8,7 @@ pixel by pixel after every merge; here a merged node's distances follow from tho
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +17,15 @@ from robot.learner.base import State, Vector
 from robot.learner.edges import Edges
 from robot.learner.images import FloatImages, Images, IntegerImages
 
-Floats = NDArray[np.float64]
+Floats = NDArray[np.float32]
 _ARRAYS = ("counts", "ids", "groups", "pinned", "distances")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Merge:
-    """Node `removed` was merged into node `kept`, and its index given to the newest frame."""
+class Merge(NamedTuple):
+    """Node `removed` was merged into node `kept`, and its index given to the newest frame.
+
+    A plain tuple: one is made at every other training step, and costs a third of a dataclass.
+    """
 
     kept: int
     removed: int
@@ -62,11 +63,12 @@ class BSOC:
         self._size = 0
         self._next_id = 0
         self._n_pinned = 0
-        self._counts = np.zeros(max_nodes)
+        self._counts = np.zeros(max_nodes, np.int64)
+        self._masses = np.zeros(max_nodes, np.float32)  # the counts again, to weigh with
         self._ids = np.zeros(max_nodes, np.int64)
         self._groups = np.zeros(max_nodes, np.int64)
         self._pinned = np.zeros(max_nodes, np.bool_)
-        self._distances = np.zeros((max_nodes, max_nodes))
+        self._distances = np.zeros((max_nodes, max_nodes), np.float32)
         self._edges = Edges(max_nodes)
         self._images: Images = IntegerImages(max_nodes) if integer else FloatImages(max_nodes)
 
@@ -81,7 +83,7 @@ class BSOC:
     @property
     def counts_(self) -> NDArray[np.int64]:
         """Frames per node, shape (n,)."""
-        return self._counts[: self._size].astype(np.int64)
+        return self._counts[: self._size].copy()
 
     @property
     def ids_(self) -> NDArray[np.int64]:
@@ -116,7 +118,7 @@ class BSOC:
         """Return the squared distance of `x` to every node, shape (n,); raises as `lookup`."""
         if self._size == 0:
             raise ValueError("nothing was learned yet")
-        return self._images.measure(x, self._size)
+        return 2.0 * self._images.measure(x, self._size)
 
     def train(self, x: Vector, group: int = 0) -> int:
         """Add one frame; merge the two nodes cheapest to merge if there are too many.
@@ -132,16 +134,16 @@ class BSOC:
         if self._images.is_empty:
             self._images.begin(x)
         size = self._size
-        distances = self._images.measure(x, size)
+        distances = self._images.measure(x, size)  # halved, here and in all that follows
         self.last_merge_ = None
-        self.last_distance_ = float(distances.min()) if size else None
+        self.last_distance_ = 2.0 * float(distances[distances.argmin()]) if size else None
         name = self._next_id
         self._next_id = name + 1
         if size < self.max_nodes:
             self._size = size + 1
-            self._place(size, np.append(distances, 0.0), group, name)
+            self._place(size, np.append(distances, np.float32(0.0)), group, name)
             return int(self._distances[size, : size + 1].argmin())
-        weights = self._weigh(distances, 1.0, group, False)
+        weights = self._weigh(distances, self._masses, group, False)
         nearest = int(weights.argmin())
         least, kept, removed = self._edges.smallest()
         # A tie goes to the lower pair of indices; the new frame's own index is the highest.
@@ -154,29 +156,25 @@ class BSOC:
 
     def _absorb(self, node: int, distances: Floats) -> None:
         """Merge the measured frame into a node; `distances` become those after it."""
-        count = float(self._counts[node])
-        share = 1.0 / (count + 1.0)
+        count = int(self._counts[node])
+        share = 1.0 / (count + 1)
         row = self._blended(self._distances[node], distances, share, float(distances[node]))
-        self._images.absorb(node, int(count))
-        self._counts[node] = count + 1.0
+        self._images.absorb(node, count)
+        self._counts[node] = self._masses[node] = count + 1
         self._set_row(node, row)
         distances[node] *= (1.0 - share) ** 2
 
     def _merge(self, kept: int, removed: int, distances: Floats) -> None:
         """Merge one node into another; `distances`, of the measured frame, follow."""
-        count, other = float(self._counts[kept]), float(self._counts[removed])
+        count, other = int(self._counts[kept]), int(self._counts[removed])
         share = other / (count + other)
         between = float(self._distances[kept, removed])
         row = self._blended(self._distances[kept], self._distances[removed], share, between)
-        distances[kept] = max(
-            0.0,
-            (1.0 - share) * distances[kept]
-            + share * distances[removed]
-            - share * (1.0 - share) * between,
-        )
+        one, two = float(distances[kept]), float(distances[removed])
+        distances[kept] = one + share * (two - one) - share * (1.0 - share) * between
         distances[removed] = 0.0
-        self._images.merge(kept, removed, int(count), int(other))
-        self._counts[kept] = count + other
+        self._images.merge(kept, removed, count, other)
+        self._counts[kept] = self._masses[kept] = count + other
         if other > count:
             self._ids[kept] = self._ids[removed]
             self._groups[kept] = self._groups[removed]
@@ -185,15 +183,16 @@ class BSOC:
 
     def _blended(self, one: Floats, two: Floats, share: float, between: float) -> Floats:
         """Lance-Williams: d(k, ij) = wi d(k, i) + wj d(k, j) - wi wj d(i, j)."""
-        row = one * (1.0 - share)
-        row += two * share
+        row: Floats = two - one
+        row *= share
+        row += one
         row -= share * (1.0 - share) * between
-        return np.maximum(row, 0.0, out=row)
+        return row
 
     def _place(self, node: int, distances: Floats, group: int, name: int) -> None:
         """Make the measured frame a node."""
         self._images.put(node)
-        self._counts[node] = 1.0
+        self._counts[node] = self._masses[node] = 1
         self._groups[node] = group
         self._ids[node] = name
         self._pinned[node] = False
@@ -205,16 +204,14 @@ class BSOC:
         size = row.size
         self._distances[node, :size] = row
         self._distances[:size, node] = row
-        self._edges.set_row(
-            node,
-            self._weigh(row, self._counts[node], self._groups[node], bool(self._pinned[node])),
-        )
+        counts = np.maximum(self._masses[:size], self._masses[node])
+        weights = self._weigh(row, counts, self._groups[node], self._pinned[node])
+        self._edges.set_row(node, weights)
 
-    def _weigh(self, distances: Floats, count: float, group: int, pinned: bool) -> Floats:
-        """Return distance times the larger count; dear between groups, infinite for pinned."""
+    def _weigh(self, distances: Floats, counts: Floats, group: int, pinned: bool) -> Floats:
+        """Return distances times larger counts; dear between groups, infinite for pinned."""
         size = distances.size
-        weights = np.maximum(self._counts[:size], count)
-        weights *= distances
+        weights: Floats = distances * counts
         if self.group_cost != 1.0:
             weights[self._groups[:size] != group] *= self.group_cost
         if self._n_pinned:
@@ -252,7 +249,7 @@ class BSOC:
         last = self._size - 1
         if node != last:
             self._images.move(last, node)
-            for array in (self._counts, self._ids, self._groups, self._pinned):
+            for array in (self._counts, self._masses, self._ids, self._groups, self._pinned):
                 array[node] = array[last]
             row = self._distances[last, :last].copy()
             row[node] = 0.0
@@ -286,6 +283,7 @@ class BSOC:
         self._next_id = int(state.params["next_id"])
         for name in _ARRAYS:
             setattr(self, f"_{name}", state.arrays[name].copy())
+        self._masses = self._counts.astype(np.float32)
         self._n_pinned = int(self._pinned.sum())
         self._edges = Edges(self.max_nodes)
         self._edges.weights = state.arrays["weights"].copy()

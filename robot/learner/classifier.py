@@ -18,6 +18,8 @@ GROUP_COST = 1000.0
 """Merging nodes of two labels is this many times dearer: in practice the last resort."""
 N_VOTERS = 3
 LINEAR_SHARE = 0.7
+SHARPNESS = 1.6
+"""Calibrates the mixture's chances: one number for all places (docs/explanation/learner.md)."""
 
 
 class BSOCClassifier:
@@ -70,6 +72,11 @@ class BSOCClassifier:
         """Return the paper's classifier: the nearest node's most counted label."""
         cluster = PublishedBSOC(max_nodes, integer=integer)
         return cls(max_nodes, n_voters=1, cluster=cluster)
+
+    @property
+    def sharpness(self) -> float:
+        """The power that turns shares of votes into chances: 1 for plain counts."""
+        return 1.0 if self.linear is None else SHARPNESS
 
     @property
     def histograms_(self) -> NDArray[np.int64]:
@@ -128,13 +135,13 @@ class BSOCClassifier:
         return Evidence(
             label=self.labels_[best],
             probabilities=dict(zip(self.labels_, shares.tolist(), strict=True)),
-            confidence=float(shares[best]),
+            confidence=votes.chance(shares, best, self.sharpness),
             novelty=self.novelty_.score(float(distances[node])),
             node=node,
             distance=float(distances[node]),
         )
 
-    def _votes(self, x: Vector) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _votes(self, x: Vector) -> tuple[votes.Distances, votes.Floats]:
         if not self.labels_:
             raise NotFittedError("nothing was learned yet")
         distances = self.cluster.distances(x)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Floats = NDArray[np.float32]
 
 CACHED_FROM = 200
 """Nodes from which on each row's least is kept. Below, one argmin over all weights is faster:
@@ -16,10 +16,11 @@ class Edges:
     """A symmetric matrix of weights; infinite where there is no edge."""
 
     def __init__(self, max_nodes: int) -> None:
-        self.weights = np.full((max_nodes, max_nodes), np.inf)
+        self.weights = np.full((max_nodes, max_nodes), np.inf, np.float32)
         self._n = max_nodes
+        self._flat = self.weights.reshape(-1)
         self._is_cached = max_nodes >= CACHED_FROM
-        self._least = np.full(max_nodes, np.inf)
+        self._least = np.full(max_nodes, np.inf, np.float32)
         self._partner = np.zeros(max_nodes, np.int64)
 
     def smallest(self) -> tuple[float, int, int]:
@@ -27,8 +28,8 @@ class Edges:
         if self._is_cached:
             one = int(self._least.argmin())
             return float(self._least[one]), one, int(self._partner[one])
-        one, two = divmod(int(self.weights.argmin()), self._n)
-        return float(self.weights[one, two]), one, two
+        least = int(self._flat.argmin())
+        return float(self._flat[least]), *divmod(least, self._n)
 
     def set_row(self, node: int, weights: Floats) -> None:
         """Write one node's weights to the first `len(weights)` nodes."""
@@ -54,6 +55,7 @@ class Edges:
 
     def rebuild(self) -> None:
         """Find each row's least anew, after the weights were written from outside."""
+        self._flat = self.weights.reshape(-1)
         self._partner = self.weights.argmin(axis=1)
         self._least = self.weights[np.arange(self._n), self._partner]
 

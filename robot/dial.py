@@ -1,0 +1,139 @@
+"""The one dial, made practical: how many nodes does this machine allow at a given frame rate?"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot.errors import ConfigurationError
+from robot.policy import make_policy
+from robot.types import DEFAULT_MOVES, Encoding, Frame
+
+SIZES = (2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)
+MARGIN = 0.5
+"""Share of a frame's time that may go into features and learner; the rest is for the others."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cost:
+    """Times of one policy at one size, in seconds: the median and the 99th percentile."""
+
+    max_nodes: int
+    extract_s: float
+    propose_s: float
+    propose_p99_s: float
+    learn_s: float
+    learn_p99_s: float
+
+    @property
+    def frame_s(self) -> float:
+        """What one taught frame costs, at the 99th percentile."""
+        return self.extract_s + self.propose_p99_s + self.learn_p99_s
+
+    @property
+    def rate_hz(self) -> float:
+        """The frame rate that this allows, with nothing else to do."""
+        return 1.0 / self.frame_s
+
+
+def sample_frames(count: int, seed: int = 0) -> list[Frame]:
+    """Return made-up frames of one drive: coarse scenes that slide by, with noise on them."""
+    rng = np.random.default_rng(seed)
+    panorama = np.kron(rng.integers(30, 220, (12, 160)), np.ones((10, 10)))
+    frames = []
+    for i in range(count):
+        left = (i * 7) % 1440
+        grey = panorama[:, left : left + 160] + rng.normal(0.0, 4.0, (120, 160))
+        yuyv = np.stack([grey.clip(0, 255), np.full((120, 160), 128.0)], axis=2).astype(np.uint8)
+        frames.append(
+            Frame(
+                frame_id=i + 1,
+                captured_s=i / 30,
+                width=160,
+                height=120,
+                encoding=Encoding.YUYV,
+                data=yuyv.tobytes(),
+            )
+        )
+    return frames
+
+
+def measure(
+    max_nodes: int,
+    *,
+    kind: str = "default",
+    integer: bool = False,
+    repeats: int = 60,
+    frames: Sequence[Frame] | None = None,
+    now_s: Callable[[], float] = time.perf_counter,
+) -> Cost:
+    """Time a full learner of this size on this machine."""
+    policy = make_policy(f"{kind}-{max_nodes}", integer=integer)
+    frames = sample_frames(60) if frames is None else frames
+    extract = _times(lambda i: policy.extract(frames[i % len(frames)]), min(repeats, 20), now_s)
+    xs = [policy.extract(frame) for frame in frames]
+    rng = np.random.default_rng(0)
+    for i in range(max_nodes):  # fill it: a half-empty learner is faster than it will be
+        noisy = xs[i % len(xs)].astype(np.int16) + rng.integers(-8, 9, xs[0].size)
+        policy.learn(noisy.clip(0, 255).astype(np.uint8), DEFAULT_MOVES[i % 3])
+    propose = _times(lambda i: policy.propose(i, xs[i % len(xs)]), repeats, now_s)
+    learn = _times(lambda i: policy.learn(xs[i % len(xs)], DEFAULT_MOVES[i % 3]), repeats, now_s)
+    return Cost(
+        max_nodes=max_nodes,
+        extract_s=float(np.median(extract)),
+        propose_s=float(np.median(propose)),
+        propose_p99_s=float(np.percentile(propose, 99)),
+        learn_s=float(np.median(learn)),
+        learn_p99_s=float(np.percentile(learn, 99)),
+    )
+
+
+def choose_max_nodes(
+    rate_hz: float,
+    *,
+    kind: str = "default",
+    integer: bool = False,
+    cost_of: Callable[[int], Cost] | None = None,
+) -> Cost:
+    """Return the cost of the largest size in `SIZES` that holds the rate with a margin.
+
+    Sizes are tried upwards and the first too slow ends the search, so that a slow machine is
+    not kept waiting by sizes that it could never run.
+
+    Raises:
+        ConfigurationError: If not even the smallest size holds the rate.
+    """
+    if rate_hz <= 0:
+        raise ConfigurationError(f"a frame rate is above 0, not {rate_hz}")
+    frames = sample_frames(60) if cost_of is None else []
+    best = None
+    for size in SIZES:
+        cost = (
+            cost_of(size)
+            if cost_of is not None
+            else measure(size, kind=kind, integer=integer, frames=frames)
+        )
+        if cost.frame_s > MARGIN / rate_hz:
+            break
+        best = cost
+    if best is None:
+        raise ConfigurationError(
+            f"this machine cannot hold {rate_hz:g} frames a second even with {SIZES[0]} nodes; "
+            "ask for a lower --rate"
+        )
+    return best
+
+
+def _times(step: Callable[[int], object], repeats: int, now_s: Callable[[], float]) -> list[float]:
+    times = []
+    for i in range(repeats):
+        start_s = now_s()
+        step(i)
+        times.append(now_s() - start_s)
+    return times
+
+
+__all__ = ["MARGIN", "SIZES", "Cost", "choose_max_nodes", "measure", "sample_frames"]

@@ -1,0 +1,158 @@
+"""Learn and predict times by number of nodes, and the frame rate that each allows."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot import dial
+from robot.learner.bsoc import BSOC
+
+N_BYTES = 2400
+YOUNG, OLD = 1_000, 100_000
+_BLOCK = 50
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("--learner", default="default", help="kind of learner (%(default)s)")
+    parser.add_argument(
+        "--json", nargs="?", const="-", default=None, metavar="FILE", help="write the figures"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, and print a table or JSON."""
+    policies = [_as_dict(dial.measure(size, kind=args.learner, repeats=300)) for size in dial.SIZES]
+    result = {
+        "learner": args.learner,
+        "policies": policies,
+        "cluster": {"bytes": N_BYTES, "sizes": [_cluster(size) for size in dial.SIZES]},
+        "ageing": _ageing(),
+    }
+    if args.json == "-":
+        print(json.dumps(result, indent=1))
+        return 0
+    if args.json:
+        Path(args.json).write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    print(_table(result))
+    return 0
+
+
+def _as_dict(cost: dial.Cost) -> dict[str, float]:
+    return {
+        "max_nodes": cost.max_nodes,
+        "extract_us": cost.extract_s * 1e6,
+        "predict_us": cost.propose_s * 1e6,
+        "predict_p99_us": cost.propose_p99_s * 1e6,
+        "learn_us": cost.learn_s * 1e6,
+        "learn_p99_us": cost.learn_p99_s * 1e6,
+        "frames_per_second": cost.rate_hz,
+    }
+
+
+def _cluster(max_nodes: int) -> dict[str, float]:
+    """Time training steps, lookups and bare products in turn, so that all meet the same machine."""
+    frames = _frames(600 if max_nodes < 512 else 300)
+    learner = BSOC(max_nodes)
+    rng = np.random.default_rng(1)
+    for i in range(max_nodes):
+        learner.train(rng.integers(0, 256, N_BYTES).astype(np.uint8) // 2 + frames[i % 300] // 2)
+    matrix = rng.random((max_nodes, N_BYTES)).astype(np.float32)
+    vector = rng.random(N_BYTES).astype(np.float32)
+    train: list[float] = []
+    lookup: list[float] = []
+    product: list[float] = []
+    for start in range(0, len(frames), _BLOCK):
+        block = frames[start : start + _BLOCK]
+        product += _times(lambda _: matrix @ vector, block)
+        train += _times(learner.train, block)
+        lookup += _times(learner.lookup, block)
+    step, bare = float(np.median(train)), float(np.median(product))
+    return {
+        "max_nodes": max_nodes,
+        "train_us": step,
+        "train_p99_us": float(np.percentile(train, 99)),
+        "lookup_us": float(np.median(lookup)),
+        "product_us": bare,
+        "train_per_product": step / bare,
+    }
+
+
+def _ageing(max_nodes: int = 32, window: int = 5_000) -> dict[str, float]:
+    """Compare a learner at frame 1,000 with one at frame 100,000, step by step in turn."""
+    frames = _frames(1_000)
+    young, old = BSOC(max_nodes), BSOC(max_nodes)
+    for i in range(OLD):
+        old.train(frames[i % len(frames)])
+    for i in range(YOUNG):
+        young.train(frames[i % len(frames)])
+    times: tuple[list[float], list[float]] = ([], [])
+    for start in range(0, window, _BLOCK):
+        block = [frames[(start + i) % len(frames)] for i in range(_BLOCK)]
+        for learner, own in zip((young, old), times, strict=True):
+            own += _times(learner.train, block)
+    first, second = (float(np.percentile(own, 99)) for own in times)
+    return {
+        "max_nodes": max_nodes,
+        "p99_at_1000_us": first,
+        "p99_at_100000_us": second,
+        "ratio": second / first,
+    }
+
+
+def _frames(count: int) -> list[NDArray[np.uint8]]:
+    """Return vectors of bytes around forty scenes, as a drive through one place gives them."""
+    rng = np.random.default_rng(0)
+    scenes = rng.integers(0, 256, (40, N_BYTES))
+    noise = rng.integers(-30, 31, (count, N_BYTES))
+    mixed = (scenes[rng.integers(0, 40, count)] + noise).clip(0, 255).astype(np.uint8)
+    return list(mixed)
+
+
+def _times(
+    step: Callable[[NDArray[np.uint8]], object], block: list[NDArray[np.uint8]]
+) -> list[float]:
+    times = []
+    for x in block:
+        start = time.perf_counter()
+        step(x)
+        times.append((time.perf_counter() - start) * 1e6)
+    return times
+
+
+def _table(result: dict[str, Any]) -> str:
+    lines = [
+        f"learner {result['learner']}, microseconds",
+        f"{'nodes':>6} {'extract':>8} {'predict':>8} {'p99':>8} "
+        f"{'learn':>8} {'p99':>8} {'frames/s':>9}",
+    ]
+    lines += [
+        f"{row['max_nodes']:6} {row['extract_us']:8.0f} {row['predict_us']:8.0f} "
+        f"{row['predict_p99_us']:8.0f} {row['learn_us']:8.0f} {row['learn_p99_us']:8.0f} "
+        f"{row['frames_per_second']:9.0f}"
+        for row in result["policies"]
+    ]
+    lines += [
+        f"\nthe cluster alone, vectors of {N_BYTES} bytes, microseconds",
+        f"{'nodes':>6} {'train':>8} {'p99':>8} {'lookup':>8} {'product':>8} {'train/product':>14}",
+    ]
+    lines += [
+        f"{row['max_nodes']:6} {row['train_us']:8.1f} {row['train_p99_us']:8.1f} "
+        f"{row['lookup_us']:8.1f} {row['product_us']:8.1f} {row['train_per_product']:14.2f}"
+        for row in result["cluster"]["sizes"]
+    ]
+    age = result["ageing"]
+    lines.append(
+        f"\n99th percentile of a training step with {age['max_nodes']} nodes: "
+        f"{age['p99_at_1000_us']:.1f} at frame 1,000, {age['p99_at_100000_us']:.1f} at frame "
+        f"100,000 ({age['ratio']:.2f} times)"
+    )
+    return "\n".join(lines)
