@@ -18,7 +18,7 @@ from robot.learner.edges import Edges
 from robot.learner.images import FloatImages, Images, IntegerImages
 
 Floats = NDArray[np.float32]
-_ARRAYS = ("counts", "ids", "groups", "pinned", "distances")
+_ARRAYS = ("ids", "groups", "pinned", "distances")
 
 
 class Merge(NamedTuple):
@@ -63,8 +63,10 @@ class BSOC:
         self._size = 0
         self._next_id = 0
         self._n_pinned = 0
-        self._counts = np.zeros(max_nodes, np.int64)
-        self._masses = np.zeros(max_nodes, np.float32)  # the counts again, to weigh with
+        self._is_choosy = group_cost != 1.0
+        # A list for exact counts, read one by one, and an array of them to weigh with.
+        self._counts = [0] * max_nodes
+        self._masses = np.zeros(max_nodes, np.float32)
         self._ids = np.zeros(max_nodes, np.int64)
         self._groups = np.zeros(max_nodes, np.int64)
         self._pinned = np.zeros(max_nodes, np.bool_)
@@ -83,7 +85,7 @@ class BSOC:
     @property
     def counts_(self) -> NDArray[np.int64]:
         """Frames per node, shape (n,)."""
-        return self._counts[: self._size].copy()
+        return np.array(self._counts[: self._size], np.int64)
 
     @property
     def ids_(self) -> NDArray[np.int64]:
@@ -136,14 +138,16 @@ class BSOC:
         size = self._size
         distances = self._images.measure(x, size)  # halved, here and in all that follows
         self.last_merge_ = None
-        self.last_distance_ = 2.0 * float(distances[distances.argmin()]) if size else None
+        self.last_distance_ = 2.0 * self._images.least if size else None
         name = self._next_id
         self._next_id = name + 1
         if size < self.max_nodes:
             self._size = size + 1
             self._place(size, np.append(distances, np.float32(0.0)), group, name)
             return int(self._distances[size, : size + 1].argmin())
-        weights = self._weigh(distances, self._masses, group, False)
+        weights = distances * self._masses
+        if self._is_choosy:
+            self._make_dear(weights, group, False)
         nearest = int(weights.argmin())
         least, kept, removed = self._edges.smallest()
         # A tie goes to the lower pair of indices; the new frame's own index is the highest.
@@ -156,7 +160,7 @@ class BSOC:
 
     def _absorb(self, node: int, distances: Floats) -> None:
         """Merge the measured frame into a node; `distances` become those after it."""
-        count = int(self._counts[node])
+        count = self._counts[node]
         share = 1.0 / (count + 1)
         row = self._blended(self._distances[node], distances, share, float(distances[node]))
         self._images.absorb(node, count)
@@ -166,7 +170,7 @@ class BSOC:
 
     def _merge(self, kept: int, removed: int, distances: Floats) -> None:
         """Merge one node into another; `distances`, of the measured frame, follow."""
-        count, other = int(self._counts[kept]), int(self._counts[removed])
+        count, other = self._counts[kept], self._counts[removed]
         share = other / (count + other)
         between = float(self._distances[kept, removed])
         row = self._blended(self._distances[kept], self._distances[removed], share, between)
@@ -204,19 +208,18 @@ class BSOC:
         size = row.size
         self._distances[node, :size] = row
         self._distances[:size, node] = row
-        counts = np.maximum(self._masses[:size], self._masses[node])
-        weights = self._weigh(row, counts, self._groups[node], self._pinned[node])
+        weights = np.maximum(self._masses[:size], self._masses[node])
+        weights *= row
+        if self._is_choosy:
+            self._make_dear(weights, self._groups[node], self._pinned[node])
         self._edges.set_row(node, weights)
 
-    def _weigh(self, distances: Floats, counts: Floats, group: int, pinned: bool) -> Floats:
-        """Return distances times larger counts; dear between groups, infinite for pinned."""
-        size = distances.size
-        weights: Floats = distances * counts
+    def _make_dear(self, weights: Floats, group: int, pinned: bool) -> None:
+        """Raise one node's weights to those of other groups, and infinitely to pinned ones."""
         if self.group_cost != 1.0:
-            weights[self._groups[:size] != group] *= self.group_cost
+            weights[self._groups[: weights.size] != group] *= self.group_cost
         if self._n_pinned:
-            weights[self._pinned[:size] | pinned] = np.inf
-        return weights
+            weights[self._pinned[: weights.size] | pinned] = np.inf
 
     def set_group(self, node: int, group: int) -> None:
         """Move one node to another group."""
@@ -236,6 +239,7 @@ class BSOC:
             )
         self._pinned[node] = pinned
         self._n_pinned = others + pinned
+        self._is_choosy = self.group_cost != 1.0 or self._n_pinned > 0
         self._set_row(node, self._distances[node, : self._size].copy())
 
     def delete(self, node: int) -> int:
@@ -249,7 +253,8 @@ class BSOC:
         last = self._size - 1
         if node != last:
             self._images.move(last, node)
-            for array in (self._counts, self._masses, self._ids, self._groups, self._pinned):
+            self._counts[node] = self._counts[last]
+            for array in (self._masses, self._ids, self._groups, self._pinned):
                 array[node] = array[last]
             row = self._distances[last, :last].copy()
             row[node] = 0.0
@@ -263,6 +268,7 @@ class BSOC:
     def get_state(self) -> State:
         """Return a copy of all that was learned."""
         arrays = {name: getattr(self, f"_{name}").copy() for name in _ARRAYS}
+        arrays["counts"] = np.array(self._counts, np.int64)
         arrays["weights"] = self._edges.weights.copy()
         arrays.update(self._images.get_arrays())
         params: dict[str, Any] = {
@@ -283,8 +289,10 @@ class BSOC:
         self._next_id = int(state.params["next_id"])
         for name in _ARRAYS:
             setattr(self, f"_{name}", state.arrays[name].copy())
-        self._masses = self._counts.astype(np.float32)
+        self._counts = state.arrays["counts"].tolist()
+        self._masses = state.arrays["counts"].astype(np.float32)
         self._n_pinned = int(self._pinned.sum())
+        self._is_choosy = self.group_cost != 1.0 or self._n_pinned > 0
         self._edges = Edges(self.max_nodes)
         self._edges.weights = state.arrays["weights"].copy()
         self._edges.rebuild()

@@ -16,6 +16,8 @@ class Images(Protocol):
     """Node images in rows, and one frame `x` at a time that is compared with them."""
 
     is_empty: bool
+    least: float
+    """The least of the latest half distances."""
 
     def begin(self, x: Vector) -> None:
         """Fix the length of the vectors by the first one."""
@@ -70,6 +72,7 @@ class FloatImages:
     def __init__(self, max_nodes: int) -> None:
         self.max_nodes = max_nodes
         self.is_empty = True
+        self.least = 0.0
         self._shape: tuple[int, ...] = ()
         self._origin = np.zeros(0, np.float32)
         self._rows = np.zeros((max_nodes, 0), np.float32)
@@ -96,7 +99,7 @@ class FloatImages:
     def measure(self, x: Vector, size: int) -> Floats:
         """Return |n|^2 / 2 - n.x + |x|^2 / 2 for each image, shape (size,)."""
         array = np.asarray(x)
-        if array.shape != self._shape or array.dtype.kind not in "fiub":
+        if array.shape != self._shape:
             checked_vector(array, self._origin.size)
         centred = self._x
         centred[:] = array
@@ -109,7 +112,12 @@ class FloatImages:
         distances: Floats = (self._rows if is_full else self._rows[:size]).dot(centred)
         np.subtract(self._norms if is_full else self._norms[:size], distances, out=distances)
         distances += norm
-        return np.maximum(distances, 0.0, out=distances)
+        if size:
+            self.least = float(distances[distances.argmin()])
+            if self.least < 0.0:  # rounding, among near-duplicates
+                self.least = 0.0
+                np.maximum(distances, 0.0, out=distances)
+        return distances
 
     def put(self, row: int) -> None:
         """Make the measured vector the image of a row."""
@@ -172,6 +180,7 @@ class IntegerImages:
     def __init__(self, max_nodes: int) -> None:
         self.max_nodes = max_nodes
         self.is_empty = True
+        self.least = 0.0
         self._sums = np.zeros((max_nodes, 0), np.int64)
         self._rows = np.zeros((max_nodes, 0), np.int64)
         self._norms = np.zeros(max_nodes)
@@ -192,6 +201,7 @@ class IntegerImages:
         products = self._rows[:size].dot(self._x)
         distances = self._norms[:size] - products / _STEPS + self._x_norm
         single: Floats = np.maximum(distances, 0.0).astype(np.float32)
+        self.least = float(single.min()) if size else 0.0
         return single
 
     def put(self, row: int) -> None:
