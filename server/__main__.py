@@ -17,6 +17,8 @@ COMMANDS: dict[str, str] = {
     "bench": "measure this machine",
     "episodes": "see, mend, import and export recorded runs",
     "learn": "learn again from recorded runs",
+    "calibrate": "measure an EV3's speed and turning rate by driving",
+    "brick": "put the server, or an agent, on an EV3",
 }
 """Name to one line of help. Each is a module of `server.commands` with `configure(parser)` and
 `run(args) -> int`, imported only when asked for: on an EV3 every import costs seconds. Where

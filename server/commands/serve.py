@@ -18,8 +18,9 @@ from robot.governor import GovernorConfig
 from robot.options import Option, options_of
 from robot.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.storage import Storage, default_root
+from server.access import Role
 from server.config import Config, Limits
-from server.greeting import greet_here, greet_next, greet_phones
+from server.greeting import greet_here, greet_next, greet_phones, pairing_address
 from server.logs import start_logging
 from server.network import host_names, lan_addresses
 from server.settings import PREFIX, Settings, apply_to, build, read_settings
@@ -127,6 +128,10 @@ def run(args: argparse.Namespace) -> int:
     storage = Storage(config.data)
     library = Library(storage, rig, name=args.robot, options=options, announce=announce)
     app.state.library = library
+    if pairing is None:
+        rig.driver.announce(addresses[0])
+    else:
+        rig.driver.announce(pairing_address(addresses[0], pairing.tokens[Role.PILOT]))
     with rig, library, _announced(config):
         _choose_model(library.keeper, args, learner)
         if pairing is None:

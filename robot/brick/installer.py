@@ -1,0 +1,201 @@
+"""What is done on a brick over ssh: two scripts for its shell, and the streams that feed them.
+
+The scripts are safe to run twice and leave the old version in place until the new one is whole.
+"""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import tarfile
+from collections.abc import Iterable
+from pathlib import Path
+
+from robot.brick import agent
+from robot.brick.userland import PACKAGES
+from robot.errors import DriveError
+
+AGENT_SCRIPT = """\
+set -eu
+umask 077
+mkdir -p drivelesson
+cd drivelesson
+tar -xf -
+python3 -c 'import ev3dev2' 2>/dev/null || {
+  echo 'python3-ev3dev2 is missing; on the brick: sudo apt-get install python3-ev3dev2' >&2
+  exit 1
+}
+if [ -f agent.pid ]; then kill "$(cat agent.pid)" 2>/dev/null || true; sleep 1; fi
+setsid python3 agent.py --secret-file secret --port @PORT@ --root "${DRIVELESSON_ROOT:-/}" \\
+  >agent.log 2>&1 </dev/null &
+echo $! >agent.pid
+for i in 1 2 3 4 5 6 7 8 9 10; do
+  if grep -q listening agent.log; then tail -n 1 agent.log; exit 0; fi
+  kill -0 "$(cat agent.pid)" 2>/dev/null || break
+  sleep 1
+done
+cat agent.log >&2
+exit 1
+"""
+"""Receives agent.py and secret as a tar on standard input; starts the agent."""
+
+START_SCRIPT = """\
+#!/bin/sh
+# Prepares the userland, and says "starting" while Python loads, which takes half a minute.
+root=/opt/drivelesson/root
+for folder in proc sys dev; do
+  mountpoint -q $root/$folder || mount --rbind /$folder $root/$folder
+done
+data=var/lib/drivelesson
+mountpoint -q $root/$data || mount --bind /$data $root/$data
+cp /etc/resolv.conf /etc/hosts /etc/drivelesson.toml $root/etc/ 2>/dev/null
+printf '\\033[2J\\033[HDrivelesson\\r\\n\\nstarting ...\\r\\n' >/dev/tty6 && chvt 6
+for light in /sys/class/leds/led0:*:brick-status; do
+  cat $light/max_brightness >$light/brightness
+done
+exit 0
+"""
+
+UNIT = """\
+[Unit]
+Description=Drivelesson
+After=network.target
+
+[Service]
+ExecStartPre=/opt/drivelesson/start
+ExecStart=/usr/sbin/chroot /opt/drivelesson/root /usr/bin/env PYTHONPATH=/opt/drivelesson \\
+  DRIVELESSON_LEAN=1 PYTHONDONTWRITEBYTECODE=1 LC_ALL=C.UTF-8 HOME=/root PATH=/usr/bin:/bin \\
+  /usr/bin/python3 -OO -m server serve --robot ev3 --lan --learner published --max-nodes 32 \\
+  --data /var/lib/drivelesson --config /etc/drivelesson.toml
+Restart=on-failure
+RestartSec=5
+OOMScoreAdjust=-500
+
+[Install]
+WantedBy=multi-user.target
+"""
+
+INSTALL_SCRIPT = """\
+set -eu
+top=${DRIVELESSON_PREFIX:-}
+home=$top/opt/drivelesson
+[ "$(id -u)" = 0 ] || { echo 'log in as root: drivelesson brick install root@ADDRESS' >&2; exit 1; }
+free=$(df -Pk "${top:-/}" | awk 'NR==2 {print $4}')
+[ "$free" -gt 400000 ] || { echo "the card has only $free kB free; 400000 are needed" >&2; exit 1; }
+mkdir -p "$home" "$top/var/lib/drivelesson" "$top/etc/systemd/system"
+rm -rf "$home/incoming"
+mkdir "$home/incoming"
+tar -xf - -C "$home/incoming"
+systemctl stop drivelesson 2>/dev/null || true
+for folder in var/lib/drivelesson proc sys dev; do
+  umount -l "$home/root/$folder" 2>/dev/null || true
+done
+if [ -d "$home/incoming/root" ]; then
+  # Whatever is still mounted must not be deleted with the old userland.
+  if mount | grep -q " $home/root/"; then echo 'restart the brick and try again' >&2; exit 1; fi
+  rm -rf "$home/root.old"
+  if [ -d "$home/root" ]; then mv "$home/root" "$home/root.old"; fi
+  mv "$home/incoming/root" "$home/root"
+  rm -rf "$home/root.old"
+fi
+mkdir -p "$home/root/proc" "$home/root/sys" "$home/root/dev" "$home/root/var/lib/drivelesson"
+rm -rf "$home/root/opt/drivelesson"
+mkdir -p "$home/root/opt"
+mv "$home/incoming/program" "$home/root/opt/drivelesson"
+if [ ! -f "$home/incoming/compiled" ]; then
+  echo 'compiling on the brick, which takes a quarter of an hour'
+  chroot "$home/root" /usr/bin/python3 -OO -m compileall -q /usr/lib/python3.11 \\
+    /usr/lib/python3/dist-packages /opt/drivelesson >/dev/null || true
+fi
+mv "$home/incoming/start" "$home/start"
+chmod 755 "$home/start"
+mv "$home/incoming/drivelesson.service" "$top/etc/systemd/system/drivelesson.service"
+config=$top/etc/drivelesson.toml
+[ -f "$config" ] || echo '# drivelesson serve --help lists what can be set' >"$config"
+mv "$home/incoming/packages" "$home/packages"
+rm -rf "$home/incoming"
+systemctl daemon-reload
+systemctl enable drivelesson
+systemctl restart drivelesson
+echo 'installed; the page is there when the brick no longer says "starting"'
+"""
+"""Receives program, start, unit and, if they are new, the userland as a tar; installs them."""
+
+
+def run_on_brick(target: str, script: str, files: Iterable[tuple[str, Path | bytes]]) -> str:
+    """Run a script on the brick, with files as a tar on its standard input; return its output.
+
+    Raises:
+        DriveError: If ssh or the script fails; says what they said.
+    """
+    process = subprocess.Popen(
+        ["ssh", "-o", "ConnectTimeout=10", target, script],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
+    assert process.stdin is not None and process.stdout is not None
+    try:
+        with tarfile.open(fileobj=process.stdin, mode="w|") as tar:
+            for name, content in files:
+                _add(tar, name, content)
+        process.stdin.close()
+    except BrokenPipeError:
+        pass  # it says why below
+    with process.stdout as stream:
+        said = stream.read().decode(errors="replace").strip()
+    if process.wait() != 0:
+        last = said.splitlines()[-1:] or ["it said nothing"]
+        raise DriveError(f"the brick at {target} could not be set up: {last[0]}")
+    return said
+
+
+def _add(tar: tarfile.TarFile, name: str, content: Path | bytes) -> None:
+    if isinstance(content, Path):
+        tar.add(content, name, filter=_as_root)
+        return
+    entry = tarfile.TarInfo(name)
+    entry.size, entry.mode = len(content), 0o600
+    tar.addfile(entry, io.BytesIO(content))
+
+
+def _as_root(entry: tarfile.TarInfo) -> tarfile.TarInfo:
+    entry.uid = entry.gid = 0
+    entry.uname = entry.gname = "root"
+    return entry
+
+
+def start_agent(target: str, secret: str, port: int) -> str:
+    """Copy the agent to a brick with the stock image and start it; idempotent."""
+    files: list[tuple[str, Path | bytes]] = [
+        ("agent.py", Path(agent.__file__).read_bytes()),
+        ("secret", secret.encode()),
+    ]
+    return run_on_brick(target, AGENT_SCRIPT.replace("@PORT@", str(port)), files)
+
+
+def installed_packages(target: str) -> str:
+    """Return which userland a brick has; empty if none."""
+    return run_on_brick(
+        target, "cat >/dev/null; cat /opt/drivelesson/packages 2>/dev/null || true", []
+    )
+
+
+def install(target: str, program: Path, userland: Path | None, *, compiled: bool) -> str:
+    """Put the program, and the userland if one is given, on a brick; idempotent."""
+    files: list[tuple[str, Path | bytes]] = [
+        ("program", program),
+        ("start", START_SCRIPT.encode()),
+        ("drivelesson.service", UNIT.encode()),
+        ("packages", packages_stamp().encode()),
+    ]
+    if userland is not None:
+        files.append(("root", userland))
+    if compiled:
+        files.append(("compiled", b""))
+    return run_on_brick(target, INSTALL_SCRIPT, files)
+
+
+def packages_stamp() -> str:
+    """What tells one userland from another."""
+    return " ".join(PACKAGES)
