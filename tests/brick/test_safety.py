@@ -170,4 +170,8 @@ def test_a_line_that_goes_silent(drive: Drive) -> None:
 
 @pytest.mark.parametrize("drive", ["ev3-remote"], indirect=True)
 def test_ending_the_server_in_good_order(drive: Drive) -> None:
-    drive.check_it_stands_after(drive.process.terminate)
+    drive.process.terminate()
+    drive.process.wait(20)
+    assert drive.brick.wait_until(lambda: not drive.brick.is_moving()) <= STANDING_WITHIN_S
+    drive.brick.settle()
+    assert drive.brick.commands[-1].command == "stop"
