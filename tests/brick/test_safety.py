@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -38,6 +38,10 @@ class Proxy:
         threading.Thread(target=self._serve, daemon=True).start()
 
     def _serve(self) -> None:
+        with suppress(OSError, ValueError):  # it was cut or closed
+            self._pass_on()
+
+    def _pass_on(self) -> None:
         near, _ = self._listener.accept()
         far = socket.create_connection(self._target)
         self._lines = [near, far]
