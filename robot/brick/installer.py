@@ -26,8 +26,9 @@ python3 -c 'import ev3dev2' 2>/dev/null || {
   exit 1
 }
 if [ -f agent.pid ]; then kill "$(cat agent.pid)" 2>/dev/null || true; sleep 1; fi
+: >agent.log
 setsid python3 agent.py --secret-file secret --port @PORT@ --root "${DRIVELESSON_ROOT:-/}" \\
-  >agent.log 2>&1 </dev/null &
+  >>agent.log 2>&1 </dev/null &
 echo $! >agent.pid
 for i in 1 2 3 4 5 6 7 8 9 10; do
   if grep -q listening agent.log; then tail -n 1 agent.log; exit 0; fi
