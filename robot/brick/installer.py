@@ -9,6 +9,7 @@ import io
 import subprocess
 import tarfile
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from robot.brick import agent
@@ -136,13 +137,11 @@ def run_on_brick(target: str, script: str, files: Iterable[tuple[str, Path | byt
         stderr=subprocess.STDOUT,
     )
     assert process.stdin is not None and process.stdout is not None
-    try:
-        with tarfile.open(fileobj=process.stdin, mode="w|") as tar:
+    # Whoever hangs up early says why below.
+    with suppress(BrokenPipeError), process.stdin as feed:
+        with tarfile.open(fileobj=feed, mode="w|") as tar:
             for name, content in files:
                 _add(tar, name, content)
-        process.stdin.close()
-    except BrokenPipeError:
-        pass  # it says why below
     with process.stdout as stream:
         said = stream.read().decode(errors="replace").strip()
     if process.wait() != 0:
