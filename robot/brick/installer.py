@@ -138,10 +138,13 @@ def run_on_brick(target: str, script: str, files: Iterable[tuple[str, Path | byt
     )
     assert process.stdin is not None and process.stdout is not None
     # Whoever hangs up early says why below.
-    with suppress(BrokenPipeError), process.stdin as feed:
-        with tarfile.open(fileobj=feed, mode="w|") as tar:
-            for name, content in files:
-                _add(tar, name, content)
+    with (
+        suppress(BrokenPipeError),
+        process.stdin as feed,
+        tarfile.open(fileobj=feed, mode="w|") as tar,
+    ):
+        for name, content in files:
+            _add(tar, name, content)
     with process.stdout as stream:
         said = stream.read().decode(errors="replace").strip()
     if process.wait() != 0:
