@@ -1,8 +1,23 @@
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 
 import pytest
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--ev3",
+        metavar="ADDRESS",
+        help="run the contract of drivers and cameras on a real brick, whose agent runs; "
+        "let its wheels turn freely",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if address := config.getoption("--ev3"):
+        os.environ["DRIVELESSON_EV3"] = address
 
 
 @pytest.fixture(scope="session", autouse=True)

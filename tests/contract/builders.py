@@ -97,8 +97,28 @@ def ev3_driver() -> Iterator[DriverCase]:
         yield brick_case(Ev3Driver(Ev3Options(brick_root=str(brick.root))), brick)
 
 
+def real_brick_case(address: str) -> DriverCase:
+    """A brick on the table, by `pytest --ev3 ADDRESS`: it moves if its wheels' counters do."""
+    driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=address))
+
+    def is_moving() -> bool:
+        body = driver if driver.is_connected else Ev3RemoteDriver(driver.options)
+        body.connect()
+        before = body.wheel_positions_deg()
+        time.sleep(0.1)
+        after = body.wheel_positions_deg()
+        if body is not driver:
+            body.disconnect()
+        return max(abs(b - a) for a, b in zip(before, after, strict=True)) > 2
+
+    return DriverCase(driver, time.sleep, is_moving)
+
+
 @contextmanager
 def ev3_remote_driver() -> Iterator[DriverCase]:
+    if address := os.environ.get("DRIVELESSON_EV3"):
+        yield real_brick_case(address)
+        return
     with fake_brick() as (brick, folder), RunningAgent(brick.root, folder) as agent:
         options = Ev3RemoteOptions(brick=agent.address, brick_secret=SECRET)
         yield brick_case(Ev3RemoteDriver(options), brick)
@@ -106,6 +126,10 @@ def ev3_remote_driver() -> Iterator[DriverCase]:
 
 @contextmanager
 def ev3_remote_camera() -> Iterator[CameraCase]:
+    if address := os.environ.get("DRIVELESSON_EV3"):
+        driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=address))
+        yield CameraCase(Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), RealClock()))
+        return
     with fake_brick() as (brick, folder):
         video = FakeVideo(folder)
         with RunningAgent(brick.root, folder, video.env) as agent:
