@@ -193,7 +193,7 @@ class ControlLoop:
             log.exception("the loop stopped the robot")
             self._trip(StopReason.LOOP_FAULT)
             self._fault = f"Something went wrong inside: {error}"
-            return self._finish(now_s, started_s, None, None, self._idle_decision(), Action.STOP)
+            return self._finish(now_s, started_s, None, [], self._idle_decision(), Action.STOP)
 
     def _turn(self, now_s: float, started_s: float) -> Tick:
         self._check_stall(now_s)
@@ -208,8 +208,7 @@ class ControlLoop:
             decision, sent = self._idle_decision(), Action.STOP
         if decision.driven_by is DrivenBy.PILOT or self._gate.mode is not Mode.STOPPED:
             self._learn(commands)
-        command = commands[-1] if commands else None
-        return self._finish(now_s, started_s, frame, command, decision, sent, sensors)
+        return self._finish(now_s, started_s, frame, commands, decision, sent, sensors)
 
     def _serve_requests(self) -> None:
         while True:
@@ -329,7 +328,7 @@ class ControlLoop:
         now_s: float,
         started_s: float,
         frame: Frame | None,
-        command: PilotCommand | None,
+        commands: list[PilotCommand],
         decision: Decision,
         sent: Action,
         sensors: Sensors | None = None,
@@ -341,7 +340,7 @@ class ControlLoop:
         tick = Tick(
             now_s=now_s,
             frame=frame,
-            command=command,
+            commands=tuple(commands),
             decision=decision,
             sent=sent,
             prediction=self._prediction,

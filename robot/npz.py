@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import zipfile
+from collections.abc import Mapping
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -45,6 +46,20 @@ def read_arrays(
         raise RecordingError(str(error)) from error
     except Exception as error:  # zlib and lzma have errors of their own
         raise RecordingError(f"it is damaged: {error}") from error
+
+
+def write_arrays(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """Return the bytes of an `.npz` with these arrays, never pickled.
+
+    Raises:
+        ValueError: If an array holds objects.
+    """
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w") as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+    return file.getvalue()
 
 
 def _read_array(data: bytes) -> NDArray[Any]:

@@ -201,8 +201,8 @@ def _apply_edit(policy: Policy, event: Edited) -> None:
 
 
 def _apply_edit_if_possible(policy: Policy, event: Edited) -> None:
-    """Apply an edit again; without the dropped lessons its image may never have come to be."""
+    """Apply an edit again; its image may never have come to be, or be pinned, without the rest."""
     try:
         _apply_edit(policy, event)
-    except LookupError:
+    except (LookupError, ValueError):
         return

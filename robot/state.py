@@ -64,7 +64,7 @@ class Tick:
 
     now_s: float
     frame: Frame | None
-    command: PilotCommand | None
+    commands: tuple[PilotCommand, ...]
     decision: Decision
     sent: Action
     prediction: Prediction | None

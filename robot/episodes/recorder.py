@@ -238,8 +238,8 @@ class Recorder:
                 self._record_frame(tick)
             else:
                 self._remember(tick.frame)
-        if tick.command is not None:
-            self._say(COMMAND, now_s, describe_command(tick.command))
+        for command in tick.commands:
+            self._say(COMMAND, now_s, describe_command(command))
         if tick.decision.mode is not Mode.STOPPED:
             self._record_decision(tick)
         for event in events:

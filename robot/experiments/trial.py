@@ -98,7 +98,7 @@ class Trial:
         tick = self.loop.tick(now_s)
         if tick.decision.mode is Mode.STOPPED:
             raise RobotError(f"the robot stopped at {now_s:.1f} s: {self._why()}")
-        said = tick.command
+        said = tick.commands[-1] if tick.commands else None
         return Moment(
             now_s=now_s,
             action=tick.sent,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from robot.errors import RecordingError
 from robot.learner.base import State
-from robot.npz import read_arrays
+from robot.npz import read_arrays, write_arrays
 from robot.policy import LearnedImage, Policy, make_policy
 from robot.types import Action
 
@@ -117,10 +117,7 @@ def encode_model(model: Model) -> bytes:
     }
     meta["sha256"] = _checksum(meta, arrays)
     text = json.dumps(meta, ensure_ascii=False, default=_plain).encode()
-    file = io.BytesIO()
-    # No allow_pickle: numpy 1.24 would store it as an array. Pickles are refused on reading.
-    np.savez(file, meta=np.frombuffer(text, np.uint8), **arrays)  # type: ignore[arg-type]
-    return file.getvalue()
+    return write_arrays({"meta": np.frombuffer(text, np.uint8), **arrays})
 
 
 def decode_model(data: bytes) -> Model:
