@@ -12,7 +12,7 @@ import struct
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from typing import Self
 
@@ -159,6 +159,23 @@ def cost_of_a_cycle(served: Served, watcher: Watcher, seconds: float = 5.0) -> f
     return (served.armel.instructions() - count) / (watcher.newest - frame) / 1e6
 
 
+def keep_at_it(
+    pilot: Pilot, mode: str, held: str | None, is_so: Callable[[], bool], within_s: float = 30
+) -> None:
+    """Drive until something is so.
+
+    A busy machine may hold the emulator up for longer than a picture may be old; the robot then
+    stands, as it must, and is started again.
+    """
+    deadline_s = time.monotonic() + within_s
+    pilot.held = held
+    while not is_so():
+        assert time.monotonic() < deadline_s, pilot.state
+        if pilot.state["mode"] != mode:
+            pilot.mode(mode)
+        time.sleep(0.1)
+
+
 def test_it_is_taught_and_drives_in_36_mb(
     served: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -168,21 +185,16 @@ def test_it_is_taught_and_drives_in_36_mb(
         said = {"until served": served.armel.instructions() / 1e6}
         pilot.wait_for_state(20, you_are_pilot=True)
         said["standing"] = cost_of_a_cycle(served, watcher)
-        pilot.mode("train")
-        pilot.hold("forward")
-        brick.wait_until(lambda: set(brick.speeds().values()) == {360}, 10)
-        pilot.wait_for(lambda m: m["type"] == "state" and m["nodes"] == 32, 30)
+        keep_at_it(pilot, "train", "forward", lambda: set(brick.speeds().values()) == {360})
+        keep_at_it(pilot, "train", "forward", lambda: pilot.state["nodes"] == 32)
         said["learning at 32 nodes"] = cost_of_a_cycle(served, watcher)
-        pilot.hold("left")
-        brick.wait_until(lambda: brick.speeds() == {"outB": -90, "outC": 0}, 10)
-        time.sleep(1.5)
+        keep_at_it(pilot, "train", "left", lambda: brick.speeds() == {"outB": -90, "outC": 0})
+        keep_at_it(pilot, "train", "left", lambda: pilot.state["taught"]["left"] > 10)
         pilot.hold(None)
         brick.wait_until(lambda: not brick.is_moving(), 1)
-        pilot.mode("autonomous")
-        pilot.wait_for_state(10, mode="autonomous", driven_by="robot")
-        brick.wait_until(brick.is_moving, 10)
+        keep_at_it(pilot, "autonomous", None, brick.is_moving)
         said["driving at 32 nodes"] = cost_of_a_cycle(served, watcher)
-        assert pilot.state["mode"] == "autonomous", pilot.state
+        keep_at_it(pilot, "autonomous", None, lambda: pilot.state["driven_by"] == "robot")
         memory = guest_memory_mb(served.process.pid)
         pilot.mode("stopped")
         brick.wait_until(lambda: not brick.is_moving(), 1)
@@ -215,22 +227,9 @@ def test_every_move_on_the_brick_was_timed(served: Served) -> None:
 
 
 def test_no_motor_is_one_clear_line(served: Served) -> None:
+    served_at = ["--port", "0", "--data", "/tmp/data-2"]
     done = served.armel.run(
-        "-m",
-        "server",
-        "serve",
-        "--robot",
-        "ev3",
-        "--brick-root",
-        "/nowhere",
-        "--camera",
-        "film",
-        "--film",
-        "/opt/film/film.yuyv",
-        "--port",
-        "0",
-        "--data",
-        "/tmp/data-2",
+        "-m", "server", "serve", "--robot", "ev3", "--brick-root", "/nowhere", *served_at
     )
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
