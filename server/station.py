@@ -118,6 +118,10 @@ class Station:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
+    def tasks(self) -> int:
+        """Return how many tasks the server's event loop has: none may stay behind its page."""
+        return len(asyncio.all_tasks(self._event_loop)) if self._event_loop else 0
+
     # Pages -------------------------------------------------------------------------------------
 
     def join(self, role: Role) -> Page:

@@ -67,8 +67,9 @@ def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
     from server.config import Config, Limits
     from server.serving import served
 
-    config = Config(port=0, limits=Limits(requests_burst=10_000))
+    config = Config(port=0, limits=Limits(requests_burst=1e9))
     rig = Rig(NotingDriver(), camera, make_policy("default-32"), camera.clock)
+    app = create_app(config, rig, name="bench")
 
     def notes() -> dict[str, Any]:
         state = rig.loop.state
@@ -80,12 +81,14 @@ def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
             "cycles": state.cycles,
             "late_cycles": state.late_cycles,
             "changes": [(at_s, action.value) for at_s, action in driver.changes],
+            "threads": threading.active_count(),
+            "tasks": app.state.station.tasks(),
             "moved_s": driver.moved_s,
             "mode": state.decision.mode.value,
             "stop_reason": state.decision.stop_reason,
         }
 
-    with rig, served(create_app(config, rig, name="bench"), config) as address:
+    with rig, served(app, config) as address:
         yield int(address.rsplit(":", 1)[1]), notes
 
 

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import resource
 import signal
-import subprocess
-import sys
-import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -19,6 +14,7 @@ import pytest
 from robot.driver import ACTION_TIMEOUT_S
 from server.bench.link import Subject
 from tests.server.live_robot import Pilot
+from tests.server.own_process import own_process
 
 
 @pytest.mark.parametrize("mode", ["train", "autonomous"])
@@ -45,8 +41,10 @@ def test_a_frozen_server_lets_the_body_stop_and_does_not_move_it_again(mode: str
 
 
 def test_a_full_disk_does_not_keep_the_robot_from_driving_or_standing(tmp_path: Path) -> None:
-    with _full_disk_server(tmp_path) as (address, errors):
-        with _pilot(int(address.rsplit(":", 1)[1])) as pilot:
+    with own_process(tmp_path) as server:
+        # From here on no file can grow by a single byte.
+        resource.prlimit(server.process.pid, resource.RLIMIT_FSIZE, (0, 0))
+        with _pilot(server.port) as pilot:
             pilot.mode("train")
             pilot.wait_for_state(mode="train")
             pilot.hold("forward")
@@ -56,40 +54,9 @@ def test_a_full_disk_does_not_keep_the_robot_from_driving_or_standing(tmp_path: 
             assert pilot.state["lessons"] > 10
             pilot.hold(None)
             pilot.wait_for_state(action="stop", within_s=0.5)
-        assert httpx.get(address + "/healthz").status_code == 200
-    assert "Traceback" not in "".join(errors)
+        assert httpx.get(server.address + "/healthz").status_code == 200
+    assert "Traceback" not in "".join(server.errors)
 
 
 def _pilot(port: int) -> Pilot:
     return Pilot(f"ws://127.0.0.1:{port}/ws/drive")
-
-
-@contextlib.contextmanager
-def _full_disk_server(folder: Path) -> Iterator[tuple[str, list[str]]]:
-    """Serve the simulated robot; once it runs, no file can grow by a single byte."""
-    pytest.importorskip("panda3d")
-
-    words = [sys.executable, "-m", "server", "--robot", "sim", "--port", "0"]
-    process = subprocess.Popen(
-        [*words, "--data", str(folder)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
-    )
-    assert process.stdout is not None and process.stderr is not None
-    errors: list[str] = []
-    stderr = process.stderr
-    reading = threading.Thread(target=lambda: errors.extend(stderr), daemon=True)
-    reading.start()
-    try:
-        line = process.stdout.readline()
-        assert "http://" in line, "".join(errors)
-        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (0, 0))
-        yield "http://" + line.rsplit("http://", 1)[1].strip(), errors
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(10)
-        reading.join(5)
-        process.stdout.close()
-        stderr.close()

@@ -1,0 +1,65 @@
+"""`drivelesson serve` in a process of its own, as a person starts it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import httpx
+import pytest
+
+
+@dataclass
+class OwnProcess:
+    """A running server: its address, its process, and what it has said on standard error."""
+
+    process: subprocess.Popen[str]
+    address: str = ""
+    errors: list[str] = field(default_factory=list)
+
+    @property
+    def port(self) -> int:
+        return int(self.address.rsplit(":", 1)[1])
+
+    def metric(self, name: str) -> float:
+        for line in httpx.get(self.address + "/metrics").text.splitlines():
+            if line.startswith(f"drivelesson_{name} "):
+                return float(line.rsplit(" ", 1)[1])
+        raise AssertionError(f"no metric {name}")
+
+
+@contextlib.contextmanager
+def own_process(folder: Path, *options: str) -> Iterator[OwnProcess]:
+    """Serve the simulated robot on a free port while the block runs."""
+    pytest.importorskip("panda3d")
+    words = [sys.executable, "-m", "server", "--robot", "sim", "--port", "0"]
+    process = subprocess.Popen(
+        [*words, "--data", str(folder), *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    )
+    stdout, stderr = process.stdout, process.stderr
+    assert stdout is not None and stderr is not None
+    running = OwnProcess(process)
+    reading = threading.Thread(target=lambda: running.errors.extend(stderr), daemon=True)
+    reading.start()
+    try:
+        line = stdout.readline()
+        assert "http://" in line, "".join(running.errors)
+        running.address = "http://" + line.rsplit("http://", 1)[1].strip()
+        yield running
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(10)
+        reading.join(5)
+        stdout.close()
+        stderr.close()

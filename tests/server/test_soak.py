@@ -1,0 +1,105 @@
+"""Browsers come, drive and vanish, over and over: nothing of them may stay behind.
+
+DRIVELESSON_SOAK says how many; `make test` takes 300, CI 2,000.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.asyncio.client import connect
+
+from server.bench.link import Subject
+from server.protocol import encode_acknowledgement, parse_picture
+
+VISITS = int(os.environ.get("DRIVELESSON_SOAK", "300"))
+AT_A_TIME = 20
+MOST_GROWTH_BYTES = 5_000_000
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(240)
+def test_nothing_stays_behind_of_those_who_have_gone() -> None:
+    with Subject("drivelesson", 30.0) as subject:
+        empty = _left_over(subject)
+        asyncio.run(_visits(subject.port, VISITS // 3))
+        warm_bytes = _resident_bytes(subject.pid)
+        asyncio.run(_visits(subject.port, VISITS - VISITS // 3))
+        after = asyncio.run(_settled(subject, empty))
+        grown_bytes = _resident_bytes(subject.pid) - warm_bytes
+        assert after == empty
+        assert grown_bytes < MOST_GROWTH_BYTES
+        assert subject.ask()["cycle_hz"] > 25
+        print(f"{VISITS} visits: grown by {grown_bytes / 1e6:.2f} MB; left over {after}")
+
+
+async def _visits(port: int, count: int) -> None:
+    dice = random.Random(count)
+    gate = asyncio.Semaphore(AT_A_TIME)
+
+    async def visit(number: int) -> None:
+        async with gate:
+            with contextlib.suppress(OSError, EOFError, TimeoutError):
+                await asyncio.wait_for(_visit(port, dice, number), 20)
+
+    await asyncio.gather(*(visit(number) for number in range(count)))
+
+
+async def _visit(port: int, dice: random.Random, number: int) -> None:
+    """Join, drive a little, and go in one of the ways in which browsers go."""
+    options: dict[str, Any] = {"compression": None, "close_timeout": 1, "ping_interval": None}
+    drive = await connect(f"ws://127.0.0.1:{port}/ws/drive", **options)
+    video = await connect(f"ws://127.0.0.1:{port}/ws/video", **options)
+    try:
+        seq = 0
+        for text in ('{"type":"take"}', '{"type":"mode","mode":"train","seq":1}'):
+            await drive.send(text)
+        for seq in range(2, dice.randint(3, 6)):
+            picture = parse_picture(await video.recv(decode=False))
+            await video.send(encode_acknowledgement(picture.frame_id))
+            word = {"type": "drive", "held": "left", "frame": picture.frame_id, "seq": seq}
+            await drive.send(json.dumps(word))
+            await drive.recv()
+    finally:
+        if number % 3 == 0:
+            await drive.close()
+            await video.close()
+        elif number % 3 == 1:
+            drive.transport.abort()
+            video.transport.abort()
+        else:
+            drive.transport.abort()
+            await video.close()
+        for socket in (drive, video):
+            with contextlib.suppress(Exception):
+                await socket.wait_closed()
+
+
+def _left_over(subject: Subject) -> dict[str, int]:
+    notes = subject.ask()
+    return {
+        "threads": notes["threads"],
+        "tasks": notes["tasks"],
+        "descriptors": len(list(Path(f"/proc/{subject.pid}/fd").iterdir())),
+    }
+
+
+async def _settled(subject: Subject, wanted: dict[str, int]) -> dict[str, int]:
+    """Wait until nothing is left over, ten seconds at most."""
+    for _ in range(100):
+        if _left_over(subject) == wanted:
+            break
+        await asyncio.sleep(0.1)
+    return _left_over(subject)
+
+
+def _resident_bytes(pid: int) -> int:
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
