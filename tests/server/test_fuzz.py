@@ -107,6 +107,7 @@ def _turns(server: OwnProcess) -> float:
 
 @pytest.mark.slow
 @pytest.mark.timeout(240)
+@pytest.mark.filterwarnings("ignore::hypothesis.errors.HypothesisWarning")
 def test_words(server: OwnProcess, untouched: None) -> None:
     with connect(f"ws://127.0.0.1:{server.port}/ws/drive", compression=None) as socket:
         counter = iter(range(10**9))
