@@ -7,6 +7,7 @@ import contextlib
 import dataclasses
 import datetime as dt
 import os
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -132,6 +133,9 @@ def run(args: argparse.Namespace) -> int:
         rig.driver.announce(addresses[0])
     else:
         rig.driver.announce(pairing_address(addresses[0], pairing.tokens[Role.PILOT]))
+    # NOTE: newer uvicorns raise a SIGTERM again once they have shut down; with the system's own
+    # handler the process would then end before the motors are stopped and the model is saved.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     with rig, library, _announced(config):
         _choose_model(library.keeper, args, learner)
         if pairing is None:

@@ -1,0 +1,68 @@
+"""A real process: what it was taught is there again, however it ended."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+import pytest
+
+from robot.episodes.card import read_card
+from robot.models.shelf import ModelShelf
+from robot.storage import Storage
+
+from .live_robot import Pilot
+
+
+@contextmanager
+def serving(data: Path, *words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    command = [sys.executable, "-m", "server", "serve", "--port", "0", "--data", str(data)]
+    root = Path(__file__).parents[2]
+    process = subprocess.Popen([*command, *words], stdout=subprocess.PIPE, text=True, cwd=root)
+    try:
+        assert process.stdout is not None
+        lines = iter(process.stdout.readline, "")
+        address = next(w for line in lines for w in line.split() if w.startswith("http://"))
+        yield process, address.rstrip("/")
+    finally:
+        process.kill()
+        process.wait()
+        if process.stdout is not None:
+            process.stdout.close()
+
+
+def teach(address: str, lessons: int) -> int:
+    """Hold a direction until so many lessons were given; return how many were in the end."""
+    with Pilot(address.replace("http", "ws") + "/ws/drive") as pilot:
+        pilot.mode("train")
+        pilot.hold("left")
+        pilot.wait_for(lambda m: m["type"] == "state" and m["lessons"] >= lessons, 20)
+        pilot.mode("stopped")
+        pilot.wait_for_state(mode="stopped")
+        time.sleep(0.2)
+        return int(pilot.state["lessons"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGINT])
+def test_it_ends_with_everything_saved_and_goes_on_from_there(tmp_path: Path, end: int) -> None:
+    with serving(tmp_path, "--robot", "sim") as (process, address):
+        taught = teach(address, 20)
+        process.send_signal(end)
+        assert process.wait(20) in (0, 130)
+    model = ModelShelf(Storage(tmp_path)).load("sim")
+    assert model.card.lessons >= taught
+    [path] = tmp_path.glob("episodes/*.mcap")
+    card = read_card(path)
+    assert card.damage is None and sum(card.taught.values()) == model.card.lessons
+
+    with serving(tmp_path, "--robot", "replay", "--episode", str(path)) as (_, address):
+        listed = httpx.get(f"{address}/api/models", timeout=20).json()
+        assert listed["current"] == "sim"
+        assert listed["models"][0]["lessons"] == model.card.lessons
