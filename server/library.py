@@ -11,6 +11,7 @@ from fastapi import HTTPException, Request
 from starlette.concurrency import run_in_threadpool
 
 from robot.episodes.recorder import Recorder
+from robot.episodes.recovery import recover_last
 from robot.episodes.shelf import EpisodeShelf
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
 from robot.models.keeper import Announce, Keeper, say_nothing
@@ -32,6 +33,7 @@ class Library:
         announce: Announce = say_nothing,
     ) -> None:
         self.storage = storage
+        self._name = name
         self.models = ModelShelf(storage)
         self.keeper = Keeper(
             rig.loop, self.models, name=name, moves=rig.driver.moves, announce=announce
@@ -42,8 +44,12 @@ class Library:
         self.episodes = EpisodeShelf(storage, recording=lambda: self.recorder.episode_id)
 
     def start(self) -> None:
-        """Begin to keep; what was kept before is loaded by `keeper.load_last`."""
+        """Recover from a power cut, and begin to keep.
+
+        What was kept before is loaded by `keeper.load_last`.
+        """
         self.storage.sweep()
+        recover_last(self.storage.episodes, self.models, self._name)
         self.keeper.start()
         self.recorder.start()
 

@@ -43,6 +43,8 @@ class Notes:
     title: str = ""
     is_protected: bool = False
     edits: tuple[Edit, ...] = field(default=())
+    is_recovered: bool = False
+    """It was cut short, and its lessons were brought into the model since."""
 
     def with_edit(self, edit: Edit) -> Notes:
         """Return the notes with one more edit."""
@@ -107,6 +109,7 @@ def write_notes(episode: Path, notes: Notes) -> None:
         "format": FORMAT,
         "title": notes.title,
         "protected": notes.is_protected,
+        "recovered": notes.is_recovered,
         "edits": [
             {"verb": e.verb, "ranges": [list(r) for r in e.ranges], "label": e.label}
             for e in notes.edits
@@ -121,6 +124,7 @@ def _from_plain(plain: Any) -> Notes:
     return Notes(
         title=str(plain["title"]),
         is_protected=bool(plain["protected"]),
+        is_recovered=bool(plain.get("recovered", False)),
         edits=tuple(
             Edit(
                 verb=edit["verb"],

@@ -113,6 +113,7 @@ def learn_again(
     policy: Policy,
     mended: Sequence[Mended],
     *,
+    skip: int = 0,
     on_step: Callable[[], None] = lambda: None,
 ) -> Report:
     """Teach the policy everything the recordings hold.
@@ -120,10 +121,16 @@ def learn_again(
     Edits of learned images are made again only where they mean the same images: under the
     learner that was driven, from lessons that nobody mended; else they are counted as left out.
 
+    Args:
+        policy: What learns.
+        mended: Recordings, in order, and what was mended of each.
+        skip: How many of the first steps the policy knows already.
+        on_step: Told of each step.
+
     Raises:
         ConfigurationError: If a label is none of the policy's moves.
     """
-    steps = plan(mended)
+    steps = plan(mended)[skip:]
     is_faithful = all(
         episode.run.get("learner") == policy.name and not notes.edits for episode, notes in mended
     )

@@ -21,6 +21,7 @@ from pathlib import Path
 from robot.clock import RealClock
 from robot.episodes.episode import open_episode
 from robot.episodes.recorder import Recorder, RecorderConfig
+from robot.episodes.recovery import recover_last
 from robot.errors import RobotError
 from robot.models.keeper import Keeper
 from robot.models.shelf import ModelShelf
@@ -69,6 +70,7 @@ def live(folder: Path, out: int) -> None:
     clock = RealClock()
     rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
     keeper = Keeper(rig.loop, ModelShelf(storage), name="bench", announce=announce)
+    recover_last(storage.episodes, keeper.shelf, "bench")
     recorder = Recorder(
         rig.loop, storage.episodes, config=RecorderConfig(spare_bytes=0), announce=announce
     )

@@ -34,7 +34,7 @@ def test_a_power_cut_loses_a_second_at_most_and_no_saved_model(tmp_path: Path) -
     assert sum(life.taught_on_disk for life in lives) > KILLS
     saved = 0
     for life in lives:
-        assert life.loaded_lessons in (0, saved) or life.reached == "starting"
+        assert life.loaded_lessons >= saved or life.reached == "starting"
         assert life.found_lessons >= max(life.saved_lessons, saved)
         saved = life.found_lessons
 

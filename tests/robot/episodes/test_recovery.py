@@ -1,0 +1,85 @@
+"""Lessons that a power cut kept out of the model come back from the recording, once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robot.episodes.recovery import recover_last
+from robot.episodes.teaching import same_nodes
+from robot.models.model import Model, take_model
+from robot.models.shelf import ModelShelf
+from robot.school import School
+from robot.storage import Storage
+
+from .drives import RecordedBench
+
+
+@pytest.fixture
+def storage(tmp_path: Path) -> Storage:
+    return Storage(tmp_path)
+
+
+def now(school: School) -> Model:
+    return take_model(school.policy, school.taught, saved_at_s=1.0)
+
+
+def cut(storage: Storage, robot: RecordedBench) -> None:
+    """Have the newest recording end as a kill leaves it: without its last bytes."""
+    path = robot.finish()[-1]
+    path.write_bytes(path.read_bytes()[:-40])
+
+
+@pytest.mark.parametrize("learner", ["published-8", "default-8"])
+@pytest.mark.parametrize("undoes", [False, True])
+def test_the_model_is_brought_up_to_the_recording(
+    storage: Storage, learner: str, undoes: bool
+) -> None:
+    shelf = ModelShelf(storage)
+    robot = RecordedBench(storage.episodes, learner)
+    school = robot.loop.school
+    robot.drive(range(30))
+    shelf.save("bench", now(school))
+    shelf.current = "bench"
+    robot.drive(range(30, 50))
+    if undoes:
+        robot.loop.submit(lambda: school.undo(0.4))
+        robot.tick()
+    live = now(school)
+    cut(storage, robot)
+
+    won = recover_last(storage.episodes, shelf, "bench")
+    assert won == live.card.lessons - 30 > 0
+    back = shelf.load("bench")
+    assert same_nodes(back.state, live.state)
+    assert back.card.taught == live.card.taught
+
+    shelf.save("other", back)
+    shelf.current = "other"
+    assert recover_last(storage.episodes, shelf, "bench") == 0
+
+
+def test_a_model_that_was_never_saved_comes_back_whole(storage: Storage) -> None:
+    shelf = ModelShelf(storage)
+    robot = RecordedBench(storage.episodes)
+    robot.drive(range(30))
+    live = now(robot.loop.school)
+    cut(storage, robot)
+    assert recover_last(storage.episodes, shelf, "bench") == 30
+    assert shelf.current == "bench"
+    assert same_nodes(shelf.load("bench").state, live.state)
+
+
+def test_a_whole_recording_changes_nothing(storage: Storage) -> None:
+    shelf = ModelShelf(storage)
+    robot = RecordedBench(storage.episodes)
+    robot.drive(range(30))
+    robot.finish()
+    assert recover_last(storage.episodes, shelf, "bench") == 0
+    assert shelf.names() == []
+
+
+def test_a_recording_that_nobody_can_read_stops_no_start(storage: Storage) -> None:
+    (storage.episodes / "x.mcap").write_bytes(b"rubbish")
+    assert recover_last(storage.episodes, ModelShelf(storage), "bench") == 0
