@@ -8,7 +8,6 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from fastapi import FastAPI
-from starlette.staticfiles import StaticFiles
 
 from robot.rig import Rig
 from server.access import Access
@@ -18,6 +17,7 @@ from server.config import Config
 from server.guard import Guard
 from server.library import recording_in
 from server.network import host_names
+from server.packed import PackedFiles
 from server.pairing import Pairing, cookie_name
 from server.routes import routers
 from server.station import Station
@@ -49,7 +49,7 @@ def create_app(
     app.state.pairing, app.state.turned_away = pairing, turned_away
     for router in routers():
         app.include_router(router)
-    app.mount("/", StaticFiles(directory=config.web_folder, html=True), name="web")
+    app.mount("/", PackedFiles(directory=config.web_folder, html=True), name="web")
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

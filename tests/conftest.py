@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import os
+import subprocess
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -26,3 +28,17 @@ def _own_data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DRIVELESSON_DATA", str(tmp_path_factory.mktemp("data")))
         yield
+
+
+@pytest.fixture(scope="session")
+def npm_modules() -> Path:
+    """Return the folder of what the page's tests need from npm; CI installs it."""
+    folder = Path(__file__).parent / "web"
+    modules = folder / "node_modules"
+    if os.environ.get("CI") == "true" and not modules.is_dir():
+        subprocess.run(
+            ["npm", "ci", "--no-audit", "--no-fund"], cwd=folder, check=True, timeout=300
+        )
+    if not modules.is_dir():
+        pytest.skip("TYPES AND AXE WERE NOT CHECKED: run npm ci in tests/web (CI does)")
+    return modules

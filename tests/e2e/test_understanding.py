@@ -47,7 +47,7 @@ def test_undo_restores_the_exact_learner_from_before(phone: Any, world: World) -
     assert seconds < 5, "the shortest undo takes more than was wrong"
 
     phone.goto(world.address + "/#undo")
-    phone.locator("undo-screen .strip figure").first.wait_for()
+    phone.locator("undo-screen .strip [role=listitem]").first.wait_for()
     shown = phone.locator("undo-screen [role=status]").inner_text()
     assert f"Right {wrong}" in shown
     answer = httpx.post(f"{world.address}/api/teaching/undo", json={"seconds": seconds})

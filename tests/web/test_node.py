@@ -27,3 +27,10 @@ def test_the_page_in_node(node: str) -> None:
     files = sorted(str(path) for path in HERE.glob("*.test.mjs"))
     ran = subprocess.run([node, "--test", *files], capture_output=True, text=True, timeout=100)
     assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+def test_the_page_is_well_typed(node: str, npm_modules: Path) -> None:
+    tsc = npm_modules / "typescript" / "bin" / "tsc"
+    command = [node, str(tsc), "--project", str(HERE / "tsconfig.json")]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=100)
+    assert ran.returncode == 0, ran.stdout

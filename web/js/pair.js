@@ -1,9 +1,9 @@
 // Redeems the one-time token behind the # of the address, or one typed by hand, for a cookie.
 // What stands behind the # is never sent to a server or written into a log.
 
-const form = document.querySelector("#pair");
-const field = document.querySelector("#token");
-const said = document.querySelector("#said");
+const form = /** @type {HTMLFormElement} */ (document.querySelector("#pair"));
+const field = /** @type {HTMLInputElement} */ (document.querySelector("#token"));
+const said = /** @type {HTMLElement} */ (document.querySelector("#said"));
 
 /** @param {string} token */
 async function redeem(token) {

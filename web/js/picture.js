@@ -8,7 +8,7 @@
  */
 export function decode(picture) {
   if (picture.encoding === 'jpeg') {
-    return createImageBitmap(new Blob([picture.data], { type: 'image/jpeg' }));
+    return createImageBitmap(new Blob([/** @type {Uint8Array<ArrayBuffer>} */ (picture.data)], { type: 'image/jpeg' }));
   }
   const rgba = picture.encoding === 'yuyv' ? yuyvToRgba(picture) : rgbToRgba(picture);
   return createImageBitmap(new ImageData(rgba, picture.width, picture.height));

@@ -15,7 +15,7 @@ export class AppBar extends HTMLElement {
     this.heading = h('h1');
     this.detail = h('small');
     this.figures = h('div', { class: 'figures' });
-    this.back = h('a', { class: 'quiet back', href: '#drive', 'aria-label': t('back') }, icon('back'));
+    this.back = h('a', { class: 'button quiet back', href: '#drive', 'aria-label': t('back') }, icon('back'));
     this.stop = h('button', { class: 'stop small', type: 'button', onclick: () => page.stop() }, t('emergency_stop'));
     this.button = h('button', {
       class: 'quiet', type: 'button', 'aria-label': t('menu'), 'aria-expanded': 'false',

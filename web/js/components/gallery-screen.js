@@ -31,7 +31,7 @@ export class GalleryScreen extends Screen {
     this.grid = h('div', { class: 'gallery', role: 'list' });
     this.detail = h('section', { class: 'detail', hidden: true });
     const orders = /** @type {[string, string][]} */ ([['newest', t('gallery.newest')], ['used', t('gallery.used')]]);
-    append(this, [this.summary, segments(t('gallery.order'), orders, this.order, (order) => {
+    append(this, [this.summary, segments(t('gallery.order'), orders, this.order, (/** @type {string} */ order) => {
       this.order = order;
       this.arrange();
     }), this.grid, this.detail]);
@@ -44,7 +44,7 @@ export class GalleryScreen extends Screen {
     if (!gallery || !this.isConnected) return;
     this.images = gallery.images;
     this.moves = byPlace(gallery.moves);
-    const n = this.images.length;
+    const n = gallery.images.length;
     say(/** @type {Node} */ (this.summary),
       n ? t('gallery.summary', { n, max: gallery.max_nodes }) : t('gallery.empty'));
     this.arrange();
@@ -52,8 +52,8 @@ export class GalleryScreen extends Screen {
   }
 
   arrange() {
-    const sorted = [...this.images].sort(ORDERS[this.order ?? 'newest']);
-    const old = this.cards;
+    const sorted = [...(this.images ?? [])].sort(ORDERS[this.order ?? 'newest']);
+    const old = this.cards ?? new Map();
     this.cards = new Map(sorted.map((image) => [image.node, this.card(image, old.get(image.node))]));
     const grid = /** @type {HTMLElement} */ (this.grid);
     const wanted = [...this.cards.values()];

@@ -46,7 +46,7 @@ export class HomeScreen extends Screen {
     const preview = model.nodes
       ? h('img', { class: 'pixels', width: 40, height: 30, alt: '', src: `/api/models/${encodeURIComponent(name)}/preview?v=${model.saved_at_s}` })
       : h('span', { class: 'pixels blank' });
-    return h('article', { class: `panel model${current ? ' current' : ''}`, role: 'listitem' },
+    return h('div', { class: `panel model${current ? ' current' : ''}`, role: 'listitem' },
       h('div', { class: 'facts-row' }, preview,
         h('div', { class: 'grow' }, h('h3', {}, name, current ? h('span', { class: 'tag' }, t('home.current')) : null),
           h('small', {}, describe(model))),
@@ -73,7 +73,7 @@ export class HomeScreen extends Screen {
         !current && readable ? button('home.load', () => ask('POST', `${path}/load`)) : null,
         button('home.copy', () => ask('POST', `${path}/copy`, {})),
         h('a', { class: 'button', href: `${path}/file`, download: '' }, t('download')),
-        button('delete', () => this.remove(name))));
+        button('delete', () => this.discard(name))));
   }
 
   /** @param {string} name */
@@ -96,7 +96,7 @@ export class HomeScreen extends Screen {
   }
 
   /** @param {string} name */
-  async remove(name) {
+  async discard(name) {
     const { undo } = await ask('DELETE', `/api/models/${encodeURIComponent(name)}`);
     this.page?.toast(t('home.deleted', { name }), {
       label: t('undo'), act: () => this.act(() => ask('POST', '/api/models/restore', { undo })),

@@ -48,12 +48,12 @@ export class LessonScreen extends Screen {
     const hint = h('p', { class: 'hint' }, t(`lesson.trial_${this.trial}`));
     return [
       h('p', { class: 'lead' }, t('lesson.lead')),
-      segments(t('lesson.which'), trials, this.trial ?? '1', (trial) => {
+      segments(t('lesson.which'), trials, this.trial ?? '1', (/** @type {string} */ trial) => {
         this.trial = trial;
         hint.textContent = t(`lesson.trial_${trial}`);
       }),
       hint,
-      segments(t('lesson.how_long'), times, this.teachSeconds ?? '90', (s) => (this.teachSeconds = s)),
+      segments(t('lesson.how_long'), times, this.teachSeconds ?? '90', (/** @type {string} */ s) => (this.teachSeconds = s)),
       h('p', { class: 'hint' }, t('lesson.empty')),
       h('button', { type: 'button', class: 'primary wide', onclick: () => this.begin() }, t('lesson.begin')),
     ];

@@ -18,7 +18,7 @@ export class TeachPanel extends HTMLElement {
     const goal = svg('line', { class: 'goal', x1: 0, x2: WIDTH, y1: height(0.85), y2: height(0.85) });
     const chart = svg('svg', { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: 'none', 'aria-hidden': 'true' }, goal, this.curve);
     append(this, [
-      h('a', { href: '#teaching', class: 'summary', 'aria-label': t('screen.teaching') },
+      h('a', { href: '#teaching', class: 'summary', title: t('screen.teaching') },
         h('span', { class: 'big' }, this.agreement, this.agreementWord), chart,
         h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught')))),
       this.advice,

@@ -15,7 +15,7 @@ export class UndoScreen extends Screen {
     this.button = h('button', { type: 'button', class: 'primary wide', disabled: true, onclick: () => this.undo() });
     append(this, [
       h('p', { class: 'lead' }, t('undo.lead')),
-      segments(t('undo.how_much'), CHOICES.map((s) => [s, t('undo.seconds', { s })]), this.seconds, (seconds) => {
+      segments(t('undo.how_much'), CHOICES.map((s) => [s, t('undo.seconds', { s })]), this.seconds, (/** @type {string} */ seconds) => {
         this.seconds = seconds;
         this.refresh();
       }),
@@ -48,9 +48,9 @@ export class UndoScreen extends Screen {
 
 /** @param {{png: string, label: string}} lesson */
 function frame({ png, label }) {
-  return h('figure', { role: 'listitem' },
+  return h('div', { role: 'listitem' },
     h('img', { class: 'pixels', width: 40, height: 30, alt: '', src: `data:image/png;base64,${png}` }),
-    h('figcaption', {}, icon(label), t(`move.${label}`)));
+    h('span', { class: 'under' }, icon(label), t(`move.${label}`)));
 }
 
 customElements.define('undo-screen', UndoScreen);

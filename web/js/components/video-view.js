@@ -9,6 +9,8 @@ const OLD_PICTURE_MS = 200;
 const FROZEN_MS = 1000;
 
 export class VideoView extends HTMLElement {
+  drawnMs = 0;
+
   /** @param {import('../page.js').Page} page */
   start(page) {
     this.page = page;
@@ -16,11 +18,11 @@ export class VideoView extends HTMLElement {
     this.who = h('div', { class: 'who' });
     this.facts = h('div', { class: 'facts' });
     this.like = h('img', { width: 40, height: 30, alt: '' });
-    this.likeLink = h('a', { class: 'like', href: '#gallery', hidden: true }, this.like, h('span', {}, t('like')));
-    this.like.addEventListener('error', () => this.likeLink?.classList.add('missing'));
-    this.like.addEventListener('load', () => this.likeLink?.classList.remove('missing'));
-    this.likeLink.setAttribute('aria-label', t('like_long'));
-    this.notice = h('div', { class: 'notice', role: 'status', hidden: true });
+    this.likeLink = h('a', { class: 'like', href: '#gallery', hidden: true, 'aria-label': t('like_long') }, this.like, h('span', {}, t('like')));
+    const { like, likeLink } = this;
+    like.addEventListener('error', () => likeLink.classList.add('missing'));
+    like.addEventListener('load', () => likeLink.classList.remove('missing'));
+        this.notice = h('div', { class: 'notice', role: 'status', hidden: true });
     this.votes = h('div', { class: 'votes', role: 'group', 'aria-label': t('would_do') });
     this.drawnMs = performance.now();
     append(this, [this.canvas, this.who, this.facts, this.likeLink, this.notice, this.votes]);

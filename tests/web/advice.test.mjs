@@ -1,0 +1,63 @@
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+
+import { isReady, starvedMove, teachingAdvice, urgentAdvice } from '../../web/js/advice.js';
+import { initialState } from '../../web/js/store.js';
+
+const robot = (changes = {}) => ({
+  mode: 'train', stop_reason: null, emergency: false, fault: null, asks_pilot: false, link: 'good',
+  you_are_pilot: true, pilot: 'c1', lessons: 300, agreement: 0.9, agreement_frames: 100,
+  taught: { forward: 180, left: 60, right: 60 }, ...changes,
+});
+const page = (changes = {}, robotChanges = {}) =>
+  ({ ...initialState(), link: 'open', robot: robot(robotChanges), ...changes });
+const key = (state) => urgentAdvice(state)?.key ?? null;
+
+test('a move is starved below a tenth, once there is something to go by', () => {
+  assert.equal(starvedMove({ forward: 40, left: 0 }), null);
+  assert.deepEqual(starvedMove({ forward: 95, left: 5 }), { move: 'left', share: 0.05 });
+  assert.equal(starvedMove({ forward: 60, left: 20, right: 20 }), null);
+});
+
+test('ready is: much taught, much agreed, nothing starved', () => {
+  assert.equal(isReady(robot()), true);
+  assert.equal(isReady(robot({ lessons: 100 })), false);
+  assert.equal(isReady(robot({ agreement: 0.8 })), false);
+  assert.equal(isReady(robot({ taught: { forward: 290, left: 10 } })), false);
+});
+
+test('one step at a time, from the first visit to the first drive', () => {
+  const advice = (changes) => teachingAdvice(robot(changes)).key;
+  assert.equal(advice({ mode: 'stopped', lessons: 0, taught: {} }), 'advice.start');
+  assert.equal(advice({ lessons: 0, taught: {} }), 'advice.first');
+  assert.equal(advice({ taught: { forward: 290, left: 10 } }), 'advice.starved');
+  assert.equal(advice({ agreement: 0.5 }), 'advice.go_on');
+  assert.equal(advice({}), 'advice.ready');
+  assert.equal(advice({ mode: 'autonomous' }), 'advice.watch');
+});
+
+test('the most urgent is said first', () => {
+  assert.equal(key(page({ link: 'connecting', robot: null })), 'connecting');
+  assert.equal(key(page({ link: 'lost' }, { emergency: true })), 'out_of_reach');
+  assert.equal(key(page({}, { emergency: true, you_are_pilot: false })), 'emergency');
+  assert.equal(key(page({}, { you_are_pilot: false })), 'wheel_taken');
+  assert.equal(key(page({}, { you_are_pilot: false, pilot: null })), 'wheel_free');
+  assert.equal(key(page({ role: 'viewer' }, { you_are_pilot: false })), 'viewer');
+  assert.equal(key(page({ wheelWaiting: true }, { you_are_pilot: false })), 'wheel_waiting');
+  assert.equal(key(page({ wheelAsked: true })), 'wheel_asked');
+  assert.equal(key(page({ localStop: 'hidden' }, { mode: 'stopped' })), 'local.hidden');
+  assert.equal(key(page({}, { mode: 'stopped', stop_reason: 'pilot_silent' })), 'stop.pilot_silent');
+  assert.equal(key(page({}, { mode: 'stopped', stop_reason: 'pilot_asked' })), null);
+  assert.equal(key(page({}, { mode: 'autonomous', asks_pilot: true })), 'asks');
+  assert.equal(key(page({}, { link: 'capped' })), 'link.capped');
+  assert.equal(key(page({ hint: 2, notice: 'choose_first' })), 'choose_first');
+  assert.equal(key(page({ hint: 2 })), 'hint.2');
+  assert.equal(key(page()), null);
+});
+
+test('a lesson asks for its mode, and falls silent in it', () => {
+  const lesson = { trial: 1, phase: 'correct', mode: 'autonomous' };
+  assert.equal(key(page({ lesson }, { mode: 'stopped' })), 'lesson.next_correct');
+  assert.equal(key(page({ lesson }, { mode: 'autonomous' })), null);
+  assert.equal(key(page({ lesson: { ...lesson, phase: 'question', mode: null } })), 'lesson.over');
+});

@@ -1,0 +1,49 @@
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+
+import { readGamepad } from '../../web/js/inputs/gamepad.js';
+import { readTilt } from '../../web/js/inputs/tilt.js';
+import { rgbToRgba, yuyvToRgba } from '../../web/js/picture.js';
+
+const pad = (axes, pressed = []) => ({
+  axes,
+  buttons: Array.from({ length: 17 }, (_, i) => ({ pressed: pressed.includes(i) })),
+});
+
+test('the stick drives to where it points most, and must come well back', () => {
+  assert.equal(readGamepad(pad([0.1, -0.2]), null), null);
+  assert.equal(readGamepad(pad([0.3, -0.9]), null), 'forward');
+  assert.equal(readGamepad(pad([-0.7, 0.1]), null), 'left');
+  assert.equal(readGamepad(pad([0.5, 0]), null), null);
+  assert.equal(readGamepad(pad([0.5, 0]), 'right'), 'right');
+  assert.equal(readGamepad(pad([0.3, 0]), 'right'), null);
+});
+
+test('the cross goes before the stick', () => {
+  assert.equal(readGamepad(pad([1, 0], [14]), null), 'left');
+});
+
+test('tilt counts from where the thumb went down, in each way to hold a phone', () => {
+  const zero = { beta: 40, gamma: 2 };
+  const lean = (beta, gamma, angle = 0, before = null) =>
+    readTilt({ beta: 40 + beta, gamma: 2 + gamma }, zero, angle, before);
+  assert.equal(lean(5, -8), null);
+  assert.equal(lean(-20, 0), 'forward');
+  assert.equal(lean(0, -20), 'left');
+  assert.equal(lean(0, 20), 'right');
+  assert.equal(lean(-20, 0, 90), 'left');
+  assert.equal(lean(0, 20, 90), 'forward');
+  assert.equal(lean(20, 0, 270), 'left');
+  assert.equal(lean(0, -11), null);
+  assert.equal(lean(0, -11, 0, 'left'), 'left');
+});
+
+test('raw pictures become what a canvas draws', () => {
+  const rgb = { data: new Uint8Array([1, 2, 3, 4, 5, 6]), width: 2, height: 1 };
+  assert.deepEqual([...rgbToRgba(rgb)], [1, 2, 3, 255, 4, 5, 6, 255]);
+  const grey = { data: new Uint8Array([16, 128, 235, 128]), width: 2, height: 1 };
+  assert.deepEqual([...yuyvToRgba(grey)], [0, 0, 0, 255, 255, 255, 255, 255]);
+  const red = { data: new Uint8Array([81, 90, 81, 240]), width: 2, height: 1 };
+  const [r, g, b] = yuyvToRgba(red);
+  assert.ok(r > 250 && g < 5 && b < 5, `${r} ${g} ${b}`);
+});
