@@ -1,0 +1,95 @@
+"""Settings: where they come from, what is refused, and that each is in the reference."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.errors import ConfigurationError
+from robot.gate import GateConfig
+from robot.governor import GovernorConfig
+from server.commands import serve
+from server.config import Limits
+from server.routes import routers
+from server.settings import apply_to, build, read_settings
+
+REFERENCE = Path(__file__).resolve().parents[2] / "docs" / "reference"
+
+
+def _parse(file: Path | None, environ: dict[str, str], *words: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    serve.configure(parser)
+    apply_to(parser, read_settings(file, environ))
+    return parser.parse_args(words)
+
+
+def test_flags_go_before_environment_before_file(tmp_path: Path) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_text('port = 8001\nhostname = "kitchen"\nlan = true\njpeg-quality = 70\n')
+    environ = {"DRIVELESSON_PORT": "8002", "DRIVELESSON_HOSTNAME": "hall"}
+    args = _parse(file, environ, "--port", "8003")
+    assert (args.port, args.hostname, args.lan, args.jpeg_quality) == (8003, "hall", True, 70)
+    assert _parse(file, {"DRIVELESSON_LAN": "no"}).lan is False
+    assert _parse(file, {}).port == 8001
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("prot = 1", "nothing is called prot"),
+        ("port = [1]", "port must be text or a number"),
+        ("lan = 'perhaps'", "lan must be true or false"),
+        ("port = ", "is no TOML"),
+        ("gate = 3", "must be tables"),
+    ],
+)
+def test_a_broken_file_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_text(text)
+    with pytest.raises(ConfigurationError, match=said):
+        _parse(file, {})
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="cannot read"):
+        read_settings(tmp_path / "none.toml", {})
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ({"warn": 1}, "knows no warn"),
+        ({"warn_s": "soon"}, "must be a number"),
+        ({"warn_s": -1}, "must be a number from 0"),
+        ({"warn_s": True}, "must be a number"),
+    ],
+)
+def test_a_broken_table_is_refused(table: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigurationError, match=said):
+        build(GovernorConfig, table, "governor")
+
+
+def test_a_table_changes_what_it_names() -> None:
+    assert build(GovernorConfig, {"stop_s": 0.4}, "governor") == GovernorConfig(stop_s=0.4)
+    with pytest.raises(ConfigurationError, match="whole number"):
+        build(Limits, {"clients": 1.5}, "limits")
+
+
+def test_every_setting_is_in_the_reference() -> None:
+    text = (REFERENCE / "configuration.md").read_text()
+    parser = argparse.ArgumentParser(add_help=False)
+    serve.configure(parser)
+    flags = [action.option_strings[-1] for action in parser._actions]
+    tables = [field.name for kind in (GateConfig, GovernorConfig, Limits) for field in fields(kind)]
+    assert [name for name in flags + tables if f"`{name}`" not in text] == []
+
+
+def test_every_address_is_in_the_reference() -> None:
+    text = (REFERENCE / "http.md").read_text()
+    paths = [getattr(route, "path", "") for router in routers() for route in router.routes]
+    ours = [path for path in paths if not path.startswith("/api/") or "pair" in path]
+    assert [path for path in ours if path not in text] == []
