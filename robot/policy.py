@@ -12,10 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import ConfigurationError
-from robot.features import Features, GradientFeatures, GreyFeatures
+from robot.features import (
+    THUMBNAIL_HEIGHT,
+    THUMBNAIL_WIDTH,
+    Features,
+    GradientFeatures,
+    GreyFeatures,
+)
 from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.learner.classifier import BSOCClassifier
+from robot.learner.places import BinaryFeatures, MultiPlace
 from robot.learner.ridge import RecursiveRidge
 from robot.steadiness import Commitment, RunningVotes
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
@@ -73,8 +80,7 @@ class Policy:
     @property
     def n_nodes(self) -> int:
         """How many learned images there are; 0 for learners that keep none."""
-        cluster = self._cluster()
-        return 0 if cluster is None else len(cluster.cluster)
+        return int(getattr(self.learner, "n_nodes_", 0))
 
     @property
     def n_seen(self) -> int:
@@ -126,6 +132,8 @@ class Policy:
     def settle(self) -> None:
         """Forget the running average and the turn begun: a new drive begins."""
         self._average.reset()
+        if isinstance(self.learner, MultiPlace):
+            self.learner.settle()
         if self._commitment is not None:
             self._commitment.reset()
 
@@ -203,11 +211,9 @@ class Policy:
         self._editable().pin_node(node_id, pinned)
 
     def _chance(self, shares: dict[Action, float], action: Action) -> float:
-        learner = self._cluster()
         values = np.array(list(shares.values()))
-        return votes.chance(
-            values, list(shares).index(action), 1.0 if learner is None else learner.sharpness
-        )
+        sharpness = float(getattr(self.learner, "sharpness", 1.0))
+        return votes.chance(values, list(shares).index(action), sharpness)
 
     def _choose(self, shares: dict[Action, float]) -> Action:
         if self._commitment is not None:
@@ -241,10 +247,14 @@ Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
 
 
 def _default(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    learner = _default_learner(number, integer)
+    return Policy(name, number, learner, GradientFeatures(), moves=moves)
+
+
+def _default_learner(number: int, integer: bool) -> BSOCClassifier:
     # The linear part costs a floating-point step over all pairs of gradients a lesson.
     linear = None if integer else RecursiveRidge(GradientFeatures.n_gradients)
-    learner = BSOCClassifier(number, linear=linear, integer=integer)
-    return Policy(name, number, learner, GradientFeatures(), moves=moves)
+    return BSOCClassifier(number, linear=linear, integer=integer)
 
 
 def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
@@ -260,7 +270,21 @@ def _knn(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Po
     )
 
 
-MAKERS: dict[str, Maker] = {"default": _default, "published": _published, "knn": _knn}
+def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    features = GradientFeatures()
+    learner = MultiPlace(
+        lambda: _default_learner(number, integer),
+        BinaryFeatures(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH),
+    )
+    return Policy(name, number, learner, features, moves=moves)
+
+
+MAKERS: dict[str, Maker] = {
+    "default": _default,
+    "published": _published,
+    "knn": _knn,
+    "multi-place": _multi_place,
+}
 
 
 def make_policy(

@@ -74,6 +74,11 @@ class BSOCClassifier:
         return cls(max_nodes, n_voters=1, cluster=cluster)
 
     @property
+    def n_nodes_(self) -> int:
+        """How many nodes there are."""
+        return len(self.cluster)
+
+    @property
     def sharpness(self) -> float:
         """The power that turns shares of votes into chances: 1 for plain counts."""
         return 1.0 if self.linear is None else SHARPNESS

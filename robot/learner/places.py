@@ -1,0 +1,263 @@
+"""One network for each place, and an index of binary features that tells which place this is.
+
+Source: the paper's first item of future work. The features are those of BRIEF (Calonder et al.
+2010) at fixed points: is this spot brighter than that one? A place's index keeps some of its
+views as strings of such bits; the nearest by Hamming distance says how well a view fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.learner.base import Evidence, Label, NotFittedError, State, Vector, checked_vector
+from robot.learner.classifier import BSOCClassifier
+
+N_BITS = 512
+NEW_PLACE = 0.235
+"""Mean share of bits that differ from every view of a place, from which it is not the place.
+Views of one place differ by 0.03 to 0.16 from the nearest, of two places by 0.27 and more."""
+_SMOOTHING = 0.9
+_VIEWS = 128
+_NEAR = 0.06
+_SEARCH = 10
+_POPCOUNT = np.array([bin(byte).count("1") for byte in range(256)], np.uint16)
+
+
+class BinaryFeatures:
+    """Brightness comparisons on a small grey picture, packed into bytes."""
+
+    def __init__(self, height: int, width: int) -> None:
+        rng = np.random.default_rng(7)  # the same points on every machine, for ever
+        self.height, self.width = height, width
+        rows, columns = rng.integers(0, height, N_BITS), rng.integers(0, width, N_BITS)
+        down, across = (rng.integers(-n // 3, n // 3 + 1, N_BITS) for n in (height, width))
+        self._one = rows * width + columns
+        self._two = (rows + down).clip(0, height - 1) * width + (columns + across).clip(
+            0, width - 1
+        )
+
+    def extract(self, grey: NDArray[Any]) -> NDArray[np.uint8]:
+        """Return the picture's bits, shape (N_BITS / 8,); grey of shape (height * width,)."""
+        padded = np.pad(grey.reshape(self.height, self.width).astype(np.int32), 2, mode="edge")
+        lines = np.sum([padded[i : i + self.height] for i in range(5)], axis=0)
+        smooth = np.sum([lines[:, i : i + self.width] for i in range(5)], axis=0).ravel()
+        return np.packbits(smooth[self._one] > smooth[self._two])
+
+
+class PlaceIndex:
+    """The views kept of one place; the oldest goes when there are too many."""
+
+    def __init__(self) -> None:
+        self.views = np.zeros((0, N_BITS // 8), np.uint8)
+        self.n_added = 0
+
+    def difference(self, bits: NDArray[np.uint8]) -> float:
+        """Return the share of bits that differ from the most similar view; 0 if there is none."""
+        if len(self.views) == 0:
+            return 0.0
+        return float(_POPCOUNT[self.views ^ bits].sum(axis=1).min()) / N_BITS
+
+    def add(self, bits: NDArray[np.uint8]) -> None:
+        """Keep one more view."""
+        if len(self.views) < _VIEWS:
+            self.views = np.vstack([self.views, bits])
+        else:
+            self.views[self.n_added % _VIEWS] = bits
+        self.n_added += 1
+
+
+class _Tracker:
+    """How well the latest frames fit each place, smoothed: a robot does not jump about."""
+
+    def __init__(self) -> None:
+        self.levels: list[float] = []
+
+    def update(self, differences: list[float]) -> int:
+        """Take in one frame and return the place that fits best."""
+        old = self.levels + differences[len(self.levels) :]
+        self.levels = [
+            _SMOOTHING * level + (1.0 - _SMOOTHING) * new
+            for level, new in zip(old, differences, strict=True)
+        ]
+        return int(np.argmin(self.levels))
+
+
+class MultiPlace:
+    """A learner that keeps one network for each place it meets, up to `max_places`.
+
+    Args:
+        make: Makes the network for a new place.
+        features: Binary features of the grey picture at the end of each vector.
+        max_places: Beyond, a new place joins the one most like it.
+    """
+
+    kind = "multi-place"
+
+    def __init__(
+        self,
+        make: Callable[[], BSOCClassifier],
+        features: BinaryFeatures,
+        max_places: int = 16,
+    ) -> None:
+        self.max_places = max_places
+        self.networks_: list[BSOCClassifier] = []
+        self.n_seen_ = 0
+        self._make = make
+        self._features = features
+        self._indices: list[PlaceIndex] = []
+        self._driving = _Tracker()
+        self._size: int | None = None
+        self._place: int | None = None
+        self._pending: list[tuple[Vector, Label]] = []
+
+    @property
+    def sharpness(self) -> float:
+        """The power that turns shares of votes into chances, as the networks have it."""
+        return self.networks_[0].sharpness if self.networks_ else 1.0
+
+    @property
+    def n_nodes_(self) -> int:
+        """Nodes of all networks together."""
+        return sum(len(network.cluster) for network in self.networks_)
+
+    def settle(self) -> None:
+        """Forget where the robot was: a new drive begins, perhaps elsewhere."""
+        self._settle_pending()
+        self._place = None
+        self._driving = _Tracker()
+
+    def learn_one(self, x: Vector, y: Label) -> None:
+        """Teach the network of the place that this view belongs to, a new one if to none.
+
+        A robot that drives stays in its place, however new the views it meets; it is carried
+        to another only between drives. So after `settle` the place is looked for: the next
+        `_SEARCH` lessons wait until they show together which place fits, or that none does.
+
+        Raises:
+            ValueError: If `x` or `y` cannot be learned; the learner is then unchanged.
+        """
+        bits = self._bits(x)
+        if not isinstance(y, str) or not y:
+            raise ValueError(f"a label is a word, not {y!r}")
+        if self.networks_:
+            checked_vector(x, self._size)
+        self.n_seen_ += 1
+        self._size = np.asarray(x).size
+        if self._place is None and self.networks_:
+            self._pending.append((np.array(x), y))
+            if len(self._pending) >= _SEARCH:
+                self._settle_pending()
+            return
+        self._teach(x, y, bits)
+
+    def _settle_pending(self) -> None:
+        """Decide to which place the waiting lessons belong, and teach them."""
+        if not self._pending:
+            return
+        views = [self._bits(x) for x, _ in self._pending]
+        levels = [
+            float(np.mean([index.difference(bits) for bits in views])) for index in self._indices
+        ]
+        best = int(np.argmin(levels))
+        is_new = levels[best] > NEW_PLACE and len(self.networks_) < self.max_places
+        self._place = None if is_new else best
+        for (x, y), bits in zip(self._pending, views, strict=True):
+            self._teach(x, y, bits)
+        self._pending = []
+
+    def _teach(self, x: Vector, y: Label, bits: NDArray[np.uint8]) -> None:
+        if self._place is None:
+            self.networks_.append(self._make())
+            self._indices.append(PlaceIndex())
+            self._place = len(self.networks_) - 1
+        self.networks_[self._place].learn_one(x, y)
+        index = self._indices[self._place]
+        if index.n_added == 0 or index.difference(bits) > _NEAR:
+            index.add(bits)
+
+    def predict_one(self, x: Vector) -> Label:
+        """Return the label that this place's network gives; raises NotFittedError."""
+        return self.explain_one(x).label
+
+    def predict_proba_one(self, x: Vector) -> dict[Label, float]:
+        """Return the labels' shares in this place's network."""
+        return dict(self.explain_one(x).probabilities)
+
+    def explain_one(self, x: Vector) -> Evidence:
+        """Recognise the place from this and the latest views, and ask its network."""
+        if not self.networks_:
+            raise NotFittedError("nothing was learned yet")
+        bits = self._bits(x)
+        place = self._driving.update([index.difference(bits) for index in self._indices])
+        return self.networks_[place].explain_one(x)
+
+    def _bits(self, x: Vector) -> NDArray[np.uint8]:
+        size = self._features.height * self._features.width
+        array = np.asarray(x)
+        if array.ndim != 1 or array.size < size or not np.isfinite(array).all():
+            raise ValueError(f"the vector has shape {array.shape}; a picture of {size} is missing")
+        return self._features.extract(array[-size:])
+
+    def get_state(self) -> State:
+        """Return a copy of all networks and indices."""
+        arrays: dict[str, NDArray[Any]] = {}
+        places = []
+        for i, (network, index) in enumerate(zip(self.networks_, self._indices, strict=True)):
+            state = network.get_state()
+            arrays.update({f"place{i}_{name}": array for name, array in state.arrays.items()})
+            arrays[f"place{i}_views"] = index.views.copy()
+            places.append(
+                {
+                    "kind": state.kind,
+                    "params": state.params,
+                    "labels": state.labels,
+                    "n_added": index.n_added,
+                }
+            )
+        params: dict[str, Any] = {
+            "places": places,
+            "n_seen": self.n_seen_,
+            "size": self._size,
+            "place": self._place,
+        }
+        params["pending"] = [y for _, y in self._pending]
+        if self._pending:
+            arrays["pending"] = np.stack([x for x, _ in self._pending])
+        return State(kind=self.kind, params=params, arrays=arrays)
+
+    def set_state(self, state: State) -> None:
+        """Become the learner that gave `state`; raises ValueError if it is of another kind."""
+        if state.kind != self.kind:
+            raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
+        self.networks_, self._indices = [], []
+        for i, place in enumerate(state.params["places"]):
+            prefix = f"place{i}_"
+            own = {
+                name.removeprefix(prefix): array
+                for name, array in state.arrays.items()
+                if name.startswith(prefix)
+            }
+            network, index = self._make(), PlaceIndex()
+            index.views, index.n_added = own.pop("views").copy(), int(place["n_added"])
+            network.set_state(
+                State(
+                    kind=place["kind"],
+                    params=place["params"],
+                    arrays=own,
+                    labels=list(place["labels"]),
+                )
+            )
+            self.networks_.append(network)
+            self._indices.append(index)
+        self.n_seen_ = int(state.params["n_seen"])
+        self._place = state.params["place"]
+        waiting = state.params["pending"]
+        self._pending = (
+            list(zip(state.arrays["pending"].copy(), waiting, strict=True)) if waiting else []
+        )
+        self._size = int(state.params["size"]) if self.networks_ else None
+        self._driving = _Tracker()
