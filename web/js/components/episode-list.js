@@ -20,6 +20,7 @@ export async function listEpisodes(home) {
 function card(home, episode, isOn) {
   const path = `/api/episodes/${encodeURIComponent(episode.id)}`;
   const strip = h('div', { class: 'strip' });
+  const tools = h('div', { class: 'stack' });
   const more = h('div', { class: 'stack', hidden: true });
   const toggle = h('button', {
     type: 'button', class: 'quiet', 'aria-expanded': 'false', 'aria-label': t('home.more', { name: title(episode) }),
@@ -27,9 +28,10 @@ function card(home, episode, isOn) {
       more.hidden = !more.hidden;
       toggle.setAttribute('aria-expanded', String(!more.hidden));
       if (!more.hidden && !strip.children.length) showStrip(home, path, strip);
+      if (!more.hidden && !isOn && !tools.children.length) import('./episode-mend.js').then(({ mend }) => mend(home, path, tools));
     },
   }, icon('more'));
-  append(more, [strip, h('div', { class: 'row' },
+  append(more, [strip, tools, h('div', { class: 'row' },
     h('a', { class: 'button', href: `${path}/file`, download: '' }, t('download')),
     isOn ? null : h('button', { type: 'button', onclick: () => remove(home, path, title(episode)) }, t('delete')))]);
   return h('article', { class: 'panel stack' }, h('div', { class: 'facts-row' },

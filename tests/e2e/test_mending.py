@@ -1,0 +1,67 @@
+"""A recording is seen along its time and mended, step by step, on a phone."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from robot.types import Action, Mode, PilotCommand
+
+from .world import World
+
+
+def drive(world: World, seconds: float) -> None:
+    loop, clock = world.rig.loop, world.rig.clock
+    loop.set_mode(Mode.TRAIN).result(5)
+    ends_s = clock.now_s() + seconds
+    while (now_s := clock.now_s()) < ends_s:
+        held = Action.LEFT if int(now_s * 2) % 2 else Action.FORWARD
+        frame_id = loop.state.frame_id
+        loop.command(
+            PilotCommand(held=held, frame_id=frame_id, seq=int(now_s * 1e3), received_s=now_s)
+        )
+        time.sleep(0.05)
+    loop.set_mode(Mode.STOPPED).result(5)
+
+
+def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, world: World) -> None:
+    drive(world, 3.0)
+    library = world.app.state.library
+    library.recorder._loop.submit(library.recorder.finish).result(5)
+    while library.recorder.episode_id is not None:
+        time.sleep(0.02)
+    [episode_id] = library.episodes.ids()
+    phone.evaluate("location.hash = 'home'")
+    phone.wait_for_selector(".timeline, button[aria-label*='20']")
+    phone.locator("button[aria-label*='20']").tap()
+    phone.wait_for_selector(".timeline .you[d]")
+    assert phone.locator(".timeline path.robot").get_attribute("d").startswith("M")
+
+    def press(text: str, edits: int) -> None:
+        phone.get_by_role("button", name=text).tap()
+        deadline = time.monotonic() + 5
+        while len(library.episodes.notes(episode_id).edits) != edits:
+            assert time.monotonic() < deadline, f"{text}: nothing happened"
+            time.sleep(0.05)
+        phone.wait_for_timeout(300)
+
+    def slide(label: str, to: int) -> None:
+        phone.get_by_label(label, exact=True).evaluate(
+            "(e, to) => { e.value = to; e.dispatchEvent(new Event('input')); }", to
+        )
+
+    ids = list(library.episodes.open(episode_id).frames)
+    slide("From", 10)
+    slide("To", 40)
+    assert "31 pictures" in phone.locator("p.under[role=status]").inner_text()
+    phone.screenshot(path="/tmp/mend.png")
+    press("Leave this out", 1)
+    [edit] = library.episodes.notes(episode_id).edits
+    assert (edit.verb, edit.ranges) == ("delete", ((ids[10], ids[40]),))
+    slide("From", 45)
+    press("Right", 2)
+    assert library.episodes.notes(episode_id).relabel(ids[50]) is Action.RIGHT
+    press("Take back the last", 1)
+    press("Take back the last", 0)
+    wide = phone.evaluate("document.documentElement.scrollWidth - innerWidth")
+    assert wide <= 0
