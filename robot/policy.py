@@ -262,14 +262,6 @@ def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool)
     return Policy(name, number, learner, GreyFeatures(), moves=moves, steady=False)
 
 
-def _knn(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    from robot.baselines.neighbours import NearestNeighbours
-
-    return Policy(
-        name, number, NearestNeighbours(number), GreyFeatures(), moves=moves, steady=False
-    )
-
-
 def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
     features = GradientFeatures()
     learner = MultiPlace(
@@ -279,12 +271,26 @@ def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: boo
     return Policy(name, number, learner, features, moves=moves)
 
 
+def _baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    from robot import baselines
+
+    learner = baselines.make(split_name(name)[0], number)
+    return Policy(name, number, learner, GreyFeatures(), moves=moves, steady=False)
+
+
 MAKERS: dict[str, Maker] = {
     "default": _default,
     "published": _published,
-    "knn": _knn,
     "multi-place": _multi_place,
+    "knn": _baseline,
+    "som": _baseline,
+    "gas": _baseline,
+    "alvinn": _baseline,
+    "sgd": _baseline,
+    "river": _baseline,
 }
+"""Kinds of learners. The number is that of nodes; of neighbours for knn, of cells for som, of
+hidden units for alvinn, and of no consequence for sgd and river."""
 
 
 def make_policy(

@@ -1,0 +1,85 @@
+"""What all baselines share: labels in the order they came, checks, and a state by relearning."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.learner.base import Evidence, Label, NotFittedError, State, Vector, checked_vector
+
+Floats = NDArray[np.float64]
+
+
+class Baseline(ABC):
+    """A learner from a library behind the learner's interface, for comparison and for teaching.
+
+    Its state is its lessons: `set_state` learns them again, which gives the same learner because
+    every baseline is seeded. Memory therefore grows with the lessons.
+    """
+
+    kind: str
+
+    def __init__(self) -> None:
+        self.labels_: list[Label] = []
+        self._xs: list[Vector] = []
+        self._ys: list[Label] = []
+
+    def learn_one(self, x: Vector, y: Label) -> None:
+        """Learn one labelled vector; raises ValueError on bad input, and is then unchanged."""
+        if not isinstance(y, str) or not y:
+            raise ValueError(f"a label is a word, not {y!r}")
+        array = checked_vector(x, self._xs[0].size if self._xs else None)
+        if y not in self.labels_:
+            self.labels_.append(y)
+        self._xs.append(array.copy())
+        self._ys.append(y)
+        self._learn(array.astype(np.float64) / 255.0, self.labels_.index(y))
+
+    def predict_one(self, x: Vector) -> Label:
+        """Return the most likely label; raises NotFittedError before the first lesson."""
+        return self.explain_one(x).label
+
+    def predict_proba_one(self, x: Vector) -> dict[Label, float]:
+        """Return each known label's share."""
+        return dict(self.explain_one(x).probabilities)
+
+    def explain_one(self, x: Vector) -> Evidence:
+        """Return the prediction with its shares."""
+        if not self._xs:
+            raise NotFittedError("nothing was learned yet")
+        array = checked_vector(x, self._xs[0].size).astype(np.float64) / 255.0
+        shares = self._shares(array)
+        best = int(shares.argmax())
+        return Evidence(
+            label=self.labels_[best],
+            probabilities=dict(zip(self.labels_, shares.tolist(), strict=True)),
+            confidence=float(shares[best]),
+        )
+
+    @abstractmethod
+    def _learn(self, x: Floats, column: int) -> None:
+        """Learn a vector of values in [0, 1], with the number of its label."""
+
+    @abstractmethod
+    def _shares(self, x: Floats) -> Floats:
+        """Return a share for each of `labels_`, summing to 1."""
+
+    @abstractmethod
+    def _forget(self) -> None:
+        """Become as new."""
+
+    def get_state(self) -> State:
+        """Return a copy of all lessons."""
+        arrays = {"xs": np.stack(self._xs)} if self._xs else {}
+        return State(kind=self.kind, params={}, arrays=arrays, labels=list(self._ys))
+
+    def set_state(self, state: State) -> None:
+        """Learn again what `state` holds; raises ValueError if it is of another kind."""
+        if state.kind != self.kind:
+            raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
+        self.labels_, self._xs, self._ys = [], [], []
+        self._forget()
+        for x, y in zip(state.arrays.get("xs", ()), state.labels, strict=True):
+            self.learn_one(x, y)
