@@ -15,6 +15,9 @@ from robot.policy import Policy, make_policy
 from robot.recordings import Recording, load_recording
 from robot.types import Action
 
+Vectors = dict[tuple[str, str], list[Vector]]
+"""Features by their name and the recording's path: extracted once for all learners."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairResult:
@@ -77,18 +80,14 @@ def evaluate(
     for name in learners:
         make_policy(name)
     for pair in pairs:
-        vectors: dict[tuple[str, str], list[Vector]] = {}
+        vectors: Vectors = {}
         for name in learners:
             policy = make_policy(name)
-            train = _vectors(policy, pair.train, vectors)
-            test = _vectors(policy, pair.test, vectors)
-            yield _judge(policy, pair, train, test)
+            yield judge(policy, pair, vectors)
             tick()
 
 
-def _vectors(
-    policy: Policy, recording: Recording, known: dict[tuple[str, str], list[Vector]]
-) -> list[Vector]:
+def _vectors(policy: Policy, recording: Recording, known: Vectors) -> list[Vector]:
     key = (policy.features.name, str(recording.path))
     if key not in known:
         try:
@@ -98,7 +97,10 @@ def _vectors(
     return known[key]
 
 
-def _judge(policy: Policy, pair: Pair, train: list[Vector], test: list[Vector]) -> PairResult:
+def judge(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
+    """Teach a new policy one drive and test it on the other; `vectors` keeps the features."""
+    train = _vectors(policy, pair.train, vectors)
+    test = _vectors(policy, pair.test, vectors)
     for x, label in zip(train, pair.train.labels, strict=True):
         policy.learn(x, label)
     policy.settle()

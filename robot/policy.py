@@ -63,15 +63,16 @@ class Policy:
         features: Features,
         *,
         moves: tuple[Action, ...] = DEFAULT_MOVES,
-        steady: bool = True,
+        votes_kept: float = VOTES_KEPT,
+        commits: bool = True,
     ) -> None:
         self.name = name
         self.max_nodes = max_nodes
         self.moves = moves
         self.learner = learner
         self.features = features
-        self._average = RunningVotes(VOTES_KEPT if steady else 0.0)
-        self._commitment = Commitment() if steady else None
+        self._average = RunningVotes(votes_kept)
+        self._commitment = Commitment() if commits else None
         self._n_lessons = 0
         self._n_proposals = 0
         self._last_used: dict[int, int] = {}
@@ -259,7 +260,7 @@ def _default_learner(number: int, integer: bool) -> BSOCClassifier:
 
 def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
     learner = BSOCClassifier.published(number, integer=integer)
-    return Policy(name, number, learner, GreyFeatures(), moves=moves, steady=False)
+    return Policy(name, number, learner, GreyFeatures(), moves=moves, votes_kept=0.0, commits=False)
 
 
 def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
@@ -275,7 +276,7 @@ def _baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) 
     from robot import baselines
 
     learner = baselines.make(split_name(name)[0], number)
-    return Policy(name, number, learner, GreyFeatures(), moves=moves, steady=False)
+    return Policy(name, number, learner, GreyFeatures(), moves=moves, votes_kept=0.0, commits=False)
 
 
 MAKERS: dict[str, Maker] = {

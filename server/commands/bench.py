@@ -10,6 +10,7 @@ from types import ModuleType
 from robot.errors import ConfigurationError
 
 BENCHMARKS = {
+    "ablation": "server.bench.ablation",
     "learner": "server.bench.learner",
     "link": "server.bench.link",
     "recording": "server.bench.recording",

@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from robot.learner.bsoc import BSOC
+from robot.learner.classifier import BSOCClassifier
+from robot.learner.published import PublishedBSOC
+from robot.learner.ridge import RecursiveRidge
+
+LABELS = ("forward", "left", "right")
+KINDS = ["default", "linear", "integer", "published", "published-integer"]
+
+sizes = st.integers(1, 9)
+lessons = st.lists(st.tuples(arrays(np.uint8, 6), st.sampled_from(LABELS)), min_size=1, max_size=60)
+
+
+def make(kind, max_nodes):
+    if kind.startswith("published"):
+        return BSOCClassifier.published(max_nodes, integer=kind.endswith("integer"))
+    linear = RecursiveRidge(4) if kind == "linear" else None
+    return BSOCClassifier(max_nodes, linear=linear, integer=kind == "integer")
+
+
+def same(one, two):
+    return one.params == two.params and all(
+        np.array_equal(one.arrays[name], two.arrays[name]) for name in one.arrays
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@settings(max_examples=40, deadline=None)
+@given(max_nodes=sizes, lessons=lessons)
+def test_nodes_counts_and_histograms_add_up(kind, max_nodes, lessons):
+    learner = make(kind, max_nodes)
+    for n, (x, y) in enumerate(lessons, 1):
+        learner.learn_one(x, y)
+        assert len(learner.cluster) == min(n, max_nodes) == len(set(learner.cluster.ids_.tolist()))
+        assert learner.cluster.counts_.sum() == learner.n_seen_ == n
+        assert learner.histograms_.sum() == n
+        assert learner.explain_one(x).confidence <= 1.0 + 1e-9
+    counted = dict(zip(learner.labels_, learner.histograms_.sum(axis=0).tolist(), strict=True))
+    assert counted == {y: [label for _, label in lessons].count(y) for y in learner.labels_}
+    assert sum(learner.predict_proba_one(lessons[0][0]).values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@settings(max_examples=40, deadline=None)
+@given(max_nodes=sizes, lessons=lessons, more=lessons)
+def test_saving_and_loading_changes_nothing(kind, max_nodes, lessons, more):
+    learner, loaded = make(kind, max_nodes), make(kind, max_nodes)
+    for x, y in lessons:
+        learner.learn_one(x, y)
+    loaded.set_state(learner.get_state())
+    assert same(learner.get_state(), loaded.get_state())
+    for x, y in more:
+        assert learner.explain_one(x) == loaded.explain_one(x)
+        learner.learn_one(x, y)
+        loaded.learn_one(x, y)
+    assert same(learner.get_state(), loaded.get_state())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("x", "y"),
+    [
+        (np.array([np.nan] * 6), "left"),
+        (np.array([1.0, 2.0, np.inf, 4.0, 5.0, 6.0]), "left"),
+        (np.zeros(5, np.uint8), "left"),
+        (np.zeros((2, 3), np.uint8), "left"),
+        (np.zeros(0, np.uint8), "left"),
+        (np.zeros(6, np.uint8), ""),
+        (np.zeros(6, np.uint8), None),
+        (np.zeros(6, np.uint8), 3),
+    ],
+    ids=["nan", "inf", "short", "two dimensions", "empty", "no label", "none", "number"],
+)
+def test_bad_lessons_are_refused_and_change_nothing(kind, x, y):
+    learner = make(kind, 3)
+    for fresh in (True, False):
+        if not fresh:
+            for i in range(8):
+                learner.learn_one(np.full(6, 20 * i, np.uint8), LABELS[i % 3])
+        before = learner.get_state()
+        if not fresh or not isinstance(y, str) or not y or x.ndim != 1 or x.size == 0:
+            with pytest.raises(ValueError, match=r"vector|label|whole"):
+                learner.learn_one(x, y)
+            assert same(before, learner.get_state())
+
+
+@settings(max_examples=60, deadline=None)
+@given(max_nodes=sizes, xs=st.lists(arrays(np.uint8, 6), min_size=1, max_size=40))
+def test_float_and_whole_numbers_see_the_same_distances(max_nodes, xs):
+    exact, whole, paper = BSOC(max_nodes), BSOC(max_nodes, integer=True), PublishedBSOC(max_nodes)
+    for x in xs[:max_nodes]:  # before any merge, where ties could part them
+        assert exact.train(x) == whole.train(x) == paper.train(x)
+    for x in xs:
+        np.testing.assert_allclose(exact.distances(x), paper.distances(x), atol=0.5)
+        np.testing.assert_allclose(whole.distances(x), paper.distances(x), atol=0.5)
+
+
+@settings(max_examples=40, deadline=None)
+@given(xs=st.lists(arrays(np.uint8, 6), min_size=1, max_size=40), pins=st.lists(st.integers(0, 4)))
+def test_pinned_nodes_stay(xs, pins):
+    learner = BSOC(5)
+    for x in xs[:5]:
+        learner.train(x)
+    pinned = {}
+    for pin in pins[:3]:
+        if pin < len(learner):
+            learner.pin(pin)
+            pinned[learner.node_id(pin)] = learner.nodes_[pin].copy()
+    for x in xs[5:]:
+        learner.train(x)
+    alive = dict(zip(learner.ids_.tolist(), learner.nodes_, strict=True))
+    assert all(np.array_equal(alive[name], image) for name, image in pinned.items())
