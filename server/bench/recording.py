@@ -29,13 +29,18 @@ _COMMAND_EVERY_S = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """One run: pictures seen a second, milliseconds a turn with a new picture, what it wrote."""
+    """One run: pictures seen a second, milliseconds a turn with a new picture, what it wrote.
+
+    `cpu_ms` is what the loop's own thread computed for each picture: unlike the others it hardly
+    depends on what else the machine does.
+    """
 
     pictures: str
     recording: bool
     rate_hz: float
     turn_ms: float
     turn_p99_ms: float
+    cpu_ms: float
     written_mb_s: float
     dropped: int
 
@@ -95,10 +100,12 @@ def run(args: argparse.Namespace) -> int:
 def measure(camera: PhotoCamera, learner: str, seconds: float, *, records: bool) -> Outcome:
     """Teach for some seconds, recorded or not."""
     turns_s: list[float] = []
+    cpu_s: list[float] = []
 
     def note(tick: Tick) -> None:
         if tick.frame is not None:
             turns_s.append(tick.cycle_s)
+        cpu_s.append(time.thread_time())
 
     rig = Rig(NotingDriver(), camera, make_policy(learner), camera.clock)
     with tempfile.TemporaryDirectory() as folder, rig:
@@ -120,6 +127,7 @@ def measure(camera: PhotoCamera, learner: str, seconds: float, *, records: bool)
         rate_hz=len(seen) / took_s,
         turn_ms=statistics.fmean(seen) * 1000,
         turn_p99_ms=float(np.percentile(seen, 99)) * 1000,
+        cpu_ms=(cpu_s[-1] - cpu_s[0]) / len(seen) * 1000,
         written_mb_s=written / 1e6 / (took_s + 1.0),
         dropped=recorder.dropped_frames,
     )
@@ -145,19 +153,24 @@ def _hold(rig: Rig, seconds: float) -> None:
 def table(outcomes: list[Outcome]) -> str:
     """Return a table: medians of the runs of a kind, and what recording changes."""
     lines = [
-        f"{'pictures':9}{'recorded':>9}{'rate, Hz':>10}{'turn, ms':>10}{'p99, ms':>9}"
-        f"{'MB/s':>7}{'dropped':>9}{'rate lost':>11}"
+        f"{'pictures':9}{'recorded':>9}{'rate, Hz':>10}{'turn, ms':>10}{'p99, ms':>9}{'CPU, ms':>9}"
+        f"{'MB/s':>7}{'dropped':>9}{'rate lost':>11}{'CPU/period':>12}"
     ]
     for pictures in ("JPEG", "raw"):
-        rates = {}
+        rates, cpu_ms = {}, {}
         for records in (False, True):
             runs = [o for o in outcomes if (o.pictures, o.recording) == (pictures, records)]
             rates[records] = statistics.median(o.rate_hz for o in runs)
-            lost = f"{1 - rates[True] / rates[False]:10.2%}" if records else ""
+            cpu_ms[records] = statistics.median(o.cpu_ms for o in runs)
+            lost = ""
+            if records:
+                share = (cpu_ms[True] - cpu_ms[False]) / 1000 * rates[False]
+                lost = f"{1 - rates[True] / rates[False]:10.2%}{share:12.2%}"
             lines.append(
                 f"{pictures:9}{'yes' if records else 'no':>9}{rates[records]:10.2f}"
                 f"{statistics.median(o.turn_ms for o in runs):10.2f}"
                 f"{statistics.median(o.turn_p99_ms for o in runs):9.2f}"
+                f"{cpu_ms[records]:9.2f}"
                 f"{statistics.median(o.written_mb_s for o in runs):7.1f}"
                 f"{sum(o.dropped for o in runs):9} {lost}"
             )

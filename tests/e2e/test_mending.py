@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any
 
 from robot.types import Action, Mode, PilotCommand
 
+from .test_everyone import complaints
 from .world import World
 
 
@@ -54,7 +56,6 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
     slide("From", 10)
     slide("To", 40)
     assert "31 pictures" in phone.locator("p.under[role=status]").inner_text()
-    phone.screenshot(path="/tmp/mend.png")
     press("Leave this out", 1)
     [edit] = library.episodes.notes(episode_id).edits
     assert (edit.verb, edit.ranges) == ("delete", ((ids[10], ids[40]),))
@@ -65,3 +66,15 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
     press("Take back the last", 0)
     wide = phone.evaluate("document.documentElement.scrollWidth - innerWidth")
     assert wide <= 0
+
+
+def test_axe_finds_nothing_among_the_tools(phone: Any, world: World, npm_modules: Path) -> None:
+    drive(world, 2.0)
+    library = world.app.state.library
+    library.recorder._loop.submit(library.recorder.finish).result(5)
+    phone.evaluate("location.hash = 'home'")
+    phone.wait_for_selector("button[aria-label*='20']")
+    phone.locator("button[aria-label*='20']").tap()
+    phone.wait_for_selector(".timeline .you[d]")
+    phone.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())
+    assert complaints(phone) == []
