@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run test test-brick test-oldest check format clean
+.PHONY: help run test test-brick test-oldest check docs format clean
 
 help: ## Say what there is
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -31,6 +31,9 @@ check: $(VENV)/.dev ## Format, lint, types and import contracts, without the tes
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: $(VENV)/.dev ## Write the reference of the command line anew
+	$(BIN)/python -m tests.docs.command_line
 
 format: $(VENV)/.dev ## Format and mend what can be mended
 	$(BIN)/ruff format .

@@ -1,0 +1,88 @@
+"""Writes docs/reference/command-line.md from the program itself: `make docs`."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from robot.options import Option, options_of
+from robot.plugins import camera_names, driver_names, load_camera, load_driver
+from server.__main__ import COMMANDS
+
+PAGE = Path(__file__).parents[2] / "docs/reference/command-line.md"
+_HEAD = """# The command line
+
+Made from the program by `make docs`; do not edit by hand.
+
+`drivelesson COMMAND [OPTION ...]`. Without a command: `drivelesson serve --robot sim`. Exit status
+0: done; 1: failed, with one line on standard error that says why; 2: wrongly called.
+"""
+
+
+def render() -> str:
+    """Return the whole page."""
+    parts = [_HEAD]
+    for name, text in COMMANDS.items():
+        module = importlib.import_module(f"server.commands.{name}")
+        parser = argparse.ArgumentParser(prog=f"drivelesson {name}")
+        module.configure(parser)
+        parts.append(f"## drivelesson {name}\n\n{text[0].upper()}{text[1:]}.\n")
+        parts.extend(_options(parser))
+    for kind, names, load in (
+        ("robot", driver_names(), load_driver),
+        ("camera", camera_names(), load_camera),
+    ):
+        for name in names:
+            rows = [_plugin_row(option) for option in options_of(load(name).options_type)]
+            if rows:
+                parts.append(f"## Options of `--{kind} {name}`\n\n" + _table(rows))
+    return "\n".join(parts)
+
+
+def _options(parser: argparse.ArgumentParser) -> Iterator[str]:
+    rows = [_row(action) for action in parser._actions if _is_option(action)]
+    if rows:
+        yield _table(rows)
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for name, inner in action.choices.items():
+                about = next((a.help for a in action._choices_actions if a.dest == name), "")
+                yield f"### {parser.prog} {name}\n\n{_cell(about or '')}\n"
+                yield from _options(inner)
+
+
+def _is_option(action: argparse.Action) -> bool:
+    hidden = isinstance(action, argparse._HelpAction | argparse._SubParsersAction)
+    return not hidden and action.help is not argparse.SUPPRESS
+
+
+def _row(action: argparse.Action) -> tuple[str, str, str]:
+    value = "" if action.nargs == 0 else f" {action.metavar or action.dest.upper()}"
+    name = (action.option_strings[-1] if action.option_strings else "") + value
+    default = action.default
+    is_told = default not in (None, False, argparse.SUPPRESS) and "default" not in str(action.help)
+    shown = f"`{default}`" if is_told and not isinstance(default, Path) else ""
+    told = "see storage.md" if isinstance(default, Path) else str(default)
+    text = (action.help or "").replace("%(default)s", told).replace("%%", "%")
+    return f"`{name.strip()}`", shown, _cell(text)
+
+
+def _plugin_row(option: Option) -> tuple[str, str, str]:
+    default = "" if option.default in (None, "") else f"`{option.default}`"
+    return f"`{option.flag} {option.name.upper()}`", default, _cell(option.help)
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def _table(rows: list[tuple[str, str, str]]) -> str:
+    lines = ["| option | default | meaning |", "|---|---|---|"]
+    lines += [f"| {name} | {default} | {text} |" for name, default, text in rows]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(render(), encoding="utf-8")
