@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import threading
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, ClassVar, Self
 
 from robot.clock import Clock
 from robot.driver import Driver
+from robot.lifecycle import StartStop
 from robot.types import Encoding, Frame
 
 
-class Camera(ABC):
+class Camera(StartStop):
     """A source of frames. Found by name among the entry points.
 
     Subclasses take pictures on a thread of their own (or when a simulation steps) and hand
@@ -93,15 +93,3 @@ class Camera(ABC):
         self._fault = sentence
         if self._on_frame is not None:
             self._on_frame()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.stop()

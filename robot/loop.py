@@ -1,51 +1,44 @@
 """The control loop: newest frame, features, policy, gate, drive; and only then learning.
 
 `ControlLoop.tick` is one turn of it, with time as an argument, and does no waiting: experiments
-call it directly, as fast as they can. `LoopThread` is the thin shell that calls it in real time,
-at once for each new frame or command and every 50 ms without them, and never waits for a network.
+call it directly, as fast as they can. `robot.loop_thread` calls it in real time. Nothing here ever
+waits for a network: other threads leave what they want in a mailbox.
 """
 
 from __future__ import annotations
 
 import logging
 import threading
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+from robot.apprentice import Apprentice
 from robot.camera import Camera
 from robot.clock import Clock
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError
 from robot.gate import Gate, GateConfig
 from robot.governor import Governor, GovernorConfig, age_of_link_s
-from robot.labels import Labeller
-from robot.learner.base import Vector
+from robot.mailbox import Mailbox
 from robot.policy import Policy
-from robot.school import Replaced, School, SchoolEvent
-from robot.state import LoopState, Tick, Timing
+from robot.school import School
+from robot.state import LoopState, Tick
 from robot.types import (
     Action,
     Decision,
     DrivenBy,
     Frame,
-    Lesson,
     Mode,
     PilotCommand,
-    Prediction,
     Sensors,
     StopReason,
 )
 
 log = logging.getLogger(__name__)
 _T = TypeVar("_T")
-
-AGREEMENT_FRAMES = 100
-"""Over how many of the last lessons agreement is counted."""
-MEMORY_FRAMES = 64
-"""How many of the newest frames can still be labelled: two seconds at 30 frames a second."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,15 +56,6 @@ class LoopConfig:
     of the past (the computer slept, or the process was held up)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Seen:
-    """A frame that can still be labelled."""
-
-    x: Vector
-    captured_s: float
-    predicted: Action | None
-
-
 class ControlLoop:
     """One robot's loop. `tick` is for one thread; all other methods may be called from any.
 
@@ -87,29 +71,18 @@ class ControlLoop:
         config: LoopConfig | None = None,
     ) -> None:
         self.config = config or LoopConfig()
-        self.wake = threading.Event()
         self._driver = driver
         self._camera = camera
         self._clock = clock
         self._gate = Gate(self.config.gate)
         self._governor = Governor(self.config.governor)
-        self._labeller = Labeller()
-        self._events: list[SchoolEvent] = []
-        self.school = School(policy, self._events.append)
-        self._lock = threading.Lock()
-        self._inbox: list[PilotCommand] = []
-        self._requests: deque[Callable[[], None]] = deque()
+        self._apprentice = Apprentice(policy, clock)
+        self._mailbox = Mailbox()
         self._listeners: list[Callable[[Tick], None]] = []
-        self._seen: dict[int, _Seen] = {}
-        self._frame: Frame | None = None
-        self._prediction: Prediction | None = None
-        self._agreed: deque[bool] = deque(maxlen=AGREEMENT_FRAMES)
-        self._frame_times_s: deque[float] = deque(maxlen=30)
         self._stops: Counter[StopReason] = Counter()
         self._cycles = 0
         self._late_cycles = 0
         self._last_turn_s: float | None = None
-        self._timings = {"propose": Timing(), "learn": Timing()}
         self._fault: str | None = None
         self._last_mode = Mode.TRAIN
         self._shown_mode = Mode.STOPPED
@@ -120,15 +93,23 @@ class ControlLoop:
     # What others ask of the loop -------------------------------------------------------------
 
     @property
+    def wake(self) -> threading.Event:
+        """Set when there is a reason to turn: a frame, a command, a request."""
+        return self._mailbox.wake
+
+    @property
+    def school(self) -> School:
+        """Where the policy is taught; only to be touched through `submit`."""
+        return self._apprentice.school
+
+    @property
     def state(self) -> LoopState:
         """The newest state; a frozen value that never changes under the reader."""
         return self._state
 
     def command(self, command: PilotCommand) -> None:
         """Take one word of the pilot; the loop turns at once."""
-        with self._lock:
-            self._inbox.append(command)
-        self.wake.set()
+        self._mailbox.put_command(command)
 
     def set_mode(self, mode: Mode) -> Future[bool]:
         """Choose a mode: the explicit start after any stop. The future says if it was taken."""
@@ -155,18 +136,7 @@ class ControlLoop:
 
         Whatever reads or changes the school goes this way: undo, edits, saving, replacing.
         """
-        future: Future[_T] = Future()
-
-        def run() -> None:
-            try:
-                future.set_result(request())
-            except Exception as error:  # handed to whoever asked; the loop goes on
-                future.set_exception(error)
-
-        with self._lock:
-            self._requests.append(run)
-        self.wake.set()
-        return future
+        return self._mailbox.put_request(request)
 
     def subscribe(self, listener: Callable[[Tick], None]) -> Callable[[], None]:
         """Have `listener` told of each turn, on the loop's thread; it must only take note.
@@ -197,7 +167,7 @@ class ControlLoop:
 
     def _turn(self, now_s: float, started_s: float) -> Tick:
         self._check_stall(now_s)
-        self._serve_requests()
+        self._mailbox.serve_requests()
         self._heed_button()
         commands = self._hear(now_s)
         frame = self._look()
@@ -207,16 +177,12 @@ class ControlLoop:
         if sent is None:
             decision, sent = self._idle_decision(), Action.STOP
         if decision.driven_by is DrivenBy.PILOT or self._gate.mode is not Mode.STOPPED:
-            self._learn(commands)
+            self._apprentice.learn(  # a stopped robot does not
+                commands,
+                is_intervention=self._gate.mode is Mode.AUTONOMOUS,
+                may_learn=self._governor.may_learn,
+            )
         return self._finish(now_s, started_s, frame, commands, decision, sent, sensors)
-
-    def _serve_requests(self) -> None:
-        while True:
-            with self._lock:
-                if not self._requests:
-                    return
-                request = self._requests.popleft()
-            request()
 
     def _check_stall(self, now_s: float) -> None:
         before_s, self._last_turn_s = self._last_turn_s, now_s
@@ -235,8 +201,7 @@ class ControlLoop:
             self._trip(StopReason.BUTTON)
 
     def _hear(self, now_s: float) -> list[PilotCommand]:
-        with self._lock:
-            commands, self._inbox = self._inbox, []
+        commands = self._mailbox.take_commands()
         for command in commands:
             self._judge_link(command, now_s)
         if self._governor.must_stop:
@@ -249,34 +214,18 @@ class ControlLoop:
 
     def _judge_link(self, command: PilotCommand, now_s: float) -> None:
         """Have the governor weigh how old the picture is that the pilot acts upon."""
-        if command.frame_id is None or not self._seen:
-            return
-        oldest = next(iter(self._seen.values()))
-        captured_s = self._seen.get(command.frame_id, oldest).captured_s
-        age_s = age_of_link_s(command.received_s - captured_s, command.frame_age_s)
-        self._governor.hear(age_s, now_s)
+        picture_age_s = self._apprentice.picture_age_s(command)
+        if picture_age_s is not None:
+            self._governor.hear(age_of_link_s(picture_age_s, command.frame_age_s), now_s)
 
     def _look(self) -> Frame | None:
-        """Take the newest frame, and return it if the policy has not seen it yet."""
-        frame = self._camera.latest()
-        if frame is None or (self._frame is not None and frame.frame_id == self._frame.frame_id):
-            return None
+        """Have the newest frame looked at; return it if it is new."""
         try:
-            x = self.school.policy.extract(frame)
+            is_new = self._apprentice.look(self._camera.latest())
         except CameraError as error:
             self._fault = str(error)
             return None
-        self._frame = frame
-        self._frame_times_s.append(frame.captured_s)
-        started_s = self._clock.now_s()
-        self._prediction = self.school.policy.propose(frame.frame_id, x)
-        self._note_time("propose", started_s)
-        self._seen[frame.frame_id] = _Seen(
-            x=x, captured_s=frame.captured_s, predicted=self._prediction.action
-        )
-        while len(self._seen) > MEMORY_FRAMES:
-            del self._seen[next(iter(self._seen))]
-        return frame
+        return self._apprentice.frame if is_new else None
 
     def _sense(self) -> Sensors:
         try:
@@ -287,10 +236,11 @@ class ControlLoop:
 
     def _decide(self, now_s: float) -> Decision:
         was_moving = self._gate.mode is not Mode.STOPPED
+        frame = self._apprentice.frame
         decision = self._gate.select(
             now_s,
-            self._prediction,
-            self._frame.captured_s if self._frame else None,
+            self._apprentice.prediction,
+            frame.captured_s if frame else None,
             camera_fault=self._camera.fault is not None,
         )
         if was_moving and decision.mode is Mode.STOPPED and decision.stop_reason is not None:
@@ -305,23 +255,6 @@ class ControlLoop:
         except DriveError as error:
             self._drive_failed(error)
             return None
-
-    def _learn(self, commands: list[PilotCommand]) -> None:
-        """Teach the frames that the pilot's commands label; a stopped robot does not learn."""
-        is_intervention = self._gate.mode is Mode.AUTONOMOUS
-        for command in commands:
-            for frame_id, label in list(self._labeller.label(command, self._seen)):
-                if not self._governor.may_learn:
-                    continue
-                seen = self._seen[frame_id]
-                lesson = Lesson(frame_id=frame_id, label=label, is_intervention=is_intervention)
-                self._agreed.append(seen.predicted is label)
-                started_s = self._clock.now_s()
-                self.school.teach(lesson, seen.x, seen.captured_s)
-                self._note_time("learn", started_s)
-
-    def _note_time(self, name: str, started_s: float) -> None:
-        self._timings[name] = self._timings[name].plus(self._clock.now_s() - started_s)
 
     def _finish(
         self,
@@ -343,14 +276,11 @@ class ControlLoop:
             commands=tuple(commands),
             decision=decision,
             sent=sent,
-            prediction=self._prediction,
+            prediction=self._apprentice.prediction,
             sensors=sensors,
-            school_events=tuple(self._events),
+            school_events=self._apprentice.take_events(),
             cycle_s=cycle_s,
         )
-        if any(isinstance(event, Replaced) for event in self._events):
-            self._agreed.clear()  # another policy: how good the one before was says nothing
-        self._events.clear()
         if decision.mode is not self._shown_mode:
             self._shown_mode = decision.mode
             self._driver.show(decision.mode)
@@ -387,10 +317,8 @@ class ControlLoop:
 
     def _settle(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
-        with self._lock:
-            self._inbox.clear()
-        self._labeller.settle()
-        self.school.policy.settle()
+        self._mailbox.take_commands()
+        self._apprentice.settle()
 
     def _note_stop(self, reason: StopReason) -> None:
         self._stops[reason] += 1
@@ -413,7 +341,8 @@ class ControlLoop:
         )
 
     def _make_state(self, now_s: float, decision: Decision, sensors: Sensors) -> LoopState:
-        frame, policy = self._frame, self.school.policy
+        apprentice = self._apprentice
+        frame, policy = apprentice.frame, apprentice.school.policy
         return LoopState(
             now_s=now_s,
             decision=decision,
@@ -421,14 +350,14 @@ class ControlLoop:
             fault=self._camera.fault or self._fault,
             frame_id=frame.frame_id if frame else None,
             frame_captured_s=frame.captured_s if frame else None,
-            prediction=self._prediction,
+            prediction=apprentice.prediction,
             sensors=sensors,
-            cycle_hz=self._frame_rate_hz(),
+            cycle_hz=apprentice.frame_rate_hz,
             late_cycles=self._late_cycles,
             cycles=self._cycles,
-            agreement=sum(self._agreed) / len(self._agreed) if self._agreed else None,
-            agreement_frames=len(self._agreed),
-            taught=dict(self.school.taught),
+            agreement=apprentice.agreement,
+            agreement_frames=apprentice.agreement_frames,
+            taught=dict(apprentice.school.taught),
             n_nodes=policy.n_nodes,
             max_nodes=policy.max_nodes,
             learner=policy.name,
@@ -436,47 +365,5 @@ class ControlLoop:
             stops=dict(self._stops),
             link=self._governor.level,
             pilot_frame_age_s=self._governor.age_s,
-            learner_times=dict(self._timings),
+            learner_times=dict(apprentice.timings),
         )
-
-    def _frame_rate_hz(self) -> float:
-        times_s = self._frame_times_s
-        if len(times_s) < 2 or times_s[-1] <= times_s[0]:
-            return 0.0
-        return (len(times_s) - 1) / (times_s[-1] - times_s[0])
-
-
-class LoopThread:
-    """Turns a `ControlLoop` in real time on a thread of its own."""
-
-    def __init__(self, loop: ControlLoop, clock: Clock) -> None:
-        self._loop = loop
-        self._clock = clock
-        self._ending = threading.Event()
-        self._thread: threading.Thread | None = None
-
-    def start(self) -> None:
-        """Begin to turn; does nothing on a loop that already does."""
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._run, name="control-loop", daemon=True)
-            self._thread.start()
-
-    def stop(self) -> None:
-        """Stop the robot and end the thread; idempotent."""
-        if self._thread is not None:
-            self._loop.trip(StopReason.PILOT_GONE)
-            self._ending.set()
-            self._loop.wake.set()
-            self._thread.join(timeout=5.0)
-            self._thread = None
-
-    def _run(self) -> None:
-        loop = self._loop
-        while not self._ending.is_set():
-            loop.wake.wait(loop.config.longest_wait_s)
-            loop.wake.clear()
-            loop.tick(self._clock.now_s())
-        loop.tick(self._clock.now_s())
-
-
-__all__ = ["ControlLoop", "LoopConfig", "LoopState", "LoopThread", "Tick"]

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from robot.camera import Camera
 from robot.clock import Clock, RealClock
 from robot.driver import Driver
-from robot.loop import ControlLoop, LoopConfig, LoopThread
+from robot.lifecycle import StartStop
+from robot.loop import ControlLoop, LoopConfig
+from robot.loop_thread import LoopThread
 from robot.options import make_options
 from robot.plugins import load_camera, load_driver
 from robot.policy import Policy, make_policy
 
 
-class Rig:
+class Rig(StartStop):
     """Owns the parts, and starts and stops them in the right order. A context manager."""
 
     def __init__(
@@ -51,18 +52,6 @@ class Rig:
         self._thread.stop()
         self.camera.stop()
         self.driver.disconnect()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.stop()
 
 
 def build_rig(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from fastapi import HTTPException, Request
 from starlette.concurrency import run_in_threadpool
@@ -14,13 +13,14 @@ from robot.episodes.recorder import Recorder
 from robot.episodes.recovery import recover_last
 from robot.episodes.shelf import EpisodeShelf
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
+from robot.lifecycle import StartStop
 from robot.models.keeper import Announce, Keeper, say_nothing
 from robot.models.shelf import ModelShelf
 from robot.rig import Rig
 from robot.storage import Storage
 
 
-class Library:
+class Library(StartStop):
     """Starts and stops what keeps. A context manager, inside of the rig's."""
 
     def __init__(
@@ -57,18 +57,6 @@ class Library:
         """Finish the recording and save what was learned; the loop must still turn. Idempotent."""
         self.recorder.stop()
         self.keeper.stop()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.stop()
 
 
 def library_of(request: Request) -> Library:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robot.clock import RealClock
-from robot.loop import LoopThread
+from robot.loop_thread import LoopThread
 from robot.types import Action, DrivenBy, Mode, StopReason
 from tests.robot.bench_robot import BenchRobot
 

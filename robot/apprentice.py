@@ -1,0 +1,136 @@
+"""The half of the loop that looks and learns: it sees each frame once, says what it would do, and
+is taught what the pilot did on it.
+
+It remembers the newest frames as vectors, because a command labels the frame that the pilot was
+looking at, which is a little older than the newest.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robot.clock import Clock
+from robot.labels import Labeller
+from robot.learner.base import Vector
+from robot.policy import Policy
+from robot.school import Replaced, School, SchoolEvent
+from robot.state import Timing
+from robot.types import Action, Frame, Lesson, PilotCommand, Prediction
+
+AGREEMENT_FRAMES = 100
+"""Over how many of the last lessons agreement is counted."""
+MEMORY_FRAMES = 64
+"""How many of the newest frames can still be labelled: two seconds at 30 frames a second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Seen:
+    """A frame that can still be labelled."""
+
+    x: Vector
+    captured_s: float
+    predicted: Action | None
+
+
+class Apprentice:
+    """Looks, proposes and learns; for one thread.
+
+    Attributes:
+        school: Where it is taught, and where lessons are taken back.
+        frame: The newest frame that it has looked at.
+        prediction: What it would do on that frame.
+        timings: How long proposing and learning took, by name.
+    """
+
+    def __init__(self, policy: Policy, clock: Clock) -> None:
+        self._clock = clock
+        self._events: list[SchoolEvent] = []
+        self.school = School(policy, self._events.append)
+        self.frame: Frame | None = None
+        self.prediction: Prediction | None = None
+        self.timings = {"propose": Timing(), "learn": Timing()}
+        self._labeller = Labeller()
+        self._seen: dict[int, _Seen] = {}
+        self._agreed: deque[bool] = deque(maxlen=AGREEMENT_FRAMES)
+        self._frame_times_s: deque[float] = deque(maxlen=30)
+
+    def look(self, frame: Frame | None) -> bool:
+        """Look at the camera's newest frame; False if it was seen before, or there is none.
+
+        Raises:
+            CameraError: If it is no picture; it then counts as not seen.
+        """
+        if frame is None or (self.frame is not None and frame.frame_id == self.frame.frame_id):
+            return False
+        x = self.school.policy.extract(frame)
+        self.frame = frame
+        self._frame_times_s.append(frame.captured_s)
+        started_s = self._clock.now_s()
+        self.prediction = self.school.policy.propose(frame.frame_id, x)
+        self._note_time("propose", started_s)
+        self._seen[frame.frame_id] = _Seen(
+            x=x, captured_s=frame.captured_s, predicted=self.prediction.action
+        )
+        while len(self._seen) > MEMORY_FRAMES:
+            del self._seen[next(iter(self._seen))]
+        return True
+
+    def learn(
+        self, commands: Sequence[PilotCommand], *, is_intervention: bool, may_learn: bool
+    ) -> None:
+        """Learn the frames that the pilot's commands label; `may_learn` False passes them over."""
+        for command in commands:
+            for frame_id, label in list(self._labeller.label(command, self._seen)):
+                if may_learn:
+                    self._learn_one(frame_id, label, is_intervention)
+
+    def settle(self) -> None:
+        """Forget whatever belongs to the drive that ends here."""
+        self._labeller.settle()
+        self.school.policy.settle()
+
+    def picture_age_s(self, command: PilotCommand) -> float | None:
+        """Return how old the picture was that the pilot acted upon; None if that is not known."""
+        if command.frame_id is None or not self._seen:
+            return None
+        oldest = next(iter(self._seen.values()))
+        return command.received_s - self._seen.get(command.frame_id, oldest).captured_s
+
+    def take_events(self) -> tuple[SchoolEvent, ...]:
+        """Take what changed the learner since the last time, in order."""
+        events = tuple(self._events)
+        self._events.clear()
+        if any(isinstance(event, Replaced) for event in events):
+            self._agreed.clear()  # another policy: how good the one before was says nothing
+        return events
+
+    @property
+    def agreement(self) -> float | None:
+        """Share of the last lessons that it would have done itself; None before the first."""
+        return sum(self._agreed) / len(self._agreed) if self._agreed else None
+
+    @property
+    def agreement_frames(self) -> int:
+        """Over how many lessons `agreement` is counted."""
+        return len(self._agreed)
+
+    @property
+    def frame_rate_hz(self) -> float:
+        """New frames a second, over the last thirty."""
+        times_s = self._frame_times_s
+        if len(times_s) < 2 or times_s[-1] <= times_s[0]:
+            return 0.0
+        return (len(times_s) - 1) / (times_s[-1] - times_s[0])
+
+    def _learn_one(self, frame_id: int, label: Action, is_intervention: bool) -> None:
+        seen = self._seen[frame_id]
+        lesson = Lesson(frame_id=frame_id, label=label, is_intervention=is_intervention)
+        self._agreed.append(seen.predicted is label)
+        started_s = self._clock.now_s()
+        self.school.teach(lesson, seen.x, seen.captured_s)
+        self._note_time("learn", started_s)
+
+    def _note_time(self, name: str, started_s: float) -> None:
+        self.timings[name] = self.timings[name].plus(self._clock.now_s() - started_s)

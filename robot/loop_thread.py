@@ -1,0 +1,43 @@
+"""The control loop in real time."""
+
+from __future__ import annotations
+
+import threading
+
+from robot.clock import Clock
+from robot.loop import ControlLoop
+from robot.types import StopReason
+
+
+class LoopThread:
+    """Turns a `ControlLoop` on a thread of its own: at once for each new frame, command or request,
+    and every 50 ms without them."""
+
+    def __init__(self, loop: ControlLoop, clock: Clock) -> None:
+        self._loop = loop
+        self._clock = clock
+        self._ending = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Begin to turn; does nothing on a loop that already does."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="control-loop", daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Stop the robot and end the thread; idempotent."""
+        if self._thread is not None:
+            self._loop.trip(StopReason.PILOT_GONE)
+            self._ending.set()
+            self._loop.wake.set()
+            self._thread.join(timeout=5.0)
+            self._thread = None
+
+    def _run(self) -> None:
+        loop = self._loop
+        while not self._ending.is_set():
+            loop.wake.wait(loop.config.longest_wait_s)
+            loop.wake.clear()
+            loop.tick(self._clock.now_s())
+        loop.tick(self._clock.now_s())
