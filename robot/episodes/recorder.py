@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import re
 import secrets
 import shutil
 import threading
@@ -501,3 +502,8 @@ def make_id(wall_ns: int) -> str:
     """Name a recording by its time, in UTC, so that names sort by time."""
     at = datetime.fromtimestamp(wall_ns / 1e9, UTC)
     return f"{at:%Y-%m-%d_%H%M%S}_{wall_ns // 10**6 % 1000:03d}"
+
+
+def is_recorded_name(path: Path) -> bool:
+    """True if the file is named as a recorder names its own; imports have names of their own."""
+    return re.fullmatch(r"\d{4}-\d\d-\d\d_\d{6}_\d{3}", path.stem) is not None

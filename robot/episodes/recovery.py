@@ -14,6 +14,7 @@ from pathlib import Path
 
 from robot.episodes.edits import Notes, read_notes, write_notes
 from robot.episodes.episode import Episode, open_episode
+from robot.episodes.recorder import is_recorded_name
 from robot.episodes.teaching import learn_again
 from robot.errors import RobotError
 from robot.models.model import Model, take_model
@@ -33,7 +34,7 @@ def recover_last(folder: Path, shelf: ModelShelf, name: str) -> int:
         shelf: The models.
         name: What the model is called if none was saved yet.
     """
-    newest = max(folder.glob("*.mcap"), default=None)
+    newest = max(filter(is_recorded_name, folder.glob("*.mcap")), default=None)
     if newest is None:
         return 0
     try:

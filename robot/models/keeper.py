@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection
 
 from robot.errors import ConfigurationError, RobotError
 from robot.loop import ControlLoop
-from robot.models.model import Model, take_model
+from robot.models.model import Model, take_model, with_preview
 from robot.models.shelf import ModelShelf
 from robot.policy import make_policy
 from robot.state import Tick
@@ -133,10 +133,14 @@ class Keeper:
         def take() -> Model:
             school = self._loop.school
             return take_model(
-                school.policy, school.taught, saved_at_s=time.time(), place=self._place
+                school.policy,
+                school.taught,
+                saved_at_s=time.time(),
+                place=self._place,
+                with_preview=False,
             )
 
-        return self._loop.submit(take).result(timeout=10.0)
+        return with_preview(self._loop.submit(take).result(timeout=10.0))
 
     def load_last(self, learner: str | None = None) -> str | None:
         """Load the model used last, or the newest good one; None if there is none.

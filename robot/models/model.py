@@ -90,6 +90,11 @@ def take_model(
     return Model(card=card, state=policy.get_state(), preview=preview)
 
 
+def with_preview(model: Model) -> Model:
+    """Return the model with its preview: slow enough to be done on a thread that has time."""
+    return replace(model, preview=_preview(model.to_policy().gallery()))
+
+
 def _preview(gallery: list[LearnedImage]) -> NDArray[np.uint8]:
     if not gallery:
         return np.zeros((1, 1), np.uint8)

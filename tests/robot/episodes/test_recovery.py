@@ -66,6 +66,7 @@ def test_a_model_that_was_never_saved_comes_back_whole(storage: Storage) -> None
     robot.drive(range(30))
     live = now(robot.loop.school)
     cut(storage, robot)
+    (storage.episodes / "zebra.mcap").write_bytes(b"an import, which no robot recorded")
     assert recover_last(storage.episodes, shelf, "bench") == 30
     assert shelf.current == "bench"
     assert same_nodes(shelf.load("bench").state, live.state)
@@ -81,5 +82,5 @@ def test_a_whole_recording_changes_nothing(storage: Storage) -> None:
 
 
 def test_a_recording_that_nobody_can_read_stops_no_start(storage: Storage) -> None:
-    (storage.episodes / "x.mcap").write_bytes(b"rubbish")
+    (storage.episodes / "2026-01-01_120000_000.mcap").write_bytes(b"rubbish")
     assert recover_last(storage.episodes, ModelShelf(storage), "bench") == 0
