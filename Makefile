@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run test test-brick test-oldest check docs format clean
+.PHONY: help run test test-brick test-oldest check docs format screenshots clean
 
 help: ## Say what there is
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -38,6 +38,9 @@ docs: $(VENV)/.dev ## Write the reference of the command line anew
 format: $(VENV)/.dev ## Format and mend what can be mended
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+screenshots: $(VENV)/.dev ## Take the pictures of every screen for the docs (needs Chromium)
+	$(BIN)/python -m tests.e2e.screenshots docs/images
 
 clean: ## Remove what was set up
 	rm -rf $(VENV)

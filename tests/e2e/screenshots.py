@@ -1,14 +1,24 @@
-"""Take the pictures of every screen for the docs, from the running program: make screenshots."""
+"""Take the pictures of every screen for the docs, from the running program: make screenshots.
+
+The world is simulated; no picture shows a real place.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import sys
 import tempfile
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.e2e.world import (
+import httpx
+
+from robot.lesson import Phase
+
+from .world import (
     DESKTOP,
     LANDSCAPE,
     PHONE,
@@ -23,78 +33,91 @@ from tests.e2e.world import (
 
 SIZES = {"phone": PHONE, "desktop": DESKTOP}
 SCREENS = ("gallery", "teaching", "undo", "home", "settings")
+Shoot = Callable[[str], None]
 
 
-def take_all(folder: Path, only: str = "") -> None:
-    """Write one PNG a screen, size and colour scheme."""
+def take_all(folder: Path) -> None:
+    """Write one PNG a screen, size and colour scheme: NAME-SIZE-SCHEME.png."""
     folder.mkdir(parents=True, exist_ok=True)
-    with (
-        tempfile.TemporaryDirectory() as kept,
-        running_world(Path(kept), world="office") as world,
-        running_chromium() as browser,
-    ):
-        _take_hints(browser, world, folder, only)
-        _teach_first(browser, world)
-        for size, viewport in {**SIZES, "landscape": LANDSCAPE}.items():
-            for scheme in ("light", "dark"):
-                context = browser.new_context(
-                    viewport=viewport,
-                    color_scheme=scheme,
-                    has_touch=True,
-                    is_mobile=size != "desktop",
-                )
-                page = open_page(context, world.address)
-                shoot = _shooter(page, folder, f"{size}-{scheme}", only)
-                _take_drive(page, world, shoot)
-                if size != "landscape":
-                    for screen in SCREENS:
-                        page.goto(f"{world.address}/#{screen}")
-                        page.wait_for_timeout(1200)
-                        shoot(screen)
-                    _take_detail(page, world, shoot)
-                context.close()
+    with running_chromium() as browser:
+        with _world("office") as world:
+            _each(browser, world, folder, _take_hints, hints=True)
+            _teach_first(browser, world)
+            _each(browser, world, folder, _take_drive)
+            _each(browser, world, folder, _take_drive, sizes={"landscape": LANDSCAPE})
+            _each(browser, world, folder, _take_screens)
+        with _world("box") as world:
+            _hold_lesson(browser, world)
+            _each(browser, world, folder, _take_result)
+            httpx.delete(f"{world.address}/api/lesson")
+            _each(browser, world, folder, _take_lesson)
 
 
-def _shooter(page: Any, folder: Path, ending: str, only: str) -> Callable[[str], None]:
-    def shoot(name: str) -> None:
-        if only in name:
-            page.screenshot(path=folder / f"{name}-{ending}.png")
-
-    return shoot
+@contextlib.contextmanager
+def _world(name: str) -> Iterator[World]:
+    with tempfile.TemporaryDirectory() as kept, running_world(Path(kept), world=name) as world:
+        yield world
 
 
-def _take_hints(browser: Any, world: World, folder: Path, only: str) -> None:
-    for size, viewport in SIZES.items():
+def _each(
+    browser: Any,
+    world: World,
+    folder: Path,
+    take: Callable[[Any, World, Shoot], None],
+    *,
+    sizes: dict[str, dict[str, int]] = SIZES,
+    hints: bool = False,
+) -> None:
+    for size, viewport in sizes.items():
         for scheme in ("light", "dark"):
-            context = browser.new_context(viewport=viewport, color_scheme=scheme)
-            page = open_page(context, world.address, hints=True)
-            page.wait_for_timeout(600)
-            _shooter(page, folder, f"{size}-{scheme}", only)("hints")
+            context = browser.new_context(
+                viewport=viewport, color_scheme=scheme, has_touch=True, is_mobile=size != "desktop"
+            )
+            page = open_page(context, world.address, hints=hints)
+
+            def shoot(name: str, page: Any = page, ending: str = f"{size}-{scheme}") -> None:
+                _save(page.screenshot(), folder / f"{name}-{ending}.png")
+
+            take(page, world, shoot)
             context.close()
+
+
+def _save(png: bytes, path: Path) -> None:
+    """Write a picture in 64 colours: a quarter of the bytes."""
+    from PIL import Image
+
+    picture = Image.open(io.BytesIO(png)).convert("RGB")
+    # Coverage keeps the rare colours, which are the ones with a meaning.
+    few = picture.quantize(64, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    few.save(path, optimize=True)
+    print(path)
+
+
+def _take_hints(page: Any, world: World, shoot: Shoot) -> None:
+    page.wait_for_timeout(600)
+    shoot("hints")
 
 
 def _teach_first(browser: Any, world: World) -> None:
     context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     page = open_page(context, world.address)
     page.locator("[data-mode=train]").tap()
-    teach(world, Fingers(page), 500, near_m=0.5)
+    teach(world, Fingers(page), 350, near_m=0.6)
     page.locator("[data-mode=stopped]").tap()
     context.close()
 
 
-def _take_drive(page: Any, world: World, shoot: Callable[[str], None]) -> None:
+def _take_drive(page: Any, world: World, shoot: Shoot) -> None:
     page.locator("[data-mode=train]").tap()
     fingers = Fingers(page)
     page.wait_for_selector("drive-pad:not(.idle)")
-    fingers.press(pad("left"))
-    page.wait_for_timeout(1500)
-    fingers.lift()
+    teach(world, fingers, world.lessons + 30, near_m=0.6)
     fingers.press(pad("forward"))
-    page.wait_for_timeout(500)
+    page.wait_for_timeout(400)
     shoot("teach")
     fingers.lift()
     page.locator("[data-mode=autonomous]").tap()
-    page.wait_for_timeout(1200)
+    page.wait_for_timeout(800)
     shoot("drive")
     page.locator("drive-pad .stop").tap()
     page.wait_for_timeout(400)
@@ -104,12 +127,51 @@ def _take_drive(page: Any, world: World, shoot: Callable[[str], None]) -> None:
     page.locator("[data-mode=stopped]").tap()
 
 
-def _take_detail(page: Any, world: World, shoot: Callable[[str], None]) -> None:
+def _take_screens(page: Any, world: World, shoot: Shoot) -> None:
+    for screen in SCREENS:
+        page.goto(f"{world.address}/#{screen}")
+        page.wait_for_timeout(1200)
+        shoot(screen)
     page.goto(f"{world.address}/#gallery")
     page.locator(".card").nth(2).tap()
     page.wait_for_timeout(800)
     shoot("image")
+    page.goto(f"{world.address}/#drive")
+    page.locator("app-bar [aria-controls=menu]").tap()
+    page.wait_for_timeout(300)
+    shoot("menu")
+
+
+def _hold_lesson(browser: Any, world: World) -> None:
+    """Trial 1, fifteen times as fast as it is."""
+    room = world.app.state.classroom
+    room.pace = 15.0
+    context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    page = open_page(context, world.address)
+    httpx.post(f"{world.address}/api/lesson", json={"trial": 1, "teach_s": 180})
+    page.locator("[data-mode=train]").tap()
+    fingers = Fingers(page)
+    teach(world, fingers, 10_000, until=lambda: room.lesson.phase is not Phase.TEACH)
+    for phase in (Phase.CORRECT, Phase.ALONE):
+        page.wait_for_timeout(500)
+        page.locator("[data-mode=autonomous]").tap()
+        while room.lesson.phase is phase:
+            time.sleep(0.05)
+    httpx.post(f"{world.address}/api/lesson/answer", json={"answer": 6})
+    context.close()
+
+
+def _take_result(page: Any, world: World, shoot: Shoot) -> None:
+    page.goto(f"{world.address}/#lesson")
+    page.wait_for_timeout(800)
+    shoot("result")
+
+
+def _take_lesson(page: Any, world: World, shoot: Shoot) -> None:
+    page.goto(f"{world.address}/#lesson")
+    page.wait_for_timeout(800)
+    shoot("lesson")
 
 
 if __name__ == "__main__":
-    take_all(Path(sys.argv[1]), *sys.argv[2:3])
+    take_all(Path(sys.argv[1]))

@@ -169,7 +169,7 @@ def teach(
 ) -> None:
     """Drive as a person would: straight on, and left before whatever stands in the way."""
     held: str | None = None
-    deadline_s = time.monotonic() + 60
+    deadline_s = time.monotonic() + 100
     while world.lessons < lessons and not until():
         assert time.monotonic() < deadline_s, f"only {world.lessons} lessons came through"
         patience_m = near_m if held == "forward" else near_m * 1.3

@@ -67,7 +67,7 @@ export class Page {
 
   /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[]}} hello */
   greet(hello) {
-    this.curveLessons = 0;
+    this.refreshCurve();
     this.store.set({ link: 'open', role: hello.role, robotName: hello.robot, moves: hello.moves });
     this.refreshLesson();
   }
@@ -89,6 +89,15 @@ export class Page {
     });
     this.drawCurve(robot);
     this.wakeLock.want(robot.mode !== 'stopped');
+  }
+
+  /** Begin the curve with what was taught before this page came. */
+  async refreshCurve() {
+    const teaching = await ask('GET', '/api/teaching').catch(() => null);
+    if (!teaching) return;
+    this.curveLessons = teaching.lessons;
+    const shares = teaching.history.map((/** @type {[number, number]} */ [, share]) => share);
+    this.store.set({ agreement: shares.slice(-CURVE_POINTS) });
   }
 
   /** @param {RobotState} robot */
