@@ -160,9 +160,11 @@ class ControlLoop:
             return self._turn(now_s, started_s)
         except Exception as error:  # top of the loop: whatever it is, first of all stop
             self._driver.stop()
-            log.exception("the loop stopped the robot")
             self._trip(StopReason.LOOP_FAULT)
-            self._fault = f"Something went wrong inside: {error}"
+            fault = f"Something went wrong inside: {error}"
+            if fault != self._fault:  # once, not thirty times a second
+                log.exception("the loop stopped the robot")
+            self._fault = fault
             return self._finish(now_s, started_s, None, [], self._idle_decision(), Action.STOP)
 
     def _turn(self, now_s: float, started_s: float) -> Tick:

@@ -134,7 +134,9 @@ def test_a_drive_that_fails_is_stopped_and_said() -> None:
     assert state.fault == "No motor on port B."
 
 
-def test_whatever_is_thrown_inside_stops_the_robot_first() -> None:
+def test_whatever_is_thrown_inside_stops_the_robot_first_and_is_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
 
@@ -146,6 +148,9 @@ def test_whatever_is_thrown_inside_stops_the_robot_first() -> None:
     assert robot.driver.stops >= 1
     assert robot.loop.state.decision.stop_reason is StopReason.LOOP_FAULT
     assert "boom" in (robot.loop.state.fault or "")
+    for scene in range(5):
+        robot.step(scene, F)
+    assert sum("the loop stopped the robot" in line for line in caplog.messages) == 1
 
 
 def test_an_emergency_latches() -> None:
