@@ -9,19 +9,16 @@ lesson whose picture was not kept carries its feature vector along, so that no l
 from __future__ import annotations
 
 import contextlib
-import logging
 import re
 import secrets
-import shutil
-import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from robot.episodes.disk import Close, Disk, Open, RecorderConfig, Say
 from robot.episodes.words import (
     COMMAND,
     DECISION,
@@ -35,67 +32,14 @@ from robot.episodes.words import (
     describe_prediction,
     describe_sensors,
 )
-from robot.episodes.writer import EpisodeWriter, Run, require_mcap
+from robot.episodes.writer import Run, require_mcap
 from robot.errors import MissingExtraError
 from robot.loop import ControlLoop
 from robot.models.keeper import Announce, say_nothing
-from robot.models.model import Model, encode_model, take_model
+from robot.models.model import Model, take_model
 from robot.school import Replaced, SchoolEvent, Taught, Undone
 from robot.state import Tick
 from robot.types import Frame, Mode
-
-log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecorderConfig:
-    """How much may wait, and how long."""
-
-    queue_bytes: int = 32 * 2**20
-    """Pictures that wait for the disk; more are dropped and counted."""
-    queue_items: int = 4096
-    """Anything that waits; words weigh little and are dropped last."""
-    flush_every_s: float = 0.25
-    """What a kill can cost."""
-    pause_s: float = 10.0
-    """Standing for so long ends a recording."""
-    trail_s: float = 1.0
-    """Pictures go on for so long after the robot came to stand."""
-    lead_frames: int = 15
-    """Pictures from before the start that go along: the pilot may label them."""
-    lead_bytes: int = 8 * 2**20
-    spare_bytes: int = 64 * 2**20
-    """Recording stops while the disk still has so much left: for models, and for the system."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Lost:
-    """What the disk was too slow for, counted from the program's start."""
-
-    frames: int = 0
-    words: int = 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Open:
-    run: Run
-    model: Model | None
-    lost_before: _Lost
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Say:
-    topic: str
-    now_s: float
-    words: Words
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Close:
-    model: Model | None
-
-
-_Item = _Open | _Say | _Close | Frame
 
 
 class Recorder:
@@ -130,7 +74,7 @@ class Recorder:
         self._config = config or RecorderConfig()
         self._wall_ns = wall_ns
         self._run_id = secrets.token_hex(8)
-        self._disk = _Disk(folder, self._config, open_file, announce)
+        self._disk = Disk(folder, self._config, open_file, announce)
         self._unsubscribe: Callable[[], None] = lambda: None
         self._base: Model | None = None
         self._is_open = False
@@ -224,7 +168,7 @@ class Recorder:
             moves=tuple(move.value for move in state.moves),
             options=self._options,
         )
-        self._disk.put(_Open(run=run, model=self._base, lost_before=self._disk.lost), 0)
+        self._disk.put(Open(run=run, model=self._base, lost_before=self._disk.lost), 0)
         self._is_open = True
         self._kept.clear()
         self._taught.clear()
@@ -294,7 +238,7 @@ class Recorder:
                 del self._kept[next(iter(self._kept))]
 
     def _say(self, topic: str, now_s: float, words: Words) -> None:
-        self._disk.put(_Say(topic=topic, now_s=now_s, words=words), 0)
+        self._disk.put(Say(topic=topic, now_s=now_s, words=words), 0)
 
     def _end_if_due(self, tick: Tick, events: tuple[SchoolEvent, ...]) -> None:
         """End after a pause, and where an undo reached back beyond this recording."""
@@ -309,7 +253,7 @@ class Recorder:
             self.finish()
 
     def _close(self, final: Model | None) -> None:
-        self._disk.put(_Close(model=final), 0)
+        self._disk.put(Close(model=final), 0)
         self._is_open = False
 
     def _take(self) -> Model:
@@ -317,185 +261,6 @@ class Recorder:
         return take_model(
             school.policy, Counter(school.taught), saved_at_s=time.time(), with_preview=False
         )
-
-
-class _Disk:
-    """The other side of the queue: one thread that writes what waits."""
-
-    def __init__(
-        self,
-        folder: Path,
-        config: RecorderConfig,
-        open_file: Callable[[Path], BinaryIO],
-        announce: Announce,
-    ) -> None:
-        self._folder = folder
-        self._config = config
-        self._open_file = open_file
-        self._announce = announce
-        self._lock = threading.Lock()
-        self._queue: deque[tuple[_Item, int]] = deque()
-        self._waiting_bytes = 0
-        self._wake = threading.Event()
-        self._ending = False
-        self._thread: threading.Thread | None = None
-        self._writer: EpisodeWriter | None = None
-        self._flushed_s = 0.0
-        self._checked_s = 0.0
-        self._lost_before = _Lost()
-        self.lost = _Lost()
-        self.episode_id: str | None = None
-        self.fault: str | None = None
-
-    # Called on the loop's thread ---------------------------------------------------------------
-
-    def put(self, item: _Item, size: int) -> bool:
-        """Have an item written; False if there is no room for it. Never waits for the disk."""
-        config = self._config
-        with self._lock:
-            is_full = self._waiting_bytes + size > config.queue_bytes and size > 0
-            must_go = isinstance(item, _Open | _Close)
-            if is_full or (len(self._queue) >= config.queue_items and not must_go):
-                self._note_loss(item)
-                return False
-            self._queue.append((item, size))
-            self._waiting_bytes += size
-        if not self._wake.is_set():
-            self._wake.set()
-        return True
-
-    def _note_loss(self, item: _Item) -> None:
-        is_frame = isinstance(item, Frame)
-        lost = self.lost
-        self.lost = _Lost(frames=lost.frames + is_frame, words=lost.words + (not is_frame))
-
-    def try_again(self) -> None:
-        """Forget a fault of the disk: the robot starts again, and so may recording."""
-        if self._thread is not None:
-            self.fault = None
-
-    @property
-    def waiting_bytes(self) -> int:
-        """Bytes of pictures that wait."""
-        return self._waiting_bytes
-
-    # Life --------------------------------------------------------------------------------------
-
-    def refuse(self, sentence: str) -> None:
-        """Record nothing, and say why."""
-        self.fault = sentence
-        self._announce("recording_off", detail=sentence)
-
-    def start(self) -> None:
-        """Begin to write what comes."""
-        self._ending = False
-        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Write what still waits, and end; a disk that hangs is left behind after ten seconds."""
-        if self._thread is not None:
-            self._ending = True
-            self._wake.set()
-            self._thread.join(timeout=10.0)
-            self._thread = None
-
-    # On the recorder's thread --------------------------------------------------------------------
-
-    def _run(self) -> None:
-        while True:
-            self._wake.wait(self._config.flush_every_s)
-            self._wake.clear()
-            is_last = self._ending
-            self._write_what_waits()
-            if is_last:
-                self._finish(None)
-                return
-
-    def _write_what_waits(self) -> None:
-        try:
-            while True:
-                with self._lock:
-                    if not self._queue:
-                        break
-                    item, size = self._queue.popleft()
-                self._write(item)
-                with self._lock:
-                    self._waiting_bytes -= size
-                self._flush_if_due()
-            self._flush_if_due()
-        except OSError as error:
-            with self._lock:
-                self._waiting_bytes = sum(size for _, size in self._queue)
-            self._give_up(f"Recording stopped, the disk refused: {error.strerror or error}")
-
-    def _write(self, item: _Item) -> None:
-        if isinstance(item, _Open):
-            self._finish(None)
-            self._begin(item)
-        elif self._writer is None:
-            return
-        elif isinstance(item, Frame):
-            self._writer.write_frame(item)
-        elif isinstance(item, _Say):
-            self._writer.write_words(item.topic, item.now_s, item.words)
-        else:
-            self._finish(item.model)
-
-    def _begin(self, item: _Open) -> None:
-        self._check_room()
-        if self.fault is not None:
-            return
-        path = self._folder / f"{item.run.episode_id}.mcap"
-        before = encode_model(item.model) if item.model is not None else None
-        self._writer = EpisodeWriter(self._open_file(path), item.run, before)
-        self.episode_id = item.run.episode_id
-        self._lost_before = item.lost_before
-        self._announce("recording_on", episode=self.episode_id)
-
-    def _flush_if_due(self) -> None:
-        now_s = time.monotonic()
-        if self._writer is None or now_s - self._flushed_s < self._config.flush_every_s:
-            return
-        self._writer.flush()
-        self._flushed_s = time.monotonic()
-        if now_s - self._checked_s > 2.0:
-            self._checked_s = now_s
-            self._check_room()
-
-    def _check_room(self) -> None:
-        free = shutil.disk_usage(self._folder).free
-        if free < self._config.spare_bytes:
-            self._finish(None)
-            self._give_up(f"Recording stopped: the disk has only {free >> 20} MB left.")
-
-    def _finish(self, model: Model | None) -> None:
-        writer, self._writer = self._writer, None
-        if writer is None:
-            return
-        after = encode_model(model) if model is not None else None
-        frames = self.lost.frames - self._lost_before.frames
-        words = self.lost.words - self._lost_before.words
-        summary = {"dropped_frames": str(frames), "lost_words": str(words)}
-        try:
-            writer.close(summary, after)
-        finally:
-            if frames or words:
-                self._announce("recording_lossy", dropped_frames=frames)
-            self._announce("recording_done", episode=self.episode_id)
-            self.episode_id = None
-
-    def _give_up(self, sentence: str) -> None:
-        """Stop recording until the robot starts again; it drives on."""
-        writer, self._writer = self._writer, None
-        if writer is not None:
-            try:
-                writer.abandon()
-            except OSError as error:
-                log.warning("closing the recording failed: %s", error)
-        self.episode_id = None
-        log.warning(sentence)
-        self.refuse(sentence)
 
 
 def make_id(wall_ns: int) -> str:

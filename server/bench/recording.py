@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from robot.clock import Clock, RealClock
-from robot.episodes.recorder import Recorder, RecorderConfig
+from robot.episodes.disk import RecorderConfig
+from robot.episodes.recorder import Recorder
 from robot.errors import MissingExtraError
 from robot.policy import make_policy
 from robot.rig import Rig

@@ -19,8 +19,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from robot.clock import RealClock
+from robot.episodes.disk import RecorderConfig
 from robot.episodes.episode import open_episode
-from robot.episodes.recorder import Recorder, RecorderConfig
+from robot.episodes.recorder import Recorder
 from robot.episodes.recovery import recover_last
 from robot.errors import RobotError
 from robot.models.keeper import Keeper

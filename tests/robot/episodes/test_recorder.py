@@ -13,8 +13,8 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, un
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
+from robot.episodes.disk import RecorderConfig
 from robot.episodes.episode import open_episode, taught_frames
-from robot.episodes.recorder import RecorderConfig
 from robot.episodes.words import COMMAND, DECISION, MODE, PREDICTION, SENSORS
 from robot.types import Action, Mode
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.clock import ManualClock
 from robot.drivers.sim import SimDriver, SimOptions
-from robot.episodes.recorder import Recorder, RecorderConfig
+from robot.episodes.disk import RecorderConfig
+from robot.episodes.recorder import Recorder
 from robot.learner.base import State
 from robot.loop import ControlLoop
 from robot.policy import make_policy
