@@ -165,22 +165,34 @@ async def _measure_commands(count: int, rate_hz: float, commands: int = 100) -> 
             await asyncio.sleep(_SETTLE_S)
             await pilot.send('{"type":"mode","mode":"train","seq":1}')
             await asyncio.sleep(0.1)
-            sent_s = []
+            sent: list[tuple[float, str]] = []
             for number in range(commands):
                 held = ("forward", "left")[number % 2]
-                sent_s.append(time.monotonic())
+                sent.append((time.monotonic(), held))
                 await pilot.send(json.dumps({"type": "drive", "held": held, "seq": number + 2}))
                 await asyncio.sleep(0.047)
             notes = subject.ask()
             reading.cancel()
-    changes = [at_s for at_s, action in notes["changes"] if action != "stop"]
-    took_s = [at_s - s for s, at_s in zip(sent_s, changes, strict=True)]
+    took_s = _pair_up(sent, notes["changes"])
     return {
         "viewers": count,
         "commands": commands,
+        "not_obeyed": commands - len(took_s),
         "wire_to_drive_ms": _percentiles(took_s),
         "cycle_ms": round(1000 / rate_hz, 2),
     }
+
+
+def _pair_up(
+    sent: Sequence[tuple[float, str]], changes: Sequence[tuple[float, str]]
+) -> list[float]:
+    """Return how long each command took to its change; none for one that a later one overtook."""
+    took_s = []
+    until_s = [at_s for at_s, _ in sent[1:]] + [sent[-1][0] + 1.0]
+    for (at_s, held), next_s in zip(sent, until_s, strict=True):
+        obeyed = [t for t, action in changes if action == held and at_s <= t < next_s]
+        took_s += [obeyed[0] - at_s] if obeyed else []
+    return took_s
 
 
 async def _read_all(pilot: Any) -> None:

@@ -7,8 +7,6 @@ import contextlib
 import time
 from dataclasses import dataclass, field
 
-from websockets.asyncio.client import connect
-
 from server.bench.naive import STAMP
 from server.protocol import encode_acknowledgement, parse_picture
 
@@ -33,6 +31,8 @@ class Watched:
 
 async def watch(kind: str, port: int, watched: Watched) -> None:
     """Watch one server until cancelled."""
+    from websockets.asyncio.client import connect
+
     if kind == "naive-mjpeg":
         await _watch_mjpeg(port, watched)
         return

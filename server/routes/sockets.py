@@ -38,7 +38,9 @@ async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
 
 def _means_gone(error: Exception) -> bool:
     """True for the errors by which servers of all versions say that the client is gone."""
-    return isinstance(error, WebSocketDisconnect | RuntimeError | OSError) or (
-        type(error).__name__
-        in ("ClientDisconnected", "ConnectionClosed", "ConnectionClosedOK", "ConnectionClosedError")
-    )
+    if isinstance(error, RuntimeError):
+        return "close" in str(error) or "ASGI message" in str(error)
+    return isinstance(error, WebSocketDisconnect | OSError) or type(error).__name__ in _GONE
+
+
+_GONE = ("ClientDisconnected", "ConnectionClosed", "ConnectionClosedOK", "ConnectionClosedError")

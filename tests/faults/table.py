@@ -212,4 +212,7 @@ _CLOSING = [
     "After each of them the robot waits for an explicit start: it never moves by itself when a",
     "fault ends. In `autonomous` with nothing held, the page's heartbeat is the supervision, and",
     "may be silent for one second.",
+    "",
+    "The same with a real Chromium (a closed tab, a blocked page, a killed browser, a silent",
+    "link, a hidden page) is in tests/e2e/.",
 ]

@@ -143,7 +143,7 @@ def test_acknowledgements(server: OwnProcess, untouched: None) -> None:
 @pytest.mark.timeout(240)
 @pytest.mark.filterwarnings("ignore")
 def test_requests(server: OwnProcess, untouched: None) -> None:
-    import schemathesis
+    schemathesis = pytest.importorskip("schemathesis")
     from schemathesis.checks import load_all_checks, not_a_server_error
 
     load_all_checks()

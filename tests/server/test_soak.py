@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from websockets.asyncio.client import connect
 
 from server.bench.link import Subject
 from server.protocol import encode_acknowledgement, parse_picture
+
+pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets has it not")
+from websockets.asyncio.client import connect
 
 VISITS = int(os.environ.get("DRIVELESSON_SOAK", "200"))
 AT_A_TIME = 20
