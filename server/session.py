@@ -77,7 +77,7 @@ class VideoWindow:
     """Below the 64 KiB at which a transport holds back its writer, so that sending never waits;
     a single larger frame goes out alone."""
     _TRIAL_ACKNOWLEDGEMENTS = 3
-    _TOLERANCE, _SLACK_S = 1.4, 0.008
+    _TOLERANCE, _DOUBLED, _SLACK_S = 1.4, 1.7, 0.008
     _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 32.0
     _EASY_S, _NOT_EASY_S, _EASY_ACKNOWLEDGEMENTS = 0.025, 0.05, 8
     _ASK_EVERY = 3
@@ -164,7 +164,8 @@ class VideoWindow:
         lone_s = self._lone_delay_s if self._lone_delay_s is not None else delay_s
         if self.size > 1 and delay_s > lone_s * self._TOLERANCE + self._SLACK_S:
             self._slow += 1
-            if self._slow >= self._TRIAL_ACKNOWLEDGEMENTS:
+            is_doubled = delay_s > lone_s * self._DOUBLED + self._SLACK_S
+            if is_doubled or self._slow >= self._TRIAL_ACKNOWLEDGEMENTS:
                 self._shrink(now_s)
             return
         self._slow = 0

@@ -208,16 +208,13 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
         for proxy in proxies:
             await proxy.start()
         fast = [subject.port] * (_ALL_VIEWERS - _SLOW_VIEWERS)
-        _progress(f"{size}, all fast")
-        async with _watching("drivelesson", [*fast, *(p.port for p in proxies)]) as viewers:
-            await asyncio.sleep(_SETTLE_S)
-            start_s = time.monotonic()
-            await asyncio.sleep(min(seconds, 20))
-            without = [a for v in viewers[: len(fast)] for a in v.since(start_s)]
+        ports = [*fast, *(proxy.port for proxy in proxies)]
+        # Before and after, so that what else the machine does falls upon both sides alike.
+        without = await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, before")
         for proxy in proxies:
             proxy.weather = Weather(bytes_per_second=SLOW_LINE)
         _progress(f"{size}, four at 500 kbit/s")
-        async with _watching("drivelesson", [*fast, *(p.port for p in proxies)]) as viewers:
+        async with _watching("drivelesson", ports) as viewers:
             await asyncio.sleep(2 * _SETTLE_S)
             before, start_s = subject.ask(), time.monotonic()
             await asyncio.sleep(seconds)
@@ -229,6 +226,9 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
                 _percentiles([a for v in slow for a in _between(v, start_s, lasted_s, part)])
                 for part in range(3)
             ]
+        for proxy in proxies:
+            proxy.weather = Weather()
+        without += await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, after")
         for proxy in proxies:
             await proxy.stop()
     ratio = _percentile(with_slow, 99) / _percentile(without, 99)
@@ -242,6 +242,18 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
         "slow_age_ms_by_third": thirds,
         **_loop_figures(before, after, lasted_s),
     }
+
+
+async def _ages_of_the_fast(
+    ports: Sequence[int], n_fast: int, seconds: float, what: str
+) -> list[float]:
+    """Return the ages of pictures at the first viewers while nobody is slow."""
+    _progress(what)
+    async with _watching("drivelesson", ports) as viewers:
+        await asyncio.sleep(_SETTLE_S)
+        start_s = time.monotonic()
+        await asyncio.sleep(seconds)
+        return [age for viewer in viewers[:n_fast] for age in viewer.since(start_s)]
 
 
 def _between(viewer: Watched, start_s: float, lasted_s: float, third: int) -> list[float]:

@@ -1,0 +1,45 @@
+"""A phone that scans the code in the terminal is let in; one that does not stays outside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from server.access import Role
+from server.config import Config
+from server.pairing import Pairing
+from tests.e2e.world import PHONE, running_chromium
+from tests.server.live_robot import WEB, live_server
+
+pytestmark = pytest.mark.browser
+
+
+def test_scanning_the_code_pairs_the_browser(tmp_path: Path) -> None:
+    pairing = Pairing(10)
+    config = Config(port=0, web=WEB, lan=True, data=tmp_path)
+    with live_server(config, pairing=pairing) as server, running_chromium() as browser:
+        context = browser.new_context(viewport=PHONE, has_touch=True)
+        page = context.new_page()
+        complaints: list[str] = []
+        page.on("console", lambda message: _note(complaints, message))
+        page.goto(server.address)
+        assert page.url.endswith("/pair"), "a stranger is led to the pairing page"
+        page.fill("#token", "AAAA-AAAA-AAAA-AAAA")
+        page.click("button")
+        page.wait_for_function("document.querySelector('#said').textContent.includes('wrong')")
+        page.goto(f"{server.address}/pair#{pairing.tokens[Role.PILOT]}")
+        page.reload()  # a new fragment alone loads nothing
+        page.wait_for_url(server.address + "/")
+        page.wait_for_selector("video-view[data-frames]", state="attached", timeout=20_000)
+        assert server.station.pages
+        assert "script" not in context.cookies()[0]["value"]
+        assert context.cookies()[0]["httpOnly"] and context.cookies()[0]["sameSite"] == "Strict"
+        assert [text for text in complaints if "Content Security Policy" in text] == []
+        context.close()
+
+
+def _note(complaints: list[str], message: Any) -> None:
+    if message.type == "error":
+        complaints.append(message.text)

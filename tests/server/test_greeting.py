@@ -1,0 +1,54 @@
+"""What the terminal says, and the name on the network."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from robot.errors import MissingExtraError
+from server.access import Role
+from server.discovery import announced
+from server.greeting import draw_qr, greet_phones
+from server.logs import OneLine
+
+
+def test_phones_are_greeted_with_a_code_and_addresses_for_both_rights() -> None:
+    tokens = {Role.PILOT: "PPPP-PPPP", Role.VIEWER: "VVVV-VVVV"}
+    text = greet_phones(["http://192.0.2.1:8000", "http://drivelesson.local:8000"], tokens)
+    assert "http://192.0.2.1:8000/pair#PPPP-PPPP" in text
+    assert "http://192.0.2.1:8000/pair#VVVV-VVVV" in text
+    assert "http://drivelesson.local:8000" in text
+    assert draw_qr("http://192.0.2.1:8000/pair#PPPP-PPPP") in text.replace("\n\n  or", "\n  or")
+
+
+def test_without_segno_a_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "segno", None)
+    assert "drivelesson[lan]" in draw_qr("anything")
+
+
+def test_without_zeroconf_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "zeroconf", None)
+    with pytest.raises(MissingExtraError, match="lan"), announced("r", 1, ["127.0.0.1"], tls=False):
+        pass
+
+
+def test_the_name_is_answered() -> None:
+    zeroconf = pytest.importorskip("zeroconf")
+    with announced("drivelesson-test", 8123, ["127.0.0.1"], tls=False):
+        asker = zeroconf.Zeroconf(interfaces=["127.0.0.1"])
+        try:
+            kind = "_http._tcp.local."
+            info = asker.get_service_info(kind, f"Drivelesson drivelesson-test.{kind}", 3000)
+        finally:
+            asker.close()
+    assert info is not None
+    assert (info.server, info.port) == ("drivelesson-test.local.", 8123)
+    assert info.parsed_addresses() == ["127.0.0.1"]
+
+
+def test_what_a_client_sends_cannot_forge_a_line_of_the_log() -> None:
+    import logging
+
+    record = logging.LogRecord("x", logging.INFO, "", 0, "path=%s", ("a\nb\rc",), None)
+    assert OneLine("%(message)s").format(record) == "path=a\\nb\\rc"
