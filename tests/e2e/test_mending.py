@@ -78,3 +78,13 @@ def test_axe_finds_nothing_among_the_tools(phone: Any, world: World, npm_modules
     phone.wait_for_selector(".timeline .you[d]")
     phone.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())
     assert complaints(phone) == []
+
+
+def test_recordings_beyond_their_space_are_offered(phone: Any, world: World) -> None:
+    drive(world, 1.0)
+    library = world.app.state.library
+    library.recorder._loop.submit(library.recorder.finish).result(5)
+    library.episodes.budget_bytes = 0
+    phone.evaluate("location.hash = 'home'")
+    phone.wait_for_selector("text=Nothing is deleted by itself")
+    assert len(library.episodes.ids()) == 1

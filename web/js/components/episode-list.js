@@ -8,11 +8,12 @@ import { language, t } from '../i18n.js';
 
 /** @param {Home} home */
 export async function listEpisodes(home) {
-  const answer = await ask('GET', '/api/episodes').catch(() => null);
+  const [answer, storage] = await Promise.all(['episodes', 'storage'].map((what) => ask('GET', `/api/${what}`).catch(() => null)));
   if (!answer || !home.isConnected) return;
   const list = answer.episodes.map((/** @type {any} */ episode) => card(home, episode, answer.recording === episode.id));
   const part = /** @type {HTMLElement} */ (home.episodes);
   fill(part, h('h2', {}, t('episodes')), answer.fault ? h('p', { class: 'hint' }, answer.fault) : null,
+    storage?.offered.length ? h('p', { class: 'hint' }, t('episodes.full', { names: storage.offered.map(title).join(', ') })) : null,
     ...(list.length ? list : [h('p', { class: 'hint' }, t('episodes.none'))]));
 }
 

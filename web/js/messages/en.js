@@ -158,6 +158,7 @@ export default {
   'settings.keys_hint': 'Arrows or WASD drive while held. Space stops. A game controller drives by its cross or left stick; its B stops.',
   episodes: 'Recordings',
   'episodes.none': 'Nothing is recorded yet. Every drive is recorded by itself.',
+  'episodes.full': 'Recordings fill their space. The oldest could go: {names}. Nothing is deleted by itself.',
   'episodes.on': 'recording',
   'mend.chart': 'What you held, and below it what the robot would have done, from left to right in time; left turns above, right turns below',
   'mend.pilot': 'You held',

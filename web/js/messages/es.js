@@ -158,6 +158,7 @@ export default {
   'settings.keys_hint': 'Flechas o WASD conducen mientras se mantienen. Espacio para. Un mando conduce con la cruz o la palanca izquierda; su B para.',
   episodes: 'Grabaciones',
   'episodes.none': 'Aún no hay nada grabado. Cada viaje se graba solo.',
+  'episodes.full': 'Las grabaciones llenan su espacio. Las más antiguas podrían irse: {names}. Nada se borra solo.',
   'episodes.on': 'grabando',
   'mend.chart': 'Lo que sostuviste y, debajo, lo que habría hecho el robot, de izquierda a derecha en el tiempo; giros a la izquierda arriba, a la derecha abajo',
   'mend.pilot': 'Tú sostenías',

@@ -158,6 +158,7 @@ export default {
   'settings.keys_hint': '按住方向键或 WASD 驾驶。空格键停车。手柄用十字键或左摇杆驾驶，B 键停车。',
   episodes: '记录',
   'episodes.none': '还没有记录。每次驾驶都会自动记录。',
+  'episodes.full': '记录已占满空间。最早的可以删除：{names}。程序不会自行删除任何东西。',
   'episodes.on': '正在记录',
   'mend.chart': '上面是你按的方向，下面是机器人会走的方向，时间从左到右；左转在上，右转在下',
   'mend.pilot': '你按的方向',
