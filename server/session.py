@@ -65,7 +65,7 @@ class VideoWindow:
     to `LARGEST`, when it is only the round trip that is long: then the delay of an
     acknowledgement does not grow with the window. Whether it does is found out by trying: the
     window grows by one when frames had to be skipped, and falls back to one when the delay has
-    grown with it; after a try that failed the next waits twice as long.
+    grown with it; after a try that failed the next waits four times as long.
 
     On an easy line, where acknowledgements come long before the next frame, only each third frame
     asks for one: the others are *quiet*. That spares both ends a third of their work, and a
@@ -77,8 +77,8 @@ class VideoWindow:
     """Below the 64 KiB at which a transport holds back its writer, so that sending never waits;
     a single larger frame goes out alone."""
     _TRIAL_ACKNOWLEDGEMENTS = 3
-    _TOLERANCE, _DOUBLED, _SLACK_S = 1.4, 1.7, 0.008
-    _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 32.0
+    _TOLERANCE, _DOUBLED, _SLACK_S = 1.3, 1.5, 0.008
+    _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 64.0
     _EASY_S, _NOT_EASY_S, _EASY_ACKNOWLEDGEMENTS = 0.025, 0.05, 8
     _ASK_EVERY = 3
 
@@ -184,7 +184,7 @@ class VideoWindow:
         self._lone_delay_s = None
         self._starved = self._slow = self._easy = 0
         self._not_before_s = now_s + self._pause_s
-        self._pause_s = min(2 * self._pause_s, self._LONGEST_PAUSE_S)
+        self._pause_s = min(4 * self._pause_s, self._LONGEST_PAUSE_S)
 
 
 class Lease:
