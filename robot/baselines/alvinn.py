@@ -18,6 +18,13 @@ SET_SIZE, N_VARIATIONS, MAX_SHIFT = 200, 15, 2
 _CLASSES = np.arange(16)
 
 
+def _even(x: Floats) -> Floats:
+    """Return a picture of mean 0 and spread 1: what all pictures share would drown the units."""
+    centred = x - x.mean()
+    even: Floats = centred / max(float(centred.std()), 0.02)
+    return even
+
+
 class ReplayNetwork(Baseline):
     """scikit-learn's perceptron with one hidden layer, taught from a rotating set.
 
@@ -44,11 +51,15 @@ class ReplayNetwork(Baseline):
         self._images: list[Floats] = []
         self._columns: list[int] = []
         self._model: Any = self._make(
-            (self.n_hidden,), activation="tanh", learning_rate_init=0.002, random_state=0
+            (self.n_hidden,),
+            activation="tanh",
+            learning_rate_init=0.001,
+            batch_size=15,
+            random_state=0,
         )
 
     def _learn(self, x: Floats, column: int) -> None:
-        picture = x.reshape(-1, self._width)
+        picture = _even(x).reshape(-1, self._width)
         for _ in range(N_VARIATIONS):
             shift = int(self._rng.integers(-MAX_SHIFT, MAX_SHIFT + 1))
             columns = (np.arange(self._width) + shift).clip(0, self._width - 1)
@@ -65,5 +76,5 @@ class ReplayNetwork(Baseline):
         self._columns.append(column)
 
     def _shares(self, x: Floats) -> Floats:
-        chances: Floats = self._model.predict_proba(x[None, :])[0, : len(self.labels_)]
+        chances: Floats = self._model.predict_proba(_even(x)[None, :])[0, : len(self.labels_)]
         return shares(chances)

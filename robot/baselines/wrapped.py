@@ -35,7 +35,7 @@ class Baseline(ABC):
             self.labels_.append(y)
         self._xs.append(array.copy())
         self._ys.append(y)
-        self._learn(array.astype(np.float64) / 255.0, self.labels_.index(y))
+        self._learn(array.astype(np.float64) / 127.5 - 1.0, self.labels_.index(y))
 
     def predict_one(self, x: Vector) -> Label:
         """Return the most likely label; raises NotFittedError before the first lesson."""
@@ -49,7 +49,7 @@ class Baseline(ABC):
         """Return the prediction with its shares."""
         if not self._xs:
             raise NotFittedError("nothing was learned yet")
-        array = checked_vector(x, self._xs[0].size).astype(np.float64) / 255.0
+        array = checked_vector(x, self._xs[0].size).astype(np.float64) / 127.5 - 1.0
         shares = self._shares(array)
         best = int(shares.argmax())
         return Evidence(
@@ -60,7 +60,7 @@ class Baseline(ABC):
 
     @abstractmethod
     def _learn(self, x: Floats, column: int) -> None:
-        """Learn a vector of values in [0, 1], with the number of its label."""
+        """Learn a vector of values in [-1, 1], with the number of its label."""
 
     @abstractmethod
     def _shares(self, x: Floats) -> Floats:
