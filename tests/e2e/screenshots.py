@@ -9,7 +9,6 @@ import contextlib
 import io
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from .world import (
     PHONE,
     Fingers,
     World,
+    drive_on,
     open_page,
     pad,
     running_chromium,
@@ -34,6 +34,7 @@ from .world import (
 SIZES = {"phone": PHONE, "desktop": DESKTOP}
 SCREENS = ("gallery", "teaching", "undo", "home", "settings")
 Shoot = Callable[[str], None]
+_FLAT, _MIXED = 32, 64
 
 
 def take_all(folder: Path) -> None:
@@ -83,13 +84,16 @@ def _each(
 
 
 def _save(png: bytes, path: Path) -> None:
-    """Write a picture in 64 colours: a quarter of the bytes."""
+    """Write a picture in few colours: a quarter of the bytes."""
     from PIL import Image
 
     picture = Image.open(io.BytesIO(png)).convert("RGB")
-    # Coverage keeps the rare colours, which are the ones with a meaning.
-    few = picture.quantize(64, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    few.save(path, optimize=True)
+    # The page's own flat colours stay exact; those of the camera's picture share the rest.
+    flat = sorted(picture.getcolors(2**24) or [], reverse=True)[:_FLAT]
+    mixed = picture.quantize(_MIXED).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([part for _, colour in flat for part in colour] + mixed[: 3 * _MIXED])
+    picture.quantize(palette=palette, dither=Image.Dither.NONE).save(path, optimize=True)
     print(path)
 
 
@@ -154,9 +158,7 @@ def _hold_lesson(browser: Any, world: World) -> None:
     teach(world, fingers, 10_000, until=lambda: room.lesson.phase is not Phase.TEACH)
     for phase in (Phase.CORRECT, Phase.ALONE):
         page.wait_for_timeout(500)
-        page.locator("[data-mode=autonomous]").tap()
-        while room.lesson.phase is phase:
-            time.sleep(0.05)
+        drive_on(page, world, until=lambda now=phase: room.lesson.phase is not now)
     httpx.post(f"{world.address}/api/lesson/answer", json={"answer": 6})
     context.close()
 

@@ -12,7 +12,7 @@ import pytest
 
 from robot.types import Action, Mode, Prediction
 
-from .world import Fingers, World, choose, pad, teach, wait_for
+from .world import Fingers, World, choose, drive_on, hold_until, pad, teach, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -22,9 +22,8 @@ def teach_both_moves(page: Any, world: World, frames_each: int = 25) -> None:
     choose(page, world, Mode.TRAIN)
     fingers = Fingers(page)
     for move in ("forward", "left"):
-        before = world.lessons
-        fingers.press(pad(move))
-        wait_for(lambda b=before: world.lessons >= b + frames_each, f"{move} is learned")  # type: ignore[misc]
+        wanted = world.lessons + frames_each
+        hold_until(world, fingers, move, lambda n=wanted: world.lessons >= n)
         fingers.lift()
     choose(page, world, Mode.STOPPED)
 
@@ -115,11 +114,9 @@ def test_the_lesson_of_trial_1_from_start_to_result(
     teach(world, Fingers(phone), 10_000, until=lambda: room.lesson.phase != "teach")
     wait_for(lambda: world.mode is Mode.STOPPED, "the phase is over, the robot stands")
     phone.locator(".notice", has_text="correct it").wait_for()
-    choose(phone, world, Mode.AUTONOMOUS)
-    wait_for(lambda: room.lesson.phase == "alone", "corrections are over", 40)
+    drive_on(phone, world, until=lambda: room.lesson.phase != "correct")
     phone.locator(".notice", has_text="hands off").wait_for()
-    choose(phone, world, Mode.AUTONOMOUS)
-    wait_for(lambda: room.lesson.phase == "question", "it drove alone", 20)
+    drive_on(phone, world, until=lambda: room.lesson.phase != "alone")
 
     phone.locator(".notice button", has_text="Answer").tap()
     phone.get_by_role("button", name="6, agree").tap()

@@ -17,6 +17,7 @@ from .world import (
     Fingers,
     World,
     choose,
+    hold_until,
     open_page,
     pad,
     running_world,
@@ -100,10 +101,9 @@ def test_teach_drive_correct_and_stop_on_recorded_footage(chromium: Any, tmp_pat
 
         choose(page, world, Mode.TRAIN)
         for move in ("forward", "left", "forward"):
-            fingers.press(pad(move))
-            before = world.lessons
-            wait_for(lambda b=before: world.lessons > b + 25, "the footage teaches", 15)  # type: ignore[misc]
-            assert driver.action.value == move
+            wanted = world.lessons + 25
+            hold_until(world, fingers, move, lambda n=wanted: world.lessons > n)
+            wait_for(lambda m=move: driver.action.value == m, "the body does as the finger says")
             fingers.lift()
         assert agreement(page) >= 0
         assert page.locator("video-view .vote.best").count() == 1

@@ -129,7 +129,7 @@ class Fingers:
     """Fingers on a touch screen, each held until it is lifted."""
 
     def __init__(self, page: Any) -> None:
-        self._page = page
+        self.page = page
         self._cdp = page.context.new_cdp_session(page)
         self._points: dict[int, dict[str, float]] = {}
 
@@ -154,7 +154,7 @@ class Fingers:
         self._cdp.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
     def _middle(self, selector: str) -> dict[str, float]:
-        box = self._page.locator(selector).first.bounding_box()
+        box = self.page.locator(selector).first.bounding_box()
         assert box is not None, f"{selector} is not on the screen"
         return {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
 
@@ -172,6 +172,12 @@ def teach(
     deadline_s = time.monotonic() + 100
     while world.lessons < lessons and not until():
         assert time.monotonic() < deadline_s, f"only {world.lessons} lessons came through"
+        if world.mode is Mode.STOPPED:  # a busy machine was late, and the robot stopped for it
+            if held:
+                fingers.lift()
+            held = None
+            fingers.page.locator("mode-bar [data-mode=train]").click()
+            time.sleep(0.3)
         patience_m = near_m if held == "forward" else near_m * 1.3
         wanted = "left" if world.distance_m < patience_m else "forward"
         if wanted != held:
@@ -194,6 +200,32 @@ def choose(page: Any, world: World, mode: Mode) -> None:
     page.locator(f"mode-bar [data-mode={mode.value}]").click()
     wait_for(lambda: world.mode is mode, f"mode {mode.value}")
     page.wait_for_selector(f"mode-bar [data-mode={mode.value}][aria-checked=true]")
+
+
+def hold_until(
+    world: World, fingers: Fingers, move: str, done: Callable[[], bool], within_s: float = 30.0
+) -> None:
+    """Hold a direction until something is so, and go on holding; again after each stop."""
+    deadline_s = time.monotonic() + within_s
+    fingers.press(pad(move))
+    while not done():
+        assert time.monotonic() < deadline_s, f"holding {move} did not do it in {within_s} s"
+        if world.mode is Mode.STOPPED:  # a busy machine was late, and the robot stopped for it
+            fingers.lift()
+            choose(fingers.page, world, Mode.TRAIN)
+            fingers.press(pad(move))
+        time.sleep(0.02)
+
+
+def drive_on(page: Any, world: World, *, until: Callable[[], bool], within_s: float = 60.0) -> None:
+    """Have the robot drive itself, again after each stop, as a patient person would."""
+    deadline_s = time.monotonic() + within_s
+    while not until():
+        assert time.monotonic() < deadline_s, f"not done in {within_s} s"
+        if world.mode is Mode.STOPPED:
+            page.locator("mode-bar [data-mode=autonomous]").click()
+            time.sleep(0.3)
+        time.sleep(0.02)
 
 
 def turned_rad(world: World, seconds: float = 0.4) -> float:

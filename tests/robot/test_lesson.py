@@ -17,7 +17,7 @@ def tick(now_s: float, mode: Mode, by: DrivenBy, action: Action, distance_m: flo
     return Tick(
         now_s=now_s,
         frame=frame,
-        command=None,
+        commands=(),
         decision=Decision(action=action, driven_by=by, mode=mode),
         sent=action,
         prediction=None,
