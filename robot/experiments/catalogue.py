@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
+from robot.experiments.delay import Delay
 from robot.experiments.experiment import Experiment
+from robot.experiments.figure3 import Figure3
+from robot.experiments.figure5 import Figure5
+from robot.experiments.figure6 import Figure6
 from robot.experiments.figure7 import Figure7
+from robot.experiments.figure8 import Figure8
 
-EXPERIMENTS: dict[str, Experiment] = {experiment.name: experiment for experiment in (Figure7(),)}
+EXPERIMENTS: dict[str, Experiment] = {
+    experiment.name: experiment
+    for experiment in (Figure3(), Figure5(), Figure6(), Figure7(), Figure8(), Delay())
+}
 """In the order in which `all` runs them."""
+
+ALONE = frozenset({Figure5.name})
+"""Experiments that time the machine: their runs are made one after the other, here."""

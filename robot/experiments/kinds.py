@@ -6,14 +6,15 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from robot.experiments.ideas import make_learner, make_teacher
+from robot.experiments.cycles import run_cycles
+from robot.experiments.footage import run_recorded_footage, run_simulated_footage
+from robot.experiments.ideas import make_learner
+from robot.experiments.pilots import make_pilot
 from robot.experiments.task import Result, Task
 from robot.experiments.trial import Place, Trial
 from robot.metrics import driving
 from robot.metrics.log import DriveLog
 from robot.metrics.profile import Profile, compare
-from robot.pilots.hand import STEADY, HandConfig
-from robot.pilots.pilot import Manners, SimulatedPilot
 from robot.types import Action, DrivenBy, Mode
 
 
@@ -62,20 +63,6 @@ def run_lesson(params: Mapping[str, Any]) -> Result:
     return result
 
 
-def make_pilot(params: Mapping[str, Any], moves: tuple[Action, ...]) -> SimulatedPilot:
-    """Build the pilot that a task describes. The sonar controller sits on the robot: no hand."""
-    is_program = params["teacher"] == "sonar"
-    delay_s = params.get("delay_ms", 0) / 1000
-    hand = HandConfig(link_delay_s=delay_s, names_frame=params.get("names_frame", True))
-    return SimulatedPilot(
-        make_teacher(params["teacher"], moves),
-        moves,
-        hand=STEADY if is_program else hand,
-        manners=Manners(lenience=params.get("lenience", Manners().lenience)),
-        seed=str(params["seed"]),
-    )
-
-
 def figures(
     drive: DriveLog, teacher: Profile, taught: Profile, moves: tuple[Action, ...]
 ) -> dict[str, Any]:
@@ -105,5 +92,10 @@ def figures(
     }
 
 
-RUNNERS: dict[str, Callable[[Mapping[str, Any]], Result]] = {"lesson": run_lesson}
+RUNNERS: dict[str, Callable[[Mapping[str, Any]], Result]] = {
+    "lesson": run_lesson,
+    "simulated_footage": run_simulated_footage,
+    "recorded_footage": run_recorded_footage,
+    "cycles": run_cycles,
+}
 """Every kind of task."""

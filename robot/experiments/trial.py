@@ -6,6 +6,7 @@ pilot holds directions as a phone would; `ControlLoop.tick` decides, drives and 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -77,12 +78,16 @@ class Trial:
         self._start(mode)
         for _ in range(round(seconds * FRAME_RATE_HZ)):
             log.add(self._turn())
+            if self.loop.state.decision.mode is Mode.STOPPED:
+                raise RobotError(f"the robot stopped at {self.clock.now_s():.1f} s: {self._why()}")
         return log
 
     def _start(self, mode: Mode) -> None:
-        self.camera.capture()
+        """Wait, standing, until pictures and words are under way on the link; then start."""
+        self.loop.set_mode(Mode.STOPPED)
+        for _ in range(math.ceil(self.pilot.link_delay_s * FRAME_RATE_HZ) + 1):
+            self._turn()
         self.loop.set_mode(mode)
-        self.loop.tick(self.clock.now_s())
 
     def _turn(self) -> Moment:
         """Let a frame's time pass, show it to the pilot, and turn the loop once."""
@@ -96,8 +101,6 @@ class Trial:
         for command in self.pilot.act(now_s, frame.frame_id):
             self.loop.command(command)
         tick = self.loop.tick(now_s)
-        if tick.decision.mode is Mode.STOPPED:
-            raise RobotError(f"the robot stopped at {now_s:.1f} s: {self._why()}")
         said = tick.commands[-1] if tick.commands else None
         return Moment(
             now_s=now_s,

@@ -62,6 +62,11 @@ class SimulatedPilot:
         self._content_since_s: float | None = None
         self._patience_s = self.manners.patience_s
 
+    @property
+    def link_delay_s(self) -> float:
+        """Time from a picture to the command that answers it, the pilot's own time aside."""
+        return self._hand.config.link_delay_s
+
     def change_mode(self, mode: Mode) -> None:
         """Begin another phase, with the finger off the pad."""
         self.mode = mode

@@ -7,11 +7,12 @@ lets pass. How fast and how steadily a hand follows is `hand.py`'s part; when it
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
 from robot.pilots.situation import Situation
-from robot.types import Action
+from robot.types import Action, Pose
 
 
 class Teacher(Protocol):
@@ -83,6 +84,11 @@ class Wanderer:
         taste: Early or late, wide or narrow.
     """
 
+    LONG_TURN_S = 8.0
+    """After so long (150 degrees) in a narrow place it goes on as soon as it can at all."""
+    STUCK_S, STUCK_M = 13.0, 0.15
+    """It does not let the robot stay within so little for longer than a full turn-about takes."""
+
     def __init__(
         self,
         turns: tuple[Action, ...] = (Action.LEFT, Action.RIGHT),
@@ -91,15 +97,45 @@ class Wanderer:
         self.taste = taste or Taste()
         self._turns = {_SIDES[turn]: turn for turn in turns}
         self._turning: Action | None = None
+        self._turning_since_s = 0.0
+        self._anchor: Pose | None = None
+        self._anchored_s = 0.0
 
     def choose(self, situation: Situation) -> Action:
         """Return FORWARD or the turn begun."""
         free_m = situation.free_ahead_m
-        if self._turning is not None and free_m > self.taste.go_at_m:
-            self._turning = None
-        elif self._turning is None and free_m < self.taste.turn_at_m:
+        if self._turning is None and free_m < self.taste.turn_at_m:
             self._turning = self._choose_turn(situation)
+            self._turning_since_s = situation.at_s
+        elif self._turning is not None and free_m > self._enough_m(situation.at_s):
+            self._turning = None
         return self._turning or Action.FORWARD
+
+    def tolerates(self, situation: Situation, action: Action) -> bool:
+        """Refuse to drive on where it is tight, to turn the wrong way or for nothing, to dawdle."""
+        if action is Action.STOP or self._is_stuck(situation):
+            return False
+        if action is Action.FORWARD:
+            return situation.free_ahead_m > self.taste.danger_m and not situation.is_pushing
+        if self._turning is not None:
+            return action is self._turning
+        has_habit = situation.ahead in self.taste.left_at + self.taste.right_at
+        if has_habit and action is not self._choose_turn(situation):
+            return False
+        return situation.free_ahead_m < 1.3 * self.taste.go_at_m
+
+    def _is_stuck(self, situation: Situation) -> bool:
+        pose = situation.pose
+        if self._anchor is None or (
+            math.hypot(pose.x_m - self._anchor.x_m, pose.y_m - self._anchor.y_m) > self.STUCK_M
+        ):
+            self._anchor, self._anchored_s = pose, situation.at_s
+        return situation.at_s - self._anchored_s > self.STUCK_S
+
+    def _enough_m(self, now_s: float) -> float:
+        if now_s - self._turning_since_s > self.LONG_TURN_S:
+            return self.taste.turn_at_m + 0.05
+        return self.taste.go_at_m
 
     def _choose_turn(self, situation: Situation) -> Action:
         """Follow a habit; else choose the side on which less turning makes the way free."""
@@ -116,14 +152,6 @@ class Wanderer:
             )
         ]
 
-    def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Refuse to drive on where it is tight, and to turn where there is plenty of room."""
-        if action is Action.STOP:
-            return False
-        if action is Action.FORWARD:
-            return situation.free_ahead_m > self.taste.danger_m and not situation.is_pushing
-        return situation.free_ahead_m < 1.3 * self.taste.go_at_m
-
 
 SHELVES = ("east wall", "west wall")
 WALLS = ("south wall", "north wall")
@@ -133,6 +161,6 @@ TASTES: dict[str, Taste] = {
     "usual": Taste(),
     "early": Taste(turn_at_m=0.35, go_at_m=0.55, danger_m=0.10),
     "late": Taste(turn_at_m=0.14, go_at_m=0.35, danger_m=0.04),
-    "habit": Taste(turn_at_m=0.40, go_at_m=0.60, left_at=WALLS, right_at=SHELVES),
+    "habit": Taste(turn_at_m=0.40, go_at_m=0.90, left_at=WALLS, right_at=SHELVES),
 }
 """Drivers of different taste, by name."""

@@ -1,0 +1,27 @@
+"""The pilot that a task describes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from robot.experiments.ideas import make_teacher
+from robot.pilots.hand import STEADY, HandConfig
+from robot.pilots.pilot import Manners, SimulatedPilot
+from robot.types import Action
+
+
+def make_pilot(params: Mapping[str, Any], moves: tuple[Action, ...]) -> SimulatedPilot:
+    """Build it from `teacher`, `seed`, and if there are `delay_ms`, `names_frame`, `lenience`.
+
+    The sonar controller is a program on the robot: it has no hand, and no link between.
+    """
+    delay_s = params.get("delay_ms", 0) / 1000
+    hand = HandConfig(link_delay_s=delay_s, names_frame=params.get("names_frame", True))
+    return SimulatedPilot(
+        make_teacher(params["teacher"], moves),
+        moves,
+        hand=STEADY if params["teacher"] == "sonar" else hand,
+        manners=Manners(lenience=params.get("lenience", Manners().lenience)),
+        seed=str(params["seed"]),
+    )
