@@ -97,9 +97,9 @@ def ranges_m(world: World, pose: Pose, bearings_rad: NDArray[np.float64]) -> NDA
     """Return the free way from the body's middle in many directions, relative to straight ahead."""
     angles = pose.heading_rad + bearings_rad
     steps_x, steps_y = np.cos(angles), np.sin(angles)
-    with np.errstate(divide="ignore"):
-        to_x = np.where(steps_x > 0, world.width_m - pose.x_m, -pose.x_m) / steps_x
-        to_y = np.where(steps_y > 0, world.depth_m - pose.y_m, -pose.y_m) / steps_y
+    with np.errstate(divide="ignore"):  # along a wall the way to it is infinite
+        to_x = np.abs(np.where(steps_x > 0, world.width_m - pose.x_m, pose.x_m) / steps_x)
+        to_y = np.abs(np.where(steps_y > 0, world.depth_m - pose.y_m, pose.y_m) / steps_y)
     ranges = np.minimum(to_x, to_y)
     for obstacle in world.obstacles:
         ranges = np.minimum(ranges, _ranges_to_m(obstacle, pose, steps_x, steps_y))

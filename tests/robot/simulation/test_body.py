@@ -5,9 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from robot.simulation.body import RADIUS_M, WHEELS_MPS, move, push_out, sonar_m
+from robot.simulation.body import (
+    RADIUS_M,
+    WHEELS_MPS,
+    _ray_m,
+    move,
+    push_out,
+    ranges_m,
+    sonar_m,
+)
 from robot.simulation.world import Obstacle, World, load_world
 from robot.types import Action, Pose
 
@@ -103,3 +112,11 @@ def test_a_turned_box_is_met_where_it_stands(box: World) -> None:
     )
     world = replace(box, obstacles=(plank,))
     assert sonar_m(world, MIDDLE) == pytest.approx(0.94 - 0.575 - RADIUS_M)
+
+
+def test_many_ranges_at_once_are_as_the_sonars_single_rays() -> None:
+    world = load_world("office")
+    bearings = np.radians(np.arange(0.0, 360.0, 7.0))
+    for pose in (Pose(x_m=1.0, y_m=1.0, heading_rad=0.0), Pose(x_m=2.6, y_m=1.9, heading_rad=1.3)):
+        single = [_ray_m(world, pose, pose.heading_rad + bearing) for bearing in bearings]
+        assert ranges_m(world, pose, bearings) == pytest.approx(np.array(single))
