@@ -44,7 +44,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--max-nodes",
         default=None,
         metavar="N",
-        help="how many images it remembers (default: 32)",
+        help="how many images it remembers (default: 32); auto: as many as --rate allows here",
+    )
+    parser.add_argument(
+        "--rate",
+        type=float,
+        default=14.0,
+        metavar="HZ",
+        help="frames a second that --max-nodes auto keeps to (default: %(default)s)",
     )
     _add_network(parser)
     parser.add_argument(
@@ -109,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
 
     start_logging(verbose=args.verbose)
     config = _make_config(args)
-    learner = f"{args.learner or 'default'}-{args.max_nodes or '32'}"
+    learner = _name_learner(args)
     rig = build_rig(
         args.robot,
         camera=args.camera,
@@ -148,6 +155,22 @@ def run(args: argparse.Namespace) -> int:
 
 def _says_something(value: Any) -> bool:
     return isinstance(value, str | int | float | Path) and value not in ("", False)
+
+
+def _name_learner(args: argparse.Namespace) -> str:
+    """Return the learner's name; `auto` measures this machine first."""
+    kind = args.learner or "default"
+    if args.max_nodes != "auto":
+        return f"{kind}-{args.max_nodes or '32'}"
+    from robot.dial import choose_max_nodes
+
+    cost = choose_max_nodes(args.rate, kind=kind)
+    print(
+        f"This machine holds {args.rate:g} frames a second with {cost.max_nodes} images "
+        f"({1000 * cost.frame_s:.1f} ms a frame).",
+        flush=True,
+    )
+    return f"{kind}-{cost.max_nodes}"
 
 
 def _choose_model(keeper: Keeper, args: argparse.Namespace, learner: str) -> None:
