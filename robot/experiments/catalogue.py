@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from robot.experiments.behaviours import Behaviours, MoreMoves
 from robot.experiments.delay import Delay
 from robot.experiments.experiment import Experiment
 from robot.experiments.figure3 import Figure3
@@ -12,7 +13,10 @@ from robot.experiments.figure8 import Figure8
 
 EXPERIMENTS: dict[str, Experiment] = {
     experiment.name: experiment
-    for experiment in (Figure3(), Figure5(), Figure6(), Figure7(), Figure8(), Delay())
+    for experiment in (
+        *(Figure3(), Figure5(), Figure6(), Figure7(), Figure8()),
+        *(Delay(), MoreMoves(), Behaviours()),
+    )
 }
 """In the order in which `all` runs them."""
 

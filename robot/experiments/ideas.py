@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from collections.abc import Callable
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,19 @@ from typing import Any
 from robot.errors import ConfigurationError
 from robot.features import GradientFeatures
 from robot.learner.base import Learner
+from robot.pilots.behaviours import Follower, Pusher, WallFollower
 from robot.pilots.teachers import TASTES, SonarController, Teacher, Wanderer
 from robot.policy import Policy, make_policy
 from robot.types import Action
 
 LEARNERS = "drivelesson.learners"
 TEACHERS = "drivelesson.teachers"
+_TEACHERS: dict[str, Callable[[], Teacher]] = {
+    "sonar": SonarController,
+    "wall": WallFollower,
+    "follow": Follower,
+    "push": Pusher,
+}
 
 
 def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
@@ -53,11 +61,12 @@ def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
         if not (hasattr(made, "choose") and hasattr(made, "tolerates")):
             raise ConfigurationError(f"{name} is no teacher: it needs `choose` and `tolerates`")
         return made  # type: ignore[no-any-return]
-    if name == "sonar":
-        return SonarController()
+    if name in _TEACHERS:
+        return _TEACHERS[name]()
     if name not in TASTES:
         raise ConfigurationError(
-            f"no teacher is called {name!r}; there are: sonar, {', '.join(TASTES)}, or path.py:Name"
+            f"no teacher is called {name!r}; there are: "
+            f"{', '.join([*_TEACHERS, *TASTES])}, or path.py:Name"
         )
     return Wanderer(tuple(move for move in moves if move is not Action.FORWARD), TASTES[name])
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from robot.experiments.cycles import run_cycles
+from robot.experiments.episodes import run_episodes
 from robot.experiments.footage import run_recorded_footage, run_simulated_footage
 from robot.experiments.ideas import make_learner
 from robot.experiments.pilots import make_pilot
@@ -97,5 +98,6 @@ RUNNERS: dict[str, Callable[[Mapping[str, Any]], Result]] = {
     "simulated_footage": run_simulated_footage,
     "recorded_footage": run_recorded_footage,
     "cycles": run_cycles,
+    "episodes": run_episodes,
 }
 """Every kind of task."""

@@ -50,7 +50,7 @@ _PARTS_THAT_COUNT = (
     *("policy.py", "features.py", "steadiness.py", "image.py", "evaluation.py", "recordings.py"),
     *("loop.py", "gate.py", "labels.py", "school.py", "cameras/sim.py", "drivers/sim.py"),
     *("experiments/trial.py", "experiments/kinds.py", "experiments/footage.py"),
-    *("experiments/pilots.py", "experiments/cycles.py"),
+    *("experiments/pilots.py", "experiments/cycles.py", "experiments/episodes.py"),
 )
 
 

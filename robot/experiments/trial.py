@@ -7,6 +7,7 @@ pilot holds directions as a phone would; `ControlLoop.tick` decides, drives and 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -62,13 +63,21 @@ class Trial:
         )
         self.driver.connect()
 
-    def drive(self, mode: Mode, seconds: float, *, supervised: bool = True) -> DriveLog:
+    def drive(
+        self,
+        mode: Mode,
+        seconds: float,
+        *,
+        supervised: bool = True,
+        until: Callable[[Moment], bool] = lambda moment: False,
+    ) -> DriveLog:
         """Drive for a while in one mode, and return what happened.
 
         Args:
             mode: TRAIN: the pilot drives. AUTONOMOUS: the robot does.
             seconds: How long.
             supervised: False: the pilot only watches, and never takes the wheel.
+            until: The drive ends early after the first moment for which this is true.
 
         Raises:
             RobotError: If the loop stopped by itself: an experiment must not go on then.
@@ -80,6 +89,8 @@ class Trial:
             log.add(self._turn())
             if self.loop.state.decision.mode is Mode.STOPPED:
                 raise RobotError(f"the robot stopped at {self.clock.now_s():.1f} s: {self._why()}")
+            if until(log.moments[-1]):
+                break
         return log
 
     def _start(self, mode: Mode) -> None:
@@ -101,6 +112,7 @@ class Trial:
         for command in self.pilot.act(now_s, frame.frame_id):
             self.loop.command(command)
         tick = self.loop.tick(now_s)
+        target = situation.target
         said = tick.commands[-1] if tick.commands else None
         return Moment(
             now_s=now_s,
@@ -116,6 +128,10 @@ class Trial:
             ),
             proposed=_action_of(tick.prediction),
             wanted=said.held if said is not None else None,
+            right_m=situation.range_at_m(-math.pi / 2),
+            target_bearing_rad=target.bearing_rad if target else None,
+            target_m=target.distance_m if target else None,
+            target_gap_m=target.wall_gap_m if target else None,
         )
 
     def _why(self) -> str:

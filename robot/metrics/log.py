@@ -25,6 +25,12 @@ class Moment:
     is_intervention: bool = False
     proposed: Action | None = None
     wanted: Action | None = None
+    right_m: float | None = None
+    """From the body's middle to what is at its right."""
+    target_bearing_rad: float | None = None
+    target_m: float | None = None
+    target_gap_m: float | None = None
+    """Where the thing to follow or push is, and how far it is from a wall."""
 
 
 @dataclass(slots=True)

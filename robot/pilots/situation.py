@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from robot.simulation.body import RADIUS_M, ranges_m
 from robot.simulation.simulation import Simulation
+from robot.simulation.things import wall_gap_m
 from robot.simulation.world import WALLS, World
 from robot.types import Action, Pose
 
@@ -23,6 +24,15 @@ FAN_RAD: NDArray[np.float64] = np.radians(np.linspace(-108.0, 108.0, 55))
 _AHEAD = len(FAN_RAD) // 2
 _MARGIN_M = 0.015
 """A pilot steers clear of things by this much."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """Where the thing of interest is: its bearing, the way to its middle, and from it to a wall."""
+
+    bearing_rad: float
+    distance_m: float
+    wall_gap_m: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +49,8 @@ class Situation:
     ranges_m: NDArray[np.float64]
     ahead: str
     """What the robot would meet if it drove straight on: `east wall`, `backpack` ..."""
+    target: Target | None = None
+    """The thing that moves or can be moved, if this place has one."""
 
     @property
     def free_ahead_m(self) -> float:
@@ -54,6 +66,10 @@ class Situation:
         ways = _ways_m(self.ranges_m, FAN_RAD[None, :] - FAN_RAD[:, None])
         nearest: NDArray[np.float64] = ways.min(axis=1)
         return nearest
+
+    def range_at_m(self, bearing_rad: float) -> float:
+        """Return the free way from the body's middle in one direction."""
+        return float(np.interp(bearing_rad, FAN_RAD, self.ranges_m))
 
     def turn_needed_rad(self, side: int, free_m: float) -> float:
         """Return how far to turn until there are `free_m` ahead; pi if it cannot be seen.
@@ -86,7 +102,20 @@ def observe(simulation: Simulation, frame_id: int, at_s: float) -> Situation:
         doing=simulation.action,
         ranges_m=ranges,
         ahead=_name_of_what_is_ahead(simulation.world, simulation.pose, ranges),
+        target=_target(simulation.world, simulation.pose),
     )
+
+
+def _target(world: World, pose: Pose) -> Target | None:
+    for thing in world.obstacles:
+        if thing.is_movable or thing.path:
+            x_m, y_m = thing.x_m - pose.x_m, thing.y_m - pose.y_m
+            return Target(
+                bearing_rad=math.remainder(math.atan2(y_m, x_m) - pose.heading_rad, math.tau),
+                distance_m=math.hypot(x_m, y_m),
+                wall_gap_m=wall_gap_m(thing, world),
+            )
+    return None
 
 
 def _ways_m(ranges: NDArray[np.float64], bearings_rad: NDArray[np.float64]) -> NDArray[np.float64]:

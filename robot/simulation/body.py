@@ -139,12 +139,13 @@ def _overlaps(world: World, x_m: float, y_m: float) -> Iterator[tuple[float, flo
     if y_m > world.depth_m - RADIUS_M:
         yield 0.0, -1.0, y_m - (world.depth_m - RADIUS_M)
     for obstacle in world.obstacles:
-        overlap = _overlap(obstacle, x_m, y_m)
+        overlap = overlap_with(obstacle, x_m, y_m)
         if overlap is not None:
             yield overlap
 
 
-def _overlap(obstacle: Obstacle, x_m: float, y_m: float) -> tuple[float, float, float] | None:
+def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> tuple[float, float, float] | None:
+    """Return unit normal and depth of the body's overlap with one thing; None if there is none."""
     along, across = _into(obstacle, x_m - obstacle.x_m, y_m - obstacle.y_m)
     if obstacle.shape == "cylinder":
         near_x = near_y = 0.0

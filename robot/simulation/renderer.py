@@ -6,7 +6,8 @@ A renderer belongs to the thread that made it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -48,17 +49,24 @@ class Renderer:
         self._core: Any = core
         self._open_window()
         self._root = core.NodePath("world")
+        self._n_quads = 0
         self._camera = self._place_camera()
         self._add_floor(world, np.random.default_rng(seed))
         for corners, colour in _walls(world):
             self._add_quad(corners, colour)
-        for obstacle in world.obstacles:
-            for corners, colour in _obstacle_sides(obstacle):
-                self._add_quad(corners, colour)
+        self._things = {obstacle.name: self._add_thing(obstacle) for obstacle in world.obstacles}
         self._engine.renderFrame()  # the first frame of a new window is empty
 
-    def render(self, pose: Pose) -> NDArray[np.uint8]:
-        """Return what the camera sees from `pose`, shape (120, 160, 3), RGB, rows from the top."""
+    def render(self, pose: Pose, obstacles: Sequence[Obstacle] = ()) -> NDArray[np.uint8]:
+        """Return what the camera sees from `pose`, shape (120, 160, 3), RGB, rows from the top.
+
+        Args:
+            pose: Where the robot stands.
+            obstacles: Where things stand now, if anything can move.
+        """
+        for obstacle in obstacles:
+            if obstacle.is_movable or obstacle.path:
+                self._place_thing(obstacle)
         self._camera.setPos(
             pose.x_m + CAMERA_FORWARD_M * math.cos(pose.heading_rad),
             pose.y_m + CAMERA_FORWARD_M * math.sin(pose.heading_rad),
@@ -109,8 +117,28 @@ class Renderer:
         node = self._add_quad(floor, (255, 255, 255), texture_corners=True)
         node.setTexture(texture)
 
+    def _add_thing(self, obstacle: Obstacle) -> Any:
+        """Add a thing round its own middle; what never moves is put in its place for good."""
+        node = self._root.attachNewNode(obstacle.name)
+        own = replace(obstacle, x_m=0.0, y_m=0.0, heading_rad=0.0)
+        if not (obstacle.is_movable or obstacle.path):
+            own = obstacle
+        for corners, colour in _obstacle_sides(own):
+            self._add_quad(corners, colour, parent=node)
+        return node
+
+    def _place_thing(self, obstacle: Obstacle) -> None:
+        node = self._things[obstacle.name]
+        node.setPos(obstacle.x_m, obstacle.y_m, 0.0)
+        node.setH(math.degrees(obstacle.heading_rad))
+
     def _add_quad(
-        self, corners: tuple[Any, ...], colour: Colour, *, texture_corners: bool = False
+        self,
+        corners: tuple[Any, ...],
+        colour: Colour,
+        *,
+        texture_corners: bool = False,
+        parent: Any = None,
     ) -> Any:
         core = self._core
         vertices = core.GeomVertexData(
@@ -130,10 +158,11 @@ class Renderer:
         geometry.addPrimitive(triangles)
         node = core.GeomNode("quad")
         node.addGeom(geometry)
-        path = self._root.attachNewNode(node)
+        path = (parent or self._root).attachNewNode(node)
         path.setTwoSided(True)
         # Where two edges meet, whoever is drawn last wins: keep to one order, run after run.
-        path.setBin("fixed", self._root.getNumChildren())
+        self._n_quads += 1
+        path.setBin("fixed", self._n_quads)
         return path
 
 

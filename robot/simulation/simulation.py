@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from robot.simulation.body import WHEELS_MPS, Contact, move, push_out, sonar_m
 from robot.simulation.renderer import Renderer
+from robot.simulation.things import move_things
 from robot.simulation.world import World
 from robot.types import Action, Pose, Sensors
 
@@ -44,7 +45,7 @@ class Simulation:
     """
 
     def __init__(self, world: World, seed: int = 0, noise: Noise | None = None) -> None:
-        self.world = world
+        self.world = self._first_world = world
         self.noise = noise or Noise()
         self._seed = seed
         self._motion_rng, self._sonar_rng, self._pixel_rng = (
@@ -63,6 +64,13 @@ class Simulation:
         parts = max(1, math.ceil(dt_s / _LONGEST_STEP_S - 1e-9))
         for _ in range(parts):
             self._step_once(dt_s / parts)
+
+    def restart(self) -> None:
+        """Put robot and things back to where they start; chance goes on, so the start varies."""
+        self.world = self._first_world
+        self._contacts = []
+        self.action = Action.STOP
+        self.pose = self._start_pose()
 
     def sense(self) -> Sensors:
         """Return what the sensors read: sonar with noise, bumpers, and the true pose."""
@@ -101,7 +109,7 @@ class Simulation:
         """
         if self._renderer is None:
             self._renderer = Renderer(self.world, self._seed)
-        picture = self._renderer.render(self.pose)
+        picture = self._renderer.render(self.pose, self.world.obstacles)
         if self.noise.pixel:
             picture = self._add_grain(picture)
         return picture
@@ -119,6 +127,7 @@ class Simulation:
             left_mps, right_mps = left_mps * slips[0], right_mps * slips[1]
         scale = self.speed_scale
         moved = move(self.pose, left_mps * scale, right_mps * scale, dt_s)
+        self.world = move_things(self.world, moved, dt_s)
         self.pose, self._contacts = push_out(self.world, moved)
         self.time_s += dt_s
 

@@ -27,7 +27,11 @@ WALLS = ("south", "east", "north", "west")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Obstacle:
-    """Something that stands in the room. A cylinder's `width_m` is its diameter."""
+    """Something that stands in the room. A cylinder's `width_m` is its diameter.
+
+    One that `is_movable` yields to the robot's push. One with a closed `path` goes round it and
+    has gone `gone_m` so far.
+    """
 
     name: str
     shape: str
@@ -38,6 +42,10 @@ class Obstacle:
     height_m: float
     heading_rad: float
     colour: Colour
+    is_movable: bool = False
+    path: tuple[tuple[float, float], ...] = ()
+    speed_mps: float = 0.0
+    gone_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,6 +128,9 @@ def _obstacle(part: Mapping[str, Any]) -> Obstacle:
         height_m=_positive(part, "height_m"),
         heading_rad=math.radians(part.get("heading_deg", 0.0)),
         colour=_colour(part["colour"]),
+        is_movable=bool(part.get("movable", False)),
+        path=tuple((float(x), float(y)) for x, y in part.get("path", ())),
+        speed_mps=float(part.get("speed_mps", 0.0)),
     )
 
 

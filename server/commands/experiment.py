@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from robot.experiments.report import Section
     from robot.experiments.task import Result, Task
 
-NAMES = ("figure3", "figure5", "figure6", "figure7", "figure8", "delay")
+NAMES = ("figure3", "figure5", "figure6", "figure7", "figure8", "delay", "moves", "behaviours")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
