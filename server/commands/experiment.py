@@ -23,7 +23,13 @@ NAMES = ("figure3", "figure5", "figure6", "figure7", "figure8", "delay", "moves"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("name", choices=(*NAMES, "all"), help="which experiment")
+    parser.add_argument(
+        "names",
+        nargs="+",
+        choices=(*NAMES, "all"),
+        metavar="EXPERIMENT",
+        help=f"{', '.join(NAMES)}, all",
+    )
     parser.add_argument("--seeds", type=int, default=10, help="runs of each (default: %(default)s)")
     parser.add_argument("--quick", action="store_true", help="one run of each: a first look")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write every result here")
@@ -52,7 +58,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=Path("experiments"),
         help="where finished runs are kept (default: ./%(default)s)",
     )
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="runs at a time")
+    parser.add_argument(
+        "--jobs", type=int, metavar="N", help="runs at a time (default: one a processor)"
+    )
     parser.add_argument(
         "--backend", choices=("processes", "dask"), default="processes", help="where runs run"
     )
@@ -70,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     settings = _settings(args)
     sections: list[Section] = []
     everything = {}
-    for name in NAMES if args.name == "all" else (args.name,):
+    for name in NAMES if "all" in args.names else dict.fromkeys(args.names):
         tasks, results = _run_one(EXPERIMENTS[name], settings, args)
         everything[name] = [
             {"kind": task.kind, "params": dict(task.params), "result": result}
@@ -93,7 +101,7 @@ def _settings(args: argparse.Namespace) -> Settings:
     from robot.experiments.ideas import make_learner, make_teacher
     from robot.types import DEFAULT_MOVES
 
-    if args.seeds < 1 or args.jobs < 1:
+    if args.seeds < 1 or (args.jobs is not None and args.jobs < 1):
         raise ConfigurationError("--seeds and --jobs must be at least 1")
     for learner in args.learner:
         make_learner(learner, DEFAULT_MOVES)
@@ -137,7 +145,7 @@ def _run_one(
         results = run_all(
             tasks,
             Store(args.folder),
-            jobs=1 if is_alone else args.jobs,
+            jobs=1 if is_alone else args.jobs or os.cpu_count() or 1,
             backend="processes" if is_alone else args.backend,
             scheduler=args.scheduler,
             on_done=lambda task: bar.update(),
