@@ -7,11 +7,11 @@ import re
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
 from robot.lesson import Lesson, Phase
+from robot.lifecycle import StartStop
 from robot.loop import ControlLoop
 from robot.state import Tick
 from robot.storage import write_whole
@@ -20,7 +20,7 @@ from robot.types import Mode
 _RESULT = re.compile(r"\d{8}-\d{6}-trial-[1-3]")
 
 
-class Classroom:
+class Classroom(StartStop):
     """Follows the loop while a lesson is on. A context manager: it follows inside of the block.
 
     `pace` is how many seconds of a lesson go by in a second: 1, but for demonstrations and tests.
@@ -37,16 +37,12 @@ class Classroom:
         self._episodes: list[str] = []
         self._unsubscribe: Callable[[], None] = lambda: None
 
-    def __enter__(self) -> Self:
+    def start(self) -> None:
+        """Begin to follow the loop."""
         self._unsubscribe = self._loop.subscribe(self.note)
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def stop(self) -> None:
+        """End following."""
         self._unsubscribe()
 
     def note(self, tick: Tick) -> None:

@@ -11,9 +11,8 @@ import time
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Self
 
+from robot.lifecycle import StartStop
 from robot.loop import ControlLoop
 from robot.policy import LearnedImage
 from robot.school import Replaced, Taught, Undone
@@ -36,7 +35,7 @@ class Mark:
     episode: str | None = None
 
 
-class Coach:
+class Coach(StartStop):
     """Follows one robot's lessons. A context manager: it follows inside of the block."""
 
     def __init__(self, loop: ControlLoop, episode: Callable[[], str | None] = lambda: None) -> None:
@@ -48,16 +47,12 @@ class Coach:
         self._fetched_s = 0.0
         self._unsubscribe: Callable[[], None] = lambda: None
 
-    def __enter__(self) -> Self:
+    def start(self) -> None:
+        """Begin to follow the loop."""
         self._unsubscribe = self._loop.subscribe(self.note)
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def stop(self) -> None:
+        """End following."""
         self._unsubscribe()
 
     def note(self, tick: Tick) -> None:
