@@ -28,7 +28,7 @@ def test_scanning_the_code_pairs_the_browser(tmp_path: Path) -> None:
         assert page.url.endswith("/pair"), "a stranger is led to the pairing page"
         page.fill("#token", "AAAA-AAAA-AAAA-AAAA")
         page.click("button")
-        page.wait_for_function("document.querySelector('#said').textContent.includes('wrong')")
+        page.locator("#said", has_text="wrong").wait_for()
         page.goto(f"{server.address}/pair#{pairing.tokens[Role.PILOT]}")
         page.reload()  # a new fragment alone loads nothing
         page.wait_for_url(server.address + "/")
