@@ -10,17 +10,17 @@ import pytest
 from server.access import Role
 from server.config import Config
 from server.pairing import Pairing
-from tests.e2e.world import PHONE, running_chromium
+from tests.e2e.world import PHONE
 from tests.server.live_robot import WEB, live_server
 
 pytestmark = pytest.mark.browser
 
 
-def test_scanning_the_code_pairs_the_browser(tmp_path: Path) -> None:
+def test_scanning_the_code_pairs_the_browser(tmp_path: Path, chromium: Any) -> None:
     pairing = Pairing(10)
     config = Config(port=0, web=WEB, lan=True, data=tmp_path)
-    with live_server(config, pairing=pairing) as server, running_chromium() as browser:
-        context = browser.new_context(viewport=PHONE, has_touch=True)
+    with live_server(config, pairing=pairing) as server:
+        context = chromium.new_context(viewport=PHONE, has_touch=True)
         page = context.new_page()
         complaints: list[str] = []
         page.on("console", lambda message: _note(complaints, message))
