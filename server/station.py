@@ -161,10 +161,19 @@ class Station:
     def leave(self, page: Page) -> None:
         """A page is gone; if it had the wheel the robot stops now."""
         self.pages.pop(page.client, None)
-        if self.lease.give_up(page.client, time.monotonic()):
+        now_s = time.monotonic()
+        if self.lease.give_up(page.client, now_s):
+            self._offer_wheel(now_s)
             self._change_hands()
         self.publish_state()
         log.info("leave client=%s refused=%d", page.client, page.refused)
+
+    def _offer_wheel(self, now_s: float) -> None:
+        """Give a wheel that nobody has or asked for to the only page that may drive: as a rule the
+        same pilot, come back while the line that it lost was still being closed."""
+        drivers = [page for page in self.pages.values() if page.role is Role.PILOT]
+        if self.lease.owner is None and len(drivers) == 1:
+            self.lease.join(drivers[0].client, now_s)
 
     def hear(self, page: Page, text: str) -> None:
         """Act on one message of a page; what is refused is answered and counted."""

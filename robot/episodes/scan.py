@@ -105,6 +105,8 @@ def records_from(path: Path, offset: int) -> Iterator[Any]:
     from mcap.stream_reader import StreamReader
 
     size = path.stat().st_size
+    if not 0 <= offset < size:
+        raise RecordingError(f"{path.name} points to a place outside of itself")
     with path.open("rb") as file:
         file.seek(offset)
         stream = _Bounded(file, size - offset)

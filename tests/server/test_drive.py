@@ -59,6 +59,19 @@ def test_a_viewer_sees_but_is_not_heard(server: LiveServer) -> None:
         pilot.wait_for_state(emergency=True, stop_reason="emergency")
 
 
+def test_a_wheel_that_is_left_goes_to_the_only_other_pilot_and_the_robot_stands(
+    server: LiveServer,
+) -> None:
+    """A pilot's new line may be there before the lost one is closed."""
+    with server.pilot() as lost, server.pilot() as back:
+        lost.mode("train")
+        lost.hold("forward")
+        wait_until(lambda: server.driver.now is Action.FORWARD)
+        lost.vanish()
+        back.wait_for_state(you_are_pilot=True, mode="stopped")
+        assert server.driver.now is Action.STOP, "and nothing is replayed"
+
+
 def test_refused_messages_are_answered_and_counted(server: LiveServer) -> None:
     with server.pilot() as pilot:
         pilot.wait_for_state(you_are_pilot=True)

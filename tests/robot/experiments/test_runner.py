@@ -101,7 +101,9 @@ def test_a_folder_that_cannot_be_written_is_a_clear_error(tmp_path: Path) -> Non
 def test_an_interrupted_call_loses_no_finished_run(tmp_path: Path) -> None:
     """Interrupt a real call after its first finished run, as Ctrl-C does; then go on."""
     program = (
-        "import sys; from pathlib import Path\n"
+        "import signal, sys; from pathlib import Path\n"
+        # A test run in the background has SIGINT ignored, and its children inherit that.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from robot.experiments.runner import run_all\n"
         "from robot.experiments.store import Store\n"
         "from tests.robot.experiments.test_runner import tasks\n"
