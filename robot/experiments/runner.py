@@ -68,9 +68,7 @@ def _parallel(jobs: int, backend: str, scheduler: str | None) -> Iterator[_Runs]
             jobs = -1
 
         def runs(waiting: dict[str, Task]) -> Iterator[tuple[str, Result]]:
-            parallel = joblib.Parallel(
-                n_jobs=jobs, return_as="generator_unordered", batch_size=1, pre_dispatch="all"
-            )
+            parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
             yield from parallel(
                 joblib.delayed(_run_keyed)(key, task) for key, task in waiting.items()
             )
