@@ -15,6 +15,8 @@ export class HomeScreen extends Screen {
   build() {
     /** @type {string | null} */
     this.open = null;
+    /** @type {Model[]} */
+    this.known = [];
     this.models = h('div', { class: 'stack', role: 'list' });
     this.episodes = h('div', { class: 'stack' });
     const file = h('input', { type: 'file', accept: '.npz', class: 'unseen', tabindex: -1, 'aria-label': t('home.upload'),
@@ -33,10 +35,13 @@ export class HomeScreen extends Screen {
   async refresh() {
     const answer = await this.attempt(() => ask('GET', '/api/models'));
     if (!answer || !this.isConnected) return;
-    /** @type {Model[]} */
-    const models = /** @type {any} */ (answer).models;
+    this.known = /** @type {any} */ (answer).models;
+    this.draw();
+  }
+
+  draw() {
     fill(/** @type {Element} */ (this.models),
-      ...(models.length ? models.map((model) => this.card(model)) : [h('p', { class: 'hint' }, t('home.none'))]));
+      ...(this.known?.length ? this.known.map((model) => this.card(model)) : [h('p', { class: 'hint' }, t('home.none'))]));
   }
 
   /** @param {Model} model */
@@ -60,7 +65,7 @@ export class HomeScreen extends Screen {
     const nameField = h('input', { value: name, maxlength: 60, 'aria-label': t('home.name') });
     const placeField = h('input', { value: place, maxlength: 60, 'aria-label': t('home.place'), placeholder: t('home.place') });
     const button = (/** @type {string} */ key, /** @type {() => Promise<unknown>} */ act) =>
-      h('button', { type: 'button', onclick: () => this.act(act) }, t(key));
+      h('button', { type: 'button', onclick: act }, t(key));
     const save = (/** @type {Event} */ event) => {
       event.preventDefault();
       this.act(async () => {
@@ -70,8 +75,8 @@ export class HomeScreen extends Screen {
     return h('div', { class: 'stack' },
       h('form', { class: 'row', onsubmit: save }, nameField, placeField, h('button', {}, t('home.keep'))),
       h('div', { class: 'row' },
-        !current && readable ? button('home.load', () => ask('POST', `${path}/load`)) : null,
-        button('home.copy', () => ask('POST', `${path}/copy`, {})),
+        !current && readable ? button('home.load', () => this.act(() => ask('POST', `${path}/load`))) : null,
+        button('home.copy', () => this.act(() => ask('POST', `${path}/copy`, {}))),
         h('a', { class: 'button', href: `${path}/file`, download: '' }, t('download')),
         button('delete', () => this.discard(name))));
   }
@@ -79,37 +84,39 @@ export class HomeScreen extends Screen {
   /** @param {string} name */
   toggle(name) {
     this.open = this.open === name ? null : name;
-    this.refresh();
+    this.draw();
   }
 
-  /** @param {() => Promise<unknown>} act */
+  /**
+   * Do something to the models, then show what came of it. Words about it come after: whoever
+   * reads them may touch the new list at once.
+   * @param {() => Promise<any>} act
+   */
   async act(act) {
-    await this.attempt(act);
+    const answer = await this.attempt(act);
     await this.refresh();
+    return answer;
   }
 
-  begin() {
-    return this.act(async () => {
-      const { name } = await ask('POST', '/api/models', {});
-      this.page?.toast(t('home.begun', { name }));
-    });
+  async begin() {
+    const begun = await this.act(() => ask('POST', '/api/models', {}));
+    if (begun) this.page?.toast(t('home.begun', { name: begun.name }));
   }
 
   /** @param {string} name */
   async discard(name) {
-    const { undo } = await ask('DELETE', `/api/models/${encodeURIComponent(name)}`);
+    const deleted = await this.act(() => ask('DELETE', `/api/models/${encodeURIComponent(name)}`));
+    if (!deleted) return;
     this.page?.toast(t('home.deleted', { name }), {
-      label: t('undo'), act: () => this.act(() => ask('POST', '/api/models/restore', { undo })),
+      label: t('undo'), act: () => this.act(() => ask('POST', '/api/models/restore', { undo: deleted.undo })),
     });
   }
 
   /** @param {File} file */
-  upload(file) {
+  async upload(file) {
     const name = file.name.replace(/\.npz$/i, '');
-    return this.act(async () => {
-      const kept = await ask('PUT', `/api/models/${encodeURIComponent(name)}/file`, file);
-      this.page?.toast(t('home.uploaded', { name: kept.name }));
-    });
+    const kept = await this.act(() => ask('PUT', `/api/models/${encodeURIComponent(name)}/file`, file));
+    if (kept) this.page?.toast(t('home.uploaded', { name: kept.name }));
   }
 }
 
