@@ -56,8 +56,15 @@ class Apprentice:
         self._agreed: deque[bool] = deque(maxlen=AGREEMENT_FRAMES)
         self._frame_times_s: deque[float] = deque(maxlen=30)
 
-    def look(self, frame: Frame | None) -> bool:
+    def look(
+        self, frame: Frame | None, under_way: Action | None = None, *, bumped: bool = False
+    ) -> bool:
         """Look at the camera's newest frame; False if it was seen before, or there is none.
+
+        Args:
+            frame: What the camera gives.
+            under_way: The move that the robot is making by its own choice, if it drives.
+            bumped: True if a bumper is pressed.
 
         Raises:
             CameraError: If it is no picture; it then counts as not seen.
@@ -68,7 +75,9 @@ class Apprentice:
         self.frame = frame
         self._frame_times_s.append(frame.captured_s)
         started_s = self._clock.now_s()
-        self.prediction = self.school.policy.propose(frame.frame_id, x)
+        self.prediction = self.school.policy.propose(
+            frame.frame_id, x, under_way=under_way, at_s=frame.captured_s, bumped=bumped
+        )
         self._note_time("propose", started_s)
         self._seen[frame.frame_id] = _Seen(
             x=x, captured_s=frame.captured_s, predicted=self.prediction.action

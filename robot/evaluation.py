@@ -11,7 +11,8 @@ import numpy as np
 
 from robot.errors import CameraError, RecordingError
 from robot.learner.base import Vector
-from robot.policy import Policy, make_policy
+from robot.policies import make_policy
+from robot.policy import Policy
 from robot.recordings import Recording, load_recording
 from robot.types import Action
 
@@ -99,10 +100,20 @@ def _vectors(policy: Policy, recording: Recording, known: Vectors) -> list[Vecto
 
 def judge(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
     """Teach a new policy one drive and test it on the other; `vectors` keeps the features."""
-    train = _vectors(policy, pair.train, vectors)
-    test = _vectors(policy, pair.test, vectors)
-    for x, label in zip(train, pair.train.labels, strict=True):
+    teach(policy, pair.train, vectors)
+    return examine(policy, pair, vectors)
+
+
+def teach(policy: Policy, recording: Recording, vectors: Vectors) -> None:
+    """Teach a policy one more drive, perhaps of another place than the last."""
+    policy.settle()
+    for x, label in zip(_vectors(policy, recording, vectors), recording.labels, strict=True):
         policy.learn(x, label)
+
+
+def examine(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
+    """Test a policy that was taught on `pair.train`, and perhaps on more, on `pair.test`."""
+    test = _vectors(policy, pair.test, vectors)
     policy.settle()
     proposed = [policy.propose(i + 1, x) for i, x in enumerate(test)]
     accuracy, balanced = scores(pair.test.labels, [p.action for p in proposed])

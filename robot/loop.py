@@ -223,11 +223,20 @@ class ControlLoop:
     def _look(self) -> Frame | None:
         """Have the newest frame looked at; return it if it is new."""
         try:
-            is_new = self._apprentice.look(self._camera.latest())
+            is_new = self._apprentice.look(
+                self._camera.latest(),
+                self._under_way(),
+                bumped=bool(self._state.sensors.bumped),
+            )
         except CameraError as error:
             self._fault = str(error)
             return None
         return self._apprentice.frame if is_new else None
+
+    def _under_way(self) -> Action | None:
+        """Return the move that the robot makes by its own choice; None if it does not drive."""
+        decision = self._state.decision
+        return decision.action if decision.driven_by is DrivenBy.ROBOT else None
 
     def _sense(self) -> Sensors:
         try:

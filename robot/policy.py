@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-import os
-import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import ConfigurationError
-from robot.features import (
-    THUMBNAIL_HEIGHT,
-    THUMBNAIL_WIDTH,
-    Features,
-    GradientFeatures,
-    GreyFeatures,
-)
+from robot.features import Features
 from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.learner.classifier import BSOCClassifier
-from robot.learner.places import BinaryFeatures, MultiPlace
-from robot.learner.ridge import RecursiveRidge
-from robot.steadiness import Commitment, RunningVotes
+from robot.learner.places import MultiPlace
+from robot.steadiness import Steadiness, View
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
-
-VOTES_KEPT = 0.4
-"""Share of the running average of votes that stays at each frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +39,14 @@ class Policy:
     """Frames in, proposed actions out; and lessons in between.
 
     Not safe for several threads: one loop owns it.
+
+    Args:
+        name: What it is called.
+        max_nodes: How many images its learner keeps at most.
+        learner: Learns and recognises.
+        features: From frame to vector.
+        moves: What it may propose.
+        steadiness: From the votes on one frame to a steady drive; the default's unless given.
     """
 
     def __init__(
@@ -63,16 +57,14 @@ class Policy:
         features: Features,
         *,
         moves: tuple[Action, ...] = DEFAULT_MOVES,
-        votes_kept: float = VOTES_KEPT,
-        commits: bool = True,
+        steadiness: Steadiness | None = None,
     ) -> None:
         self.name = name
         self.max_nodes = max_nodes
         self.moves = moves
         self.learner = learner
         self.features = features
-        self._average = RunningVotes(votes_kept)
-        self._commitment = Commitment() if commits else None
+        self._steadiness = steadiness or Steadiness()
         self._n_lessons = 0
         self._n_proposals = 0
         self._last_used: dict[int, int] = {}
@@ -92,10 +84,25 @@ class Policy:
         """Return the frame's vector; pure. Raises CameraError for bytes that are no image."""
         return self.features.extract(frame)
 
-    def propose(self, frame_id: int, x: Vector) -> Prediction:
+    def propose(
+        self,
+        frame_id: int,
+        x: Vector,
+        *,
+        under_way: Action | None = None,
+        at_s: float = 0.0,
+        bumped: bool = False,
+    ) -> Prediction:
         """Return what to do on this frame. Call it once a frame, in order.
 
         Before the first lesson the action is None and there are no probabilities.
+
+        Args:
+            frame_id: The frame.
+            x: Its vector.
+            under_way: The move that the robot is making by its own choice, if it drives.
+            at_s: When the frame was taken.
+            bumped: True if a bumper is pressed.
         """
         self._n_proposals += 1
         try:
@@ -103,8 +110,14 @@ class Policy:
         except NotFittedError:
             return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
         shares = {move: evidence.probabilities.get(move, 0.0) for move in self.moves}
-        steady = self._average.update(shares)
-        action = self._choose(steady)
+        steady = self._steadiness.average(shares)
+        view = View(
+            picture=self.features.thumbnail(x),
+            novelty=evidence.novelty,
+            at_s=at_s,
+            bumped=bumped,
+        )
+        action = self._steadiness.choose(steady, view, under_way)
         node = self._note(self._last_used, evidence.node, self._n_proposals)
         return Prediction(
             frame_id=frame_id,
@@ -132,11 +145,9 @@ class Policy:
 
     def settle(self) -> None:
         """Forget the running average and the turn begun: a new drive begins."""
-        self._average.reset()
+        self._steadiness.reset()
         if isinstance(self.learner, MultiPlace):
             self.learner.settle()
-        if self._commitment is not None:
-            self._commitment.reset()
 
     def get_state(self) -> State:
         """Return a copy of all that was learned, and of nothing that passes with the drive."""
@@ -216,11 +227,6 @@ class Policy:
         sharpness = float(getattr(self.learner, "sharpness", 1.0))
         return votes.chance(values, list(shares).index(action), sharpness)
 
-    def _choose(self, shares: dict[Action, float]) -> Action:
-        if self._commitment is not None:
-            return self._commitment.choose(shares)
-        return max(shares, key=lambda action: shares[action])
-
     def _cluster(self) -> BSOCClassifier | None:
         return self.learner if isinstance(self.learner, BSOCClassifier) else None
 
@@ -242,96 +248,3 @@ class Policy:
             for gone in [node for node in when if node not in alive]:
                 del when[gone]
         return node_id
-
-
-Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
-
-
-def _default(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    learner = _default_learner(number, integer)
-    return Policy(name, number, learner, GradientFeatures(), moves=moves)
-
-
-def _default_learner(number: int, integer: bool) -> BSOCClassifier:
-    # The linear part costs a floating-point step over all pairs of gradients a lesson.
-    linear = None if integer else RecursiveRidge(GradientFeatures.n_gradients)
-    return BSOCClassifier(number, linear=linear, integer=integer)
-
-
-def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    learner = BSOCClassifier.published(number, integer=integer)
-    return Policy(name, number, learner, GreyFeatures(), moves=moves, votes_kept=0.0, commits=False)
-
-
-def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    features = GradientFeatures()
-    learner = MultiPlace(
-        lambda: _default_learner(number, integer),
-        BinaryFeatures(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH),
-    )
-    return Policy(name, number, learner, features, moves=moves)
-
-
-def _baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    from robot import baselines
-
-    learner = baselines.make(split_name(name)[0], number)
-    return Policy(name, number, learner, GreyFeatures(), moves=moves, votes_kept=0.0, commits=False)
-
-
-MAKERS: dict[str, Maker] = {
-    "default": _default,
-    "published": _published,
-    "multi-place": _multi_place,
-    "knn": _baseline,
-    "som": _baseline,
-    "gas": _baseline,
-    "alvinn": _baseline,
-    "sgd": _baseline,
-    "river": _baseline,
-}
-"""Kinds of learners. The number is that of nodes; of neighbours for knn, of cells for som, of
-hidden units for alvinn, and of no consequence for sgd and river."""
-
-
-def make_policy(
-    name: str = "default-32",
-    moves: tuple[Action, ...] = DEFAULT_MOVES,
-    integer: bool | None = None,
-) -> Policy:
-    """Return a policy by its name, KIND-NUMBER: `default-32`, `published-64`, `knn-9`.
-
-    Args:
-        name: The kind of learner, and its number of nodes (or of neighbours).
-        moves: What it may propose.
-        integer: Compare pixels in whole numbers, for machines without a floating-point unit;
-            None: if this machine has none.
-
-    Raises:
-        ConfigurationError: If there is no such learner.
-        MissingExtraError: If a library that it needs is not installed.
-    """
-    kind, number = split_name(name)
-    if kind not in MAKERS:
-        raise ConfigurationError(
-            f"no learner is called {name!r}; there are "
-            f"{', '.join(f'{kind}-NUMBER' for kind in MAKERS)}"
-        )
-    if integer is None:
-        integer = os.uname().machine.startswith("armv5")  # the EV3's processor
-    return MAKERS[kind](number, name, moves, integer)
-
-
-def split_name(name: str) -> tuple[str, int]:
-    """Return kind and number of a learner's name.
-
-    Raises:
-        ConfigurationError: If it is not KIND-NUMBER with a number of at least 1.
-    """
-    match = re.fullmatch(r"(.+)-([1-9]\d{0,5})", name)
-    if match is None:
-        raise ConfigurationError(
-            f"a learner is called KIND-NUMBER, as in default-32, not {name!r}; kinds: "
-            f"{', '.join(MAKERS)}"
-        )
-    return match[1], int(match[2])

@@ -1,9 +1,16 @@
-"""From frame-by-frame votes to steady driving: a running average, and commitment to a turn."""
+"""From frame-by-frame votes to steady driving: a running average, and commitment to a move."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
 
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.standstill import Standstill
 from robot.types import Action
 
 OPPOSITE: dict[Action, Action] = {
@@ -12,6 +19,18 @@ OPPOSITE: dict[Action, Action] = {
     Action.SPIN_LEFT: Action.SPIN_RIGHT,
     Action.SPIN_RIGHT: Action.SPIN_LEFT,
 }
+VOTES_KEPT = 0.4
+"""Share of the running average of votes that stays at each frame."""
+INERTIA = 0.2
+"""By how much the votes for another move must exceed those for the move under way.
+
+People begin a turn late and end it late: between the two, the same view means go on as you do.
+Votes alone cannot tell, and a robot without inertia ends its turns too early
+(docs/explanation/learner.md).
+"""
+UNFAMILIAR = 0.3
+"""Novelty from which a robot that pushes without effect tries something else. On a view that was
+taught it goes on: there the pilot meant to push."""
 
 
 class RunningVotes:
@@ -44,32 +63,100 @@ class RunningVotes:
 
 
 class Commitment:
-    """Once turning, a robot does not turn the other way until it has driven straight.
+    """A robot goes on with the move under way unless the votes for another clearly exceed it.
 
-    LEFT and RIGHT in turn lead nowhere: the opposite of the turn begun counts for nothing until
-    the votes have been for neither of the two `release_frames` times in a row.
+    And once turning, it does not turn the other way until it has chosen to drive straight: LEFT
+    and RIGHT in turn lead nowhere.
+
+    Args:
+        inertia: By how much the votes for another move must exceed those for the one under way.
+        bars_opposite: False: a turn may follow its opposite.
     """
 
-    def __init__(self, release_frames: int = 1) -> None:
-        self.release_frames = release_frames
+    def __init__(self, inertia: float = INERTIA, *, bars_opposite: bool = True) -> None:
+        self.inertia = inertia
+        self.bars_opposite = bars_opposite
         self._turn: Action | None = None
-        self._straight_frames = 0
 
-    def choose(self, shares: Mapping[Action, float]) -> Action:
-        """Return the action of most votes that the turn begun allows; the first on a tie."""
+    def choose(
+        self,
+        shares: Mapping[Action, float],
+        under_way: Action | None = None,
+        futile: Action | None = None,
+    ) -> Action:
+        """Return the action of most votes that the turn begun allows; the first on a tie.
+
+        Args:
+            shares: The votes for each move.
+            under_way: What the robot is doing by its own choice; None if it is not: what the
+                pilot does must not weigh in a judgement that is compared with the pilot's.
+            futile: A move that leads nowhere now: taken only if there are no votes for another.
+        """
         barred = OPPOSITE.get(self._turn) if self._turn is not None else None
         allowed = [action for action in shares if action is not barred] or list(shares)
-        chosen = max(allowed, key=lambda action: shares[action])
-        if chosen in OPPOSITE:
-            self._turn = chosen
-            self._straight_frames = 0
-        else:
-            self._straight_frames += 1
-            if self._straight_frames >= self.release_frames:
-                self._turn = None
+        fruitful = [action for action in allowed if action is not futile and shares[action] > 0]
+        chosen = max(
+            fruitful or allowed,
+            key=lambda action: shares[action] + (self.inertia if action is under_way else 0.0),
+        )
+        self._turn = chosen if self.bars_opposite and chosen in OPPOSITE else None
         return chosen
 
     def reset(self) -> None:
         """Forget the turn begun: a new drive begins."""
         self._turn = None
-        self._straight_frames = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """One frame, as far as steadiness goes: in grey, how new it is, when it was taken, and if a
+    bumper was pressed."""
+
+    picture: NDArray[np.uint8]
+    novelty: float
+    at_s: float
+    bumped: bool
+
+
+class Steadiness:
+    """All that lies between the votes on one frame and a steady drive.
+
+    Args:
+        votes_kept: Share of the running average of votes that stays at each frame.
+        commitment: To the move under way, and to a turn begun.
+        unfamiliar: Novelty from which a move that gains no way is given up; inf: never.
+    """
+
+    def __init__(
+        self,
+        votes_kept: float = VOTES_KEPT,
+        commitment: Commitment | None = None,
+        unfamiliar: float = UNFAMILIAR,
+    ) -> None:
+        self._average = RunningVotes(votes_kept)
+        self._commitment = commitment or Commitment()
+        self._standstill = Standstill()
+        self.unfamiliar = unfamiliar
+
+    @classmethod
+    def none(cls) -> Self:
+        """Return none at all: each frame's own votes decide, as in the paper."""
+        return cls(0.0, Commitment(0.0, bars_opposite=False), math.inf)
+
+    def average(self, shares: Mapping[Action, float]) -> dict[Action, float]:
+        """Take in the votes on one more frame, and return their running average."""
+        return self._average.update(shares)
+
+    def choose(
+        self, shares: Mapping[Action, float], view: View, under_way: Action | None
+    ) -> Action:
+        """Return what to do; `under_way` as `Commitment.choose` has it."""
+        barred = self._standstill.barred(view.picture, under_way, view.at_s, bumped=view.bumped)
+        is_unfamiliar = view.novelty >= self.unfamiliar
+        return self._commitment.choose(shares, under_way, barred if is_unfamiliar else None)
+
+    def reset(self) -> None:
+        """Forget whatever belongs to the drive that ends here."""
+        self._average.reset()
+        self._commitment.reset()
+        self._standstill.reset()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from robot.experiments.ablation import Ablation
 from robot.experiments.behaviours import Behaviours, MoreMoves
 from robot.experiments.delay import Delay
 from robot.experiments.experiment import Experiment
@@ -15,7 +16,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     experiment.name: experiment
     for experiment in (
         *(Figure3(), Figure5(), Figure6(), Figure7(), Figure8()),
-        *(Delay(), MoreMoves(), Behaviours()),
+        *(Delay(), MoreMoves(), Behaviours(), Ablation()),
     )
 }
 """In the order in which `all` runs them."""

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from robot.errors import RecordingError
 from robot.learner.base import State
 from robot.npz import read_arrays, write_arrays
-from robot.policy import LearnedImage, Policy, make_policy
+from robot.policies import make_policy
+from robot.policy import LearnedImage, Policy
 from robot.types import Action
 
 FORMAT = 1

@@ -161,6 +161,6 @@ TASTES: dict[str, Taste] = {
     "usual": Taste(),
     "early": Taste(turn_at_m=0.35, go_at_m=0.55, danger_m=0.10),
     "late": Taste(turn_at_m=0.14, go_at_m=0.35, danger_m=0.04),
-    "habit": Taste(turn_at_m=0.25, go_at_m=0.50, left_at=WALLS, right_at=SHELVES),
+    "habit": Taste(left_at=WALLS, right_at=SHELVES),
 }
 """Drivers of different taste, by name."""

@@ -4,43 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from robot import evaluation
 from robot.errors import MissingExtraError
-from robot.features import GradientFeatures, GreyFeatures
-from robot.learner.classifier import BSOCClassifier
-from robot.learner.ridge import RecursiveRidge
-from robot.policy import Policy, make_policy
+from robot.policies import make_policy
+from robot.variants import VARIANTS
 
-
-def _ridge() -> RecursiveRidge:
-    return RecursiveRidge(GradientFeatures.n_gradients)
-
-
-def _policy(learner: BSOCClassifier, **steadiness: object) -> Policy:
-    return Policy("ablation", learner.max_nodes, learner, GradientFeatures(), **steadiness)  # type: ignore[arg-type]
-
-
-VARIANTS: dict[str, Callable[[int], Policy]] = {
-    "default": lambda m: make_policy(f"default-{m}"),
-    "without the linear part": lambda m: _policy(BSOCClassifier(m)),
-    "the linear part alone": lambda m: _policy(
-        BSOCClassifier(m, linear=_ridge(), linear_share=1.0)
-    ),
-    "labels merged freely": lambda m: _policy(BSOCClassifier(m, group_cost=1.0, linear=_ridge())),
-    "one node votes": lambda m: _policy(BSOCClassifier(m, n_voters=1, linear=_ridge())),
-    "no running average": lambda m: _policy(BSOCClassifier(m, linear=_ridge()), votes_kept=0.0),
-    "no commitment to a turn": lambda m: _policy(BSOCClassifier(m, linear=_ridge()), commits=False),
-    "grey alone, no linear part": lambda m: Policy(
-        "ablation", m, BSOCClassifier(m), GreyFeatures()
-    ),
-    "whole numbers alone": lambda m: make_policy(f"default-{m}", integer=True),
-    "published": lambda m: make_policy(f"published-{m}"),
-}
+KINDS = ("default", *VARIANTS, "published")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -59,14 +32,16 @@ def run(args: argparse.Namespace) -> int:
     pairs = evaluation.load_pairs(args.folder)
     vectors: evaluation.Vectors = {}
     heads = " | ".join(f"{size} nodes | balanced | calibration" for size in sizes)
-    print(f"| variant | {heads} |\n|---|{'---|' * 3 * len(sizes)}")
-    for name, make in tqdm(VARIANTS.items(), unit="variant", file=sys.stderr):
+    print(f"| kind | {heads} |\n|---|{'---|' * 3 * len(sizes)}")
+    for kind in tqdm(KINDS, unit="kind", file=sys.stderr):
         cells = []
         for size in sizes:
-            results = [evaluation.judge(make(size), pair, vectors) for pair in pairs]
+            results = [
+                evaluation.judge(make_policy(f"{kind}-{size}"), pair, vectors) for pair in pairs
+            ]
             cells += [
                 f"{np.mean([getattr(r, field) for r in results]):.3f}"
                 for field in ("accuracy", "balanced_accuracy", "calibration_error")
             ]
-        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+        print(f"| {kind} | {' | '.join(cells)} |", flush=True)
     return 0

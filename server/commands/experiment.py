@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from robot.experiments.report import Section
     from robot.experiments.task import Result, Task
 
-NAMES = ("figure3", "figure5", "figure6", "figure7", "figure8", "delay", "moves", "behaviours")
+NAMES = (
+    *("figure3", "figure5", "figure6", "figure7", "figure8"),
+    *("delay", "moves", "behaviours", "ablation"),
+)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

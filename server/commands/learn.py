@@ -14,7 +14,8 @@ from robot.episodes.teaching import Mended, Report, learn_again, plan, same_node
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.models.model import encode_model, take_model
 from robot.models.shelf import ModelShelf
-from robot.policy import Policy, make_policy
+from robot.policies import make_policy
+from robot.policy import Policy
 from robot.storage import Storage, default_root, write_whole
 from robot.types import DEFAULT_MOVES, Action
 from server.commands.episodes import add_data, find_episodes

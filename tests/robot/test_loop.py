@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from robot.clock import RealClock
 from robot.loop_thread import LoopThread
-from robot.types import Action, DrivenBy, Mode, StopReason
+from robot.types import Action, DrivenBy, Mode, Prediction, StopReason
 from tests.robot.bench_robot import BenchRobot
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -49,6 +51,58 @@ def test_it_drives_alone_what_it_was_taught_and_a_touch_is_a_lesson() -> None:
     assert tick.school_events[0].lesson.is_intervention
     assert robot.loop.state.taught[L] == taught_before + 1
     assert robot.step(1, None).decision.driven_by is DrivenBy.ROBOT
+
+
+def robot_that_drives() -> BenchRobot:
+    """A robot that was taught four views, LEFT at the first, and now drives by itself."""
+    robot = BenchRobot("default-8")
+    robot.start(Mode.TRAIN)
+    for step in range(40):
+        robot.step(step % 4, L if step % 4 == 0 else F)
+    robot.start(Mode.AUTONOMOUS, scene=1)
+    for step in range(40):
+        robot.step(step % 4, None)
+    return robot
+
+
+def test_a_robot_that_gains_no_way_tries_another_move_before_a_second_is_over() -> None:
+    robot = robot_that_drives()
+    unlike_all_lessons = 98
+    sent = [robot.step(unlike_all_lessons, None).sent for _ in range(40)]  # for two seconds
+    assert sent[5] is F
+    assert L in sent[5:20]
+
+
+def test_a_robot_that_was_taught_to_push_goes_on_pushing() -> None:
+    robot = robot_that_drives()
+    taught_view = 1
+    assert {robot.step(taught_view, None).sent for _ in range(60)} == {F}
+
+
+def test_what_the_pilot_does_has_no_weight_in_what_the_robot_would_do() -> None:
+    robot = BenchRobot("default-8")
+    robot.start(Mode.TRAIN)
+    for _ in range(20):
+        robot.step(1, F)
+        robot.step(2, L)
+    under_way: list[Action | None] = []
+    propose = robot.loop.school.policy.propose
+
+    def listen(frame_id: int, x: Any, **drive: Any) -> Prediction:
+        under_way.append(drive["under_way"])
+        return propose(frame_id, x, **drive)
+
+    robot.loop.school.policy.propose = listen  # type: ignore[method-assign]
+    robot.step(1, F)
+    robot.step(1, F)
+    assert under_way == [None, None]
+    robot.start(Mode.AUTONOMOUS, scene=1)
+    robot.step(1, None)
+    robot.step(1, None)
+    assert under_way[-1] is F
+    robot.step(1, L)
+    robot.step(1, L)
+    assert under_way[-1] is None
 
 
 def test_a_stopped_robot_does_not_learn() -> None:
@@ -140,7 +194,7 @@ def test_whatever_is_thrown_inside_stops_the_robot_first_and_is_logged_once(
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
 
-    def explode(*_: object) -> None:
+    def explode(*_: object, **__: object) -> None:
         raise ArithmeticError("boom")
 
     robot.loop.school.policy.propose = explode  # type: ignore[method-assign,assignment]

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from robot.errors import ConfigurationError
-from robot.policy import make_policy
-from robot.steadiness import Commitment, RunningVotes
+from robot.policies import make_policy
 from robot.types import Action, Encoding, Frame
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -92,20 +91,3 @@ def test_refuses_a_label_that_is_no_move():
     with pytest.raises(ValueError, match="none of the moves"):
         policy.learn(policy.extract(view(0)), R)
     assert policy.n_seen == 0
-
-
-def test_one_odd_frame_does_not_turn_the_average():
-    votes = RunningVotes(0.75)
-    for _ in range(10):
-        votes.update({F: 1.0, L: 0.0})
-    assert votes.update({F: 0.0, L: 1.0})[F] == pytest.approx(0.75)
-    votes.reset()
-    assert votes.update({F: 0.0, L: 1.0})[L] == 1.0
-
-
-def test_left_and_right_never_follow_each_other():
-    commitment = Commitment()
-    assert commitment.choose({F: 0.1, L: 0.5, R: 0.4}) is L
-    assert commitment.choose({F: 0.1, L: 0.2, R: 0.7}) is L
-    assert commitment.choose({F: 0.5, L: 0.1, R: 0.4}) is F
-    assert commitment.choose({F: 0.1, L: 0.2, R: 0.7}) is R

@@ -1,0 +1,66 @@
+"""What each part of the default learner is worth in driving: trials 2 and 3 without it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from robot.experiments.experiment import Plot, Settings, group
+from robot.experiments.figure7 import PHASES, TRIALS
+from robot.experiments.tables import SSD_COLUMNS, Table, ssd_cells
+from robot.experiments.task import Result, Task
+from robot.variants import VARIANTS
+
+KINDS = ("default", *(kind for kind in VARIANTS if kind != "whole-numbers"), "published")
+NODES = {2: 32, 3: 128}
+
+
+class Ablation:
+    """The default, and the default without one of its parts, in closed loop."""
+
+    name = "ablation"
+    title = "Ablation in closed loop"
+    text = (
+        "As figure 7 after retraining: trial 2 with 32 nodes, trial 3 with 128. Each row has one "
+        "part of the default learner changed (robot/variants.py)."
+    )
+
+    def plan(self, settings: Settings) -> list[Task]:
+        """Plan every kind with every seed."""
+        return [
+            Task(
+                kind="lesson",
+                params={
+                    **TRIALS[trial],
+                    **PHASES,
+                    "teacher": settings.teacher or TRIALS[trial]["teacher"],
+                    "trial": trial,
+                    "learner": f"{kind}-{nodes}",
+                    "seed": seed,
+                },
+            )
+            for trial, nodes in NODES.items()
+            for kind in KINDS
+            for seed in range(settings.n_seeds)
+        ]
+
+    def tables(
+        self, settings: Settings, tasks: Sequence[Task], results: Sequence[Result]
+    ) -> list[Table]:
+        """Return one table a trial."""
+        grouped = group(tasks, results, "trial", "learner")
+        return [
+            Table(
+                title=f"Trial {trial} after retraining",
+                columns=("SSD", *SSD_COLUMNS),
+                rows=tuple(
+                    (str(learner), *ssd_cells([run["after"] for run in runs]))
+                    for (number, learner), runs in grouped.items()
+                    if number == trial
+                ),
+            )
+            for trial in NODES
+        ]
+
+    def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
+        """Return none: a table says it."""
+        return []

@@ -1,0 +1,95 @@
+"""Learners by name, each with its features and its steadiness: `default-32`, `published-64`."""
+
+from __future__ import annotations
+
+import os
+import re
+
+from robot.errors import ConfigurationError
+from robot.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GradientFeatures, GreyFeatures
+from robot.learner.classifier import BSOCClassifier
+from robot.learner.places import BinaryFeatures, MultiPlace
+from robot.policy import Policy
+from robot.steadiness import Steadiness
+from robot.types import DEFAULT_MOVES, Action
+from robot.variants import VARIANTS, Maker, default_learner, make_default
+
+
+def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    learner = BSOCClassifier.published(number, integer=integer)
+    return Policy(name, number, learner, GreyFeatures(), moves=moves, steadiness=Steadiness.none())
+
+
+def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    features = GradientFeatures()
+    learner = MultiPlace(
+        lambda: default_learner(number, integer),
+        BinaryFeatures(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH),
+    )
+    return Policy(name, number, learner, features, moves=moves)
+
+
+def _baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    from robot import baselines
+
+    learner = baselines.make(split_name(name)[0], number)
+    return Policy(name, number, learner, GreyFeatures(), moves=moves, steadiness=Steadiness.none())
+
+
+MAKERS: dict[str, Maker] = {
+    "default": make_default,
+    "published": _published,
+    "multi-place": _multi_place,
+    "knn": _baseline,
+    "som": _baseline,
+    "gas": _baseline,
+    "alvinn": _baseline,
+    "sgd": _baseline,
+    "river": _baseline,
+    **VARIANTS,
+}
+"""Kinds of learners. The number is that of nodes; of neighbours for knn, of cells for som, of
+hidden units for alvinn, and of no consequence for sgd and river."""
+
+
+def make_policy(
+    name: str = "default-32",
+    moves: tuple[Action, ...] = DEFAULT_MOVES,
+    integer: bool | None = None,
+) -> Policy:
+    """Return a policy by its name, KIND-NUMBER: `default-32`, `published-64`, `knn-9`.
+
+    Args:
+        name: The kind of learner, and its number of nodes (or of neighbours).
+        moves: What it may propose.
+        integer: Compare pixels in whole numbers, for machines without a floating-point unit;
+            None: if this machine has none.
+
+    Raises:
+        ConfigurationError: If there is no such learner.
+        MissingExtraError: If a library that it needs is not installed.
+    """
+    kind, number = split_name(name)
+    if kind not in MAKERS:
+        raise ConfigurationError(
+            f"no learner is called {name!r}; there are "
+            f"{', '.join(f'{kind}-NUMBER' for kind in MAKERS)}"
+        )
+    if integer is None:
+        integer = os.uname().machine.startswith("armv5")  # the EV3's processor
+    return MAKERS[kind](number, name, moves, integer)
+
+
+def split_name(name: str) -> tuple[str, int]:
+    """Return kind and number of a learner's name.
+
+    Raises:
+        ConfigurationError: If it is not KIND-NUMBER with a number of at least 1.
+    """
+    match = re.fullmatch(r"(.+)-([1-9]\d{0,5})", name)
+    if match is None:
+        raise ConfigurationError(
+            f"a learner is called KIND-NUMBER, as in default-32, not {name!r}; kinds: "
+            f"{', '.join(MAKERS)}"
+        )
+    return match[1], int(match[2])

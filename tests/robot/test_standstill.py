@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot.standstill import AWAY_S, STUCK_S, Standstill
+from robot.types import Action
+
+F, L = Action.FORWARD, Action.LEFT
+
+
+class Drive:
+    """Pictures at 20 Hz: of a stripe that moves, or of one that only has noise."""
+
+    def __init__(self):
+        self.standstill, self.now_s, self.shift = Standstill(), 100.0, 0
+        self.rng = np.random.default_rng(3)
+
+    def go(self, seconds, under_way, is_moving, bumped=False):
+        """Drive on; return when the move was first barred, seconds after the start."""
+        first_s = None
+        for i in range(round(seconds * 20)):
+            self.shift += is_moving
+            self.now_s += 0.05
+            picture = np.full((30, 40), 60, np.uint8)
+            picture[:, self.shift % 30 : self.shift % 30 + 10] = 180
+            picture += self.rng.integers(0, 4, (30, 40), np.uint8)
+            barred = self.standstill.barred(picture, under_way, self.now_s, bumped=bumped)
+            if barred is not None and first_s is None:
+                assert barred is F
+                first_s = (i + 1) * 0.05
+        return first_s
+
+
+@pytest.fixture
+def drive():
+    return Drive()
+
+
+def test_pushing_is_noticed_in_half_a_second(drive):
+    assert drive.go(3, F, is_moving=True) is None
+    noticed_s = drive.go(3, F, is_moving=False)
+    assert STUCK_S - 0.1 <= noticed_s <= STUCK_S + 0.2
+
+
+def test_the_move_is_free_again_once_the_robot_has_moved_away(drive):
+    drive.go(3, F, is_moving=True)
+    assert drive.go(STUCK_S + 0.2, F, is_moving=False) is not None
+    drive.now_s += AWAY_S
+    assert drive.go(2, F, is_moving=True) is None
+
+
+def test_a_turn_goes_on_however_little_the_picture_changes(drive):
+    drive.go(3, F, is_moving=True)
+    assert drive.go(5, L, is_moving=False) is None
+
+
+def test_a_move_given_up_is_not_taken_up_before_the_picture_moves(drive):
+    drive.go(3, F, is_moving=True)
+    drive.go(STUCK_S + 0.2, F, is_moving=False)
+    assert drive.go(2 * AWAY_S, L, is_moving=False) is not None
+    drive.go(0.2, L, is_moving=True)
+    assert drive.go(2, F, is_moving=True) is None
+
+
+def test_standing_by_order_or_by_the_pilots_hand_is_no_pushing(drive):
+    drive.go(3, F, is_moving=True)
+    assert drive.go(5, Action.STOP, is_moving=False) is None
+    assert drive.go(5, None, is_moving=False) is None
+
+
+def test_a_flash_of_light_does_not_make_all_after_it_look_still(drive):
+    drive.go(3, F, is_moving=True)
+    flash = np.full((30, 40), 255, np.uint8)
+    drive.now_s += 0.1
+    drive.standstill.barred(flash, F, drive.now_s)
+    assert drive.go(3, F, is_moving=True) is None
+
+
+def test_a_pressed_bumper_tells_it_though_the_picture_slides(drive):
+    drive.go(3, F, is_moving=True)
+    noticed_s = drive.go(3, F, is_moving=True, bumped=True)
+    assert STUCK_S - 0.1 <= noticed_s <= STUCK_S + 0.2

@@ -1,0 +1,38 @@
+from __future__ import annotations
+
+import pytest
+
+from robot.steadiness import INERTIA, Commitment, RunningVotes
+from robot.types import Action
+
+F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
+
+
+def test_one_odd_frame_does_not_turn_the_average():
+    votes = RunningVotes(0.75)
+    for _ in range(10):
+        votes.update({F: 1.0, L: 0.0})
+    assert votes.update({F: 0.0, L: 1.0})[F] == pytest.approx(0.75)
+    votes.reset()
+    assert votes.update({F: 0.0, L: 1.0})[L] == 1.0
+
+
+def test_left_and_right_never_follow_each_other():
+    commitment = Commitment()
+    assert commitment.choose({F: 0.1, L: 0.5, R: 0.4}) is L
+    assert commitment.choose({F: 0.1, L: 0.2, R: 0.7}) is L
+    assert commitment.choose({F: 0.5, L: 0.1, R: 0.4}) is F
+    assert commitment.choose({F: 0.1, L: 0.2, R: 0.7}) is R
+
+
+def test_a_move_under_way_goes_on_until_another_is_clearly_better():
+    commitment = Commitment()
+    little, much = 0.5 + 0.4 * INERTIA, 0.5 + 0.6 * INERTIA
+    assert commitment.choose({F: little, L: 1 - little}, L) is L
+    assert commitment.choose({F: little, L: 1 - little}, F) is F
+    assert commitment.choose({F: little, L: 1 - little}) is F
+    assert commitment.choose({F: much, L: 1 - much}, L) is F
+
+
+def test_standing_still_is_no_move_under_way():
+    assert Commitment().choose({F: 0.4, L: 0.6}, Action.STOP) is L
