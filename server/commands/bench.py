@@ -13,6 +13,7 @@ BENCHMARKS = {
     "ablation": "server.bench.ablation",
     "learner": "server.bench.learner",
     "link": "server.bench.link",
+    "places": "server.bench.places",
     "recording": "server.bench.recording",
 }
 """Name to module; each has `configure(parser)` and `run(args) -> int`, as a command has."""
