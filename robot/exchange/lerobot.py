@@ -14,7 +14,6 @@ datasets/dataset_writer.py and docs/source/lerobot-dataset-v3.mdx.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -28,8 +27,16 @@ from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode
 from robot.episodes.mending import Moment, moments
 from robot.episodes.words import SENSORS
-from robot.errors import MissingExtraError, RecordingError
+from robot.errors import RecordingError
 from robot.exchange.film import frame_rate, require_av, write_film
+from robot.exchange.lerobot_stats import Columns, PictureSums, Stats, column_stats, joined_stats
+from robot.exchange.lerobot_tables import (
+    require_pyarrow,
+    write_data,
+    write_episodes,
+    write_json,
+    write_tasks,
+)
 from robot.exchange.steering import to_angle
 from robot.image import Pixels, to_rgb
 from robot.types import Action
@@ -39,8 +46,6 @@ TASK = "Drive as the pilot taught."
 _LONGEST_GAP_S = 1.0
 _FILES_A_CHUNK = 1000
 _SENSORS = ("distance_m", "bumped", "battery")
-Columns = dict[str, NDArray[Any]]
-Stats = dict[str, dict[str, list[Any]]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +85,7 @@ def write_lerobot(
         MissingExtraError: If pyarrow, av or OpenCV is not installed.
         RecordingError: If there are no pictures.
     """
-    _require_pyarrow()
+    require_pyarrow()
     require_av()
     shown = [(episode, moments(episode, notes)) for episode, notes in mended]
     rate = fps or frame_rate([moment.at_s for moment in shown[0][1]])
@@ -96,13 +101,13 @@ def write_lerobot(
         tables.append(columns)
         rows.append(_episode_row(columns, image_stats, index, start, rate, task))
         start += len(part.moments)
-    _write_data(folder, tables)
-    _write_episodes(folder, rows)
-    _write_tasks(folder, task)
+    write_data(folder, tables)
+    write_episodes(folder, rows)
+    write_tasks(folder, task)
     name = robot_type or mended[0][0].run.get("robot") or "drivelesson"
     shape = to_rgb(parts[0].episode.frame(parts[0].moments[0].frame_id)).shape
-    _write_json(folder / "meta/info.json", _info(rows, rate, name, shape, names))
-    _write_json(folder / "meta/stats.json", _all_stats([row["stats"] for row in rows]))
+    write_json(folder / "meta/info.json", _info(rows, rate, name, shape, names))
+    write_json(folder / "meta/stats.json", joined_stats([row["stats"] for row in rows]))
     return len(parts)
 
 
@@ -189,38 +194,9 @@ def _write_video(
     """Write the film of one episode, and return the statistics of its pictures."""
     path = folder / _video_file(index)[2]
     path.parent.mkdir(parents=True, exist_ok=True)
-    sums = _PictureSums()
+    sums = PictureSums()
     write_film(map(sums.add, part.pictures(on_frame)), path, fps)
     return sums.stats()
-
-
-class _PictureSums:
-    """Statistics of pictures by colour, as shares of full brightness, shape (3, 1, 1)."""
-
-    def __init__(self) -> None:
-        self._count = self._pixels = 0
-        self._sum, self._squares = np.zeros(3), np.zeros(3)
-        self._least, self._most = np.ones(3), np.zeros(3)
-
-    def add(self, picture: Pixels) -> Pixels:
-        shares = picture.reshape(-1, 3) / 255.0
-        self._count += 1
-        self._pixels += len(shares)
-        self._sum += shares.sum(axis=0)
-        self._squares += (shares**2).sum(axis=0)
-        self._least = np.minimum(self._least, shares.min(axis=0))
-        self._most = np.maximum(self._most, shares.max(axis=0))
-        return picture
-
-    def stats(self) -> dict[str, list[Any]]:
-        mean = self._sum / self._pixels
-        variance = np.clip(self._squares / self._pixels - mean**2, 0, None)
-        values = {"min": self._least, "max": self._most, "mean": mean, "std": np.sqrt(variance)}
-        plain: dict[str, list[Any]] = {k: v.reshape(3, 1, 1).tolist() for k, v in values.items()}
-        return {**plain, "count": [self._count]}
-
-
-# Tables ------------------------------------------------------------------------------------------
 
 
 def _episode_row(
@@ -233,7 +209,7 @@ def _episode_row(
 ) -> dict[str, Any]:
     count = len(columns["index"])
     chunk, file, _ = _video_file(index)
-    stats: Stats = {name: _stats(values) for name, values in columns.items()}
+    stats: Stats = {name: column_stats(values) for name, values in columns.items()}
     stats[CAMERA] = image_stats
     return {
         "episode_index": index,
@@ -251,96 +227,6 @@ def _episode_row(
         "meta/episodes/file_index": 0,
         "stats": stats,
     }
-
-
-def _stats(values: NDArray[Any]) -> dict[str, list[Any]]:
-    table = values.reshape(len(values), -1).astype(np.float64)
-    return {
-        "min": table.min(axis=0).tolist(),
-        "max": table.max(axis=0).tolist(),
-        "mean": table.mean(axis=0).tolist(),
-        "std": table.std(axis=0).tolist(),
-        "count": [len(table)],
-    }
-
-
-def _all_stats(parts: list[Stats]) -> Stats:
-    """Join the statistics of episodes, each weighed by its frames."""
-    joined: Stats = {}
-    for name in parts[0]:
-        counts = np.array([part[name]["count"][0] for part in parts], np.float64)
-        means = np.array([part[name]["mean"] for part in parts])
-        stds = np.array([part[name]["std"] for part in parts])
-        weights = (counts / counts.sum()).reshape(-1, *([1] * (means.ndim - 1)))
-        mean = (weights * means).sum(axis=0)
-        variance = (weights * (stds**2 + (means - mean) ** 2)).sum(axis=0)
-        joined[name] = {
-            "min": np.min([part[name]["min"] for part in parts], axis=0).tolist(),
-            "max": np.max([part[name]["max"] for part in parts], axis=0).tolist(),
-            "mean": mean.tolist(),
-            "std": np.sqrt(variance).tolist(),
-            "count": [int(counts.sum())],
-        }
-    return joined
-
-
-def _write_data(folder: Path, tables: list[Columns]) -> None:
-    pa, pq = _require_pyarrow()
-    columns = {}
-    for name in tables[0]:
-        values = np.concatenate([table[name] for table in tables])
-        if values.ndim == 1:
-            columns[name] = pa.array(values)
-        else:
-            flat = pa.array(values.reshape(-1))
-            columns[name] = pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
-    _write_table(pq, pa.table(columns), folder / "data/chunk-000/file-000.parquet")
-
-
-def _write_episodes(folder: Path, rows: list[dict[str, Any]]) -> None:
-    pa, pq = _require_pyarrow()
-    flat = []
-    for row in rows:
-        plain = {name: value for name, value in row.items() if name != "stats"}
-        for feature, stats in row["stats"].items():
-            plain.update({f"stats/{feature}/{kind}": value for kind, value in stats.items()})
-        flat.append(plain)
-    table = pa.Table.from_pylist(flat)
-    _write_table(pq, table, folder / "meta/episodes/chunk-000/file-000.parquet")
-
-
-def _write_tasks(folder: Path, task: str) -> None:
-    """Write the tasks; their text is the index of the table, as pandas writes an index down."""
-    pa, pq = _require_pyarrow()
-    described = [
-        _pandas_column("task_index", "int64", "int64"),
-        _pandas_column("task", "unicode", "object"),
-    ]
-    pandas = {
-        "index_columns": ["task"],
-        "column_indexes": [],
-        "columns": described,
-        "creator": {"library": "pyarrow", "version": pa.__version__},
-        "pandas_version": "2.0.0",
-    }
-    table = pa.table({"task_index": pa.array([0], pa.int64()), "task": pa.array([task])})
-    table = table.replace_schema_metadata({"pandas": json.dumps(pandas)})
-    _write_table(pq, table, folder / "meta/tasks.parquet")
-
-
-def _pandas_column(name: str, pandas_type: str, numpy_type: str) -> dict[str, Any]:
-    return {
-        "name": name,
-        "field_name": name,
-        "pandas_type": pandas_type,
-        "numpy_type": numpy_type,
-        "metadata": None,
-    }
-
-
-def _write_table(pq: Any, table: Any, path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    pq.write_table(table, path, compression="snappy")
 
 
 def _info(
@@ -399,17 +285,3 @@ def _features(fps: int, shape: tuple[int, int, int], sensors: list[str]) -> dict
     for name in ("frame_index", "episode_index", "index", "task_index"):
         features[name] = {"dtype": "int64", "shape": [1], "names": None}
     return features
-
-
-def _write_json(path: Path, value: Any) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(value, indent=4), encoding="utf-8")
-
-
-def _require_pyarrow() -> tuple[Any, Any]:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise MissingExtraError("exporting a LeRobot dataset", "export") from error
-    return pyarrow, pyarrow.parquet

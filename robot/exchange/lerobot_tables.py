@@ -1,0 +1,89 @@
+"""The parquet tables and JSON files of a LeRobot dataset."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot.errors import MissingExtraError
+from robot.exchange.lerobot_stats import Columns
+
+
+def write_data(folder: Path, tables: list[Columns]) -> None:
+    """Write a row a frame."""
+    pa, pq = require_pyarrow()
+    columns = {}
+    for name in tables[0]:
+        values = np.concatenate([table[name] for table in tables])
+        if values.ndim == 1:
+            columns[name] = pa.array(values)
+        else:
+            flat = pa.array(values.reshape(-1))
+            columns[name] = pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
+    _write_table(pq, pa.table(columns), folder / "data/chunk-000/file-000.parquet")
+
+
+def write_episodes(folder: Path, rows: list[dict[str, Any]]) -> None:
+    """Write a row an episode; its statistics become columns."""
+    pa, pq = require_pyarrow()
+    flat = []
+    for row in rows:
+        plain = {name: value for name, value in row.items() if name != "stats"}
+        for feature, stats in row["stats"].items():
+            plain.update({f"stats/{feature}/{kind}": value for kind, value in stats.items()})
+        flat.append(plain)
+    table = pa.Table.from_pylist(flat)
+    _write_table(pq, table, folder / "meta/episodes/chunk-000/file-000.parquet")
+
+
+def write_tasks(folder: Path, task: str) -> None:
+    """Write the tasks; their text is the index of the table, as pandas writes an index down."""
+    pa, pq = require_pyarrow()
+    described = [
+        _pandas_column("task_index", "int64", "int64"),
+        _pandas_column("task", "unicode", "object"),
+    ]
+    pandas = {
+        "index_columns": ["task"],
+        "column_indexes": [],
+        "columns": described,
+        "creator": {"library": "pyarrow", "version": pa.__version__},
+        "pandas_version": "2.0.0",
+    }
+    table = pa.table({"task_index": pa.array([0], pa.int64()), "task": pa.array([task])})
+    table = table.replace_schema_metadata({"pandas": json.dumps(pandas)})
+    _write_table(pq, table, folder / "meta/tasks.parquet")
+
+
+def _pandas_column(name: str, pandas_type: str, numpy_type: str) -> dict[str, Any]:
+    return {
+        "name": name,
+        "field_name": name,
+        "pandas_type": pandas_type,
+        "numpy_type": numpy_type,
+        "metadata": None,
+    }
+
+
+def _write_table(pq: Any, table: Any, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pq.write_table(table, path, compression="snappy")
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write plain values for people to read too."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(value, indent=4), encoding="utf-8")
+
+
+def require_pyarrow() -> tuple[Any, Any]:
+    """Return pyarrow and its parquet module; raises MissingExtraError."""
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise MissingExtraError("exporting a LeRobot dataset", "export") from error
+    return pyarrow, pyarrow.parquet
