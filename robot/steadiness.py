@@ -21,12 +21,12 @@ OPPOSITE: dict[Action, Action] = {
 }
 VOTES_KEPT = 0.4
 """Share of the running average of votes that stays at each frame."""
-INERTIA = 0.2
-"""By how much the votes for another move must exceed those for the move under way.
+TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
+"""By how much the votes for another move must exceed those for the turn, or other move, under way.
 
 People begin a turn late and end it late: between the two, the same view means go on as you do.
-Votes alone cannot tell, and a robot without inertia ends its turns too early
-(docs/explanation/learner.md).
+Votes alone cannot tell, and a robot without inertia ends its turns too early. A turn begun too late
+costs more than one ended too late, so a turn has more of it (docs/explanation/learner.md).
 """
 UNFAMILIAR = 0.3
 """Novelty from which a robot that pushes without effect tries something else. On a view that was
@@ -69,12 +69,20 @@ class Commitment:
     and RIGHT in turn lead nowhere.
 
     Args:
-        inertia: By how much the votes for another move must exceed those for the one under way.
+        turn_inertia: By how much the votes for another move must exceed those for a turn under way.
+        straight_inertia: The same for any other move under way.
         bars_opposite: False: a turn may follow its opposite.
     """
 
-    def __init__(self, inertia: float = INERTIA, *, bars_opposite: bool = True) -> None:
-        self.inertia = inertia
+    def __init__(
+        self,
+        turn_inertia: float = TURN_INERTIA,
+        straight_inertia: float = STRAIGHT_INERTIA,
+        *,
+        bars_opposite: bool = True,
+    ) -> None:
+        self.turn_inertia = turn_inertia
+        self.straight_inertia = straight_inertia
         self.bars_opposite = bars_opposite
         self._turn: Action | None = None
 
@@ -95,9 +103,10 @@ class Commitment:
         barred = OPPOSITE.get(self._turn) if self._turn is not None else None
         allowed = [action for action in shares if action is not barred] or list(shares)
         fruitful = [action for action in allowed if action is not futile and shares[action] > 0]
+        inertia = self.turn_inertia if under_way in OPPOSITE else self.straight_inertia
         chosen = max(
             fruitful or allowed,
-            key=lambda action: shares[action] + (self.inertia if action is under_way else 0.0),
+            key=lambda action: shares[action] + (inertia if action is under_way else 0.0),
         )
         self._turn = chosen if self.bars_opposite and chosen in OPPOSITE else None
         return chosen
@@ -141,7 +150,7 @@ class Steadiness:
     @classmethod
     def none(cls) -> Self:
         """Return none at all: each frame's own votes decide, as in the paper."""
-        return cls(0.0, Commitment(0.0, bars_opposite=False), math.inf)
+        return cls(0.0, Commitment(0.0, 0.0, bars_opposite=False), math.inf)
 
     def average(self, shares: Mapping[Action, float]) -> dict[Action, float]:
         """Take in the votes on one more frame, and return their running average."""

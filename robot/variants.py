@@ -87,7 +87,7 @@ VARIANTS: dict[str, Maker] = {
     "without-commitment": _variant(
         steadiness=lambda: Steadiness(commitment=Commitment(bars_opposite=False))
     ),
-    "without-inertia": _variant(steadiness=lambda: Steadiness(commitment=Commitment(0.0))),
+    "without-inertia": _variant(steadiness=lambda: Steadiness(commitment=Commitment(0.0, 0.0))),
     "without-reflex": _variant(steadiness=lambda: Steadiness(unfamiliar=math.inf)),
     "grey-alone": _variant(features=GreyFeatures, is_linear=False),
     "whole-numbers": _whole_numbers,

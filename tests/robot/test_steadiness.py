@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from robot.steadiness import INERTIA, Commitment, RunningVotes
+from robot.steadiness import STRAIGHT_INERTIA, TURN_INERTIA, Commitment, RunningVotes
 from robot.types import Action
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -27,11 +27,17 @@ def test_left_and_right_never_follow_each_other():
 
 def test_a_move_under_way_goes_on_until_another_is_clearly_better():
     commitment = Commitment()
-    little, much = 0.5 + 0.4 * INERTIA, 0.5 + 0.6 * INERTIA
+    little, much = 0.5 + 0.4 * TURN_INERTIA, 0.5 + 0.6 * TURN_INERTIA
     assert commitment.choose({F: little, L: 1 - little}, L) is L
-    assert commitment.choose({F: little, L: 1 - little}, F) is F
     assert commitment.choose({F: little, L: 1 - little}) is F
     assert commitment.choose({F: much, L: 1 - much}, L) is F
+
+
+def test_driving_straight_yields_sooner_than_a_turn():
+    commitment = Commitment()
+    between = 0.5 + 0.25 * (STRAIGHT_INERTIA + TURN_INERTIA)
+    assert commitment.choose({F: between, L: 1 - between}, L) is L
+    assert commitment.choose({F: 1 - between, L: between}, F) is L
 
 
 def test_standing_still_is_no_move_under_way():
