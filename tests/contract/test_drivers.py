@@ -62,11 +62,22 @@ def test_every_move_moves_and_stop_stops(case: DriverCase) -> None:
             assert not case.is_moving(), move
 
 
-def test_an_action_ends_by_itself(case: DriverCase) -> None:
-    with case.driver as driver:
-        driver.send_action(Action.FORWARD)
+def is_moving_half_way(case: DriverCase) -> bool:
+    """Send an action, and look before its time is over.
+
+    Where time is real, a busy machine may look too late: then once more.
+    """
+    for _ in range(5):
+        case.driver.send_action(Action.FORWARD)
         case.forward(ACTION_TIMEOUT_S / 2)
-        assert case.is_moving()
+        if case.is_moving():
+            return True
+    return False
+
+
+def test_an_action_ends_by_itself(case: DriverCase) -> None:
+    with case.driver:
+        assert is_moving_half_way(case)
         case.forward(ACTION_TIMEOUT_S)
         assert not case.is_moving()
 
