@@ -12,7 +12,7 @@ from robot.learner.places import BinaryFeatures, MultiPlace
 from robot.policy import Policy
 from robot.steadiness import Steadiness
 from robot.types import DEFAULT_MOVES, Action
-from robot.variants import VARIANTS, Maker, default_learner, make_default
+from robot.variants import DEFAULT, VARIANTS, Maker
 
 
 def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
@@ -23,7 +23,7 @@ def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool)
 def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
     features = GradientFeatures()
     learner = MultiPlace(
-        lambda: default_learner(number, integer),
+        lambda: DEFAULT.make_learner(number, integer),
         BinaryFeatures(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH),
     )
     return Policy(name, number, learner, features, moves=moves)
@@ -37,7 +37,7 @@ def _baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) 
 
 
 MAKERS: dict[str, Maker] = {
-    "default": make_default,
+    "default": DEFAULT.make,
     "published": _published,
     "multi-place": _multi_place,
     "knn": _baseline,

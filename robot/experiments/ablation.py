@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from robot.experiments.experiment import Plot, Settings, group
-from robot.experiments.figure7 import PHASES, TRIALS
+from robot.experiments.figure7 import plan_trial
 from robot.experiments.tables import SSD_COLUMNS, Table, ssd_cells
 from robot.experiments.task import Result, Task
 from robot.variants import VARIANTS
@@ -27,20 +27,9 @@ class Ablation:
     def plan(self, settings: Settings) -> list[Task]:
         """Plan every kind with every seed."""
         return [
-            Task(
-                kind="lesson",
-                params={
-                    **TRIALS[trial],
-                    **PHASES,
-                    "teacher": settings.teacher or TRIALS[trial]["teacher"],
-                    "trial": trial,
-                    "learner": f"{kind}-{nodes}",
-                    "seed": seed,
-                },
-            )
+            task
             for trial, nodes in NODES.items()
-            for kind in KINDS
-            for seed in range(settings.n_seeds)
+            for task in plan_trial(trial, [f"{kind}-{nodes}" for kind in KINDS], settings)
         ]
 
     def tables(

@@ -19,6 +19,26 @@ TRIALS: dict[int, dict[str, Any]] = {
 PHASES = {"teach_s": 90.0, "correct_s": 330.0, "alone_s": 60.0}
 
 
+def plan_trial(trial: int, learners: Sequence[str], settings: Settings) -> list[Task]:
+    """Plan one of the paper's trials with every learner and seed."""
+    setting = TRIALS[trial]
+    return [
+        Task(
+            kind="lesson",
+            params={
+                **setting,
+                **PHASES,
+                "teacher": settings.teacher or setting["teacher"],
+                "trial": trial,
+                "learner": learner,
+                "seed": seed,
+            },
+        )
+        for learner in learners
+        for seed in range(settings.n_seeds)
+    ]
+
+
 class Figure7:
     """SSD before and after five and a half minutes of corrections."""
 
@@ -36,20 +56,9 @@ class Figure7:
     def plan(self, settings: Settings) -> list[Task]:
         """Plan every trial with every learner and seed."""
         return [
-            Task(
-                kind="lesson",
-                params={
-                    **trial,
-                    **PHASES,
-                    "teacher": settings.teacher or trial["teacher"],
-                    "trial": number,
-                    "learner": learner,
-                    "seed": seed,
-                },
-            )
-            for number, trial in TRIALS.items()
-            for learner in settings.learners or self._learners(number)
-            for seed in range(settings.n_seeds)
+            task
+            for trial in TRIALS
+            for task in plan_trial(trial, settings.learners or self._learners(trial), settings)
         ]
 
     def _learners(self, trial: int) -> tuple[str, ...]:
