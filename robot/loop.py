@@ -175,7 +175,7 @@ class ControlLoop:
         frame = self._look()
         sensors = self._sense()
         decision = self._decide(now_s)
-        sent = self._drive(decision)
+        sent = self._drive(decision, started_s)
         if sent is None:
             decision, sent = self._idle_decision(), Action.STOP
         if decision.driven_by is DrivenBy.PILOT or self._gate.mode is not Mode.STOPPED:
@@ -188,11 +188,15 @@ class ControlLoop:
 
     def _check_stall(self, now_s: float) -> None:
         before_s, self._last_turn_s = self._last_turn_s, now_s
-        if self._gate.mode is Mode.STOPPED or before_s is None:
-            return
-        if now_s - before_s > self.config.stall_s:
-            self._trip(StopReason.LOOP_FAULT)
-            self._fault = f"The robot's computer was held up for {now_s - before_s:.1f} s."
+        if before_s is not None:
+            self._trip_if_held_up(now_s - before_s)
+
+    def _trip_if_held_up(self, seconds: float) -> bool:
+        if self._gate.mode is Mode.STOPPED or seconds <= self.config.stall_s:
+            return False
+        self._trip(StopReason.LOOP_FAULT)
+        self._fault = f"The robot's computer was held up for {seconds:.1f} s."
+        return True
 
     def _heed_button(self) -> None:
         """Obey a button on the robot itself: any stops it, the start button starts it again."""
@@ -259,13 +263,25 @@ class ControlLoop:
         scale = min(decision.speed_scale, self._governor.speed_scale) * self.speed_share
         return replace(decision, speed_scale=scale)
 
-    def _drive(self, decision: Decision) -> Action | None:
-        """Send the decision to the motors; None if they failed, after a try to stop them."""
+    def _drive(self, decision: Decision, started_s: float) -> Action | None:
+        """Send the decision to the motors; None, and the motors told to stop, if they failed.
+
+        The process may be held up within a turn, too: what was decided before is not sent after.
+        """
+        if self._is_too_late(started_s):
+            return None
         try:
-            return self._driver.send_action(decision.action, speed_scale=decision.speed_scale)
+            sent = self._driver.send_action(decision.action, speed_scale=decision.speed_scale)
         except DriveError as error:
             self._drive_failed(error)
             return None
+        return None if self._is_too_late(started_s) else sent
+
+    def _is_too_late(self, started_s: float) -> bool:
+        is_held_up = self._trip_if_held_up(self._clock.now_s() - started_s)
+        if is_held_up:
+            self._driver.stop()
+        return is_held_up
 
     def _finish(
         self,

@@ -79,6 +79,30 @@ def test_a_robot_that_was_taught_to_push_goes_on_pushing() -> None:
     assert {robot.step(taught_view, None).sent for _ in range(60)} == {F}
 
 
+@pytest.mark.parametrize("where", ["propose", "send_action"])
+def test_what_was_decided_before_the_process_was_held_up_is_not_driven_after(where: str) -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.step(1, F)
+    owner: Any = robot.loop.school.policy if where == "propose" else robot.driver
+    original = getattr(owner, where)
+
+    def held_up(*args: Any, **kwargs: Any) -> Any:
+        answer = original(*args, **kwargs)
+        robot.clock.advance(1.0)
+        return answer
+
+    moves_before, stops_before = len(robot.driver.sent), robot.driver.stops
+    setattr(owner, where, held_up)
+    robot.clock.advance(0.05)
+    robot.camera.show(1)
+    tick = robot.tick()
+    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.LOOP_FAULT)
+    assert robot.driver.stops > stops_before
+    assert len(robot.driver.sent) - moves_before == (1 if where == "send_action" else 0)
+    assert "held up for 1.0 s" in (robot.loop.state.fault or "")
+
+
 def test_what_the_pilot_does_has_no_weight_in_what_the_robot_would_do() -> None:
     robot = BenchRobot("default-8")
     robot.start(Mode.TRAIN)
