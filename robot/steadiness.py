@@ -160,9 +160,14 @@ class Steadiness:
         self, shares: Mapping[Action, float], view: View, under_way: Action | None
     ) -> Action:
         """Return what to do; `under_way` as `Commitment.choose` has it."""
+        return self._commitment.choose(shares, under_way, self._futile(view, under_way))
+
+    def _futile(self, view: View, under_way: Action | None) -> Action | None:
+        """Return the move that gains no way on a view that was not taught."""
+        if math.isinf(self.unfamiliar):  # on an EV3 each comparison of pictures counts
+            return None
         barred = self._standstill.barred(view.picture, under_way, view.at_s, bumped=view.bumped)
-        is_unfamiliar = view.novelty >= self.unfamiliar
-        return self._commitment.choose(shares, under_way, barred if is_unfamiliar else None)
+        return barred if view.novelty >= self.unfamiliar else None
 
     def reset(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
