@@ -83,6 +83,7 @@ class School:
         self, policy: Policy, on_event: Callable[[SchoolEvent], None] | None = None
     ) -> None:
         self._on_event = on_event or (lambda event: None)
+        self._changes = 0
         self._begin(policy, Counter())
 
     def _begin(self, policy: Policy, taught: Counter[Action]) -> None:
@@ -98,6 +99,15 @@ class School:
     def lessons(self) -> int:
         """How many lessons the learner holds."""
         return self.taught.total()
+
+    @property
+    def changes(self) -> int:
+        """How often the learner was changed, in any way; it only grows.
+
+        Safe to read from any thread: who waited for a request that changes the learner finds the
+        change counted.
+        """
+        return self._changes
 
     def teach(self, lesson: Lesson, x: Vector, captured_s: float) -> None:
         """Have the policy learn one labelled frame that was taken at `captured_s`."""
@@ -138,7 +148,7 @@ class School:
             self.taught = self.taught - Counter(taught.lesson.label for taught in gone)
             last_s = self._events[-1].at_s if self._events else 0.0
             self._teaching_s = max(last_s, self._snapshots[-1].at_s)
-            self._on_event(Undone(frame_ids=tuple(t.lesson.frame_id for t in gone)))
+            self._tell(Undone(frame_ids=tuple(t.lesson.frame_id for t in gone)))
         return [taught.lesson for taught in gone]
 
     def undo_edit(self) -> bool:
@@ -146,16 +156,20 @@ class School:
         edits = [event for event in self._events if isinstance(event, Edited)]
         if edits:
             self._rebuild_without(edits[-1:])
-            self._on_event(Undone(frame_ids=()))
+            self._tell(Undone(frame_ids=()))
         return bool(edits)
 
     def replace_policy(self, policy: Policy, taught: Counter[Action] | None = None) -> None:
         """Go on with another policy; what was taught to the one before cannot be undone here."""
         self._begin(policy, Counter(taught or {}))
-        self._on_event(Replaced(policy_name=policy.name))
+        self._tell(Replaced(policy_name=policy.name))
 
     def _record(self, event: LogEvent) -> None:
         self._events.append(event)
+        self._tell(event)
+
+    def _tell(self, event: SchoolEvent) -> None:
+        self._changes += 1
         self._on_event(event)
 
     def _rebuild_without(self, dropped: list[Taught] | list[Edited]) -> None:

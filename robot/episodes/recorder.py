@@ -111,13 +111,18 @@ class Recorder:
 
     def stop(self) -> None:
         """Finish the recording, best while the loop still turns; idempotent."""
-        self._unsubscribe()
         if self._is_open:
             with contextlib.suppress(TimeoutError):
-                self._loop.submit(self.finish).result(timeout=2.0)
+                self._loop.submit(self._end).result(timeout=2.0)
+        self._unsubscribe()
         self._disk.stop()
 
     # On the loop's thread ----------------------------------------------------------------------
+
+    def _end(self) -> None:
+        """Finish between two turns, so that the turn under way is recorded, too."""
+        self._unsubscribe()
+        self.finish()
 
     def note(self, tick: Tick) -> None:
         """Take note of one turn."""

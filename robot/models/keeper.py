@@ -66,13 +66,18 @@ class Keeper:
         self._thread: threading.Thread | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
         self._mode = Mode.STOPPED
-        self._is_dirty = False
+        self._saved_changes = loop.school.changes
         self._saved_s = 0.0
 
     @property
     def name(self) -> str | None:
         """Name of the model in use; None until there is something to save."""
         return self._name
+
+    @property
+    def has_unsaved(self) -> bool:
+        """Whether the learner was changed since it was last saved or loaded."""
+        return self._loop.school.changes != self._saved_changes
 
     def start(self) -> None:
         """Begin to keep."""
@@ -93,10 +98,9 @@ class Keeper:
 
     def note(self, tick: Tick) -> None:
         """Take note of one turn, on the loop's thread."""
-        self._is_dirty = self._is_dirty or bool(tick.school_events)
         mode_changed = tick.decision.mode is not self._mode
         self._mode = tick.decision.mode
-        if self._is_dirty and (mode_changed or tick.now_s - self._saved_s >= SAVE_EVERY_S):
+        if self.has_unsaved and (mode_changed or tick.now_s - self._saved_s >= SAVE_EVERY_S):
             self._saved_s = tick.now_s
             self._due.set()
 
@@ -108,39 +112,42 @@ class Keeper:
 
     def save_if_changed(self) -> None:
         """Save if anything was learned since; a disk that refuses is told and tried again."""
-        if self._is_dirty:
+        if self.has_unsaved:
             try:
                 self.save()
             except (OSError, RobotError) as error:
-                self._is_dirty = True
                 log.warning("the model was not saved: %s", error)
                 self.announce("model_not_saved", detail=str(error))
 
     def save(self) -> str:
         """Save the learner as it is now; return the model's name."""
         with self._lock:
-            self._is_dirty = False
-            model = self._take()
+            model, changes = self._take()
             if self._name is None:
                 self._name = self.shelf.free_name(self._wanted_name)
             self.shelf.save(self._name, model)
             if self.shelf.current != self._name:
                 self.shelf.current = self._name
+            self._saved_changes = changes
             self.announce("model_saved", model=self._name, lessons=model.card.lessons)
             return self._name
 
-    def _take(self) -> Model:
-        def take() -> Model:
+    def _take(self) -> tuple[Model, int]:
+        """Copy the learner between two turns; with it the count of changes that it holds."""
+
+        def take() -> tuple[Model, int]:
             school = self._loop.school
-            return take_model(
+            model = take_model(
                 school.policy,
                 school.taught,
                 saved_at_s=time.time(),
                 place=self._place,
                 with_preview=False,
             )
+            return model, school.changes
 
-        return with_preview(self._loop.submit(take).result(timeout=10.0))
+        model, changes = self._loop.submit(take).result(timeout=10.0)
+        return with_preview(model), changes
 
     def load_last(self, learner: str | None = None) -> str | None:
         """Load the model used last, or the newest good one; None if there is none.
@@ -194,13 +201,14 @@ class Keeper:
         """Have the loop go on with this model, between two turns and only while it stands."""
         policy, taught = model.to_policy(), Counter(model.card.taught)
 
-        def replace() -> None:
+        def replace() -> int:
             if self._loop.state.decision.mode is not Mode.STOPPED:
                 raise ConfigurationError("stop the robot before you change its model")
             self._loop.school.replace_policy(policy, taught)
+            return self._loop.school.changes
 
-        self._loop.submit(replace).result(timeout=10.0)
-        self._name, self._place, self._is_dirty = name, model.card.place, False
+        self._saved_changes = self._loop.submit(replace).result(timeout=10.0)
+        self._name, self._place = name, model.card.place
         if name in self.shelf.names():
             self.shelf.current = name
         self.announce("model_loaded", model=name)
@@ -227,5 +235,5 @@ class Keeper:
         with self._lock:
             key = self.shelf.delete(name)
             if self._name == name:
-                self._name, self._is_dirty = None, False
+                self._name, self._saved_changes = None, self._loop.school.changes
             return key

@@ -1,0 +1,124 @@
+"""What was learned is saved by itself, to the very last turn."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robot.clock import RealClock
+from robot.loop_thread import LoopThread
+from robot.models.keeper import Keeper
+from robot.models.shelf import ModelShelf
+from robot.storage import Storage
+from robot.types import Action, Lesson
+
+from ..bench_robot import BenchRobot
+
+
+class KeptRobot(BenchRobot):
+    """A robot whose loop turns on its own thread, with a keeper."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self.shelf = ModelShelf(Storage(folder))
+        self.told: list[str] = []
+        self.thread = LoopThread(self.loop, RealClock())
+        self.new_keeper()
+
+    def new_keeper(self) -> None:
+        self.keeper = Keeper(
+            self.loop, self.shelf, announce=lambda name, **fields: self.told.append(name)
+        )
+        self.keeper.start()
+
+    def teach(self, scene: int) -> None:
+        frame = self.camera.show(scene)
+
+        def teach() -> None:
+            school = self.loop.school
+            lesson = Lesson(frame_id=frame.frame_id, label=Action.LEFT, is_intervention=False)
+            school.teach(lesson, school.policy.extract(frame), frame.captured_s)
+
+        self.loop.submit(teach).result(5)
+
+    def kept_lessons(self) -> list[int]:
+        return [model.card.lessons for _, model in self.shelf.good_models()]
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[KeptRobot]:
+    robot = KeptRobot(tmp_path)
+    robot.thread.start()
+    yield robot
+    robot.keeper.stop()
+    robot.thread.stop()
+
+
+def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
+    """The keeper is stopped before the loop has told anyone of the turn that taught."""
+    go_on, stopping = threading.Event(), threading.Event()
+    robot.loop._listeners.insert(0, lambda tick: stopping.is_set() or go_on.wait(5))
+    robot.teach(1)
+    assert robot.keeper.has_unsaved
+    ending = threading.Thread(target=robot.keeper.stop)
+    ending.start()
+    while robot.keeper.note in robot.loop._listeners:
+        pass
+    stopping.set()
+    go_on.set()
+    ending.join(10)
+    assert robot.kept_lessons() == [1]
+
+
+def test_nothing_is_saved_twice(robot: KeptRobot) -> None:
+    for scene in range(5):
+        robot.teach(scene)
+    robot.keeper.save()
+    assert not robot.keeper.has_unsaved
+    told = list(robot.told)
+    robot.keeper.stop()
+    assert robot.told == told and robot.kept_lessons() == [5]
+
+
+def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot: KeptRobot) -> None:
+    robot.teach(1)
+    name = robot.keeper.save()
+    robot.teach(2)
+    robot.keeper.load(name)  # which saves first
+    assert not robot.keeper.has_unsaved
+    assert robot.loop.school.lessons == 2
+    robot.teach(3)
+    assert robot.keeper.has_unsaved
+
+
+def test_a_taken_back_lesson_is_something_to_save(robot: KeptRobot) -> None:
+    robot.teach(1)
+    robot.keeper.save()
+    robot.loop.submit(lambda: robot.loop.school.undo(5.0)).result(5)
+    robot.keeper.stop()
+    assert robot.kept_lessons() == [0]
+
+
+def test_a_disk_that_refused_is_tried_again(robot: KeptRobot, tmp_path: Path) -> None:
+    robot.teach(1)
+    good = robot.shelf
+    robot.keeper.shelf = _FullShelf(good)  # type: ignore[assignment]
+    robot.keeper.save_if_changed()
+    assert "model_not_saved" in robot.told and robot.keeper.has_unsaved
+    robot.keeper.shelf = good
+    robot.keeper.save_if_changed()
+    assert robot.kept_lessons() == [1]
+
+
+class _FullShelf:
+    """Refuses as a full disk does."""
+
+    def __init__(self, shelf: ModelShelf) -> None:
+        self.current = shelf.current
+        self.free_name = shelf.free_name
+
+    def save(self, name: str, model: object) -> None:
+        raise OSError(28, "No space left on device")
