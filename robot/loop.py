@@ -103,6 +103,11 @@ class ControlLoop:
         return self._apprentice.school
 
     @property
+    def mode(self) -> Mode:
+        """The mode at this moment, for requests: `state` has the one of the last whole turn."""
+        return self._gate.mode
+
+    @property
     def state(self) -> LoopState:
         """The newest state; a frozen value that never changes under the reader."""
         return self._state
@@ -132,9 +137,10 @@ class ControlLoop:
         return self.submit(self._gate.release_emergency)
 
     def submit(self, request: Callable[[], _T]) -> Future[_T]:
-        """Have `request` run between two turns, on the loop's own thread.
+        """Have `request` run at the beginning of a turn, on the loop's own thread.
 
-        Whatever reads or changes the school goes this way: undo, edits, saving, replacing.
+        Whatever reads or changes the school goes this way: undo, edits, saving, replacing. The
+        future is done at the end of that turn: `state` holds then what the request changed.
         """
         return self._mailbox.put_request(request)
 
@@ -166,6 +172,8 @@ class ControlLoop:
                 log.exception("the loop stopped the robot")
             self._fault = fault
             return self._finish(now_s, started_s, None, [], self._idle_decision(), Action.STOP)
+        finally:
+            self._mailbox.answer_requests()
 
     def _turn(self, now_s: float, started_s: float) -> Tick:
         self._check_stall(now_s)

@@ -6,6 +6,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from typing import TypeVar
 
 from robot.types import PilotCommand
@@ -20,7 +21,8 @@ class Mailbox:
         self.wake = threading.Event()
         self._lock = threading.Lock()
         self._commands: list[PilotCommand] = []
-        self._requests: deque[Callable[[], None]] = deque()
+        self._requests: deque[Callable[[], Callable[[], None]]] = deque()
+        self._answers: list[Callable[[], None]] = []
 
     def put_command(self, command: PilotCommand) -> None:
         """Leave one word of the pilot."""
@@ -35,14 +37,22 @@ class Mailbox:
         return commands
 
     def put_request(self, request: Callable[[], _T]) -> Future[_T]:
-        """Leave something to be run on the loop's thread; the future has what comes of it."""
+        """Leave something to be run on the loop's thread.
+
+        Returns:
+            A future with what comes of it, done when the turn is that ran it: who waited for it
+            finds the state published and every listener told.
+        """
         future: Future[_T] = Future()
 
-        def run() -> None:
+        def run() -> Callable[[], None]:
+            if not future.set_running_or_notify_cancel():  # whoever asked does not want it any more
+                return lambda: None
             try:
-                future.set_result(request())
+                result = request()
             except Exception as error:  # handed to whoever asked; the loop goes on
-                future.set_exception(error)
+                return partial(future.set_exception, error)
+            return partial(future.set_result, result)
 
         with self._lock:
             self._requests.append(run)
@@ -50,10 +60,19 @@ class Mailbox:
         return future
 
     def serve_requests(self) -> None:
-        """Run all requests, in their order, those that come meanwhile included."""
+        """Run all requests, in their order, those that come meanwhile included.
+
+        What comes of them is held back until `answer_requests`.
+        """
         while True:
             with self._lock:
                 if not self._requests:
                     return
                 request = self._requests.popleft()
-            request()
+            self._answers.append(request())
+
+    def answer_requests(self) -> None:
+        """Tell those who asked what came of it: the turn is over."""
+        answers, self._answers = self._answers, []
+        for answer in answers:
+            answer()

@@ -202,7 +202,7 @@ class Keeper:
         policy, taught = model.to_policy(), Counter(model.card.taught)
 
         def replace() -> int:
-            if self._loop.state.decision.mode is not Mode.STOPPED:
+            if self._loop.mode is not Mode.STOPPED:
                 raise ConfigurationError("stop the robot before you change its model")
             self._loop.school.replace_policy(policy, taught)
             return self._loop.school.changes

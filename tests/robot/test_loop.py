@@ -23,6 +23,38 @@ def test_it_drives_what_is_held_and_learns_the_frame_the_pilot_saw() -> None:
     assert robot.loop.state.taught == {L: 1}
 
 
+def test_who_asked_finds_the_state_published_and_every_listener_told() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.step(scene=1, held=L)
+    found: list[tuple[int, int]] = []
+    told: list[int] = []
+    robot.loop.subscribe(lambda tick: told.append(len(tick.school_events)))
+    undone = robot.loop.submit(lambda: robot.loop.school.undo(5.0))
+    undone.add_done_callback(
+        lambda _: found.append((sum(robot.loop.state.taught.values()), sum(told)))
+    )
+    robot.tick()
+    assert found == [(0, 1)]
+
+
+def test_a_request_in_the_turn_of_a_start_knows_that_the_robot_drives() -> None:
+    robot = BenchRobot()
+    robot.camera.show(0)
+    robot.loop.set_mode(Mode.TRAIN)
+    mode = robot.loop.submit(lambda: robot.loop.mode)
+    robot.tick()
+    assert mode.result(0) is Mode.TRAIN
+
+
+def test_a_turn_that_fails_still_answers_who_asked() -> None:
+    robot = BenchRobot()
+    robot.camera.show_rubbish()
+    answer = robot.loop.submit(lambda: "answer")
+    robot.tick()
+    assert answer.result(0) == "answer"
+
+
 def test_each_command_labels_the_named_frame_not_the_newest() -> None:
     robot = BenchRobot()
     robot.start(Mode.TRAIN, scene=1)

@@ -47,12 +47,26 @@ def test_requests_run_in_order_and_answer_their_asker() -> None:
     assert not first.done()
     box.serve_requests()
     assert ran == ["first"]
-    assert second.result(0) == "answer"
+    assert not second.done(), "the turn is not over yet"
+    box.answer_requests()
+    assert first.done() and second.result(0) == "answer"
 
 
 def test_a_request_may_leave_another_and_may_fail() -> None:
     box = Mailbox()
     outer = box.put_request(lambda: box.put_request(lambda: 1 // 0))
     box.serve_requests()
+    box.answer_requests()
     with pytest.raises(ZeroDivisionError):
         outer.result(0).result(0)
+
+
+def test_a_request_that_nobody_waits_for_any_more_is_not_run() -> None:
+    box, ran = Mailbox(), []
+    given_up = box.put_request(lambda: ran.append("given up"))
+    assert given_up.cancel()
+    other = box.put_request(lambda: ran.append("other"))
+    box.serve_requests()
+    assert not other.cancel(), "it ran already"
+    box.answer_requests()
+    assert ran == ["other"] and other.done()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from robot.clock import RealClock
 from robot.loop_thread import LoopThread
 from robot.models.keeper import Keeper
 from robot.models.shelf import ModelShelf
+from robot.state import Tick
 from robot.storage import Storage
 from robot.types import Action, Lesson
 
@@ -35,6 +37,9 @@ class KeptRobot(BenchRobot):
         self.keeper.start()
 
     def teach(self, scene: int) -> None:
+        self.ask_to_teach(scene).result(5)
+
+    def ask_to_teach(self, scene: int) -> Future[None]:
         frame = self.camera.show(scene)
 
         def teach() -> None:
@@ -42,7 +47,7 @@ class KeptRobot(BenchRobot):
             lesson = Lesson(frame_id=frame.frame_id, label=Action.LEFT, is_intervention=False)
             school.teach(lesson, school.policy.extract(frame), frame.captured_s)
 
-        self.loop.submit(teach).result(5)
+        return self.loop.submit(teach)
 
     def kept_lessons(self) -> list[int]:
         return [model.card.lessons for _, model in self.shelf.good_models()]
@@ -58,16 +63,21 @@ def robot(tmp_path: Path) -> Iterator[KeptRobot]:
 
 
 def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
-    """The keeper is stopped before the loop has told anyone of the turn that taught."""
-    go_on, stopping = threading.Event(), threading.Event()
-    robot.loop._listeners.insert(0, lambda tick: stopping.is_set() or go_on.wait(5))
-    robot.teach(1)
-    assert robot.keeper.has_unsaved
+    """The keeper is stopped before the loop has told it of the turn that taught."""
+    taught, go_on = threading.Event(), threading.Event()
+
+    def hold_up(tick: Tick) -> None:
+        if tick.school_events:
+            taught.set()
+            go_on.wait(5)
+
+    robot.loop._listeners.insert(0, hold_up)
+    robot.ask_to_teach(1)
+    assert taught.wait(5) and robot.keeper.has_unsaved
     ending = threading.Thread(target=robot.keeper.stop)
     ending.start()
     while robot.keeper.note in robot.loop._listeners:
         pass
-    stopping.set()
     go_on.set()
     ending.join(10)
     assert robot.kept_lessons() == [1]
@@ -103,9 +113,9 @@ def test_a_taken_back_lesson_is_something_to_save(robot: KeptRobot) -> None:
 
 
 def test_a_disk_that_refused_is_tried_again(robot: KeptRobot, tmp_path: Path) -> None:
-    robot.teach(1)
     good = robot.shelf
     robot.keeper.shelf = _FullShelf(good)  # type: ignore[assignment]
+    robot.teach(1)
     robot.keeper.save_if_changed()
     assert "model_not_saved" in robot.told and robot.keeper.has_unsaved
     robot.keeper.shelf = good
