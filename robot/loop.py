@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
@@ -23,6 +22,7 @@ from robot.errors import CameraError, DriveError
 from robot.gate import Gate, GateConfig
 from robot.governor import Governor, GovernorConfig, age_of_link_s
 from robot.mailbox import Mailbox
+from robot.noticeboard import Noticeboard
 from robot.policy import Policy
 from robot.school import School
 from robot.state import LoopState, Tick
@@ -78,16 +78,13 @@ class ControlLoop:
         self._governor = Governor(self.config.governor)
         self._apprentice = Apprentice(policy, clock)
         self._mailbox = Mailbox()
-        self._listeners: list[Callable[[Tick], None]] = []
-        self._stops: Counter[StopReason] = Counter()
-        self._cycles = 0
-        self._late_cycles = 0
+        self._board = Noticeboard(self._apprentice, self._governor, self.config.late_cycle_s)
+        self._board.show(clock.now_s(), self._idle_decision(), Sensors())
         self._last_turn_s: float | None = None
         self._fault: str | None = None
         self._last_mode = Mode.TRAIN
         self._shown_mode = Mode.STOPPED
         self.speed_share = 1.0
-        self._state = self._make_state(clock.now_s(), self._idle_decision(), Sensors())
         camera.listen(self.wake.set)
 
     # What others ask of the loop -------------------------------------------------------------
@@ -110,7 +107,7 @@ class ControlLoop:
     @property
     def state(self) -> LoopState:
         """The newest state; a frozen value that never changes under the reader."""
-        return self._state
+        return self._board.state
 
     def command(self, command: PilotCommand) -> None:
         """Take one word of the pilot; the loop turns at once."""
@@ -150,12 +147,7 @@ class ControlLoop:
         Returns:
             A function that ends the subscription.
         """
-        self._listeners = [*self._listeners, listener]
-
-        def unsubscribe() -> None:
-            self._listeners = [other for other in self._listeners if other is not listener]
-
-        return unsubscribe
+        return self._board.subscribe(listener)
 
     # One turn --------------------------------------------------------------------------------
 
@@ -238,7 +230,7 @@ class ControlLoop:
             is_new = self._apprentice.look(
                 self._camera.latest(),
                 self._under_way(),
-                bumped=bool(self._state.sensors.bumped),
+                bumped=bool(self.state.sensors.bumped),
             )
         except CameraError as error:
             self._fault = str(error)
@@ -247,7 +239,7 @@ class ControlLoop:
 
     def _under_way(self) -> Action | None:
         """Return the move that the robot makes by its own choice; None if it does not drive."""
-        decision = self._state.decision
+        decision = self.state.decision
         return decision.action if decision.driven_by is DrivenBy.ROBOT else None
 
     def _sense(self) -> Sensors:
@@ -301,10 +293,6 @@ class ControlLoop:
         sent: Action,
         sensors: Sensors | None = None,
     ) -> Tick:
-        cycle_s = self._clock.now_s() - started_s
-        self._cycles += 1
-        self._late_cycles += cycle_s > self.config.late_cycle_s
-        sensors = sensors or Sensors()
         tick = Tick(
             now_s=now_s,
             frame=frame,
@@ -312,16 +300,16 @@ class ControlLoop:
             decision=decision,
             sent=sent,
             prediction=self._apprentice.prediction,
-            sensors=sensors,
+            sensors=sensors or Sensors(),
             school_events=self._apprentice.take_events(),
-            cycle_s=cycle_s,
+            cycle_s=self._clock.now_s() - started_s,
         )
         if decision.mode is not self._shown_mode:
             self._shown_mode = decision.mode
             self._driver.show(decision.mode)
-        self._state = self._make_state(now_s, decision, sensors)
-        for listener in self._listeners:
-            listener(tick)
+        self._board.publish(
+            tick, emergency=self._gate.emergency, fault=self._camera.fault or self._fault
+        )
         return tick
 
     # What requests do, on the loop's thread ----------------------------------------------------
@@ -356,7 +344,7 @@ class ControlLoop:
         self._apprentice.settle()
 
     def _note_stop(self, reason: StopReason) -> None:
-        self._stops[reason] += 1
+        self._board.count_stop(reason)
         self._settle()
         log.info("stop reason=%s", reason.value)
 
@@ -365,40 +353,10 @@ class ControlLoop:
         self._trip(StopReason.DRIVE_FAULT)
         self._driver.stop()
 
-    # What others see ---------------------------------------------------------------------------
-
     def _idle_decision(self) -> Decision:
         return Decision(
             action=Action.STOP,
             driven_by=DrivenBy.NOBODY,
             mode=Mode.STOPPED,
             stop_reason=self._gate.stop_reason,
-        )
-
-    def _make_state(self, now_s: float, decision: Decision, sensors: Sensors) -> LoopState:
-        apprentice = self._apprentice
-        frame, policy = apprentice.frame, apprentice.school.policy
-        return LoopState(
-            now_s=now_s,
-            decision=decision,
-            emergency=self._gate.emergency,
-            fault=self._camera.fault or self._fault,
-            frame_id=frame.frame_id if frame else None,
-            frame_captured_s=frame.captured_s if frame else None,
-            prediction=apprentice.prediction,
-            sensors=sensors,
-            cycle_hz=apprentice.frame_rate_hz,
-            late_cycles=self._late_cycles,
-            cycles=self._cycles,
-            agreement=apprentice.agreement,
-            agreement_frames=apprentice.agreement_frames,
-            taught=dict(apprentice.school.taught),
-            n_nodes=policy.n_nodes,
-            max_nodes=policy.max_nodes,
-            learner=policy.name,
-            moves=policy.moves,
-            stops=dict(self._stops),
-            link=self._governor.level,
-            pilot_frame_age_s=self._governor.age_s,
-            learner_times=dict(apprentice.timings),
         )

@@ -8,30 +8,18 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import queue
 import socket
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from robot.brick.agent import (
-    ENCODINGS,
-    PICTURE,
-    PORT,
-    PROTOCOL,
-    HardwareError,
-    Unpacker,
-    pack_json,
-    prove,
-)
+from robot.brick.agent import ENCODINGS, PICTURE, HardwareError, Unpacker, pack_json
+from robot.brick.joining import PATIENCE_S, join
 from robot.errors import ConfigurationError
 
-PATIENCE_S = 3.0
-"""How long joining, or opening the body, may take."""
 SILENCE_S = 0.5
 """A brick that says nothing for so long does not answer; it speaks ten times a second."""
 PING_S = 0.2
@@ -165,48 +153,12 @@ class BrickLink:
         buttons, self._buttons = self._buttons, []
         return "stop" if "stop" in buttons else buttons[-1] if buttons else None
 
-    # Joining ------------------------------------------------------------------------------------
-
     def _join(self) -> socket.socket:
-        host, _, port = self._address.partition(":")
-        try:
-            line = socket.create_connection((host, int(port or PORT)), timeout=PATIENCE_S)
-        except ValueError:
-            raise ConfigurationError(f"--brick {self._address} is no address:port") from None
-        except OSError as error:
-            raise HardwareError(
-                f"no agent answers at {host} port {port or PORT} ({error.strerror or error}); "
-                f"start it with: drivelesson brick agent {host}"
-            ) from error
-        try:
-            self._shake_hands(line, host)
-        except (OSError, ValueError, KeyError) as error:
-            line.close()
-            raise HardwareError(
-                f"what answers at {host} port {port or PORT} is no agent of this version "
-                f"({error}); renew it with: drivelesson brick agent {host}"
-            ) from error
-        except HardwareError:
-            line.close()
-            raise
-        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        line, self._unpacker = join(self._address, self._secret)
         line.settimeout(PING_S)
         self._offset_s, self._lost, self._told = None, None, {}
         self._heard_s = time.monotonic()
         return line
-
-    def _shake_hands(self, line: socket.socket, host: str) -> None:
-        self._unpacker = unpacker = Unpacker()
-        hello = _next_message(line, unpacker)
-        if hello["hello"] != PROTOCOL:
-            raise ValueError(f"it speaks version {hello['hello']}")
-        proof = prove(self._secret or kept_secret(host), hello["nonce"])
-        line.sendall(pack_json({"do": "join", "proof": proof}))
-        verdict = _next_message(line, unpacker)
-        if "refused" in verdict:
-            raise HardwareError(
-                f"the brick at {host} refuses: {verdict['refused']}; " + _advice(verdict, host)
-            )
 
     # The thread ---------------------------------------------------------------------------------
 
@@ -292,93 +244,3 @@ class BrickLink:
             with contextlib.suppress(OSError):
                 line.shutdown(socket.SHUT_RDWR)
             line.close()
-
-
-class RemoteBody:
-    """A body at the other end of a link, with the same methods as the brick's own."""
-
-    def __init__(self, link: BrickLink, **ports: str) -> None:
-        self._link = link
-        self._ports = ports
-
-    def open(self) -> None:
-        """Join the brick and have it find its motors and sensors."""
-        self._link.open("body")
-        self._link.wish("body", "open", **self._ports)
-        self._link.answer("opened")
-
-    def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
-        """Turn the wheels for at most `time_ms`."""
-        self._link.say("run", left=left_dps, right=right_dps, ms=time_ms, t=time.monotonic())
-
-    def stop(self) -> None:
-        """Stop the motors; if the line is lost the brick does so by itself."""
-        with contextlib.suppress(HardwareError):
-            self._link.say("stop", t=time.monotonic())
-
-    def positions(self) -> list[float]:
-        """How far each wheel has turned, in degrees; asks the brick and waits."""
-        self._link.say("positions")
-        return [float(degrees) for degrees in self._link.answer("positions")]
-
-    def sense(self) -> dict[str, Any]:
-        """Return what the brick last told."""
-        return self._link.sensors()
-
-    def take_button(self) -> str | None:
-        """Return the brick's button that was pressed."""
-        return self._link.take_button()
-
-    def show(self, mode: str, address: str) -> None:
-        """Show mode and address on the brick."""
-        with contextlib.suppress(HardwareError):
-            self._link.wish("show", "show", mode=mode, address=address)
-
-    def close(self) -> None:
-        """Stop the motors and hang up, unless the camera still uses the line."""
-        self.stop()
-        self._link.forget("body")
-        self._link.forget("show")
-        with contextlib.suppress(HardwareError):
-            self._link.say("close")
-        self._link.close("body")
-
-
-def secret_path(host: str) -> Path:
-    """Where `drivelesson brick agent` keeps the secret that it shares with a brick."""
-    home = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
-    return Path(home) / "drivelesson" / f"brick-{host}.secret"
-
-
-def kept_secret(host: str) -> str:
-    """Read the kept secret of a brick.
-
-    Raises:
-        HardwareError: If there is none.
-    """
-    given = os.environ.get("DRIVELESSON_BRICK_SECRET")
-    if given:
-        return given
-    try:
-        return secret_path(host).read_text().strip()
-    except OSError:
-        raise HardwareError(
-            f"no secret is known for the brick at {host}; "
-            f"make one with: drivelesson brick agent {host}, or give --brick-secret"
-        ) from None
-
-
-def _advice(verdict: dict[str, Any], host: str) -> str:
-    if "secret" in verdict["refused"]:
-        return f"give --brick-secret, or make a new one with: drivelesson brick agent {host}"
-    return "stop the other server first"
-
-
-def _next_message(line: socket.socket, unpacker: Unpacker) -> dict[str, Any]:
-    while True:
-        data = line.recv(4096)
-        if not data:
-            raise OSError("it hung up")
-        for _kind, body in unpacker.feed(data):
-            message: dict[str, Any] = json.loads(body)
-            return message

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from robot.brick.chassis import Body, ChassisDriver, ChassisOptions
-from robot.brick.link import BrickLink, RemoteBody
+from robot.brick.link import BrickLink
+from robot.brick.remote_body import RemoteBody
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

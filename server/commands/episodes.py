@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import itertools
-import sys
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from robot.episodes.card import EpisodeCard
-from robot.episodes.edits import Edit, Notes, read_notes, trim
-from robot.episodes.episode import Episode, open_episode
+from robot.episodes.edits import Edit, Notes, trim
+from robot.episodes.episode import Episode
 from robot.episodes.mending import Moment, choose, moments
 from robot.episodes.shelf import EpisodeShelf
-from robot.episodes.teaching import Mended
-from robot.errors import ConfigurationError, MissingExtraError, NotFoundError
-from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
+from robot.errors import ConfigurationError
 from robot.storage import Storage, default_root
 from robot.types import Action
+from server.commands import exchange
+from server.commands.kept import EPISODE_HELP, add_data, find_episodes, find_id
 
 _LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": "."}
 _AXIS = 96
-EXPORTS = ("tub", "lerobot", "folder", "film")
-_EPISODE = "name, beginning of a name, file, or last"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -48,13 +44,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
     title.add_argument("title")
     _add(commands, "protect", protect, "never offer one for deletion")
     _add(commands, "unprotect", unprotect, "offer it again")
-    _add_exchange(commands)
+    exchange.configure_export(_add(commands, "export", exchange.export_episodes, _EXPORT))
+    exchange.configure_import(_add(commands, "import", exchange.import_episode, _IMPORT))
     budget = _add(commands, "budget", show_budget, "what is kept, and what could go")
     budget.add_argument("--gigabytes", type=float, default=None, help="space for episodes")
     _add(commands, "empty-trash", empty_trash, "delete for good what was deleted")
 
 
-_ALONE = ("list", "restore", "import", "budget", "empty-trash")
+_EXPORT = "write episodes for other programs"
+_IMPORT = "read a tub, a folder with CSV, or an npz"
+_ALONE = ("list", "restore", "export", "import", "budget", "empty-trash")
 
 
 def _add(commands: Any, verb: str, action: Any, text: str) -> argparse.ArgumentParser:
@@ -62,10 +61,8 @@ def _add(commands: Any, verb: str, action: Any, text: str) -> argparse.ArgumentP
     parser.set_defaults(action=action)
     if verb == "restore":
         parser.add_argument("key", nargs="?", metavar="WORD", help="as `delete` printed it")
-    elif verb == "export":
-        parser.add_argument("episodes", nargs="+", metavar="EPISODE", help=_EPISODE)
     elif verb not in _ALONE:
-        parser.add_argument("episode", metavar="EPISODE", help=_EPISODE)
+        parser.add_argument("episode", metavar="EPISODE", help=EPISODE_HELP)
     add_data(parser)
     return parser
 
@@ -82,64 +79,11 @@ def _add_range(parser: argparse.ArgumentParser, verb: str) -> None:
         parser.add_argument("--label", required=True, choices=moves)
 
 
-def _add_exchange(commands: Any) -> None:
-    export = _add(commands, "export", export_episodes, "write episodes for other programs")
-    export.add_argument("--as", dest="form", required=True, choices=EXPORTS)
-    export.add_argument("--out", type=Path, default=None, help="new folder or file")
-    export.add_argument("--fps", type=int, default=None, help="pictures a second, of films")
-    export.add_argument("--all", action="store_true", help="tub: also pictures nobody taught")
-    imports = _add(commands, "import", import_episode, "read a tub, a folder with CSV, or an npz")
-    imports.add_argument("path", type=Path)
-    imports.add_argument("--name", default=None, help="name of the episode")
-    imports.add_argument(
-        "--threshold",
-        type=float,
-        default=DEFAULT_THRESHOLD,
-        help="steering beyond it is a turn, 0 to 1 (default: %(default)s)",
-    )
-
-
-def add_data(parser: argparse.ArgumentParser) -> None:
-    """Declare where things are kept."""
-    parser.add_argument("--data", type=Path, default=None, help="folder for what is kept")
-
-
 def run(args: argparse.Namespace) -> int:
     """Run one subcommand."""
     storage = Storage(args.data or default_root())
     result = args.action(args, EpisodeShelf(storage), storage)
     return int(result or 0)
-
-
-# Finding -----------------------------------------------------------------------------------------
-
-
-def find_id(shelf: EpisodeShelf, word: str) -> str:
-    """Return the episode that a person means.
-
-    Raises:
-        NotFoundError: If there is none, or more than one begins so.
-    """
-    ids = shelf.ids()
-    found = ids[:1] if word == "last" else [i for i in ids if i == word]
-    found = found or [i for i in ids if i.startswith(word)]
-    if len(found) != 1:
-        what = "no episode" if not found else f"{len(found)} episodes"
-        raise NotFoundError(f"{what} of this name: {word!r}; see: drivelesson episodes list")
-    return found[0]
-
-
-def find_episodes(shelf: EpisodeShelf, words: list[str]) -> list[Mended]:
-    """Open the episodes that a person means, by name or by file, oldest first as given."""
-    found: list[Mended] = []
-    for word in words:
-        path = Path(word)
-        if path.suffix == ".mcap" and path.is_file():
-            found.append((open_episode(path), read_notes(path)))
-        else:
-            episode_id = find_id(shelf, word)
-            found.append((open_episode(shelf.path(episode_id)), shelf.notes(episode_id)))
-    return found
 
 
 def _range(args: argparse.Namespace, episode: Episode) -> tuple[int, int]:
@@ -311,74 +255,3 @@ def show_budget(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage)
 def empty_trash(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
     """Delete for good what is in the trash."""
     print(f"{storage.empty_trash() / 1e6:.1f} MB are free again")
-
-
-# In and out --------------------------------------------------------------------------------------
-
-
-def import_episode(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
-    """Read somebody else's drive as an episode."""
-    from robot.exchange.drive import write_episode
-    from robot.exchange.sources import read_drive
-
-    drive = read_drive(args.path, check_threshold(args.threshold))
-    path = shelf.new_path(args.name or drive.name)
-    with _progress(None, "picture") as bar:
-        count = write_episode(drive, path, on_shot=bar.update)
-    print(f"{path.stem}: {count} pictures from {args.path} ({drive.source})")
-
-
-def export_episodes(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
-    """Write episodes for other programs."""
-    mended = find_episodes(shelf, args.episodes)
-    if len(mended) > 1 and args.form != "lerobot":
-        raise ConfigurationError(f"--as {args.form} takes one episode at a time")
-    out = args.out or _free_path(storage.exports, mended[0][0].id, args.form)
-    if out.exists():
-        raise ConfigurationError(f"{out} is there already; choose another with --out")
-    total = sum(len(episode.frames) for episode, _ in mended)
-    try:
-        with _progress(total, "picture") as bar:
-            made = _export(args, mended, out, bar.update)
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {out}: {error}") from error
-    print(f"{out}: {made}")
-
-
-def _export(
-    args: argparse.Namespace, mended: list[Mended], out: Path, tick: Callable[[], None]
-) -> str:
-    episode, notes = mended[0]
-    if args.form == "lerobot":
-        from robot.exchange.lerobot import write_lerobot
-
-        return f"{write_lerobot(mended, out, fps=args.fps, on_frame=tick)} LeRobot episodes"
-    if args.form == "tub":
-        from robot.exchange.tub import write_tub
-
-        records = write_tub(episode, notes, out, taught_only=not args.all, on_frame=tick)
-        return f"{records} records"
-    if args.form == "folder":
-        from robot.exchange.folder import write_folder
-
-        return f"{write_folder(episode, notes, out, on_frame=tick)} pictures"
-    from robot.exchange.film import write_look
-
-    return f"{write_look(episode, notes, out, fps=args.fps, on_frame=tick)} pictures"
-
-
-def _free_path(folder: Path, episode_id: str, form: str) -> Path:
-    ending = ".mp4" if form == "film" else ""
-    for number in itertools.count(1):
-        path = folder / f"{episode_id} {form}{'' if number == 1 else f' ({number})'}{ending}"
-        if not path.exists():
-            return path
-    raise AssertionError
-
-
-def _progress(total: int | None, unit: str) -> Any:
-    try:
-        from tqdm import tqdm
-    except ImportError as error:
-        raise MissingExtraError("the command episodes", "episodes") from error
-    return tqdm(total=total, unit=unit, file=sys.stderr)

@@ -18,7 +18,7 @@ from robot.policies import make_policy
 from robot.policy import Policy
 from robot.storage import Storage, default_root, write_whole
 from robot.types import DEFAULT_MOVES, Action
-from server.commands.episodes import add_data, find_episodes
+from server.commands.kept import add_data, find_episodes
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

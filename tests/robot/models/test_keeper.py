@@ -71,12 +71,13 @@ def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
             taught.set()
             go_on.wait(5)
 
-    robot.loop._listeners.insert(0, hold_up)
+    listeners = robot.loop._board._listeners
+    listeners.insert(0, hold_up)
     robot.ask_to_teach(1)
     assert taught.wait(5) and robot.keeper.has_unsaved
     ending = threading.Thread(target=robot.keeper.stop)
     ending.start()
-    while robot.keeper.note in robot.loop._listeners:
+    while robot.keeper.note in robot.loop._board._listeners:
         pass
     go_on.set()
     ending.join(10)
@@ -112,7 +113,7 @@ def test_a_taken_back_lesson_is_something_to_save(robot: KeptRobot) -> None:
     assert robot.kept_lessons() == [0]
 
 
-def test_a_disk_that_refused_is_tried_again(robot: KeptRobot, tmp_path: Path) -> None:
+def test_a_disk_that_refused_is_tried_again(robot: KeptRobot) -> None:
     good = robot.shelf
     robot.keeper.shelf = _FullShelf(good)  # type: ignore[assignment]
     robot.teach(1)

@@ -1,0 +1,94 @@
+"""What others see of the loop: the newest state, and each turn when it is over."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+from robot.apprentice import Apprentice
+from robot.governor import Governor
+from robot.state import LoopState, Tick
+from robot.types import Decision, Sensors, StopReason
+
+
+class Noticeboard:
+    """Written on the loop's thread, read from any.
+
+    Args:
+        apprentice: Whose lessons and predictions are shown.
+        governor: Whose judgement of the link is shown.
+        late_cycle_s: A turn that takes longer counts as late.
+    """
+
+    def __init__(self, apprentice: Apprentice, governor: Governor, late_cycle_s: float) -> None:
+        self._apprentice = apprentice
+        self._governor = governor
+        self._late_cycle_s = late_cycle_s
+        self._listeners: list[Callable[[Tick], None]] = []
+        self._stops: Counter[StopReason] = Counter()
+        self._cycles = 0
+        self._late_cycles = 0
+        self._state: LoopState
+
+    @property
+    def state(self) -> LoopState:
+        """The newest state; a frozen value that never changes under the reader."""
+        return self._state
+
+    def subscribe(self, listener: Callable[[Tick], None]) -> Callable[[], None]:
+        """Have `listener` told of each turn; return a function that ends that."""
+        self._listeners = [*self._listeners, listener]
+
+        def unsubscribe() -> None:
+            self._listeners = [other for other in self._listeners if other is not listener]
+
+        return unsubscribe
+
+    def count_stop(self, reason: StopReason) -> None:
+        """Count one stop of a robot that could move."""
+        self._stops[reason] += 1
+
+    def publish(self, tick: Tick, *, emergency: bool, fault: str | None) -> None:
+        """Show what a turn came to, and tell every listener of it."""
+        self._cycles += 1
+        self._late_cycles += tick.cycle_s > self._late_cycle_s
+        self.show(tick.now_s, tick.decision, tick.sensors, emergency=emergency, fault=fault)
+        for listener in self._listeners:
+            listener(tick)
+
+    def show(
+        self,
+        now_s: float,
+        decision: Decision,
+        sensors: Sensors,
+        *,
+        emergency: bool = False,
+        fault: str | None = None,
+    ) -> None:
+        """Show a new state."""
+        apprentice = self._apprentice
+        frame, policy = apprentice.frame, apprentice.school.policy
+        self._state = LoopState(
+            now_s=now_s,
+            decision=decision,
+            emergency=emergency,
+            fault=fault,
+            frame_id=frame.frame_id if frame else None,
+            frame_captured_s=frame.captured_s if frame else None,
+            prediction=apprentice.prediction,
+            sensors=sensors,
+            cycle_hz=apprentice.frame_rate_hz,
+            late_cycles=self._late_cycles,
+            cycles=self._cycles,
+            agreement=apprentice.agreement,
+            agreement_frames=apprentice.agreement_frames,
+            taught=dict(apprentice.school.taught),
+            n_nodes=policy.n_nodes,
+            max_nodes=policy.max_nodes,
+            learner=policy.name,
+            moves=policy.moves,
+            stops=dict(self._stops),
+            link=self._governor.level,
+            pilot_frame_age_s=self._governor.age_s,
+            learner_times=dict(apprentice.timings),
+        )

@@ -1,0 +1,47 @@
+"""What a person means by the name of an episode, and where things are kept."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from robot.episodes.edits import read_notes
+from robot.episodes.episode import open_episode
+from robot.episodes.shelf import EpisodeShelf
+from robot.episodes.teaching import Mended
+from robot.errors import NotFoundError
+
+EPISODE_HELP = "name, beginning of a name, file, or last"
+
+
+def add_data(parser: argparse.ArgumentParser) -> None:
+    """Declare where things are kept."""
+    parser.add_argument("--data", type=Path, default=None, help="folder for what is kept")
+
+
+def find_id(shelf: EpisodeShelf, word: str) -> str:
+    """Return the episode that a person means.
+
+    Raises:
+        NotFoundError: If there is none, or more than one begins so.
+    """
+    ids = shelf.ids()
+    found = ids[:1] if word == "last" else [i for i in ids if i == word]
+    found = found or [i for i in ids if i.startswith(word)]
+    if len(found) != 1:
+        what = "no episode" if not found else f"{len(found)} episodes"
+        raise NotFoundError(f"{what} of this name: {word!r}; see: drivelesson episodes list")
+    return found[0]
+
+
+def find_episodes(shelf: EpisodeShelf, words: list[str]) -> list[Mended]:
+    """Open the episodes that a person means, by name or by file, oldest first as given."""
+    found: list[Mended] = []
+    for word in words:
+        path = Path(word)
+        if path.suffix == ".mcap" and path.is_file():
+            found.append((open_episode(path), read_notes(path)))
+        else:
+            episode_id = find_id(shelf, word)
+            found.append((open_episode(shelf.path(episode_id)), shelf.notes(episode_id)))
+    return found
