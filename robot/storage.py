@@ -6,6 +6,7 @@
       episodes/ID.mcap      recordings, with ID.edits.json beside them
       exports/              what was made for other tools
       trash/                what was deleted, until a person empties it
+      .lock                 held by the program that records here
 
 Written down for people in docs/reference/storage.md.
 """

@@ -13,6 +13,7 @@ from robot.episodes.recorder import Recorder
 from robot.episodes.recovery import recover_last
 from robot.episodes.shelf import EpisodeShelf
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
+from robot.folder_lock import FolderLock
 from robot.lifecycle import StartStop
 from robot.models.keeper import Announce, Keeper, say_nothing
 from robot.models.shelf import ModelShelf
@@ -34,6 +35,7 @@ class Library(StartStop):
     ) -> None:
         self.storage = storage
         self._name = name
+        self._lock = FolderLock(storage.root)
         self.models = ModelShelf(storage)
         self.keeper = Keeper(
             rig.loop, self.models, name=name, moves=rig.driver.moves, announce=announce
@@ -44,10 +46,14 @@ class Library(StartStop):
         self.episodes = EpisodeShelf(storage, recording=lambda: self.recorder.episode_id)
 
     def start(self) -> None:
-        """Recover from a power cut, and begin to keep.
+        """Take the folder, recover from a power cut, and begin to keep.
 
         What was kept before is loaded by `keeper.load_last`.
+
+        Raises:
+            ConfigurationError: If another program keeps its lessons there.
         """
+        self._lock.start()
         self.storage.sweep()
         recover_last(self.storage.episodes, self.models, self._name)
         self.keeper.start()
@@ -57,6 +63,7 @@ class Library(StartStop):
         """Finish the recording and save what was learned; the loop must still turn. Idempotent."""
         self.recorder.stop()
         self.keeper.stop()
+        self._lock.stop()
 
 
 def library_of(request: Request) -> Library:

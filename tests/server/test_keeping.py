@@ -50,6 +50,19 @@ def teach(address: str, lessons: int) -> int:
 
 
 @pytest.mark.slow
+def test_a_second_server_leaves_the_folder_of_the_first_alone(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "server", "serve", "--port", "0", "--data", str(tmp_path)]
+    with serving(tmp_path, "--robot", "sim") as (process, address):
+        second = subprocess.run(words, capture_output=True, text=True, timeout=60)
+        assert second.returncode == 1
+        assert f"process {process.pid}" in second.stderr and "--data" in second.stderr
+        assert len(second.stderr.strip().splitlines()) == 1
+        assert teach(address, 5) >= 5
+    with serving(tmp_path, "--robot", "sim") as (_, address):  # the first was killed
+        assert httpx.get(address + "/healthz").status_code == 200
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGINT])
 def test_it_ends_with_everything_saved_and_goes_on_from_there(tmp_path: Path, end: int) -> None:
     with serving(tmp_path, "--robot", "sim") as (process, address):
