@@ -16,7 +16,11 @@ from typing import Any
 import httpx
 
 from robot.lesson import Phase
+from server.config import Config
+from server.pairing import Pairing
+from tests.server.live_robot import WEB, live_server
 
+from .proxy import Proxy
 from .world import (
     DESKTOP,
     LANDSCAPE,
@@ -47,6 +51,8 @@ def take_all(folder: Path) -> None:
             _each(browser, world, folder, _take_drive)
             _each(browser, world, folder, _take_drive, sizes={"landscape": LANDSCAPE})
             _each(browser, world, folder, _take_screens)
+            _take_away(browser, world, folder)
+        _take_pairing(browser, folder)
         with _world("box") as world:
             _hold_lesson(browser, world)
             _each(browser, world, folder, _take_result)
@@ -69,17 +75,23 @@ def _each(
     sizes: dict[str, dict[str, int]] = SIZES,
     hints: bool = False,
 ) -> None:
+    for ending, context in _contexts(browser, sizes):
+        page = open_page(context, world.address, hints=hints)
+
+        def shoot(name: str, page: Any = page, ending: str = ending) -> None:
+            _save(page.screenshot(), folder / f"{name}-{ending}.png")
+
+        take(page, world, shoot)
+
+
+def _contexts(browser: Any, sizes: dict[str, dict[str, int]] = SIZES) -> Iterator[tuple[str, Any]]:
+    """Yield a fresh browser of each size and colour scheme, with what their pictures end in."""
     for size, viewport in sizes.items():
         for scheme in ("light", "dark"):
             context = browser.new_context(
                 viewport=viewport, color_scheme=scheme, has_touch=True, is_mobile=size != "desktop"
             )
-            page = open_page(context, world.address, hints=hints)
-
-            def shoot(name: str, page: Any = page, ending: str = f"{size}-{scheme}") -> None:
-                _save(page.screenshot(), folder / f"{name}-{ending}.png")
-
-            take(page, world, shoot)
+            yield f"{size}-{scheme}", context
             context.close()
 
 
@@ -140,10 +152,41 @@ def _take_screens(page: Any, world: World, shoot: Shoot) -> None:
     page.locator(".card").nth(2).tap()
     page.wait_for_timeout(800)
     shoot("image")
+    page.goto(f"{world.address}/#home")
+    page.locator("button[aria-label*='20']").first.tap()
+    page.wait_for_selector(".timeline .you[d]")
+    page.locator(".timeline").evaluate("element => element.scrollIntoView({block: 'start'})")
+    page.wait_for_timeout(800)
+    shoot("mend")
     page.goto(f"{world.address}/#drive")
     page.locator("app-bar [aria-controls=menu]").tap()
     page.wait_for_timeout(300)
     shoot("menu")
+
+
+def _take_away(browser: Any, world: World, folder: Path) -> None:
+    """The network ends while the robot drives."""
+    for ending, context in _contexts(browser):
+        proxy = Proxy(world.address)
+        page = open_page(context, proxy.address)
+        page.locator("[data-mode=autonomous]").tap()
+        page.wait_for_timeout(500)
+        proxy.fall_silent()
+        page.wait_for_timeout(4000)
+        _save(page.screenshot(), folder / f"away-{ending}.png")
+        proxy.close()
+
+
+def _take_pairing(browser: Any, folder: Path) -> None:
+    """What a phone sees that was not let in yet."""
+    with tempfile.TemporaryDirectory() as kept:
+        config = Config(port=0, web=WEB, lan=True, data=Path(kept))
+        with live_server(config, pairing=Pairing(10)) as server:
+            for ending, context in _contexts(browser):
+                page = context.new_page()
+                page.goto(f"{server.address}/pair")
+                page.wait_for_timeout(300)
+                _save(page.screenshot(), folder / f"pair-{ending}.png")
 
 
 def _hold_lesson(browser: Any, world: World) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 from robot.types import Action, Mode, PilotCommand
 
 from .test_everyone import complaints
-from .world import World
+from .world import World, wait_for
 
 
 def drive(world: World, seconds: float) -> None:
@@ -30,8 +30,7 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
     drive(world, 3.0)
     library = world.app.state.library
     library.recorder._loop.submit(library.recorder.finish).result(5)
-    while library.recorder.episode_id is not None:
-        time.sleep(0.02)
+    wait_for(lambda: library.recorder.episode_id is None, "the recording ends")
     [episode_id] = library.episodes.ids()
     phone.evaluate("location.hash = 'home'")
     phone.wait_for_selector(".timeline, button[aria-label*='20']")
@@ -66,6 +65,26 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
     press("Take back the last", 0)
     wide = phone.evaluate("document.documentElement.scrollWidth - innerWidth")
     assert wide <= 0
+
+
+def test_a_recording_is_named_and_protected_on_the_page(phone: Any, world: World) -> None:
+    drive(world, 1.0)
+    library = world.app.state.library
+    library.recorder._loop.submit(library.recorder.finish).result(5)
+    wait_for(lambda: library.recorder.episode_id is None, "the recording ends")
+    [episode_id] = library.episodes.ids()
+    phone.evaluate("location.hash = 'home'")
+    phone.locator("button[aria-label*='20']").tap()
+    phone.get_by_label("Title", exact=True).fill("Round the table")
+    phone.locator("article").get_by_role("button", name="Save").tap()
+    phone.locator("article h3", has_text="Round the table").wait_for()
+    phone.get_by_role("button", name="Protect", exact=True).tap()
+    phone.locator("article .tag", has_text="protected").wait_for()
+    notes = library.episodes.notes(episode_id)
+    assert (notes.title, notes.is_protected) == ("Round the table", True)
+    phone.get_by_role("button", name="Protect", exact=True).tap()
+    phone.locator("article .tag").wait_for(state="detached")
+    assert not library.episodes.notes(episode_id).is_protected
 
 
 def test_axe_finds_nothing_among_the_tools(phone: Any, world: World, npm_modules: Path) -> None:

@@ -88,7 +88,7 @@ export class DrivePad extends HTMLElement {
 
   /** @param {import('../store.js').PageState} state */
   render({ held, robot, link }) {
-    const byRobot = robot?.driven_by === 'robot' ? robot.action : null;
+    const byRobot = link === 'open' && robot?.driven_by === 'robot' ? robot.action : null;
     for (const button of this.querySelectorAll('.move')) {
       const move = button.getAttribute('data-move');
       button.classList.toggle('held', move === held);

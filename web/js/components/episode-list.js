@@ -22,22 +22,45 @@ function card(home, episode, isOn) {
   const path = `/api/episodes/${encodeURIComponent(episode.id)}`;
   const strip = h('div', { class: 'strip' });
   const tools = h('div', { class: 'stack' });
-  const more = h('div', { class: 'stack', hidden: true });
+  const more = h('div', { class: 'stack' });
+  const show = (/** @type {boolean} */ isOpen) => {
+    more.hidden = !isOpen;
+    toggle.setAttribute('aria-expanded', String(isOpen));
+    if (isOpen && !strip.children.length) showStrip(home, path, strip);
+    if (isOpen && !isOn && !tools.children.length) import('./episode-mend.js').then(({ mend }) => mend(home, path, tools));
+  };
   const toggle = h('button', {
-    type: 'button', class: 'quiet', 'aria-expanded': 'false', 'aria-label': t('home.more', { name: title(episode) }),
+    type: 'button', class: 'quiet', 'aria-label': t('home.more', { name: title(episode) }),
     onclick: () => {
-      more.hidden = !more.hidden;
-      toggle.setAttribute('aria-expanded', String(!more.hidden));
-      if (!more.hidden && !strip.children.length) showStrip(home, path, strip);
-      if (!more.hidden && !isOn && !tools.children.length) import('./episode-mend.js').then(({ mend }) => mend(home, path, tools));
+      home.openEpisode = more.hidden ? episode.id : null;
+      show(more.hidden);
     },
   }, icon('more'));
-  append(more, [strip, tools, h('div', { class: 'row' },
+  append(more, [strip, tools, isOn ? null : naming(home, path, episode), h('div', { class: 'row' },
     h('a', { class: 'button', href: `${path}/file`, download: '' }, t('download')),
+    isOn ? null : h('button', { type: 'button', 'aria-pressed': String(episode.protected), onclick: () => change(home, path, { protected: !episode.protected }) }, t('episodes.protect')),
     isOn ? null : h('button', { type: 'button', onclick: () => remove(home, path, title(episode)) }, t('delete')))]);
+  show(home.openEpisode === episode.id);
+  const tags = [isOn ? 'episodes.on' : '', episode.protected ? 'episodes.protected' : ''].filter(Boolean);
   return h('article', { class: 'panel stack' }, h('div', { class: 'facts-row' },
-    h('div', { class: 'grow' }, h('h3', {}, title(episode), isOn ? h('span', { class: 'tag' }, t('episodes.on')) : null),
+    h('div', { class: 'grow' }, h('h3', {}, title(episode), ...tags.map((key) => h('span', { class: 'tag' }, t(key)))),
       h('small', {}, facts(episode))), toggle), more);
+}
+
+/** @param {Home} home @param {string} path @param {any} episode */
+function naming(home, path, episode) {
+  const field = h('input', { value: episode.title, maxlength: 60, 'aria-label': t('episodes.title'), placeholder: t('episodes.title') });
+  const save = (/** @type {Event} */ event) => {
+    event.preventDefault();
+    change(home, path, { title: field.value.trim() });
+  };
+  return h('form', { class: 'row', onsubmit: save }, field, h('button', {}, t('home.keep')));
+}
+
+/** @param {Home} home @param {string} path @param {{title?: string, protected?: boolean}} words */
+async function change(home, path, words) {
+  await home.attempt(() => ask('PATCH', path, words));
+  await listEpisodes(home);
 }
 
 /** @param {any} episode */

@@ -15,6 +15,8 @@ export class HomeScreen extends Screen {
   build() {
     /** @type {string | null} */
     this.open = null;
+    /** @type {string | null} */
+    this.openEpisode = null;
     /** @type {Model[]} */
     this.known = [];
     this.models = h('div', { class: 'stack', role: 'list' });
