@@ -12,7 +12,7 @@ import functools
 import itertools
 import logging
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import AsyncGenerator, Callable
 
 from robot.rig import Rig
@@ -21,56 +21,15 @@ from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.access import Role
 from server.config import Config
+from server.page import Page
 from server.protocol import ErrorCode, ProtocolError
-from server.session import Lease, Order, Pace
+from server.session import Lease
 from server.telemetry import describe
 from server.video import Encoder, VideoHub, Viewer
 
 log = logging.getLogger(__name__)
 
 STATE_EVERY_S = 0.1
-_OUTBOX = 64
-"""Answers that may wait for one page; a page that reads so slowly loses the oldest."""
-
-
-class Page:
-    """One open `/ws/drive`: its order and pace, and what it is still to be told.
-
-    Answers wait in a short queue; of states only the newest waits.
-    """
-
-    def __init__(self, client: str, role: Role, config: Config, now_s: float) -> None:
-        limits = config.limits
-        self.client = client
-        self.role = role
-        self.order = Order()
-        self.pace = Pace(per_second=limits.words_per_second, burst=limits.words_burst)
-        self.refused = 0
-        self.last_word_s = now_s
-        self._answers: deque[str] = deque(maxlen=_OUTBOX)
-        self._state: str | None = None
-        self._waiting = asyncio.Event()
-
-    def tell(self, text: str) -> None:
-        """Have an answer or event sent."""
-        self._answers.append(text)
-        self._waiting.set()
-
-    def tell_state(self, text: str) -> None:
-        """Have a state sent, in place of any that still waits."""
-        self._state = text
-        self._waiting.set()
-
-    async def next_text(self) -> str:
-        """Wait for what is to be sent next."""
-        while True:
-            await self._waiting.wait()
-            if self._answers:
-                return self._answers.popleft()
-            state, self._state = self._state, None
-            if state is not None:
-                return state
-            self._waiting.clear()
 
 
 class Station:
