@@ -28,6 +28,7 @@ from .world import (
     Fingers,
     World,
     drive_on,
+    finish_recording,
     open_page,
     pad,
     running_chromium,
@@ -50,6 +51,7 @@ def take_all(folder: Path) -> None:
             _teach_first(browser, world)
             _each(browser, world, folder, _take_drive)
             _each(browser, world, folder, _take_drive, sizes={"landscape": LANDSCAPE})
+            finish_recording(world)
             _each(browser, world, folder, _take_screens)
             _take_away(browser, world, folder)
         _take_pairing(browser, folder)

@@ -9,7 +9,7 @@ from typing import Any
 from robot.types import Action, Mode, PilotCommand
 
 from .test_everyone import complaints
-from .world import World, wait_for
+from .world import World, finish_recording
 
 
 def drive(world: World, seconds: float) -> None:
@@ -29,8 +29,7 @@ def drive(world: World, seconds: float) -> None:
 def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, world: World) -> None:
     drive(world, 3.0)
     library = world.app.state.library
-    library.recorder._loop.submit(library.recorder.finish).result(5)
-    wait_for(lambda: library.recorder.episode_id is None, "the recording ends")
+    finish_recording(world)
     [episode_id] = library.episodes.ids()
     phone.evaluate("location.hash = 'home'")
     phone.wait_for_selector(".timeline, button[aria-label*='20']")
@@ -70,8 +69,7 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
 def test_a_recording_is_named_and_protected_on_the_page(phone: Any, world: World) -> None:
     drive(world, 1.0)
     library = world.app.state.library
-    library.recorder._loop.submit(library.recorder.finish).result(5)
-    wait_for(lambda: library.recorder.episode_id is None, "the recording ends")
+    finish_recording(world)
     [episode_id] = library.episodes.ids()
     phone.evaluate("location.hash = 'home'")
     phone.locator("button[aria-label*='20']").tap()
@@ -89,8 +87,7 @@ def test_a_recording_is_named_and_protected_on_the_page(phone: Any, world: World
 
 def test_axe_finds_nothing_among_the_tools(phone: Any, world: World, npm_modules: Path) -> None:
     drive(world, 2.0)
-    library = world.app.state.library
-    library.recorder._loop.submit(library.recorder.finish).result(5)
+    finish_recording(world)
     phone.evaluate("location.hash = 'home'")
     phone.wait_for_selector("button[aria-label*='20']")
     phone.locator("button[aria-label*='20']").tap()
@@ -102,7 +99,7 @@ def test_axe_finds_nothing_among_the_tools(phone: Any, world: World, npm_modules
 def test_recordings_beyond_their_space_are_offered(phone: Any, world: World) -> None:
     drive(world, 1.0)
     library = world.app.state.library
-    library.recorder._loop.submit(library.recorder.finish).result(5)
+    finish_recording(world)
     library.episodes.budget_bytes = 0
     phone.evaluate("location.hash = 'home'")
     phone.wait_for_selector("text=Nothing is deleted by itself")

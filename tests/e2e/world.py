@@ -125,6 +125,13 @@ def wait_for(condition: Callable[[], bool], what: str, within_s: float = 10.0) -
     return time.monotonic() - start_s
 
 
+def finish_recording(world: World) -> None:
+    """End the recording now; otherwise it ends when the robot has stood for a while."""
+    recorder = world.app.state.library.recorder
+    world.rig.loop.submit(recorder.finish).result(5)
+    wait_for(lambda: recorder.episode_id is None, "the recording ends")
+
+
 class Fingers:
     """Fingers on a touch screen, each held until it is lifted."""
 
