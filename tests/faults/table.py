@@ -26,6 +26,8 @@ class Fault:
     """Why the robot may say that it stands."""
     counts_from: Condition | None = None
     """What has to be so before the robot must stand; None: it must from the beginning."""
+    counts_from_last_word: bool = False
+    """Chance lets some words through in time: the robot must stand so long after the last one."""
     note: str = ""
 
 
@@ -128,6 +130,8 @@ FAULTS = (
         begin=_weather(delay_s=0.3, jitter_s=2.0),
         end=_clear,
         reasons=("pilot_silent", "link_slow"),
+        counts_from_last_word=True,
+        note=", counted from the last word that came in time",
     ),
     Fault(
         name="every packet is lost and sent again after 0.7 s",

@@ -13,7 +13,7 @@ from server.bench.proxy import Proxy
 from tests.server.live_robot import LiveServer, wait_until
 
 from .table import FAULTS, LIMIT_S, MODES, PAGE, Fault, render, without_figures
-from .world import JumpingClock, running_world, world_of
+from .world import JumpingClock, World, running_world, world_of
 
 MEASURED_MS: dict[tuple[str, str], float] = {}
 _SCHEDULING_S = 0.1
@@ -36,7 +36,11 @@ def test_fault(running: tuple[LiveServer, Proxy, JumpingClock], fault: Fault, mo
         if counts_from is not None:
             wait_until(lambda: counts_from(world) or world.stands())
         limit_s = LIMIT_S[mode] + (_SCHEDULING_S if mode == "autonomous" else 0.0)
-        took_s = wait_until(world.stands, limit_s, f"stands within {limit_s} s")
+        if fault.counts_from_last_word:
+            took_s = _stands_after_last_word(world)
+            assert took_s < limit_s, "goes on without the pilot"
+        else:
+            took_s = wait_until(world.stands, limit_s, f"stands within {limit_s} s")
         MEASURED_MS[fault.name, mode] = 1000 * took_s
         loop = world.server.rig.loop
         wait_until(lambda: loop.state.decision.mode is Mode.STOPPED)
@@ -46,6 +50,21 @@ def test_fault(running: tuple[LiveServer, Proxy, JumpingClock], fault: Fault, mo
         time.sleep(0.15)
         assert world.stands() and world.server.driver.moved_s == moved_s, "moves by itself"
         assert loop.state.decision.mode is Mode.STOPPED
+
+
+def _stands_after_last_word(world: World) -> float:
+    """Wait until the robot stands; return how long after the last word it then heard."""
+    heard_s = world.last_word_s
+
+    def stands() -> bool:
+        nonlocal heard_s
+        if world.stands():
+            return True
+        heard_s = world.last_word_s
+        return False
+
+    wait_until(stands, 10.0, "stands")
+    return max(0.0, time.monotonic() - heard_s)
 
 
 def test_the_page_of_faults_is_up_to_date() -> None:

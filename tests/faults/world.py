@@ -43,6 +43,12 @@ class World:
     def stands(self) -> bool:
         return self.server.driver.now is Action.STOP
 
+    @property
+    def last_word_s(self) -> float:
+        """When the server last heard a word of the pilot (time.monotonic)."""
+        pages = list(self.server.station.pages.values())
+        return max((page.last_word_s for page in pages), default=0.0)
+
     def start(self, mode: str) -> None:
         """Have the robot drive: by hand, by hand in autonomous, or by itself."""
         pilot, driver = self.pilot, self.server.driver
