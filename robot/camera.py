@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any, ClassVar, Self
@@ -67,6 +68,15 @@ class Camera(StartStop):
     def listen(self, on_frame: Callable[[], None] | None) -> None:
         """Have `on_frame` called after each new frame, on the camera's thread; it must be quick."""
         self._on_frame = on_frame
+
+    def _on_clock(self, taken_s: float) -> float:
+        """Return what `self.clock` showed when `time.monotonic()` was `taken_s`.
+
+        The clock is read first: whoever is held up between the two readings makes the picture
+        older than it is, never younger.
+        """
+        clock_s = self.clock.now_s()
+        return clock_s - max(0.0, time.monotonic() - taken_s)
 
     def _publish(
         self, data: bytes, *, width: int, height: int, encoding: Encoding, captured_s: float

@@ -82,13 +82,13 @@ class Ev3RemoteCamera(Camera):
         self._link.close("camera")
 
     def _take(self, picture: Picture) -> None:
-        self._seen_s = now_s = time.monotonic()
+        self._seen_s = time.monotonic()
         self._publish(
             picture.data,
             width=picture.width,
             height=picture.height,
             encoding=Encoding(picture.encoding),
-            captured_s=self.clock.now_s() - max(0.0, now_s - picture.taken_s),
+            captured_s=self._on_clock(picture.taken_s),
         )
 
     def _watch(self) -> None:

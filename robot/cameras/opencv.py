@@ -141,7 +141,7 @@ class OpencvCamera(Camera):
             width=size[0],
             height=size[1],
             encoding=Encoding.JPEG,
-            captured_s=self.clock.now_s() - (time.monotonic() - now_s),
+            captured_s=self._on_clock(now_s),
         )
 
     def _watch(self) -> None:

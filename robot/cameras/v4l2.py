@@ -74,15 +74,14 @@ class V4l2Camera(Camera):
             self._ending.wait(0.05)
         else:
             select.select([eye.video], [], [], 0.05)
-        now_s = time.monotonic()
-        taken = eye.look(now_s)
+        taken = eye.look(time.monotonic())
         if taken is not None and eye.video is not None:
             self._publish(
                 taken.data,
                 width=eye.video.width,
                 height=eye.video.height,
                 encoding=Encoding(eye.video.encoding),
-                captured_s=self.clock.now_s() - max(0.0, now_s - taken.taken_s),
+                captured_s=self._on_clock(taken.taken_s),
             )
         elif eye.fault is not None and eye.fault != self._fault:
             self._report_fault(eye.fault)
