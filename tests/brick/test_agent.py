@@ -21,7 +21,7 @@ from robot.clock import RealClock
 from robot.driver import BodyButton
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.errors import CameraError, ConfigurationError, DriveError
-from robot.types import Action, Mode
+from robot.types import Action, Frame, Mode
 from tests.brick.fake_brick import FakeBrick
 from tests.brick.fake_video import DEVICE, FakeVideo
 from tests.brick.running_agent import SECRET, RunningAgent
@@ -262,6 +262,10 @@ def test_a_line_that_was_lost_is_said_and_joined_again(brick: FakeBrick, tmp_pat
             brick.wait_until(brick.is_moving)
 
 
+def _is_fresh(frame: Frame | None) -> bool:
+    return frame is not None and frame.age_s(time.monotonic()) < 0.2
+
+
 def test_the_camera_comes_newest_first_and_its_faults_are_said(
     brick: FakeBrick, tmp_path: Path
 ) -> None:
@@ -271,10 +275,7 @@ def test_the_camera_comes_newest_first_and_its_faults_are_said(
         driver = make_driver(running.address)
         camera = Ev3RemoteCamera.for_driver(driver, options, RealClock())
         with driver, camera:
-            wait_until(lambda: camera.latest() is not None)
-            frame = camera.latest()
-            assert frame is not None
-            assert frame.age_s(time.monotonic()) < 0.2
+            wait_until(lambda: _is_fresh(camera.latest()))
             video.behave("freeze")
             assert wait_until(lambda: camera.fault is not None) <= 0.5
             wait_until(lambda: DEVICE in str(camera.fault), 2)
