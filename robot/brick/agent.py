@@ -33,7 +33,7 @@ STALE_S = 0.3
 """A command that was held up on the way for longer than this is not carried out."""
 REOPEN_S = 0.5
 """How often a lost camera is looked for."""
-STILL_S = 0.4
+STILL_S = 0.35
 """A camera that shows nothing new for so long is broken: noticed within 500 ms."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 
 import pytest
@@ -38,10 +39,10 @@ def test_each_way_to_turn_turns_at_the_same_rate(turn_by: str) -> None:
 def test_a_move_is_timed_and_ends_by_itself(brick: FakeBrick) -> None:
     with make_driver(brick) as driver:
         driver.send_action(Action.FORWARD)
-        brick.wait_until(brick.is_moving)
-        assert set(brick.speeds().values()) == {360}
-        took_s = brick.wait_until(lambda: not brick.is_moving())
-        assert 0.3 < took_s < 0.5
+        brick.wait_until(lambda: set(brick.speeds().values()) == {360})
+        began_s = next(c.at_s for c in brick.commands if c.command == "run-timed")
+        brick.wait_until(lambda: not brick.is_moving())
+        assert 0.39 < time.monotonic() - began_s < 0.55
     moves = [c for c in brick.commands if c.command.startswith("run")]
     assert {(c.command, c.time_ms) for c in moves} == {("run-timed", 400)}
 

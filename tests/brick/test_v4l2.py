@@ -166,10 +166,11 @@ def test_the_numbers_are_those_of_the_kernel_headers(tmp_path: Path) -> None:
 
 def test_freshness_tells_silence_from_repetition() -> None:
     freshness = agent.Freshness(10.0)
+    still_s = agent.STILL_S
     assert freshness.is_new(b"a", 10.1)
-    assert not freshness.is_new(b"a", 10.5)
-    assert freshness.fault(10.49) is None
-    assert freshness.fault(10.52) == "repeats one picture"
-    assert freshness.fault(10.92) == "gives no pictures"
+    assert not freshness.is_new(b"a", 10.1 + still_s)
+    assert freshness.fault(10.09 + still_s) is None
+    assert freshness.fault(10.12 + still_s) == "repeats one picture"
+    assert freshness.fault(10.12 + 2 * still_s) == "gives no pictures"
     assert freshness.is_new(b"b", 11.1)
     assert freshness.fault(11.2) is None
