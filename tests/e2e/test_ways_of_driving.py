@@ -226,7 +226,7 @@ def test_a_second_tab_watches_asks_and_takes_over_politely(
 ) -> None:
     context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     second = open_page(context, world.address)
-    assert "Somebody else has the wheel" in second.locator(".notice").inner_text()
+    second.locator(".notice", has_text="Somebody else has the wheel").wait_for()
     assert second.locator("[data-mode=train]").is_disabled()
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
