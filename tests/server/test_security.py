@@ -13,7 +13,7 @@ from typing import Any
 import httpx
 import pytest
 import uvicorn
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from server.access import Role
@@ -203,7 +203,7 @@ def test_too_many_words_are_refused_and_then_shown_out() -> None:
         for _ in range(10):
             pilot.send(type="ping", client_ms=1)
         pilot.wait_for(lambda m: m.get("code") == "too_fast")
-        with contextlib.suppress(ConnectionClosed):
+        with contextlib.suppress(Exception):  # closed, in the words of either client library
             for _ in range(40):
                 pilot.send(type="ping", client_ms=1)
         for thread in pilot._threads[:1]:
