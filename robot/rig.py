@@ -14,7 +14,7 @@ from robot.loop_thread import LoopThread
 from robot.options import make_options
 from robot.plugins import load_camera, load_driver
 from robot.policies import make_policy
-from robot.policy import Policy
+from robot.policy.policy import Policy
 
 
 class Rig(StartStop):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from robot.learner.base import State, Vector
-from robot.policy import Policy
+from robot.policy.policy import Policy
 from robot.types import Action, Lesson
 
 SNAPSHOT_EVERY_S = 10.0

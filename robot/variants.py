@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from robot.features import Features, GradientFeatures, GreyFeatures
 from robot.learner.classifier import GROUP_COST, LINEAR_SHARE, N_VOTERS, BSOCClassifier
 from robot.learner.ridge import RecursiveRidge
-from robot.policy import Policy
+from robot.policy.policy import Policy
 from robot.steadiness import Commitment, Steadiness
 from robot.types import Action
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from robot.lifecycle import StartStop
 from robot.loop import ControlLoop
-from robot.policy import LearnedImage
+from robot.policy.policy import LearnedImage
 from robot.school import Replaced, Taught, Undone
 from robot.state import Tick
 

@@ -15,7 +15,7 @@ from robot.experiments.ideas import make_learner
 from robot.experiments.task import Result
 from robot.governor import GovernorConfig
 from robot.loop import ControlLoop, LoopConfig
-from robot.policy import Policy
+from robot.policy.policy import Policy
 from robot.rig import build_rig
 from robot.types import DEFAULT_MOVES, Action, Encoding, Frame, Mode, PilotCommand
 

@@ -15,7 +15,7 @@ from robot.learner.base import Learner
 from robot.pilots.behaviours import Follower, Pusher, WallFollower
 from robot.pilots.teachers import TASTES, SonarController, Teacher, Wanderer
 from robot.policies import make_policy
-from robot.policy import Policy
+from robot.policy.policy import Policy
 from robot.types import Action
 
 LEARNERS = "drivelesson.learners"

@@ -21,7 +21,7 @@ from robot.loop import ControlLoop, LoopConfig
 from robot.metrics.log import DriveLog, Moment
 from robot.pilots.pilot import SimulatedPilot
 from robot.pilots.situation import observe
-from robot.policy import Policy
+from robot.policy.policy import Policy
 from robot.types import Action, Mode, Pose, Prediction
 
 FRAME_RATE_HZ = 10.0

@@ -21,7 +21,7 @@ from robot.errors import RecordingError
 from robot.learner.base import State
 from robot.npz import read_arrays, write_arrays
 from robot.policies import make_policy
-from robot.policy import LearnedImage, Policy
+from robot.policy.policy import LearnedImage, Policy
 from robot.types import Action
 
 FORMAT = 1

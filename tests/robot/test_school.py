@@ -7,7 +7,7 @@ import pytest
 
 from robot.learner.base import State
 from robot.policies import make_policy
-from robot.policy import Policy
+from robot.policy.policy import Policy
 from robot.school import Edited, School, SchoolEvent, Taught, Undone
 from robot.types import Action, Lesson
 from tests.robot.bench_robot import BenchRobot
