@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot.errors import ConfigurationError
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.types import DEFAULT_MOVES, Encoding, Frame
 
 SIZES = (2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)

@@ -11,8 +11,8 @@ import numpy as np
 
 from robot.errors import CameraError, RecordingError
 from robot.learner.base import Vector
-from robot.policies import make_policy
 from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
 from robot.recordings import Recording, load_recording
 from robot.types import Action
 

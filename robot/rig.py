@@ -13,8 +13,8 @@ from robot.loop import ControlLoop, LoopConfig
 from robot.loop_thread import LoopThread
 from robot.options import make_options
 from robot.plugins import load_camera, load_driver
-from robot.policies import make_policy
 from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
 
 
 class Rig(StartStop):

@@ -11,7 +11,7 @@ from robot.experiments.ideas import make_learner
 from robot.experiments.pilots import make_pilot
 from robot.experiments.task import Result
 from robot.experiments.trial import FRAME_RATE_HZ, Place, Trial
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.recordings import load_recording
 from robot.state import Tick
 from robot.types import Action, Frame, Mode

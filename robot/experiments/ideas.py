@@ -14,8 +14,8 @@ from robot.features import GradientFeatures
 from robot.learner.base import Learner
 from robot.pilots.behaviours import Follower, Pusher, WallFollower
 from robot.pilots.teachers import TASTES, SonarController, Teacher, Wanderer
-from robot.policies import make_policy
 from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
 from robot.types import Action
 
 LEARNERS = "drivelesson.learners"

@@ -16,7 +16,7 @@ from robot.errors import ConfigurationError, RobotError
 from robot.loop import ControlLoop
 from robot.models.model import Model, take_model, with_preview
 from robot.models.shelf import ModelShelf
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.state import Tick
 from robot.types import Action, Mode
 

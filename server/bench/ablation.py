@@ -10,7 +10,7 @@ import numpy as np
 
 from robot import evaluation
 from robot.errors import MissingExtraError
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.variants import VARIANTS
 
 KINDS = ("default", *VARIANTS, "published")

@@ -11,7 +11,7 @@ import numpy as np
 
 from robot import evaluation
 from robot.errors import MissingExtraError
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -19,7 +19,7 @@ from robot.clock import Clock, RealClock
 from robot.episodes.disk import RecorderConfig
 from robot.episodes.recorder import Recorder
 from robot.errors import MissingExtraError
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.rig import Rig
 from robot.state import Tick
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand

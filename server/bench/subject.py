@@ -61,7 +61,7 @@ def _serving(kind: str, camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
 
 @contextlib.contextmanager
 def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
-    from robot.policies import make_policy
+    from robot.policy.registry import make_policy
     from robot.rig import Rig
     from server.app import create_app
     from server.config import Config, Limits

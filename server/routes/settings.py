@@ -11,7 +11,7 @@ from fastapi import APIRouter, Depends, HTTPException, Request
 from starlette.concurrency import run_in_threadpool
 
 from robot.loop import ControlLoop
-from robot.policies import make_policy, split_name
+from robot.policy.registry import make_policy, split_name
 from robot.types import Action, Encoding, Frame
 from server.guard import require_pilot, require_viewer
 from server.library import library_of, read_body, refusals

@@ -15,7 +15,7 @@ from robot.clock import Clock, ManualClock
 from robot.driver import Driver
 from robot.errors import DriveError
 from robot.loop import ControlLoop, LoopConfig
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.state import Tick
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Sensors
 

@@ -7,7 +7,7 @@ import pytest
 from robot.apprentice import MEMORY_FRAMES, Apprentice
 from robot.clock import ManualClock
 from robot.errors import CameraError
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.types import Action, PilotCommand
 from tests.robot.bench_robot import BenchCamera
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robot.errors import ConfigurationError
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.types import Action, Encoding, Frame
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT

@@ -15,7 +15,7 @@ from typing import Any, Self
 from websockets.sync.client import ClientConnection, connect
 
 from robot.clock import RealClock
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.rig import Rig
 from server.app import create_app
 from server.bench.robot import NotingDriver, SteadyCamera

@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from robot.clock import RealClock
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.rig import Rig
 from robot.storage import Storage
 from robot.types import Action, Lesson, Mode

@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from robot.models.keeper import Keeper
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.storage import Storage
 from robot.types import Action, Lesson
 from server.library import Library

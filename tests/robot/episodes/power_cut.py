@@ -26,7 +26,7 @@ from robot.episodes.recovery import recover_last
 from robot.errors import RobotError
 from robot.models.keeper import Keeper
 from robot.models.shelf import ModelShelf
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.rig import Rig
 from robot.school import Taught
 from robot.state import Tick

@@ -14,7 +14,7 @@ from robot.episodes.mending import choose, kept_frames, moments
 from robot.episodes.shelf import EpisodeShelf
 from robot.episodes.teaching import learn_again, same_nodes
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.storage import Storage
 from robot.types import Action
 

@@ -11,7 +11,7 @@ from robot.episodes.episode import open_episode
 from robot.episodes.teaching import learn_again, plan, same_nodes
 from robot.errors import ConfigurationError
 from robot.models.model import Model
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.types import Action, Mode
 
 from .drives import MOVES, RecordedBench, record_drive

@@ -12,7 +12,7 @@ from robot.episodes.disk import RecorderConfig
 from robot.episodes.recorder import Recorder
 from robot.learner.base import State
 from robot.loop import ControlLoop
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.types import Action, Mode, PilotCommand
 
 STEP_S = 0.05

@@ -15,7 +15,7 @@ from robot.exchange.folder import read_folder, write_folder
 from robot.exchange.sources import read_drive
 from robot.exchange.tub import write_tub
 from robot.learner.base import State
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 
 from .sim_drive import Driven, drive_in_simulator
 

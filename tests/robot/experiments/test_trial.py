@@ -9,7 +9,7 @@ from robot.experiments.pilots import make_pilot
 from robot.experiments.trial import FRAME_RATE_HZ, Place, Trial
 from robot.metrics.driving import interventions_per_minute
 from robot.metrics.log import DriveLog
-from robot.policies import make_policy
+from robot.policy.registry import make_policy
 from robot.types import Action, DrivenBy, Mode
 
 pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")

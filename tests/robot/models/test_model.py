@@ -12,8 +12,8 @@ import pytest
 from robot.errors import RecordingError
 from robot.learner.base import State
 from robot.models.model import Model, decode_card, decode_model, encode_model, take_model
-from robot.policies import make_policy
 from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
 from robot.types import Action
 from tests.robot.bench_robot import BenchRobot
 
