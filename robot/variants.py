@@ -10,9 +10,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from robot.features import Features, GradientFeatures, GreyFeatures
 from robot.learner.classifier import GROUP_COST, LINEAR_SHARE, N_VOTERS, BSOCClassifier
 from robot.learner.ridge import RecursiveRidge
+from robot.policy.features import Features, GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
 from robot.steadiness import Commitment, Steadiness
 from robot.types import Action

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError
-from robot.features import GradientFeatures
 from robot.learner.base import Learner
 from robot.pilots.behaviours import Follower, Pusher, WallFollower
 from robot.pilots.teachers import TASTES, SonarController, Teacher, Wanderer
+from robot.policy.features import GradientFeatures
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.types import Action

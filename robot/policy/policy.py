@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.features import Features
 from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.places import MultiPlace
+from robot.policy.features import Features
 from robot.steadiness import Steadiness, View
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
 

@@ -6,9 +6,9 @@ import os
 import re
 
 from robot.errors import ConfigurationError
-from robot.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GradientFeatures, GreyFeatures
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.places import BinaryFeatures, MultiPlace
+from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
 from robot.steadiness import Steadiness
 from robot.types import DEFAULT_MOVES, Action

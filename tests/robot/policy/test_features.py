@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robot.errors import CameraError
-from robot.features import GradientFeatures, GreyFeatures
+from robot.policy.features import GradientFeatures, GreyFeatures
 from robot.types import Encoding, Frame
 
 
