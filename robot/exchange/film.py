@@ -13,7 +13,7 @@ from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode
 from robot.episodes.mending import Moment, moments
 from robot.errors import MissingExtraError, RecordingError
-from robot.image import Pixels, to_rgb
+from robot.policy.image import Pixels, to_rgb
 
 _SMALLEST_HEIGHT_PX = 480
 _BAR_PX = 56

@@ -38,7 +38,7 @@ from robot.exchange.lerobot_tables import (
     write_tasks,
 )
 from robot.exchange.steering import to_angle
-from robot.image import Pixels, to_rgb
+from robot.policy.image import Pixels, to_rgb
 from robot.types import Action
 
 CAMERA = "observation.images.front"

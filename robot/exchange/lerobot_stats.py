@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.image import Pixels
+from robot.policy.image import Pixels
 
 Columns = dict[str, NDArray[Any]]
 """Values of a frame each, by feature."""

@@ -7,9 +7,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robot import image
 from robot.errors import CameraError
 from robot.learner.base import Vector
+from robot.policy import image
 from robot.types import Frame
 
 THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT = 40, 30

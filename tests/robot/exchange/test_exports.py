@@ -15,7 +15,7 @@ from robot.episodes.episode import Episode, open_episode, taught_frames
 from robot.exchange.film import write_look
 from robot.exchange.lerobot import CAMERA, write_lerobot
 from robot.exchange.tub import write_tub
-from robot.image import to_rgb
+from robot.policy.image import to_rgb
 
 from .sim_drive import drive_in_simulator
 

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from robot import image
 from robot.errors import CameraError
+from robot.policy import image
 from robot.types import Encoding, Frame
 
 
