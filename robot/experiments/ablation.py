@@ -8,7 +8,7 @@ from robot.experiments.experiment import Plot, Settings, group
 from robot.experiments.figure7 import plan_trial
 from robot.experiments.tables import SSD_COLUMNS, Table, ssd_cells
 from robot.experiments.task import Result, Task
-from robot.variants import VARIANTS
+from robot.policy.variants import VARIANTS
 
 KINDS = ("default", *(kind for kind in VARIANTS if kind != "whole-numbers"), "published")
 NODES = {2: 32, 3: 128}
@@ -21,7 +21,7 @@ class Ablation:
     title = "Ablation in closed loop"
     text = (
         "As figure 7 after retraining: trial 2 with 32 nodes, trial 3 with 128. Each row has one "
-        "part of the default learner changed (robot/variants.py)."
+        "part of the default learner changed (robot/policy/variants.py)."
     )
 
     def plan(self, settings: Settings) -> list[Task]:

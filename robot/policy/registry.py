@@ -10,9 +10,9 @@ from robot.learner.classifier import BSOCClassifier
 from robot.learner.places import BinaryFeatures, MultiPlace
 from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
+from robot.policy.variants import DEFAULT, VARIANTS, Maker
 from robot.steadiness import Steadiness
 from robot.types import DEFAULT_MOVES, Action
-from robot.variants import DEFAULT, VARIANTS, Maker
 
 
 def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:

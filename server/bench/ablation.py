@@ -11,7 +11,7 @@ import numpy as np
 from robot import evaluation
 from robot.errors import MissingExtraError
 from robot.policy.registry import make_policy
-from robot.variants import VARIANTS
+from robot.policy.variants import VARIANTS
 
 KINDS = ("default", *VARIANTS, "published")
 
