@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from robot.clock import Clock
 from robot.labels import Labeller
 from robot.learner.base import Vector
+from robot.policy.history import Replaced, School, SchoolEvent
 from robot.policy.policy import Policy
-from robot.school import Replaced, School, SchoolEvent
 from robot.state import Timing
 from robot.types import Action, Frame, Lesson, PilotCommand, Prediction
 

@@ -23,8 +23,8 @@ from robot.gate import Gate, GateConfig
 from robot.governor import Governor, GovernorConfig, age_of_link_s
 from robot.mailbox import Mailbox
 from robot.noticeboard import Noticeboard
+from robot.policy.history import School
 from robot.policy.policy import Policy
-from robot.school import School
 from robot.state import LoopState, Tick
 from robot.types import (
     Action,

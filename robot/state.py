@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from robot.governor import LinkLevel
-from robot.school import SchoolEvent
+from robot.policy.history import SchoolEvent
 from robot.types import (
     Action,
     Decision,

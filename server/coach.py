@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 from robot.lifecycle import StartStop
 from robot.loop import ControlLoop
+from robot.policy.history import Replaced, Taught, Undone
 from robot.policy.policy import LearnedImage
-from robot.school import Replaced, Taught, Undone
 from robot.state import Tick
 
 MARK_EVERY = 10

@@ -26,7 +26,7 @@ from robot.episodes.writer import FORMAT, MODEL_AFTER, MODEL_BEFORE, RUN
 from robot.errors import RecordingError
 from robot.learner.base import Vector
 from robot.models.model import Model, decode_model
-from robot.school import SchoolEvent, Taught
+from robot.policy.history import SchoolEvent, Taught
 from robot.types import Action, Frame
 
 _CHUNKS_KEPT = 4

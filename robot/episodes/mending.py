@@ -16,7 +16,7 @@ from robot.episodes.teaching import Step, plan
 from robot.episodes.words import CAMERA, DECISION, LESSON, PREDICTION, describe_event
 from robot.episodes.writer import MODEL_BEFORE, EpisodeWriter, Run
 from robot.learner.base import Vector
-from robot.school import Taught, Undone
+from robot.policy.history import Taught, Undone
 from robot.types import Action, Lesson
 
 

@@ -37,7 +37,7 @@ from robot.errors import MissingExtraError
 from robot.loop import ControlLoop
 from robot.models.keeper import Announce, say_nothing
 from robot.models.model import Model, take_model
-from robot.school import Replaced, SchoolEvent, Taught, Undone
+from robot.policy.history import Replaced, SchoolEvent, Taught, Undone
 from robot.state import Tick
 from robot.types import Frame, Mode
 

@@ -19,7 +19,7 @@ from robot.episodes.teaching import learn_again
 from robot.errors import RobotError
 from robot.models.model import Model, take_model
 from robot.models.shelf import ModelShelf
-from robot.school import Taught
+from robot.policy.history import Taught
 
 log = logging.getLogger(__name__)
 

@@ -16,8 +16,8 @@ from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode, LessonEntry
 from robot.errors import ConfigurationError
 from robot.learner.base import State, Vector
+from robot.policy.history import Edited, Taught, Undone
 from robot.policy.policy import Policy
-from robot.school import Edited, Taught, Undone
 from robot.types import Action
 
 Mended = tuple[Episode, Notes]

@@ -16,7 +16,7 @@ import numpy as np
 
 from robot.errors import RecordingError
 from robot.learner.base import Vector
-from robot.school import Edited, Replaced, SchoolEvent, Taught, Undone
+from robot.policy.history import Edited, Replaced, SchoolEvent, Taught, Undone
 from robot.types import Action, Lesson, PilotCommand, Prediction, Sensors
 
 CAMERA = "/camera"

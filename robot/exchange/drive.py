@@ -13,7 +13,7 @@ from robot.episodes.words import COMMAND, LESSON, describe_command, describe_eve
 from robot.episodes.writer import EpisodeWriter, Run
 from robot.errors import RecordingError
 from robot.exchange.pictures import Picture
-from robot.school import Taught
+from robot.policy.history import Taught
 from robot.types import DEFAULT_MOVES, Action, Frame, Lesson, PilotCommand
 
 

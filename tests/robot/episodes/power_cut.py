@@ -26,9 +26,9 @@ from robot.episodes.recovery import recover_last
 from robot.errors import RobotError
 from robot.models.keeper import Keeper
 from robot.models.shelf import ModelShelf
+from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.rig import Rig
-from robot.school import Taught
 from robot.state import Tick
 from robot.storage import Storage
 from robot.types import Action, Mode, PilotCommand

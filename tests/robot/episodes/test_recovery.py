@@ -10,7 +10,7 @@ from robot.episodes.recovery import recover_last
 from robot.episodes.teaching import same_nodes
 from robot.models.model import Model, take_model
 from robot.models.shelf import ModelShelf
-from robot.school import School
+from robot.policy.history import School
 from robot.storage import Storage
 
 from .drives import RecordedBench

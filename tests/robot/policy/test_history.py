@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from robot.learner.base import State
+from robot.policy.history import Edited, School, SchoolEvent, Taught, Undone
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.school import Edited, School, SchoolEvent, Taught, Undone
 from robot.types import Action, Lesson
 from tests.robot.bench_robot import BenchRobot
 
