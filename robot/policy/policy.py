@@ -12,8 +12,8 @@ from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.places import MultiPlace
+from robot.policy.action_filter import Steadiness, View
 from robot.policy.features import Features
-from robot.steadiness import Steadiness, View
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
 
 

@@ -8,10 +8,10 @@ import re
 from robot.errors import ConfigurationError
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.places import BinaryFeatures, MultiPlace
+from robot.policy.action_filter import Steadiness
 from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
 from robot.policy.variants import DEFAULT, VARIANTS, Maker
-from robot.steadiness import Steadiness
 from robot.types import DEFAULT_MOVES, Action
 
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 from robot.learner.classifier import GROUP_COST, LINEAR_SHARE, N_VOTERS, BSOCClassifier
 from robot.learner.ridge import RecursiveRidge
+from robot.policy.action_filter import Commitment, Steadiness
 from robot.policy.features import Features, GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
-from robot.steadiness import Commitment, Steadiness
 from robot.types import Action
 
 Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from robot.steadiness import STRAIGHT_INERTIA, TURN_INERTIA, Commitment, RunningVotes
+from robot.policy.action_filter import STRAIGHT_INERTIA, TURN_INERTIA, Commitment, RunningVotes
 from robot.types import Action
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
