@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.standstill import Standstill
+from robot.policy.stall_detector import Standstill
 from robot.types import Action
 
 OPPOSITE: dict[Action, Action] = {

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.standstill import AWAY_S, STUCK_S, Standstill
+from robot.policy.stall_detector import AWAY_S, STUCK_S, Standstill
 from robot.types import Action
 
 F, L = Action.FORWARD, Action.LEFT
