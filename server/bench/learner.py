@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot import dial
 from robot.learner.bsoc import BSOC
+from robot.policy import autosize
 
 N_BYTES = 2400
 YOUNG, OLD = 1_000, 100_000
@@ -30,11 +30,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, and print a table or JSON."""
-    policies = [_as_dict(dial.measure(size, kind=args.learner, repeats=300)) for size in dial.SIZES]
+    policies = [
+        _as_dict(autosize.measure(size, kind=args.learner, repeats=300)) for size in autosize.SIZES
+    ]
     result = {
         "learner": args.learner,
         "policies": policies,
-        "cluster": {"bytes": N_BYTES, "sizes": [_cluster(size) for size in dial.SIZES]},
+        "cluster": {"bytes": N_BYTES, "sizes": [_cluster(size) for size in autosize.SIZES]},
         "ageing": _ageing(),
     }
     if args.json == "-":
@@ -46,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _as_dict(cost: dial.Cost) -> dict[str, float]:
+def _as_dict(cost: autosize.Cost) -> dict[str, float]:
     return {
         "max_nodes": cost.max_nodes,
         "extract_us": cost.extract_s * 1e6,

@@ -162,7 +162,7 @@ def _name_learner(args: argparse.Namespace) -> str:
     kind = args.learner or "default"
     if args.max_nodes != "auto":
         return f"{kind}-{args.max_nodes or '32'}"
-    from robot.dial import choose_max_nodes
+    from robot.policy.autosize import choose_max_nodes
 
     cost = choose_max_nodes(args.rate, kind=kind)
     print(

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from robot import dial
+from robot.policy import autosize
 from server.__main__ import main
 from server.bench import learner
 

@@ -2,12 +2,12 @@ from __future__ import annotations
 
 import pytest
 
-from robot import dial
 from robot.errors import ConfigurationError
+from robot.policy import autosize
 
 
 def cost(max_nodes, frame_s):
-    return dial.Cost(
+    return autosize.Cost(
         max_nodes=max_nodes,
         extract_s=0.0,
         propose_s=0.0,
@@ -19,9 +19,9 @@ def cost(max_nodes, frame_s):
 
 @pytest.mark.parametrize(("rate_hz", "expected"), [(14, 32), (100, 4), (1, 256)])
 def test_takes_the_largest_size_that_holds_the_rate_with_a_margin(rate_hz, expected):
-    chosen = dial.choose_max_nodes(rate_hz, cost_of=lambda size: cost(size, size * 1e-3))
+    chosen = autosize.choose_max_nodes(rate_hz, cost_of=lambda size: cost(size, size * 1e-3))
     assert chosen.max_nodes == expected
-    assert chosen.frame_s <= dial.MARGIN / rate_hz
+    assert chosen.frame_s <= autosize.MARGIN / rate_hz
 
 
 def test_stops_at_the_first_size_that_is_too_slow():
@@ -31,18 +31,18 @@ def test_stops_at_the_first_size_that_is_too_slow():
         asked.append(size)
         return cost(size, size * 1e-3)
 
-    dial.choose_max_nodes(100, cost_of=cost_of)
+    autosize.choose_max_nodes(100, cost_of=cost_of)
     assert asked == [2, 4, 8]
 
 
 @pytest.mark.parametrize("rate_hz", [0, -3, 1e9])
 def test_a_rate_that_cannot_be_held_is_refused(rate_hz):
     with pytest.raises(ConfigurationError, match="rate"):
-        dial.choose_max_nodes(rate_hz, cost_of=lambda size: cost(size, 1e-3))
+        autosize.choose_max_nodes(rate_hz, cost_of=lambda size: cost(size, 1e-3))
 
 
 def test_measures_a_full_learner():
-    measured = dial.measure(8, repeats=20)
+    measured = autosize.measure(8, repeats=20)
     assert measured.max_nodes == 8
     assert 0.0 < measured.learn_s <= measured.learn_p99_s < 1.0
     assert measured.rate_hz > 1.0
