@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 
 from robot.clock import Clock
-from robot.loop import ControlLoop
+from robot.control.loop import ControlLoop
 from robot.types import StopReason
 
 

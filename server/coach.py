@@ -12,8 +12,8 @@ from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from robot.control.loop import ControlLoop
 from robot.lifecycle import StartStop
-from robot.loop import ControlLoop
 from robot.policy.history import Replaced, Taught, Undone
 from robot.policy.policy import LearnedImage
 from robot.state import Tick

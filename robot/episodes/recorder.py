@@ -18,6 +18,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from robot.control.loop import ControlLoop
 from robot.episodes.disk import Close, Disk, Open, RecorderConfig, Say
 from robot.episodes.words import (
     COMMAND,
@@ -34,7 +35,6 @@ from robot.episodes.words import (
 )
 from robot.episodes.writer import Run, require_mcap
 from robot.errors import MissingExtraError
-from robot.loop import ControlLoop
 from robot.models.keeper import Announce, say_nothing
 from robot.models.model import Model, take_model
 from robot.policy.history import Replaced, SchoolEvent, Taught, Undone

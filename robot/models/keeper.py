@@ -12,8 +12,8 @@ import time
 from collections import Counter
 from collections.abc import Callable, Collection
 
+from robot.control.loop import ControlLoop
 from robot.errors import ConfigurationError, RobotError
-from robot.loop import ControlLoop
 from robot.models.model import Model, take_model, with_preview
 from robot.models.shelf import ModelShelf
 from robot.policy.registry import make_policy

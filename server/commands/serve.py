@@ -27,7 +27,7 @@ from server.network import host_names, lan_addresses
 from server.settings import PREFIX, Settings, apply_to, build, read_settings
 
 if TYPE_CHECKING:
-    from robot.loop import LoopConfig
+    from robot.control.loop import LoopConfig
     from robot.models.keeper import Keeper
     from server.certificates import Certificates
     from server.pairing import Pairing
@@ -197,7 +197,7 @@ def _make_config(args: argparse.Namespace) -> Config:
 
 
 def _make_loop_config(settings: Settings) -> LoopConfig:
-    from robot.loop import LoopConfig
+    from robot.control.loop import LoopConfig
 
     return LoopConfig(
         gate=build(GateConfig, settings.tables.get("gate", {}), "gate"),

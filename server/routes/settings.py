@@ -10,7 +10,7 @@ import numpy as np
 from fastapi import APIRouter, Depends, HTTPException, Request
 from starlette.concurrency import run_in_threadpool
 
-from robot.loop import ControlLoop
+from robot.control.loop import ControlLoop
 from robot.policy.registry import make_policy, split_name
 from robot.types import Action, Encoding, Frame
 from server.guard import require_pilot, require_viewer
