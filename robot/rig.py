@@ -8,9 +8,9 @@ from typing import Any
 from robot.camera import Camera
 from robot.clock import Clock, RealClock
 from robot.control.loop import ControlLoop, LoopConfig
+from robot.control.thread import LoopThread
 from robot.driver import Driver
 from robot.lifecycle import StartStop
-from robot.loop_thread import LoopThread
 from robot.options import make_options
 from robot.plugins import load_camera, load_driver
 from robot.policy.policy import Policy

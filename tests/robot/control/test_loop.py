@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from robot.clock import RealClock
-from robot.loop_thread import LoopThread
+from robot.control.thread import LoopThread
 from robot.types import Action, DrivenBy, Mode, Prediction, StopReason
 from tests.robot.bench_robot import BenchRobot
 

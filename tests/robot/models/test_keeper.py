@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from robot.clock import RealClock
-from robot.loop_thread import LoopThread
+from robot.control.thread import LoopThread
 from robot.models.keeper import Keeper
 from robot.models.shelf import ModelShelf
 from robot.state import Tick
