@@ -17,9 +17,9 @@ from typing import TypeVar
 from robot.apprentice import Apprentice
 from robot.camera import Camera
 from robot.clock import Clock
+from robot.control.gate import Gate, GateConfig
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError
-from robot.gate import Gate, GateConfig
 from robot.governor import Governor, GovernorConfig, age_of_link_s
 from robot.mailbox import Mailbox
 from robot.noticeboard import Noticeboard

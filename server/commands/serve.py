@@ -13,8 +13,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from robot.control.gate import GateConfig
 from robot.errors import ConfigurationError, MissingExtraError
-from robot.gate import GateConfig
 from robot.governor import GovernorConfig
 from robot.options import Option, options_of
 from robot.plugins import camera_names, driver_names, load_camera, load_driver

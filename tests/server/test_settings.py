@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from robot.control.gate import GateConfig
 from robot.errors import ConfigurationError
-from robot.gate import GateConfig
 from robot.governor import GovernorConfig
 from server.commands import serve
 from server.config import Limits

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robot.gate import Gate, GateConfig
+from robot.control.gate import Gate, GateConfig
 from robot.types import Action, Decision, DrivenBy, Mode, PilotCommand, Prediction, StopReason
 
 LEFT_PREDICTED = Prediction(
