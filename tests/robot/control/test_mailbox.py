@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from robot.mailbox import Mailbox
+from robot.control.mailbox import Mailbox
 from robot.types import PilotCommand
 
 
