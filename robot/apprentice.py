@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robot.clock import Clock
+from robot.control.state import Timing
 from robot.labels import Labeller
 from robot.learner.base import Vector
 from robot.policy.history import Replaced, School, SchoolEvent
 from robot.policy.policy import Policy
-from robot.state import Timing
 from robot.types import Action, Frame, Lesson, PilotCommand, Prediction
 
 AGREEMENT_FRAMES = 100

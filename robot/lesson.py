@@ -14,9 +14,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from robot.control.state import Tick
 from robot.errors import ConfigurationError
 from robot.metrics.profile import THRESHOLDS_M, Profile, behavior_profile, compare
-from robot.state import Tick
 from robot.types import Action, DrivenBy, Mode
 
 LONGEST_STEP_S = 0.5

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from robot.control.loop import ControlLoop
+from robot.control.state import Tick
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
 from robot.lesson import Lesson, Phase
 from robot.lifecycle import StartStop
-from robot.state import Tick
 from robot.storage import write_whole
 from robot.types import Mode
 

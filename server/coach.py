@@ -13,10 +13,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from robot.control.loop import ControlLoop
+from robot.control.state import Tick
 from robot.lifecycle import StartStop
 from robot.policy.history import Replaced, Taught, Undone
 from robot.policy.policy import LearnedImage
-from robot.state import Tick
 
 MARK_EVERY = 10
 """Lessons between two marks of the curve."""

@@ -6,7 +6,7 @@ from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from robot.state import LoopState
+from robot.control.state import LoopState
 from robot.types import Mode, StopReason
 from server.protocol import ErrorCode
 

@@ -15,8 +15,8 @@ import time
 from collections import Counter
 from collections.abc import AsyncGenerator, Callable
 
+from robot.control.state import Tick
 from robot.rig import Rig
-from robot.state import Tick
 from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.access import Role

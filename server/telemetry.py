@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from robot.state import LoopState
+from robot.control.state import LoopState
 from robot.types import Pose, Prediction, Sensors
 
 

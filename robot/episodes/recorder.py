@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from robot.control.loop import ControlLoop
+from robot.control.state import Tick
 from robot.episodes.disk import Close, Disk, Open, RecorderConfig, Say
 from robot.episodes.words import (
     COMMAND,
@@ -38,7 +39,6 @@ from robot.errors import MissingExtraError
 from robot.models.keeper import Announce, say_nothing
 from robot.models.model import Model, take_model
 from robot.policy.history import Replaced, SchoolEvent, Taught, Undone
-from robot.state import Tick
 from robot.types import Frame, Mode
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from robot.control.state import Tick
 from robot.evaluation import Pair, evaluate, scores
 from robot.experiments.ideas import make_learner
 from robot.experiments.pilots import make_pilot
@@ -13,7 +14,6 @@ from robot.experiments.task import Result
 from robot.experiments.trial import FRAME_RATE_HZ, Place, Trial
 from robot.policy.registry import make_policy
 from robot.recordings import load_recording
-from robot.state import Tick
 from robot.types import Action, Frame, Mode
 
 FRAMES = 700

@@ -13,11 +13,11 @@ from collections import Counter
 from collections.abc import Callable, Collection
 
 from robot.control.loop import ControlLoop
+from robot.control.state import Tick
 from robot.errors import ConfigurationError, RobotError
 from robot.models.model import Model, take_model, with_preview
 from robot.models.shelf import ModelShelf
 from robot.policy.registry import make_policy
-from robot.state import Tick
 from robot.types import Action, Mode
 
 log = logging.getLogger(__name__)

@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from robot.clock import Clock, RealClock
+from robot.control.state import Tick
 from robot.episodes.disk import RecorderConfig
 from robot.episodes.recorder import Recorder
 from robot.errors import MissingExtraError
 from robot.policy.registry import make_policy
 from robot.rig import Rig
-from robot.state import Tick
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand
 from server.bench.robot import NotingDriver, SteadyCamera
 

@@ -13,10 +13,10 @@ import numpy as np
 from robot.camera import Camera
 from robot.clock import Clock, ManualClock
 from robot.control.loop import ControlLoop, LoopConfig
+from robot.control.state import Tick
 from robot.driver import Driver
 from robot.errors import DriveError
 from robot.policy.registry import make_policy
-from robot.state import Tick
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Sensors
 
 

@@ -4,9 +4,9 @@ import json
 
 import pytest
 
+from robot.control.state import Tick
 from robot.errors import ConfigurationError
 from robot.lesson import Lesson, Phase
-from robot.state import Tick
 from robot.types import Action, Decision, DrivenBy, Encoding, Frame, Mode, Sensors
 
 

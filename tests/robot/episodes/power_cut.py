@@ -19,6 +19,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from robot.clock import RealClock
+from robot.control.state import Tick
 from robot.episodes.disk import RecorderConfig
 from robot.episodes.episode import open_episode
 from robot.episodes.recorder import Recorder
@@ -29,7 +30,6 @@ from robot.models.shelf import ModelShelf
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.rig import Rig
-from robot.state import Tick
 from robot.storage import Storage
 from robot.types import Action, Mode, PilotCommand
 from server.bench.robot import NotingDriver, SteadyCamera

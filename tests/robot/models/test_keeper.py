@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from robot.clock import RealClock
+from robot.control.state import Tick
 from robot.control.thread import LoopThread
 from robot.models.keeper import Keeper
 from robot.models.shelf import ModelShelf
-from robot.state import Tick
 from robot.storage import Storage
 from robot.types import Action, Lesson
 
