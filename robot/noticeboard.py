@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Callable
 
 from robot.apprentice import Apprentice
+from robot.control.link_governor import Governor
 from robot.control.state import LoopState, Tick
-from robot.governor import Governor
 from robot.types import Decision, Sensors, StopReason
 
 

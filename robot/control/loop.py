@@ -18,11 +18,11 @@ from robot.apprentice import Apprentice
 from robot.camera import Camera
 from robot.clock import Clock
 from robot.control.gate import Gate, GateConfig
+from robot.control.link_governor import Governor, GovernorConfig, age_of_link_s
 from robot.control.mailbox import Mailbox
 from robot.control.state import LoopState, Tick
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError
-from robot.governor import Governor, GovernorConfig, age_of_link_s
 from robot.noticeboard import Noticeboard
 from robot.policy.history import School
 from robot.policy.policy import Policy

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from robot.governor import LinkLevel
+from robot.control.link_governor import LinkLevel
 from robot.policy.history import SchoolEvent
 from robot.types import (
     Action,

@@ -10,11 +10,11 @@ import numpy as np
 
 from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.clock import RealClock
+from robot.control.link_governor import GovernorConfig
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.experiments.ideas import make_learner
 from robot.experiments.task import Result
-from robot.governor import GovernorConfig
 from robot.policy.policy import Policy
 from robot.rig import build_rig
 from robot.types import DEFAULT_MOVES, Action, Encoding, Frame, Mode, PilotCommand

@@ -14,10 +14,10 @@ from typing import Self
 
 from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.clock import ManualClock
+from robot.control.link_governor import GovernorConfig
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.errors import RobotError
-from robot.governor import GovernorConfig
 from robot.metrics.log import DriveLog, Moment
 from robot.pilots.pilot import SimulatedPilot
 from robot.pilots.situation import observe

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robot.control.gate import GateConfig
+from robot.control.link_governor import GovernorConfig
 from robot.errors import ConfigurationError, MissingExtraError
-from robot.governor import GovernorConfig
 from robot.options import Option, options_of
 from robot.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.storage import Storage, default_root

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.governor import LinkLevel
+from robot.control.link_governor import LinkLevel
 from robot.types import Action, Mode, StopReason
 from server.protocol import ErrorCode
 from tests.docs import command_line

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from robot.control.gate import GateConfig
+from robot.control.link_governor import GovernorConfig
 from robot.errors import ConfigurationError
-from robot.governor import GovernorConfig
 from server.commands import serve
 from server.config import Limits
 from server.routes import routers

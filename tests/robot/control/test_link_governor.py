@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from robot.governor import Governor, GovernorConfig, LinkLevel, age_of_link_s
+from robot.control.link_governor import Governor, GovernorConfig, LinkLevel, age_of_link_s
 from robot.types import Action, Mode, PilotCommand, StopReason
 from tests.robot.bench_robot import BenchRobot
 
