@@ -20,10 +20,10 @@ from robot.clock import Clock
 from robot.control.gate import Gate, GateConfig
 from robot.control.link_governor import Governor, GovernorConfig, age_of_link_s
 from robot.control.mailbox import Mailbox
+from robot.control.publisher import Noticeboard
 from robot.control.state import LoopState, Tick
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError
-from robot.noticeboard import Noticeboard
 from robot.policy.history import School
 from robot.policy.policy import Policy
 from robot.types import (
