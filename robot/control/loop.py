@@ -14,12 +14,12 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from robot.apprentice import Apprentice
 from robot.camera import Camera
 from robot.clock import Clock
 from robot.control.gate import Gate, GateConfig
 from robot.control.link_governor import Governor, GovernorConfig, age_of_link_s
 from robot.control.mailbox import Mailbox
+from robot.control.online_learning import Apprentice
 from robot.control.publisher import Noticeboard
 from robot.control.state import LoopState, Tick
 from robot.driver import BodyButton, Driver

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
-from robot.apprentice import Apprentice
 from robot.control.link_governor import Governor
+from robot.control.online_learning import Apprentice
 from robot.control.state import LoopState, Tick
 from robot.types import Decision, Sensors, StopReason
 

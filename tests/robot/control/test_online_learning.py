@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from robot.apprentice import MEMORY_FRAMES, Apprentice
 from robot.clock import ManualClock
+from robot.control.online_learning import MEMORY_FRAMES, Apprentice
 from robot.errors import CameraError
 from robot.policy.registry import make_policy
 from robot.types import Action, PilotCommand
