@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robot.clock import Clock
+from robot.control.labelling import Labeller
 from robot.control.state import Timing
-from robot.labels import Labeller
 from robot.learner.base import Vector
 from robot.policy.history import Replaced, School, SchoolEvent
 from robot.policy.policy import Policy
