@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 
 from fastapi import FastAPI
 
-from robot.rig import Rig
+from robot.rig.rig import Rig
 from server.access import Access
 from server.classroom import Classroom
 from server.coach import Coach

@@ -17,7 +17,7 @@ from robot.folder_lock import FolderLock
 from robot.lifecycle import StartStop
 from robot.models.keeper import Announce, Keeper, say_nothing
 from robot.models.shelf import ModelShelf
-from robot.rig import Rig
+from robot.rig.rig import Rig
 from robot.storage import Storage
 
 

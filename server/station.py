@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import AsyncGenerator, Callable
 
 from robot.control.state import Tick
-from robot.rig import Rig
+from robot.rig.rig import Rig
 from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.access import Role

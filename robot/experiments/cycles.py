@@ -16,7 +16,7 @@ from robot.drivers.sim import SimDriver, SimOptions
 from robot.experiments.ideas import make_learner
 from robot.experiments.task import Result
 from robot.policy.policy import Policy
-from robot.rig import build_rig
+from robot.rig.rig import build_rig
 from robot.types import DEFAULT_MOVES, Action, Encoding, Frame, Mode, PilotCommand
 
 _PATIENT = LoopConfig(governor=GovernorConfig(warn_s=9, cap_speed_s=9, stop_learning_s=9, stop_s=9))

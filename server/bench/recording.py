@@ -21,7 +21,7 @@ from robot.episodes.disk import RecorderConfig
 from robot.episodes.recorder import Recorder
 from robot.errors import MissingExtraError
 from robot.policy.registry import make_policy
-from robot.rig import Rig
+from robot.rig.rig import Rig
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand
 from server.bench.robot import NotingDriver, SteadyCamera
 

@@ -62,7 +62,7 @@ def _serving(kind: str, camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
 @contextlib.contextmanager
 def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
     from robot.policy.registry import make_policy
-    from robot.rig import Rig
+    from robot.rig.rig import Rig
     from server.app import create_app
     from server.config import Config, Limits
     from server.serving import served

@@ -109,7 +109,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until interrupted."""
-    from robot.rig import build_rig
+    from robot.rig.rig import build_rig
     from server.app import create_app
     from server.library import Library
     from server.serving import open_socket, serve

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from robot.rig import Rig, build_rig
+from robot.rig.rig import Rig, build_rig
 from robot.storage import Storage
 from robot.types import Action, Mode, Pose
 from server.app import create_app

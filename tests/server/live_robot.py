@@ -16,7 +16,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from robot.clock import RealClock
 from robot.policy.registry import make_policy
-from robot.rig import Rig
+from robot.rig.rig import Rig
 from server.app import create_app
 from server.bench.robot import NotingDriver, SteadyCamera
 from server.certificates import Certificates
