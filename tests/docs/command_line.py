@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from robot.options import Option, options_of
-from robot.plugins import camera_names, driver_names, load_camera, load_driver
+from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
 from server.__main__ import COMMANDS
 
 PAGE = Path(__file__).parents[2] / "docs/reference/command-line.md"
