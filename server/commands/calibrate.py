@@ -14,7 +14,7 @@ from robot.brick.calibration import fit_track, fit_wheels, rolled_m, turned_deg
 from robot.brick.chassis import ChassisDriver, ChassisOptions
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import ConfigurationError
-from robot.options import make_options, options_of
+from robot.rig.options import make_options, options_of
 from robot.rig.plugins import load_driver
 from robot.types import Action
 from server.settings import PREFIX, apply_to, read_settings

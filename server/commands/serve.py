@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from robot.control.gate import GateConfig
 from robot.control.link_governor import GovernorConfig
 from robot.errors import ConfigurationError, MissingExtraError
-from robot.options import Option, options_of
+from robot.rig.options import Option, options_of
 from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.storage import Storage, default_root
 from server.access import Role

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import pytest
 
 from robot.camera import Camera
-from robot.options import options_of
 from robot.policy.image import to_grey, to_rgb
+from robot.rig.options import options_of
 from robot.rig.plugins import camera_names, load_camera
 from robot.types import Frame
 from tests.contract.builders import CAMERAS, CameraCase

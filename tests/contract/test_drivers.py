@@ -8,7 +8,7 @@ import pytest
 
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import NotConnectedError
-from robot.options import options_of
+from robot.rig.options import options_of
 from robot.rig.plugins import camera_names, driver_names, load_driver
 from robot.types import Action, Sensors
 from tests.contract.builders import DRIVERS, DriverCase

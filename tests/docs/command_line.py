@@ -7,7 +7,7 @@ import importlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from robot.options import Option, options_of
+from robot.rig.options import Option, options_of
 from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
 from server.__main__ import COMMANDS
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from robot.errors import ConfigurationError
-from robot.options import make_options, options_of
+from robot.rig.options import make_options, options_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
