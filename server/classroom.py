@@ -14,7 +14,7 @@ from robot.control.state import Tick
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
 from robot.lesson import Lesson, Phase
 from robot.lifecycle import StartStop
-from robot.storage import write_whole
+from robot.storage.folder import write_whole
 from robot.types import Mode
 
 _RESULT = re.compile(r"\d{8}-\d{6}-trial-[1-3]")

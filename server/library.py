@@ -18,7 +18,7 @@ from robot.lifecycle import StartStop
 from robot.models.keeper import Announce, Keeper, say_nothing
 from robot.models.shelf import ModelShelf
 from robot.rig.rig import Rig
-from robot.storage import Storage
+from robot.storage.folder import Storage
 
 
 class Library(StartStop):

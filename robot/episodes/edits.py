@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError, RecordingError
-from robot.storage import write_whole
+from robot.storage.folder import write_whole
 from robot.types import Action
 
 FORMAT = 1

@@ -15,7 +15,7 @@ from robot.episodes.edits import Edit, Notes, notes_path, read_notes, write_note
 from robot.episodes.episode import Episode, open_episode
 from robot.episodes.mending import write_mended
 from robot.errors import ConfigurationError, NotFoundError
-from robot.storage import Storage, check_name, free_name
+from robot.storage.folder import Storage, check_name, free_name
 
 DEFAULT_BUDGET_BYTES = 8 * 2**30
 _OPEN_EPISODES = 2

@@ -20,7 +20,7 @@ from robot.models.model import (
     encode_model,
     stamp,
 )
-from robot.storage import Storage, check_name, free_name, write_whole
+from robot.storage.folder import Storage, check_name, free_name, write_whole
 
 log = logging.getLogger(__name__)
 

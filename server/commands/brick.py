@@ -14,7 +14,7 @@ from robot.brick.bundle import make_bundle
 from robot.brick.joining import secret_path
 from robot.brick.userland import build_userland, precompile
 from robot.errors import ConfigurationError
-from robot.storage import default_root
+from robot.storage.folder import default_root
 from server.config import Config
 
 PYTHON_FOLDERS = ("usr/lib/python3.11", "usr/lib/python3/dist-packages")

@@ -14,7 +14,7 @@ from robot.episodes.episode import Episode
 from robot.episodes.mending import Moment, choose, moments
 from robot.episodes.shelf import EpisodeShelf
 from robot.errors import ConfigurationError
-from robot.storage import Storage, default_root
+from robot.storage.folder import Storage, default_root
 from robot.types import Action
 from server.commands import exchange
 from server.commands.kept import EPISODE_HELP, add_data, find_episodes, find_id

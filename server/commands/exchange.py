@@ -13,7 +13,7 @@ from robot.episodes.shelf import EpisodeShelf
 from robot.episodes.teaching import Mended
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
-from robot.storage import Storage
+from robot.storage.folder import Storage
 from server.commands.kept import EPISODE_HELP, find_episodes
 
 EXPORTS = ("tub", "lerobot", "folder", "film")

@@ -16,7 +16,7 @@ from robot.models.model import encode_model, take_model
 from robot.models.shelf import ModelShelf
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.storage import Storage, default_root, write_whole
+from robot.storage.folder import Storage, default_root, write_whole
 from robot.types import DEFAULT_MOVES, Action
 from server.commands.kept import add_data, find_episodes
 

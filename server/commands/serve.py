@@ -18,7 +18,7 @@ from robot.control.link_governor import GovernorConfig
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.rig.options import Option, options_of
 from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
-from robot.storage import Storage, default_root
+from robot.storage.folder import Storage, default_root
 from server.access import Role
 from server.config import Config, Limits
 from server.greeting import greet_here, greet_next, greet_phones, pairing_address

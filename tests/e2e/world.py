@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from robot.rig.rig import Rig, build_rig
-from robot.storage import Storage
+from robot.storage.folder import Storage
 from robot.types import Action, Mode, Pose
 from server.app import create_app
 from server.config import Config

@@ -13,7 +13,7 @@ import pytest
 from robot.clock import RealClock
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
-from robot.storage import Storage
+from robot.storage.folder import Storage
 from robot.types import Action, Mode, PilotCommand
 from server.app import create_app
 from server.bench.robot import NotingDriver, SteadyCamera

@@ -15,7 +15,7 @@ import pytest
 
 from robot.episodes.card import read_card
 from robot.models.shelf import ModelShelf
-from robot.storage import Storage
+from robot.storage.folder import Storage
 
 from .live_robot import Pilot
 

@@ -11,7 +11,7 @@ import pytest
 
 from robot.models.keeper import Keeper
 from robot.policy.registry import make_policy
-from robot.storage import Storage
+from robot.storage.folder import Storage
 from robot.types import Action, Lesson
 from server.library import Library
 

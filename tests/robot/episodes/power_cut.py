@@ -30,7 +30,7 @@ from robot.models.shelf import ModelShelf
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
-from robot.storage import Storage
+from robot.storage.folder import Storage
 from robot.types import Action, Mode, PilotCommand
 from server.bench.robot import NotingDriver, SteadyCamera
 

@@ -11,7 +11,7 @@ from robot.episodes.teaching import same_nodes
 from robot.models.model import Model, take_model
 from robot.models.shelf import ModelShelf
 from robot.policy.history import School
-from robot.storage import Storage
+from robot.storage.folder import Storage
 
 from .drives import RecordedBench
 

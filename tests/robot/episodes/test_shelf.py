@@ -15,7 +15,7 @@ from robot.episodes.shelf import EpisodeShelf
 from robot.episodes.teaching import learn_again, same_nodes
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
 from robot.policy.registry import make_policy
-from robot.storage import Storage
+from robot.storage.folder import Storage
 from robot.types import Action
 
 from .drives import record_drive

@@ -14,7 +14,7 @@ from robot.control.state import Tick
 from robot.control.thread import LoopThread
 from robot.models.keeper import Keeper
 from robot.models.shelf import ModelShelf
-from robot.storage import Storage
+from robot.storage.folder import Storage
 from robot.types import Action, Lesson
 
 from ..bench_robot import BenchRobot

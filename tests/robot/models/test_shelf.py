@@ -9,7 +9,7 @@ import pytest
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
 from robot.models.shelf import KEEP_VERSIONS, ModelShelf
-from robot.storage import Storage
+from robot.storage.folder import Storage
 
 from .test_model import same, some_model
 

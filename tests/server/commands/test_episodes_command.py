@@ -8,7 +8,7 @@ import pytest
 
 from robot.episodes.shelf import EpisodeShelf
 from robot.models.shelf import ModelShelf
-from robot.storage import Storage
+from robot.storage.folder import Storage
 from server.__main__ import main
 from tests.robot.episodes.drives import record_drive
 
