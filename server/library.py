@@ -13,12 +13,12 @@ from robot.episodes.recorder import Recorder
 from robot.episodes.recovery import recover_last
 from robot.episodes.shelf import EpisodeShelf
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
-from robot.folder_lock import FolderLock
 from robot.lifecycle import StartStop
 from robot.models.keeper import Announce, Keeper, say_nothing
 from robot.models.shelf import ModelShelf
 from robot.rig.rig import Rig
 from robot.storage.folder import Storage
+from robot.storage.lock import FolderLock
 
 
 class Library(StartStop):

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from robot.errors import ConfigurationError
-from robot.folder_lock import FolderLock
+from robot.storage.lock import FolderLock
 
 pytest.importorskip("fcntl")
 
