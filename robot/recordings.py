@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import RecordingError
-from robot.npz import read_arrays
+from robot.storage.npz import read_arrays
 from robot.types import DEFAULT_MOVES, Action, Encoding, Frame
 
 WIDTH, HEIGHT = 160, 120

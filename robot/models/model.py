@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from robot.errors import RecordingError
 from robot.learner.base import State
-from robot.npz import read_arrays, write_arrays
 from robot.policy.policy import LearnedImage, Policy
 from robot.policy.registry import make_policy
+from robot.storage.npz import read_arrays, write_arrays
 from robot.types import Action
 
 FORMAT = 1
