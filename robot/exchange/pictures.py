@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from robot.errors import MissingExtraError, RecordingError
-from robot.png import encode_png
 from robot.policy.image import to_rgb
+from robot.storage.png import encode_png
 from robot.types import Encoding, Frame
 
 MAX_FILE_BYTES = 32 * 2**20

@@ -12,8 +12,8 @@ from robot.episodes.card import EpisodeCard
 from robot.episodes.edits import Edit, Notes, trim
 from robot.episodes.mending import Moment, choose, moments
 from robot.errors import ConfigurationError
-from robot.png import encode_png
 from robot.policy.image import to_rgb
+from robot.storage.png import encode_png
 from robot.types import Action, Encoding
 from server.guard import require_pilot, require_viewer
 from server.library import do, library_of, read_body, refusals, text_field

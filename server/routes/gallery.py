@@ -7,8 +7,8 @@ from typing import Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
-from robot.png import encode_png
 from robot.policy.policy import LearnedImage
+from robot.storage.png import encode_png
 from server.coach import Coach
 from server.guard import require_pilot, require_viewer
 from server.library import read_body

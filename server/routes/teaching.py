@@ -9,8 +9,8 @@ from typing import Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request
 
-from robot.png import encode_png
 from robot.policy.history import UNDO_HORIZON_S, School
+from robot.storage.png import encode_png
 from server.guard import require_pilot, require_viewer
 from server.library import read_body
 
