@@ -16,7 +16,7 @@ from enum import StrEnum
 
 from robot.control.state import Tick
 from robot.errors import ConfigurationError
-from robot.metrics.profile import THRESHOLDS_M, Profile, behavior_profile, compare
+from robot.experiments.metrics.profile import THRESHOLDS_M, Profile, behavior_profile, compare
 from robot.types import Action, DrivenBy, Mode
 
 LONGEST_STEP_S = 0.5

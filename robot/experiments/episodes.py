@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from robot.experiments.ideas import make_learner
+from robot.experiments.metrics import driving
+from robot.experiments.metrics.log import DriveLog, Moment
 from robot.experiments.pilots import make_pilot
 from robot.experiments.task import Result
 from robot.experiments.trial import Place, Trial
-from robot.metrics import driving
-from robot.metrics.log import DriveLog, Moment
 from robot.types import Action, Mode
 
 AT_WALL_M = 0.02

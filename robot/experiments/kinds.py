@@ -10,12 +10,12 @@ from robot.experiments.cycles import run_cycles
 from robot.experiments.episodes import run_episodes
 from robot.experiments.footage import run_recorded_footage, run_simulated_footage
 from robot.experiments.ideas import make_learner
+from robot.experiments.metrics import driving
+from robot.experiments.metrics.log import DriveLog
+from robot.experiments.metrics.profile import Profile, compare
 from robot.experiments.pilots import make_pilot
 from robot.experiments.task import Result, Task
 from robot.experiments.trial import Place, Trial
-from robot.metrics import driving
-from robot.metrics.log import DriveLog
-from robot.metrics.profile import Profile, compare
 from robot.types import Action, DrivenBy, Mode
 
 

@@ -18,7 +18,7 @@ from robot.control.link_governor import GovernorConfig
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.errors import RobotError
-from robot.metrics.log import DriveLog, Moment
+from robot.experiments.metrics.log import DriveLog, Moment
 from robot.pilots.pilot import SimulatedPilot
 from robot.pilots.situation import observe
 from robot.policy.policy import Policy

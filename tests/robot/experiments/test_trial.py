@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot.experiments.metrics.driving import interventions_per_minute
+from robot.experiments.metrics.log import DriveLog
 from robot.experiments.pilots import make_pilot
 from robot.experiments.trial import FRAME_RATE_HZ, Place, Trial
-from robot.metrics.driving import interventions_per_minute
-from robot.metrics.log import DriveLog
 from robot.policy.registry import make_policy
 from robot.types import Action, DrivenBy, Mode
 

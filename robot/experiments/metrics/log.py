@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robot.metrics.profile import Profile, behavior_profile
+from robot.experiments.metrics.profile import Profile, behavior_profile
 from robot.types import Action, DrivenBy, Pose
 
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from robot.metrics import driving
-from robot.metrics.log import DriveLog, Moment
+from robot.experiments.metrics import driving
+from robot.experiments.metrics.log import DriveLog, Moment
 from robot.types import Action, DrivenBy, Pose
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from itertools import pairwise
 
-from robot.metrics.log import DriveLog, Moment
+from robot.experiments.metrics.log import DriveLog, Moment
 
 CELL_M = 0.1
 """Side of the squares in which covered floor is counted."""
