@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.control.state import Tick
-from robot.evaluation import Pair, evaluate, scores
+from robot.experiments.evaluation import Pair, evaluate, scores
 from robot.experiments.ideas import make_learner
 from robot.experiments.pilots import make_pilot
 from robot.experiments.task import Result

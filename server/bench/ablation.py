@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robot import evaluation
 from robot.errors import MissingExtraError
+from robot.experiments import evaluation
 from robot.policy.registry import make_policy
 from robot.policy.variants import VARIANTS
 

@@ -7,8 +7,8 @@ import json
 import sys
 from pathlib import Path
 
-from robot import evaluation
 from robot.errors import ConfigurationError, MissingExtraError
+from robot.experiments import evaluation
 
 DEFAULT_LEARNERS = "published-32,default-32,knn-3,knn-9"
 

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from robot import evaluation
 from robot.errors import RecordingError
+from robot.experiments import evaluation
 from robot.recordings import load_recording
 from robot.types import Action
 from server.__main__ import main
