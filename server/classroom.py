@@ -12,7 +12,7 @@ from typing import Any
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
-from robot.lesson import Lesson, Phase
+from robot.experiments.protocol import Lesson, Phase
 from robot.lifecycle import StartStop
 from robot.storage.folder import write_whole
 from robot.types import Mode

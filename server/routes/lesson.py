@@ -8,7 +8,7 @@ from typing import Any
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from robot.lesson import TRIALS
+from robot.experiments.protocol import TRIALS
 from server.classroom import Classroom, list_results, read_result
 from server.guard import require_pilot, require_viewer
 from server.library import library_of, read_body, refusals

@@ -15,7 +15,7 @@ from typing import Any
 
 import httpx
 
-from robot.lesson import Phase
+from robot.experiments.protocol import Phase
 from server.config import Config
 from server.pairing import Pairing
 from tests.server.live_robot import WEB, live_server

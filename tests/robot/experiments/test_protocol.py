@@ -6,7 +6,7 @@ import pytest
 
 from robot.control.state import Tick
 from robot.errors import ConfigurationError
-from robot.lesson import Lesson, Phase
+from robot.experiments.protocol import Lesson, Phase
 from robot.types import Action, Decision, DrivenBy, Encoding, Frame, Mode, Sensors
 
 
