@@ -11,11 +11,11 @@ from typing import Any
 
 from robot.errors import ConfigurationError
 from robot.learner.base import Learner
-from robot.pilots.behaviours import Follower, Pusher, WallFollower
-from robot.pilots.teachers import TASTES, SonarController, Teacher, Wanderer
 from robot.policy.features import GradientFeatures
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
+from robot.simulation.pilots.behaviours import Follower, Pusher, WallFollower
+from robot.simulation.pilots.teachers import TASTES, SonarController, Teacher, Wanderer
 from robot.types import Action
 
 LEARNERS = "drivelesson.learners"

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from robot.experiments.ideas import make_teacher
-from robot.pilots.hand import STEADY, HandConfig
-from robot.pilots.pilot import Manners, SimulatedPilot
+from robot.simulation.pilots.hand import STEADY, HandConfig
+from robot.simulation.pilots.pilot import Manners, SimulatedPilot
 from robot.types import Action
 
 

@@ -19,9 +19,9 @@ from robot.control.loop import ControlLoop, LoopConfig
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.errors import RobotError
 from robot.experiments.metrics.log import DriveLog, Moment
-from robot.pilots.pilot import SimulatedPilot
-from robot.pilots.situation import observe
 from robot.policy.policy import Policy
+from robot.simulation.pilots.pilot import SimulatedPilot
+from robot.simulation.pilots.situation import observe
 from robot.types import Action, Mode, Pose, Prediction
 
 FRAME_RATE_HZ = 10.0

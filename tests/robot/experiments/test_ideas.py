@@ -10,7 +10,7 @@ from robot.errors import ConfigurationError
 from robot.experiments.ideas import make_learner, make_teacher
 from robot.experiments.kinds import run_task
 from robot.experiments.task import Task
-from robot.pilots.teachers import SonarController
+from robot.simulation.pilots.teachers import SonarController
 from robot.types import DEFAULT_MOVES
 
 DOCS = Path(__file__).parents[3] / "docs" / "howto" / "try-an-idea.md"

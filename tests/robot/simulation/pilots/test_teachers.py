@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from robot.pilots.situation import FAN_RAD, Situation, observe
-from robot.pilots.teachers import SonarController, Taste, Wanderer
 from robot.simulation.body import RADIUS_M
+from robot.simulation.pilots.situation import FAN_RAD, Situation, observe
+from robot.simulation.pilots.teachers import SonarController, Taste, Wanderer
 from robot.simulation.simulation import NO_NOISE, Simulation
 from robot.simulation.world import load_world
 from robot.types import Action, Pose

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from robot.pilots.hand import STEADY, HandConfig
-from robot.pilots.pilot import Manners, SimulatedPilot
-from robot.pilots.situation import Situation
+from robot.simulation.pilots.hand import STEADY, HandConfig
+from robot.simulation.pilots.pilot import Manners, SimulatedPilot
+from robot.simulation.pilots.situation import Situation
 from robot.types import Action, Mode
-from tests.robot.pilots.test_teachers import situation
+from tests.robot.simulation.pilots.test_teachers import situation
 
 F, L = Action.FORWARD, Action.LEFT
 STRICT = Manners(patience_s=0.3, shortest_hold_s=0.5, contented_s=0.2, lenience=0.0)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from robot.pilots.hand import STEADY, Hand, HandConfig
+from robot.simulation.pilots.hand import STEADY, Hand, HandConfig
 from robot.types import Action
 
 F, L = Action.FORWARD, Action.LEFT

@@ -6,9 +6,9 @@ import random
 from collections import deque
 from dataclasses import dataclass
 
-from robot.pilots.hand import Hand, HandConfig
-from robot.pilots.situation import Situation
-from robot.pilots.teachers import Teacher
+from robot.simulation.pilots.hand import Hand, HandConfig
+from robot.simulation.pilots.situation import Situation
+from robot.simulation.pilots.teachers import Teacher
 from robot.types import Action, Mode, PilotCommand
 
 _EPSILON_S = 1e-6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from robot.pilots.situation import Situation
+from robot.simulation.pilots.situation import Situation
 from robot.types import Action
 
 

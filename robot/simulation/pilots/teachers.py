@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from robot.pilots.situation import Situation
+from robot.simulation.pilots.situation import Situation
 from robot.types import Action, Pose
 
 

@@ -7,9 +7,9 @@ import statistics
 
 import pytest
 
-from robot.pilots.behaviours import Follower, Pusher, WallFollower
-from robot.pilots.situation import Situation, observe
-from robot.pilots.teachers import Teacher
+from robot.simulation.pilots.behaviours import Follower, Pusher, WallFollower
+from robot.simulation.pilots.situation import Situation, observe
+from robot.simulation.pilots.teachers import Teacher
 from robot.simulation.simulation import Simulation
 from robot.simulation.world import load_world
 from robot.types import Action
