@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from robot.episodes.words import Words
+from robot.episodes.messages import Words
 from robot.episodes.writer import EpisodeWriter, Run
 from robot.models.keeper import Announce
 from robot.models.model import Model, encode_model

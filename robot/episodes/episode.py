@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.episodes.images import decode_image
-from robot.episodes.scan import Attachment, Cut, Message, Metadata, read_chunk, scan
-from robot.episodes.words import (
+from robot.episodes.messages import (
     CAMERA,
     COMMAND,
     DECISION,
@@ -22,6 +21,7 @@ from robot.episodes.words import (
     Words,
     read_event,
 )
+from robot.episodes.scan import Attachment, Cut, Message, Metadata, read_chunk, scan
 from robot.episodes.writer import FORMAT, MODEL_AFTER, MODEL_BEFORE, RUN
 from robot.errors import RecordingError
 from robot.learner.base import Vector

@@ -11,9 +11,9 @@ import numpy as np
 
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode, FrameEntry, taught_frames
+from robot.episodes.messages import CAMERA, DECISION, LESSON, PREDICTION, describe_event
 from robot.episodes.scan import Message, scan
 from robot.episodes.teaching import Step, plan
-from robot.episodes.words import CAMERA, DECISION, LESSON, PREDICTION, describe_event
 from robot.episodes.writer import MODEL_BEFORE, EpisodeWriter, Run
 from robot.learner.base import Vector
 from robot.policy.history import Taught, Undone

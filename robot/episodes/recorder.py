@@ -21,7 +21,7 @@ from typing import Any, BinaryIO
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.episodes.disk import Close, Disk, Open, RecorderConfig, Say
-from robot.episodes.words import (
+from robot.episodes.messages import (
     COMMAND,
     DECISION,
     LESSON,

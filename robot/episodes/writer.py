@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from robot.episodes.images import encode_image, image_schema, schema_name
-from robot.episodes.words import CAMERA, LESSON, SCHEMAS, Words, to_json
+from robot.episodes.messages import CAMERA, LESSON, SCHEMAS, Words, to_json
 from robot.errors import MissingExtraError
 from robot.types import Frame
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot.episodes.words import COMMAND, LESSON, describe_command, describe_event
+from robot.episodes.messages import COMMAND, LESSON, describe_command, describe_event
 from robot.episodes.writer import EpisodeWriter, Run
 from robot.errors import RecordingError
 from robot.exchange.pictures import Picture

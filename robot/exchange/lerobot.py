@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode
 from robot.episodes.mending import Moment, moments
-from robot.episodes.words import SENSORS
+from robot.episodes.messages import SENSORS
 from robot.errors import RecordingError
 from robot.exchange.film import frame_rate, require_av, write_film
 from robot.exchange.lerobot_stats import Columns, PictureSums, Stats, column_stats, joined_stats

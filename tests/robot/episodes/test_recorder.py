@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 
 from robot.episodes.disk import RecorderConfig
 from robot.episodes.episode import open_episode, taught_frames
-from robot.episodes.words import COMMAND, DECISION, MODE, PREDICTION, SENSORS
+from robot.episodes.messages import COMMAND, DECISION, MODE, PREDICTION, SENSORS
 from robot.types import Action, Mode
 
 from .drives import RecordedBench, record_drive
