@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.episodes.editing import kept_frames
 from robot.episodes.edits import read_notes
 from robot.episodes.episode import open_episode
-from robot.episodes.mending import kept_frames
 from robot.errors import RecordingError
 from robot.types import Frame
 

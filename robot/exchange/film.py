@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from robot.episodes.editing import Moment, moments
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode
-from robot.episodes.mending import Moment, moments
 from robot.errors import MissingExtraError, RecordingError
 from robot.policy.image import Pixels, to_rgb
 

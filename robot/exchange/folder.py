@@ -7,9 +7,9 @@ import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from robot.episodes.editing import moments
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode
-from robot.episodes.mending import moments
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, moves_with, read_label
 from robot.exchange.pictures import read_picture_file, write_picture

@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.episodes.editing import Moment, moments
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode
-from robot.episodes.mending import Moment, moments
 from robot.episodes.messages import SENSORS
 from robot.errors import RecordingError
 from robot.exchange.film import frame_rate, require_av, write_film

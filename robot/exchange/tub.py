@@ -15,9 +15,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from robot.episodes.editing import moments
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode
-from robot.episodes.mending import moments
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, moves_with, read_label
 from robot.exchange.pictures import read_picture_file, write_picture
