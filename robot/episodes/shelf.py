@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from robot.episodes.card import EpisodeCard, read_card
 from robot.episodes.editing import write_mended
 from robot.episodes.edits import Edit, Notes, notes_path, read_notes, write_notes
 from robot.episodes.episode import Episode, open_episode
+from robot.episodes.summary import EpisodeCard, read_card
 from robot.errors import ConfigurationError, NotFoundError
 from robot.storage.folder import Storage, check_name, free_name
 

@@ -8,9 +8,9 @@ from typing import Any
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from starlette.responses import FileResponse
 
-from robot.episodes.card import EpisodeCard
 from robot.episodes.editing import Moment, choose, moments
 from robot.episodes.edits import Edit, Notes, trim
+from robot.episodes.summary import EpisodeCard
 from robot.errors import ConfigurationError
 from robot.policy.image import to_rgb
 from robot.storage.png import encode_png

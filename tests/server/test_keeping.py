@@ -13,7 +13,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from robot.episodes.card import read_card
+from robot.episodes.summary import read_card
 from robot.models.shelf import ModelShelf
 from robot.storage.folder import Storage
 

@@ -11,8 +11,8 @@ import pytest
 import zstandard
 from mcap.writer import CompressionType, Writer
 
-from robot.episodes.card import read_card
 from robot.episodes.episode import open_episode
+from robot.episodes.summary import read_card
 from robot.episodes.writer import RUN
 from robot.errors import RecordingError
 
