@@ -20,7 +20,6 @@ from typing import Any, BinaryIO
 
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
-from robot.episodes.disk import Close, Disk, Open, RecorderConfig, Say
 from robot.episodes.messages import (
     COMMAND,
     DECISION,
@@ -35,6 +34,7 @@ from robot.episodes.messages import (
     describe_sensors,
 )
 from robot.episodes.writer import Run, require_mcap
+from robot.episodes.writer_thread import Close, Disk, Open, RecorderConfig, Say
 from robot.errors import MissingExtraError
 from robot.models.keeper import Announce, say_nothing
 from robot.models.model import Model, take_model

@@ -17,8 +17,8 @@ import numpy as np
 
 from robot.clock import Clock, RealClock
 from robot.control.state import Tick
-from robot.episodes.disk import RecorderConfig
 from robot.episodes.recorder import Recorder
+from robot.episodes.writer_thread import RecorderConfig
 from robot.errors import MissingExtraError
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig

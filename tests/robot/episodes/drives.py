@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from robot.episodes.disk import RecorderConfig
 from robot.episodes.episode import Episode, open_episode
 from robot.episodes.recorder import Recorder
+from robot.episodes.writer_thread import RecorderConfig
 from robot.types import Action, Mode
 from tests.robot.bench_robot import BenchRobot
 

@@ -20,10 +20,10 @@ from pathlib import Path
 
 from robot.clock import RealClock
 from robot.control.state import Tick
-from robot.episodes.disk import RecorderConfig
 from robot.episodes.episode import open_episode
 from robot.episodes.recorder import Recorder
 from robot.episodes.recovery import recover_last
+from robot.episodes.writer_thread import RecorderConfig
 from robot.errors import RobotError
 from robot.models.keeper import Keeper
 from robot.models.shelf import ModelShelf

@@ -13,9 +13,9 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, un
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
-from robot.episodes.disk import RecorderConfig
 from robot.episodes.episode import open_episode, taught_frames
 from robot.episodes.messages import COMMAND, DECISION, MODE, PREDICTION, SENSORS
+from robot.episodes.writer_thread import RecorderConfig
 from robot.types import Action, Mode
 
 from .drives import RecordedBench, record_drive

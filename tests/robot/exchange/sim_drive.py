@@ -9,8 +9,8 @@ from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.clock import ManualClock
 from robot.control.loop import ControlLoop
 from robot.drivers.sim import SimDriver, SimOptions
-from robot.episodes.disk import RecorderConfig
 from robot.episodes.recorder import Recorder
+from robot.episodes.writer_thread import RecorderConfig
 from robot.learner.base import State
 from robot.policy.registry import make_policy
 from robot.types import Action, Mode, PilotCommand
