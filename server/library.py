@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 
 from robot.episodes.recorder import Recorder
 from robot.episodes.recovery import recover_last
-from robot.episodes.shelf import EpisodeShelf
+from robot.episodes.store import EpisodeShelf
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
 from robot.lifecycle import StartStop
 from robot.models.keeper import Announce, Keeper, say_nothing

@@ -11,7 +11,7 @@ from typing import Any
 from robot.episodes.editing import Moment, choose, moments
 from robot.episodes.edits import Edit, Notes, trim
 from robot.episodes.episode import Episode
-from robot.episodes.shelf import EpisodeShelf
+from robot.episodes.store import EpisodeShelf
 from robot.episodes.summary import EpisodeCard
 from robot.errors import ConfigurationError
 from robot.storage.folder import Storage, default_root

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from robot.episodes.shelf import EpisodeShelf
+from robot.episodes.store import EpisodeShelf
 from robot.episodes.teaching import Mended
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from robot.episodes.edits import read_notes
 from robot.episodes.episode import open_episode
-from robot.episodes.shelf import EpisodeShelf
+from robot.episodes.store import EpisodeShelf
 from robot.episodes.teaching import Mended
 from robot.errors import NotFoundError
 

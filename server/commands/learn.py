@@ -9,7 +9,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from robot.episodes.shelf import EpisodeShelf
+from robot.episodes.store import EpisodeShelf
 from robot.episodes.teaching import Mended, Report, learn_again, plan, same_nodes
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.models.model import encode_model, take_model

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.episodes.shelf import EpisodeShelf
+from robot.episodes.store import EpisodeShelf
 from robot.models.shelf import ModelShelf
 from robot.storage.folder import Storage
 from server.__main__ import main

@@ -10,7 +10,7 @@ import pytest
 from robot.episodes.editing import choose, kept_frames, moments
 from robot.episodes.edits import Edit, Notes, notes_path, trim
 from robot.episodes.episode import open_episode, taught_frames
-from robot.episodes.shelf import EpisodeShelf
+from robot.episodes.store import EpisodeShelf
 from robot.episodes.summary import read_card
 from robot.episodes.teaching import learn_again, same_nodes
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
