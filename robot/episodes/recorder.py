@@ -36,7 +36,7 @@ from robot.episodes.messages import (
 from robot.episodes.writer import Run, require_mcap
 from robot.episodes.writer_thread import Close, Disk, Open, RecorderConfig, Say
 from robot.errors import MissingExtraError
-from robot.models.keeper import Announce, say_nothing
+from robot.models.autosave import Announce, say_nothing
 from robot.models.model import Model, take_model
 from robot.policy.history import Replaced, SchoolEvent, Taught, Undone
 from robot.types import Frame, Mode

@@ -14,7 +14,7 @@ from typing import BinaryIO
 
 from robot.episodes.messages import Words
 from robot.episodes.writer import EpisodeWriter, Run
-from robot.models.keeper import Announce
+from robot.models.autosave import Announce
 from robot.models.model import Model, encode_model
 from robot.types import Frame
 

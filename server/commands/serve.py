@@ -28,7 +28,7 @@ from server.settings import PREFIX, Settings, apply_to, build, read_settings
 
 if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
-    from robot.models.keeper import Keeper
+    from robot.models.autosave import Keeper
     from server.certificates import Certificates
     from server.pairing import Pairing
 

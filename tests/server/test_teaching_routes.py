@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
-from robot.models.keeper import Keeper
+from robot.models.autosave import Keeper
 from robot.policy.registry import make_policy
 from robot.storage.folder import Storage
 from robot.types import Action, Lesson

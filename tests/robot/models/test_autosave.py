@@ -12,7 +12,7 @@ import pytest
 from robot.clock import RealClock
 from robot.control.state import Tick
 from robot.control.thread import LoopThread
-from robot.models.keeper import Keeper
+from robot.models.autosave import Keeper
 from robot.models.shelf import ModelShelf
 from robot.storage.folder import Storage
 from robot.types import Action, Lesson
