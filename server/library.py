@@ -15,7 +15,7 @@ from robot.episodes.store import EpisodeShelf
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
 from robot.lifecycle import StartStop
 from robot.models.autosave import Announce, Keeper, say_nothing
-from robot.models.shelf import ModelShelf
+from robot.models.store import ModelShelf
 from robot.rig.rig import Rig
 from robot.storage.folder import Storage
 from robot.storage.lock import FolderLock

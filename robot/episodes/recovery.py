@@ -18,7 +18,7 @@ from robot.episodes.recorder import is_recorded_name
 from robot.episodes.teaching import learn_again
 from robot.errors import RobotError
 from robot.models.model import Model, take_model
-from robot.models.shelf import ModelShelf
+from robot.models.store import ModelShelf
 from robot.policy.history import Taught
 
 log = logging.getLogger(__name__)

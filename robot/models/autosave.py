@@ -16,7 +16,7 @@ from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import ConfigurationError, RobotError
 from robot.models.model import Model, take_model, with_preview
-from robot.models.shelf import ModelShelf
+from robot.models.store import ModelShelf
 from robot.policy.registry import make_policy
 from robot.types import Action, Mode
 

@@ -13,7 +13,7 @@ from robot.episodes.store import EpisodeShelf
 from robot.episodes.teaching import Mended, Report, learn_again, plan, same_nodes
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.models.model import encode_model, take_model
-from robot.models.shelf import ModelShelf
+from robot.models.store import ModelShelf
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.storage.folder import Storage, default_root, write_whole

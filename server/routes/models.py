@@ -8,7 +8,7 @@ from urllib.parse import quote
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
 from robot.models.model import decode_model
-from robot.models.shelf import Shelved
+from robot.models.store import Shelved
 from robot.storage.png import encode_png
 from server.guard import require_pilot, require_viewer
 from server.library import do, library_of, read_body, refusals, text_field

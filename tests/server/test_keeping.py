@@ -14,7 +14,7 @@ import httpx
 import pytest
 
 from robot.episodes.summary import read_card
-from robot.models.shelf import ModelShelf
+from robot.models.store import ModelShelf
 from robot.storage.folder import Storage
 
 from .live_robot import Pilot

@@ -26,7 +26,7 @@ from robot.episodes.recovery import recover_last
 from robot.episodes.writer_thread import RecorderConfig
 from robot.errors import RobotError
 from robot.models.autosave import Keeper
-from robot.models.shelf import ModelShelf
+from robot.models.store import ModelShelf
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig

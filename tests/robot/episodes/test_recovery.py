@@ -9,7 +9,7 @@ import pytest
 from robot.episodes.recovery import recover_last
 from robot.episodes.teaching import same_nodes
 from robot.models.model import Model, take_model
-from robot.models.shelf import ModelShelf
+from robot.models.store import ModelShelf
 from robot.policy.history import School
 from robot.storage.folder import Storage
 

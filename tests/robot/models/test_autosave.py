@@ -13,7 +13,7 @@ from robot.clock import RealClock
 from robot.control.state import Tick
 from robot.control.thread import LoopThread
 from robot.models.autosave import Keeper
-from robot.models.shelf import ModelShelf
+from robot.models.store import ModelShelf
 from robot.storage.folder import Storage
 from robot.types import Action, Lesson
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from robot.episodes.store import EpisodeShelf
-from robot.models.shelf import ModelShelf
+from robot.models.store import ModelShelf
 from robot.storage.folder import Storage
 from server.__main__ import main
 from tests.robot.episodes.drives import record_drive

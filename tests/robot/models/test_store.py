@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
-from robot.models.shelf import KEEP_VERSIONS, ModelShelf
+from robot.models.store import KEEP_VERSIONS, ModelShelf
 from robot.storage.folder import Storage
 
 from .test_model import same, some_model
