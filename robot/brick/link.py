@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from robot.brick.agent import ENCODINGS, PICTURE, HardwareError, Unpacker, pack_json
-from robot.brick.joining import PATIENCE_S, join
+from robot.brick.handshake import PATIENCE_S, join
 from robot.errors import ConfigurationError
 
 SILENCE_S = 0.5

@@ -11,7 +11,7 @@ import server
 from robot.brick import installer
 from robot.brick.agent import PORT
 from robot.brick.bundle import make_bundle
-from robot.brick.joining import secret_path
+from robot.brick.handshake import secret_path
 from robot.brick.userland import build_userland, precompile
 from robot.errors import ConfigurationError
 from robot.storage.folder import default_root

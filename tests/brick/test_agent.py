@@ -14,7 +14,7 @@ import pytest
 
 from robot.brick import agent
 from robot.brick.camera_options import UsbCameraOptions
-from robot.brick.joining import secret_path
+from robot.brick.handshake import secret_path
 from robot.brick.link import BrickLink
 from robot.cameras.ev3_remote import Ev3RemoteCamera
 from robot.clock import RealClock

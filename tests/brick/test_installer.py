@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.brick.joining import secret_path
+from robot.brick.handshake import secret_path
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from server.__main__ import main
 from server.commands import brick as command
