@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from robot.brick import agent
-from robot.brick.userland import PACKAGES
+from robot.brick.rootfs import PACKAGES
 from robot.errors import DriveError
 
 AGENT_SCRIPT = """\

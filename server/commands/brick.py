@@ -12,7 +12,7 @@ from robot.brick import installer
 from robot.brick.agent import PORT
 from robot.brick.bundle import make_bundle
 from robot.brick.handshake import secret_path
-from robot.brick.userland import build_userland, precompile
+from robot.brick.rootfs import build_userland, precompile
 from robot.errors import ConfigurationError
 from robot.storage.folder import default_root
 from server.config import Config

@@ -17,7 +17,7 @@ import pytest
 
 import server
 from robot.brick.bundle import make_bundle
-from robot.brick.userland import PACKAGES, build_userland, precompile
+from robot.brick.rootfs import PACKAGES, build_userland, precompile
 from server.config import Config
 
 ROOT = Path(__file__).parents[2]
