@@ -20,7 +20,7 @@ COMMANDS: dict[str, str] = {
     "calibrate": "measure an EV3's speed and turning rate by driving",
     "brick": "put the server, or an agent, on an EV3",
 }
-"""Name to one line of help. Each is a module of `server.commands` with `configure(parser)` and
+"""Name to one line of help. Each is a module of `server.cli` with `configure(parser)` and
 `run(args) -> int`, imported only when asked for: on an EV3 every import costs seconds. Where
 options depend on other options, `extend(parser, words)` declares those."""
 
@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         return 2
     leave_out_unused()
-    module = importlib.import_module(f"server.commands.{name}")
+    module = importlib.import_module(f"server.cli.{name}")
     parser = argparse.ArgumentParser(prog=f"drivelesson {name}", description=module.__doc__)
     try:
         module.configure(parser)

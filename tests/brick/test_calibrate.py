@@ -12,7 +12,7 @@ from robot.brick.calibration import fit_track, fit_wheels, rolled_m, turned_deg
 from robot.brick.chassis import ChassisOptions
 from robot.errors import ConfigurationError
 from server.__main__ import main
-from server.commands.calibrate import keep
+from server.cli.calibrate import keep
 from tests.brick.fake_brick import FakeBrick
 
 

@@ -15,7 +15,7 @@ import pytest
 from robot.brick.handshake import secret_path
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from server.__main__ import main
-from server.commands import brick as command
+from server.cli import brick as command
 from tests.brick.fake_brick import FakeBrick
 
 SSH = """#!/bin/sh

@@ -25,7 +25,7 @@ def render() -> str:
     """Return the whole page."""
     parts = [_HEAD]
     for name, text in COMMANDS.items():
-        module = importlib.import_module(f"server.commands.{name}")
+        module = importlib.import_module(f"server.cli.{name}")
         parser = argparse.ArgumentParser(prog=f"drivelesson {name}")
         module.configure(parser)
         parts.append(f"## drivelesson {name}\n\n{text[0].upper()}{text[1:]}.\n")

@@ -12,7 +12,7 @@ import pytest
 from robot.control.gate import GateConfig
 from robot.control.link_governor import GovernorConfig
 from robot.errors import ConfigurationError
-from server.commands import serve
+from server.cli import serve
 from server.config import Limits
 from server.routes import routers
 from server.settings import apply_to, build, read_settings

@@ -13,7 +13,7 @@ from robot.experiments.report import make_section, write_html
 from robot.experiments.tables import Table, spread
 from robot.experiments.task import Task
 from server.__main__ import main
-from server.commands.experiment import NAMES
+from server.cli.experiment import NAMES
 
 QUICK = Settings(quick=True)
 

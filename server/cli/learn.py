@@ -18,7 +18,7 @@ from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.storage.folder import Storage, default_root, write_whole
 from robot.types import DEFAULT_MOVES, Action
-from server.commands.kept import add_data, find_episodes
+from server.cli.kept import add_data, find_episodes
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

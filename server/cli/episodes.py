@@ -16,8 +16,8 @@ from robot.episodes.summary import EpisodeCard
 from robot.errors import ConfigurationError
 from robot.storage.folder import Storage, default_root
 from robot.types import Action
-from server.commands import exchange
-from server.commands.kept import EPISODE_HELP, add_data, find_episodes, find_id
+from server.cli import exchange
+from server.cli.kept import EPISODE_HELP, add_data, find_episodes, find_id
 
 _LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": "."}
 _AXIS = 96

@@ -14,7 +14,7 @@ from robot.episodes.teaching import Mended
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
 from robot.storage.folder import Storage
-from server.commands.kept import EPISODE_HELP, find_episodes
+from server.cli.kept import EPISODE_HELP, find_episodes
 
 EXPORTS = ("tub", "lerobot", "folder", "film")
 
