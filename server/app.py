@@ -12,6 +12,7 @@ from fastapi import FastAPI
 from robot.rig.rig import Rig
 from server.access import Access
 from server.classroom import Classroom
+from server.clients.hub import Station
 from server.coach import Coach
 from server.config import Config
 from server.guard import Guard
@@ -20,7 +21,6 @@ from server.network import host_names
 from server.packed import PackedFiles
 from server.pairing import Pairing, cookie_name
 from server.routes import routers
-from server.station import Station
 
 
 def create_app(

@@ -6,11 +6,11 @@ import asyncio
 
 from fastapi import APIRouter, WebSocket
 
+from server.clients.hub import Station
 from server.guard import role_of
 from server.page import Page
 from server.protocol import ErrorCode, ProtocolError
 from server.routes.sockets import end_with_either, received
-from server.station import Station
 
 router = APIRouter()
 

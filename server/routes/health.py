@@ -5,8 +5,8 @@ from __future__ import annotations
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, PlainTextResponse
 
+from server.clients.hub import Station
 from server.metrics import Measured, render
-from server.station import Station
 
 router = APIRouter()
 STALE_LOOP_S = 2.0
