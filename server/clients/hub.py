@@ -20,8 +20,8 @@ from robot.rig.rig import Rig
 from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.access import Role
+from server.clients.client import Page
 from server.config import Config
-from server.page import Page
 from server.protocol import ErrorCode, ProtocolError
 from server.session import Lease
 from server.telemetry import describe

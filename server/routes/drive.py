@@ -6,9 +6,9 @@ import asyncio
 
 from fastapi import APIRouter, WebSocket
 
+from server.clients.client import Page
 from server.clients.hub import Station
 from server.guard import role_of
-from server.page import Page
 from server.protocol import ErrorCode, ProtocolError
 from server.routes.sockets import end_with_either, received
 
