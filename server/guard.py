@@ -18,8 +18,8 @@ from fastapi import HTTPException
 from starlette.requests import HTTPConnection, Request
 
 from server.access import Access, Refusal, Role
+from server.clients.flow_control import Pace
 from server.config import Limits
-from server.session import Pace
 
 log = logging.getLogger(__name__)
 

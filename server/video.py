@@ -12,9 +12,9 @@ from typing import Any
 
 from robot.errors import MissingExtraError
 from robot.types import Encoding, Frame
+from server.clients.flow_control import VideoWindow
 from server.metrics import AGE_BUCKETS_S, Histogram
 from server.protocol import Picture, encode_picture
-from server.session import VideoWindow
 
 _BINARY = 0x82
 _REMEMBERED_FRAMES = 256

@@ -6,8 +6,8 @@ import asyncio
 from collections import deque
 
 from server.access import Role
+from server.clients.flow_control import Order, Pace
 from server.config import Config
-from server.session import Order, Pace
 
 _OUTBOX = 64
 """Answers that may wait for one page; a page that reads so slowly loses the oldest."""

@@ -21,9 +21,9 @@ from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.access import Role
 from server.clients.client import Page
+from server.clients.flow_control import Lease
 from server.config import Config
 from server.protocol import ErrorCode, ProtocolError
-from server.session import Lease
 from server.telemetry import describe
 from server.video import Encoder, VideoHub, Viewer
 

@@ -6,8 +6,8 @@ import heapq
 
 import pytest
 
+from server.clients.flow_control import Lease, Order, Pace, VideoWindow
 from server.protocol import ProtocolError
-from server.session import Lease, Order, Pace, VideoWindow
 
 
 def test_order_must_grow() -> None:
