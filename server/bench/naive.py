@@ -11,7 +11,7 @@ from fastapi.responses import StreamingResponse
 
 from robot.camera import Camera
 from robot.types import Frame
-from server.video import Encoder
+from server.clients.video import Encoder
 
 STAMP = struct.Struct("<d")
 """Each frame starts with the time at which it was taken, so that its way can be measured."""
