@@ -22,10 +22,10 @@ from server import protocol
 from server.access import Role
 from server.clients.client import Page
 from server.clients.flow_control import Lease
+from server.clients.telemetry import describe
 from server.clients.video import Encoder, VideoHub, Viewer
 from server.config import Config
 from server.protocol import ErrorCode, ProtocolError
-from server.telemetry import describe
 
 log = logging.getLogger(__name__)
 
