@@ -10,7 +10,6 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 
 from robot.rig.rig import Rig
-from server.access import Access
 from server.classroom import Classroom
 from server.clients.hub import Station
 from server.coach import Coach
@@ -21,6 +20,7 @@ from server.network import host_names
 from server.packed import PackedFiles
 from server.pairing import Pairing, cookie_name
 from server.routes import routers
+from server.security.access import Access
 
 
 def create_app(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 
-from server.access import Role
+from server.security.access import Role
 
 
 def greet_here(address: str) -> str:

@@ -17,9 +17,9 @@ from typing import Any
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection, Request
 
-from server.access import Access, Refusal, Role
 from server.clients.flow_control import Pace
 from server.config import Limits
+from server.security.access import Access, Refusal, Role
 
 log = logging.getLogger(__name__)
 

@@ -17,8 +17,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from server.access import Refusal, Role
 from server.config import Config
+from server.security.access import Refusal, Role
 
 log = logging.getLogger(__name__)
 

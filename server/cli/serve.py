@@ -19,11 +19,11 @@ from robot.errors import ConfigurationError, MissingExtraError
 from robot.rig.options import Option, options_of
 from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.storage.folder import Storage, default_root
-from server.access import Role
 from server.config import Config, Limits
 from server.greeting import greet_here, greet_next, greet_phones, pairing_address
 from server.logs import start_logging
 from server.network import host_names, lan_addresses
+from server.security.access import Role
 from server.settings import PREFIX, Settings, apply_to, build, read_settings
 
 if TYPE_CHECKING:

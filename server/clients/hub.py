@@ -19,13 +19,13 @@ from robot.control.state import Tick
 from robot.rig.rig import Rig
 from robot.types import Frame, Mode, PilotCommand
 from server import protocol
-from server.access import Role
 from server.clients.client import Page
 from server.clients.flow_control import Lease
 from server.clients.telemetry import describe
 from server.clients.video import Encoder, VideoHub, Viewer
 from server.config import Config
 from server.protocol import ErrorCode, ProtocolError
+from server.security.access import Role
 
 log = logging.getLogger(__name__)
 

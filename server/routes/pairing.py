@@ -8,9 +8,9 @@ import time
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import FileResponse, JSONResponse, Response
 
-from server.access import Refusal, session_of
 from server.config import Config
 from server.pairing import Pairing, cookie_name
+from server.security.access import Refusal, session_of
 
 router = APIRouter()
 _YEAR_S = 365 * 24 * 3600

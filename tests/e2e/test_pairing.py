@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from server.access import Role
 from server.config import Config
 from server.pairing import Pairing
+from server.security.access import Role
 from tests.e2e.world import PHONE
 from tests.server.live_robot import WEB, live_server
 

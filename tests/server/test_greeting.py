@@ -7,10 +7,10 @@ import sys
 import pytest
 
 from robot.errors import MissingExtraError
-from server.access import Role
 from server.discovery import announced
 from server.greeting import draw_qr, greet_phones
 from server.logs import OneLine
+from server.security.access import Role
 
 
 def test_phones_are_greeted_with_a_code_and_addresses_for_both_rights() -> None:

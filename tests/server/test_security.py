@@ -16,10 +16,10 @@ import uvicorn
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from server.access import Role
 from server.certificates import make_certificates
 from server.config import Config, Limits
 from server.pairing import Pairing, cookie_name
+from server.security.access import Role
 
 from .live_robot import WEB, LiveServer, live_server
 
