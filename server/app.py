@@ -14,13 +14,13 @@ from server.classroom import Classroom
 from server.clients.hub import Station
 from server.coach import Coach
 from server.config import Config
-from server.guard import Guard
 from server.library import recording_in
 from server.network import host_names
 from server.packed import PackedFiles
 from server.pairing import Pairing, cookie_name
 from server.routes import routers
 from server.security.access import Access
+from server.security.guard import Guard
 
 
 def create_app(

@@ -8,9 +8,9 @@ from fastapi import APIRouter, WebSocket
 
 from server.clients.client import Page
 from server.clients.hub import Station
-from server.guard import role_of
 from server.protocol import ErrorCode, ProtocolError
 from server.routes.sockets import end_with_either, received
+from server.security.guard import role_of
 
 router = APIRouter()
 

@@ -15,8 +15,8 @@ from robot.errors import ConfigurationError
 from robot.policy.image import to_rgb
 from robot.storage.png import encode_png
 from robot.types import Action, Encoding
-from server.guard import require_pilot, require_viewer
 from server.library import do, library_of, read_body, refusals, text_field
+from server.security.guard import require_pilot, require_viewer
 
 router = APIRouter(prefix="/api")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)

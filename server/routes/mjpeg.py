@@ -14,7 +14,7 @@ from fastapi.responses import StreamingResponse
 from robot.errors import MissingExtraError
 from robot.types import Encoding
 from server.clients.hub import Station
-from server.guard import require_viewer
+from server.security.guard import require_viewer
 
 router = APIRouter()
 _BOUNDARY = b"--frame\r\nContent-Type: image/jpeg\r\n\r\n"

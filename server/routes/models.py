@@ -10,8 +10,8 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from robot.models.model import decode_model
 from robot.models.store import Shelved
 from robot.storage.png import encode_png
-from server.guard import require_pilot, require_viewer
 from server.library import do, library_of, read_body, refusals, text_field
+from server.security.guard import require_pilot, require_viewer
 
 router = APIRouter(prefix="/api/models")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)

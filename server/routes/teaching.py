@@ -11,8 +11,8 @@ from fastapi import APIRouter, Depends, HTTPException, Request
 
 from robot.policy.history import UNDO_HORIZON_S, School
 from robot.storage.png import encode_png
-from server.guard import require_pilot, require_viewer
 from server.library import read_body
+from server.security.guard import require_pilot, require_viewer
 
 router = APIRouter(prefix="/api/teaching")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
