@@ -17,10 +17,10 @@ from server.config import Config
 from server.library import recording_in
 from server.network import host_names
 from server.packed import PackedFiles
-from server.pairing import Pairing, cookie_name
 from server.routes import routers
 from server.security.access import Access
 from server.security.guard import Guard
+from server.security.pairing import Pairing, cookie_name
 
 
 def create_app(

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
     from robot.models.autosave import Keeper
     from server.certificates import Certificates
-    from server.pairing import Pairing
+    from server.security.pairing import Pairing
 
 DEFAULT_ROBOT = "sim"
 _CAMERA_HELP = "where pictures come from; as a rule the robot's own"
@@ -224,7 +224,7 @@ def _make_certificates(config: Config) -> Certificates:
 
 
 def _open_pairing(config: Config, address: str) -> Pairing:
-    from server.pairing import Pairing
+    from server.security.pairing import Pairing
 
     return Pairing(
         config.limits.pairing_failures,

@@ -9,8 +9,8 @@ from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import FileResponse, JSONResponse, Response
 
 from server.config import Config
-from server.pairing import Pairing, cookie_name
 from server.security.access import Refusal, session_of
+from server.security.pairing import Pairing, cookie_name
 
 router = APIRouter()
 _YEAR_S = 365 * 24 * 3600

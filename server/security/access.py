@@ -50,7 +50,7 @@ class Refusal:
 
 
 class Sessions(Protocol):
-    """What knows the sessions: `server.pairing.Pairing`."""
+    """What knows the sessions: `server.security.pairing.Pairing`."""
 
     def role_of(self, secret: str) -> Role | None:
         """Return the role of a session, or None."""

@@ -17,7 +17,7 @@ import httpx
 
 from robot.experiments.protocol import Phase
 from server.config import Config
-from server.pairing import Pairing
+from server.security.pairing import Pairing
 from tests.server.live_robot import WEB, live_server
 
 from .proxy import Proxy

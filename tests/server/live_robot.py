@@ -21,8 +21,8 @@ from server.app import create_app
 from server.bench.robot import NotingDriver, SteadyCamera
 from server.certificates import Certificates
 from server.config import Config
-from server.pairing import Pairing
 from server.protocol import encode_acknowledgement, parse_picture
+from server.security.pairing import Pairing
 from server.serving import served
 
 WEB = Path(__file__).resolve().parents[2] / "web"

@@ -18,8 +18,8 @@ from websockets.sync.client import connect
 
 from server.certificates import make_certificates
 from server.config import Config, Limits
-from server.pairing import Pairing, cookie_name
 from server.security.access import Role
+from server.security.pairing import Pairing, cookie_name
 
 from .live_robot import WEB, LiveServer, live_server
 
