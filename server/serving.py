@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from robot.errors import ConfigurationError
-from server.certificates import Certificates
 from server.config import Config
+from server.security.certificates import Certificates
 
 MAX_MESSAGE_BYTES = 65_536
 """A larger websocket message closes the connection before it is read into memory."""

@@ -29,7 +29,7 @@ from server.settings import PREFIX, Settings, apply_to, build, read_settings
 if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
     from robot.models.autosave import Keeper
-    from server.certificates import Certificates
+    from server.security.certificates import Certificates
     from server.security.pairing import Pairing
 
 DEFAULT_ROBOT = "sim"
@@ -217,7 +217,7 @@ def _bracketed(host: str) -> str:
 
 
 def _make_certificates(config: Config) -> Certificates:
-    from server.certificates import make_certificates
+    from server.security.certificates import make_certificates
 
     names = [*host_names(config), *lan_addresses(config)]
     return make_certificates(config.data / "tls", names, dt.datetime.now(dt.UTC))

@@ -19,9 +19,9 @@ from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
 from server.app import create_app
 from server.bench.robot import NotingDriver, SteadyCamera
-from server.certificates import Certificates
 from server.config import Config
 from server.protocol import encode_acknowledgement, parse_picture
+from server.security.certificates import Certificates
 from server.security.pairing import Pairing
 from server.serving import served
 

@@ -16,9 +16,9 @@ import uvicorn
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from server.certificates import make_certificates
 from server.config import Config, Limits
 from server.security.access import Role
+from server.security.certificates import make_certificates
 from server.security.pairing import Pairing, cookie_name
 
 from .live_robot import WEB, LiveServer, live_server
