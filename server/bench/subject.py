@@ -65,7 +65,7 @@ def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
     from robot.rig.rig import Rig
     from server.app import create_app
     from server.config import Config, Limits
-    from server.serving import served
+    from server.hosting.serving import served
 
     config = Config(port=0, limits=Limits(requests_burst=1e9))
     rig = Rig(NotingDriver(), camera, make_policy("default-32"), camera.clock)
@@ -98,7 +98,7 @@ def _serve_plainly(app: Any, *, deflate: bool) -> int:
 
     import uvicorn
 
-    from server.serving import open_socket
+    from server.hosting.serving import open_socket
 
     listener = open_socket("127.0.0.1", 0)
     settings = uvicorn.Config(app, log_level="error", ws_per_message_deflate=deflate)

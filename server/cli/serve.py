@@ -111,8 +111,8 @@ def run(args: argparse.Namespace) -> int:
     """Serve until interrupted."""
     from robot.rig.rig import build_rig
     from server.app import create_app
+    from server.hosting.serving import open_socket, serve
     from server.library import Library
-    from server.serving import open_socket, serve
 
     start_logging(verbose=args.verbose)
     config = _make_config(args)

@@ -20,10 +20,10 @@ from robot.rig.rig import Rig
 from server.app import create_app
 from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
+from server.hosting.serving import served
 from server.protocol import encode_acknowledgement, parse_picture
 from server.security.certificates import Certificates
 from server.security.pairing import Pairing
-from server.serving import served
 
 WEB = Path(__file__).resolve().parents[2] / "web"
 STANDING_AFTER_S = 5.0
