@@ -44,7 +44,7 @@ def open_socket(host: str, port: int) -> socket.socket:
 
 def uvicorn_settings(certificates: Certificates | None = None) -> dict[str, Any]:
     """Return uvicorn's settings; the newest websocket backend that it has."""
-    from server.direct import make_protocol
+    from server.hosting.uvicorn_fastpath import make_protocol
 
     tls = {}
     if certificates is not None:

@@ -11,7 +11,7 @@ from fastapi import APIRouter, WebSocket
 from server.clients.flow_control import Pace
 from server.clients.hub import Station
 from server.clients.video import Shot, Viewer
-from server.direct import EXTENSION, Direct
+from server.hosting.uvicorn_fastpath import EXTENSION, Direct
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.sockets import end_with_either
 
