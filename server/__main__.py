@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from robot.errors import RobotError
-from server.lean import leave_out_unused
+from server.hosting.low_memory import leave_out_unused
 
 COMMANDS: dict[str, str] = {
     "serve": "drive a robot from the browser",
