@@ -20,7 +20,7 @@ from robot.rig.options import Option, options_of
 from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.storage.folder import Storage, default_root
 from server.config import Config, Limits
-from server.greeting import greet_here, greet_next, greet_phones, pairing_address
+from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address
 from server.logs import start_logging
 from server.network import host_names, lan_addresses
 from server.security.access import Role
