@@ -239,7 +239,7 @@ def _announced(config: Config) -> Iterator[None]:
     if not config.lan:
         yield
         return
-    from server.discovery import announced
+    from server.hosting.discovery import announced
 
     with contextlib.ExitStack() as stack:
         try:

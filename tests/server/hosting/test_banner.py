@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from robot.errors import MissingExtraError
-from server.discovery import announced
 from server.hosting.banner import draw_qr, greet_phones
+from server.hosting.discovery import announced
 from server.logs import OneLine
 from server.security.access import Role
 
