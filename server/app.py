@@ -14,9 +14,9 @@ from server.classroom import Classroom
 from server.clients.hub import Station
 from server.coach import Coach
 from server.config import Config
+from server.hosting.network import host_names
 from server.hosting.static_files import PackedFiles
 from server.library import recording_in
-from server.network import host_names
 from server.routes import routers
 from server.security.access import Access
 from server.security.guard import Guard
