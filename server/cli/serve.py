@@ -21,8 +21,8 @@ from robot.rig.plugins import camera_names, driver_names, load_camera, load_driv
 from robot.storage.folder import Storage, default_root
 from server.config import Config, Limits
 from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address
+from server.hosting.logs import start_logging
 from server.hosting.network import host_names, lan_addresses
-from server.logs import start_logging
 from server.security.access import Role
 from server.settings import PREFIX, Settings, apply_to, build, read_settings
 

@@ -9,7 +9,7 @@ import pytest
 from robot.errors import MissingExtraError
 from server.hosting.banner import draw_qr, greet_phones
 from server.hosting.discovery import announced
-from server.logs import OneLine
+from server.hosting.logs import OneLine
 from server.security.access import Role
 
 
