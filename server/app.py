@@ -12,11 +12,11 @@ from fastapi import FastAPI
 from robot.rig.rig import Rig
 from server.classroom import Classroom
 from server.clients.hub import Station
-from server.coach import Coach
 from server.config import Config
 from server.hosting.network import host_names
 from server.hosting.static_files import PackedFiles
 from server.library import recording_in
+from server.progress import Coach
 from server.routes import routers
 from server.security.access import Access
 from server.security.guard import Guard
