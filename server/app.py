@@ -10,7 +10,6 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 
 from robot.rig.rig import Rig
-from server.classroom import Classroom
 from server.clients.hub import Station
 from server.config import Config
 from server.hosting.network import host_names
@@ -21,6 +20,7 @@ from server.routes import routers
 from server.security.access import Access
 from server.security.guard import Guard
 from server.security.pairing import Pairing, cookie_name
+from server.study import Classroom
 
 
 def create_app(

@@ -9,9 +9,9 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from robot.experiments.protocol import TRIALS
-from server.classroom import Classroom, list_results, read_result
 from server.library import library_of, read_body, refusals
 from server.security.guard import require_pilot, require_viewer
+from server.study import Classroom, list_results, read_result
 
 router = APIRouter(prefix="/api/lesson")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
