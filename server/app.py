@@ -14,7 +14,7 @@ from server.clients.hub import Station
 from server.config import Config
 from server.hosting.network import host_names
 from server.hosting.static_files import PackedFiles
-from server.library import recording_in
+from server.persistence import recording_in
 from server.progress import Coach
 from server.routes import routers
 from server.security.access import Access

@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> int:
     from robot.rig.rig import build_rig
     from server.app import create_app
     from server.hosting.serving import open_socket, serve
-    from server.library import Library
+    from server.persistence import Library
 
     start_logging(verbose=args.verbose)
     config = _make_config(args)

@@ -15,7 +15,7 @@ from robot.errors import ConfigurationError
 from robot.policy.image import to_rgb
 from robot.storage.png import encode_png
 from robot.types import Action, Encoding
-from server.library import do, library_of, read_body, refusals, text_field
+from server.persistence import do, library_of, read_body, refusals, text_field
 from server.security.guard import require_pilot, require_viewer
 
 router = APIRouter(prefix="/api")

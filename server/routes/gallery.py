@@ -9,7 +9,7 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
 from robot.policy.policy import LearnedImage
 from robot.storage.png import encode_png
-from server.library import read_body
+from server.persistence import read_body
 from server.progress import Coach
 from server.security.guard import require_pilot, require_viewer
 

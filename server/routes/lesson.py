@@ -9,7 +9,7 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from robot.experiments.protocol import TRIALS
-from server.library import library_of, read_body, refusals
+from server.persistence import library_of, read_body, refusals
 from server.security.guard import require_pilot, require_viewer
 from server.study import Classroom, list_results, read_result
 

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from robot.models.model import decode_model
 from robot.models.store import Shelved
 from robot.storage.png import encode_png
-from server.library import do, library_of, read_body, refusals, text_field
+from server.persistence import do, library_of, read_body, refusals, text_field
 from server.security.guard import require_pilot, require_viewer
 
 router = APIRouter(prefix="/api/models")

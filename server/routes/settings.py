@@ -13,7 +13,7 @@ from starlette.concurrency import run_in_threadpool
 from robot.control.loop import ControlLoop
 from robot.policy.registry import make_policy, split_name
 from robot.types import Action, Encoding, Frame
-from server.library import library_of, read_body, refusals
+from server.persistence import library_of, read_body, refusals
 from server.security.guard import require_pilot, require_viewer
 
 router = APIRouter(prefix="/api/settings")

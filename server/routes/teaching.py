@@ -11,7 +11,7 @@ from fastapi import APIRouter, Depends, HTTPException, Request
 
 from robot.policy.history import UNDO_HORIZON_S, School
 from robot.storage.png import encode_png
-from server.library import read_body
+from server.persistence import read_body
 from server.security.guard import require_pilot, require_viewer
 
 router = APIRouter(prefix="/api/teaching")

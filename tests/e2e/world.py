@@ -18,7 +18,7 @@ from robot.types import Action, Mode, Pose
 from server.app import create_app
 from server.config import Config
 from server.hosting.serving import served
-from server.library import Library
+from server.persistence import Library
 
 IN_CI = os.environ.get("CI") == "true"
 PHONE = {"width": 390, "height": 844}

@@ -19,7 +19,7 @@ from server.app import create_app
 from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
 from server.hosting.serving import served
-from server.library import Library
+from server.persistence import Library
 from tests.robot.episodes.drives import record_drive
 
 from .live_robot import WEB

@@ -17,7 +17,7 @@ from server.app import create_app
 from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
 from server.hosting.serving import served
-from server.library import Library
+from server.persistence import Library
 
 from .live_robot import WEB
 

@@ -13,7 +13,7 @@ from robot.models.autosave import Keeper
 from robot.policy.registry import make_policy
 from robot.storage.folder import Storage
 from robot.types import Action, Lesson
-from server.library import Library
+from server.persistence import Library
 
 from .live_robot import LiveServer, live_server
 
