@@ -46,9 +46,9 @@ def program_fingerprint() -> str:
 
 
 _PARTS_THAT_COUNT = (
-    *("learner", "simulation", "pilots", "metrics", "baselines"),
-    *("policy.py", "features.py", "steadiness.py", "image.py", "evaluation.py", "recordings.py"),
-    *("loop.py", "gate.py", "labels.py", "school.py", "cameras/sim.py", "drivers/sim.py"),
+    *("learner", "policy", "baselines", "simulation", "control"),
+    *("cameras/sim.py", "drivers/sim.py", "exchange/npz.py"),
+    *("experiments/metrics", "experiments/evaluation.py"),
     *("experiments/trial.py", "experiments/kinds.py", "experiments/footage.py"),
     *("experiments/pilots.py", "experiments/cycles.py", "experiments/episodes.py"),
 )

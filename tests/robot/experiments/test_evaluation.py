@@ -16,7 +16,7 @@ from robot.types import Action
 from server.__main__ import main
 
 FOUND = os.environ.get(
-    "DRIVELESSON_RECORDINGS", str(Path(__file__).parents[2].parent / "shared/recordings")
+    "DRIVELESSON_RECORDINGS", str(Path(__file__).parents[3].parent / "shared/recordings")
 )
 needs_recordings = pytest.mark.skipif(
     not Path(FOUND).is_dir(), reason=f"no footage in {FOUND}; set DRIVELESSON_RECORDINGS"

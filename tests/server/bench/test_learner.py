@@ -11,7 +11,7 @@ from server.bench import learner
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    monkeypatch.setattr(dial, "SIZES", (2, 8))
+    monkeypatch.setattr(autosize, "SIZES", (2, 8))
     monkeypatch.setattr(learner, "YOUNG", 50)
     monkeypatch.setattr(learner, "OLD", 200)
 

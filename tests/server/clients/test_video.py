@@ -6,8 +6,7 @@ import httpx
 from websockets.sync.client import connect
 
 from server.protocol import encode_acknowledgement, parse_picture
-
-from .live_robot import LiveServer, wait_until
+from tests.server.live_robot import LiveServer, wait_until
 
 
 def test_an_mjpeg_part_is_followed_at_once_by_the_next_header(server: LiveServer) -> None:
