@@ -57,11 +57,11 @@ class Coach(StartStop):
 
     def note(self, tick: Tick) -> None:
         """Take note of one turn, on the loop's thread."""
-        if not tick.school_events:
+        if not tick.history_events:
             return
         self._is_stale = True
-        lessons = self._loop.school.policy.n_seen
-        for event in tick.school_events:
+        lessons = self._loop.history.policy.n_seen
+        for event in tick.history_events:
             if isinstance(event, Replaced):
                 self._marks = []
             elif isinstance(event, Undone):
@@ -97,7 +97,7 @@ class Coach(StartStop):
         now_s = time.monotonic()
         if fresh or (self._is_stale and now_s - self._fetched_s > _REFRESH_S):
             self._is_stale, self._fetched_s = False, now_s
-            school = self._loop.school
-            request = self._loop.submit(lambda: school.policy.gallery())
+            history = self._loop.history
+            request = self._loop.submit(lambda: history.policy.gallery())
             self._gallery = await asyncio.wrap_future(request)
         return self._gallery

@@ -24,7 +24,7 @@ _LEVELS = tuple(LinkLevel)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GovernorConfig:
+class LinkGovernorConfig:
     """Ages of the pilot's picture, in seconds, above which each step is taken."""
 
     warn_s: float = 0.2
@@ -54,11 +54,11 @@ def age_of_link_s(picture_age_s: float, reported_age_s: float | None) -> float:
     return max(on_screen_s, picture_age_s - on_screen_s)
 
 
-class Governor:
+class LinkGovernor:
     """Turns ages into a level, with hysteresis."""
 
-    def __init__(self, config: GovernorConfig | None = None) -> None:
-        self.config = config or GovernorConfig()
+    def __init__(self, config: LinkGovernorConfig | None = None) -> None:
+        self.config = config or LinkGovernorConfig()
         c = self.config
         self._thresholds_s = (0.0, c.warn_s, c.cap_speed_s, c.stop_learning_s, c.stop_s)
         self.forget()

@@ -17,14 +17,14 @@ from typing import TypeVar
 from robot.camera import Camera
 from robot.clock import Clock
 from robot.control.gate import Gate, GateConfig
-from robot.control.link_governor import Governor, GovernorConfig, age_of_link_s
+from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, age_of_link_s
 from robot.control.mailbox import Mailbox
-from robot.control.online_learning import Apprentice
-from robot.control.publisher import Noticeboard
+from robot.control.online_learning import OnlineLearning
+from robot.control.publisher import StatePublisher
 from robot.control.state import LoopState, Tick
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError
-from robot.policy.history import School
+from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.types import (
     Action,
@@ -46,7 +46,7 @@ class LoopConfig:
     """What the loop does, and how patient it is."""
 
     gate: GateConfig = field(default_factory=GateConfig)
-    governor: GovernorConfig = field(default_factory=GovernorConfig)
+    governor: LinkGovernorConfig = field(default_factory=LinkGovernorConfig)
     longest_wait_s: float = 0.05
     """A turn is made at least so often, even when the camera is silent."""
     late_cycle_s: float = 0.1
@@ -75,10 +75,12 @@ class ControlLoop:
         self._camera = camera
         self._clock = clock
         self._gate = Gate(self.config.gate)
-        self._governor = Governor(self.config.governor)
-        self._apprentice = Apprentice(policy, clock)
+        self._governor = LinkGovernor(self.config.governor)
+        self._online_learning = OnlineLearning(policy, clock)
         self._mailbox = Mailbox()
-        self._board = Noticeboard(self._apprentice, self._governor, self.config.late_cycle_s)
+        self._board = StatePublisher(
+            self._online_learning, self._governor, self.config.late_cycle_s
+        )
         self._board.show(clock.now_s(), self._idle_decision(), Sensors())
         self._last_turn_s: float | None = None
         self._fault: str | None = None
@@ -95,9 +97,9 @@ class ControlLoop:
         return self._mailbox.wake
 
     @property
-    def school(self) -> School:
+    def history(self) -> TrainingHistory:
         """Where the policy is taught; only to be touched through `submit`."""
-        return self._apprentice.school
+        return self._online_learning.history
 
     @property
     def mode(self) -> Mode:
@@ -179,7 +181,7 @@ class ControlLoop:
         if sent is None:
             decision, sent = self._idle_decision(), Action.STOP
         if decision.driven_by is DrivenBy.PILOT or self._gate.mode is not Mode.STOPPED:
-            self._apprentice.learn(  # a stopped robot does not
+            self._online_learning.learn(  # a stopped robot does not
                 commands,
                 is_intervention=self._gate.mode is Mode.AUTONOMOUS,
                 may_learn=self._governor.may_learn,
@@ -220,14 +222,14 @@ class ControlLoop:
 
     def _judge_link(self, command: PilotCommand, now_s: float) -> None:
         """Have the governor weigh how old the picture is that the pilot acts upon."""
-        picture_age_s = self._apprentice.picture_age_s(command)
+        picture_age_s = self._online_learning.picture_age_s(command)
         if picture_age_s is not None:
             self._governor.hear(age_of_link_s(picture_age_s, command.frame_age_s), now_s)
 
     def _look(self) -> Frame | None:
         """Have the newest frame looked at; return it if it is new."""
         try:
-            is_new = self._apprentice.look(
+            is_new = self._online_learning.look(
                 self._camera.latest(),
                 self._under_way(),
                 bumped=bool(self.state.sensors.bumped),
@@ -235,7 +237,7 @@ class ControlLoop:
         except CameraError as error:
             self._fault = str(error)
             return None
-        return self._apprentice.frame if is_new else None
+        return self._online_learning.frame if is_new else None
 
     def _under_way(self) -> Action | None:
         """Return the move that the robot makes by its own choice; None if it does not drive."""
@@ -251,10 +253,10 @@ class ControlLoop:
 
     def _decide(self, now_s: float) -> Decision:
         was_moving = self._gate.mode is not Mode.STOPPED
-        frame = self._apprentice.frame
+        frame = self._online_learning.frame
         decision = self._gate.select(
             now_s,
-            self._apprentice.prediction,
+            self._online_learning.prediction,
             frame.captured_s if frame else None,
             camera_fault=self._camera.fault is not None,
         )
@@ -299,9 +301,9 @@ class ControlLoop:
             commands=tuple(commands),
             decision=decision,
             sent=sent,
-            prediction=self._apprentice.prediction,
+            prediction=self._online_learning.prediction,
             sensors=sensors or Sensors(),
-            school_events=self._apprentice.take_events(),
+            history_events=self._online_learning.take_events(),
             cycle_s=self._clock.now_s() - started_s,
         )
         if decision.mode is not self._shown_mode:
@@ -341,7 +343,7 @@ class ControlLoop:
     def _settle(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
         self._mailbox.take_commands()
-        self._apprentice.settle()
+        self._online_learning.settle()
 
     def _note_stop(self, reason: StopReason) -> None:
         self._board.count_stop(reason)

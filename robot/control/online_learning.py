@@ -15,7 +15,7 @@ from robot.clock import Clock
 from robot.control.labelling import Labeller
 from robot.control.state import Timing
 from robot.learner.base import Vector
-from robot.policy.history import Replaced, School, SchoolEvent
+from robot.policy.history import HistoryEvent, Replaced, TrainingHistory
 from robot.policy.policy import Policy
 from robot.types import Action, Frame, Lesson, PilotCommand, Prediction
 
@@ -34,7 +34,7 @@ class _Seen:
     predicted: Action | None
 
 
-class Apprentice:
+class OnlineLearning:
     """Looks, proposes and learns; for one thread.
 
     Attributes:
@@ -46,8 +46,8 @@ class Apprentice:
 
     def __init__(self, policy: Policy, clock: Clock) -> None:
         self._clock = clock
-        self._events: list[SchoolEvent] = []
-        self.school = School(policy, self._events.append)
+        self._events: list[HistoryEvent] = []
+        self.history = TrainingHistory(policy, self._events.append)
         self.frame: Frame | None = None
         self.prediction: Prediction | None = None
         self.timings = {"propose": Timing(), "learn": Timing()}
@@ -71,11 +71,11 @@ class Apprentice:
         """
         if frame is None or (self.frame is not None and frame.frame_id == self.frame.frame_id):
             return False
-        x = self.school.policy.extract(frame)
+        x = self.history.policy.extract(frame)
         self.frame = frame
         self._frame_times_s.append(frame.captured_s)
         started_s = self._clock.now_s()
-        self.prediction = self.school.policy.propose(
+        self.prediction = self.history.policy.propose(
             frame.frame_id, x, under_way=under_way, at_s=frame.captured_s, bumped=bumped
         )
         self._note_time("propose", started_s)
@@ -98,7 +98,7 @@ class Apprentice:
     def settle(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
         self._labeller.settle()
-        self.school.policy.settle()
+        self.history.policy.settle()
 
     def picture_age_s(self, command: PilotCommand) -> float | None:
         """Return how old the picture was that the pilot acted upon; None if that is not known."""
@@ -107,7 +107,7 @@ class Apprentice:
         oldest = next(iter(self._seen.values()))
         return command.received_s - self._seen.get(command.frame_id, oldest).captured_s
 
-    def take_events(self) -> tuple[SchoolEvent, ...]:
+    def take_events(self) -> tuple[HistoryEvent, ...]:
         """Take what changed the learner since the last time, in order."""
         events = tuple(self._events)
         self._events.clear()
@@ -138,7 +138,7 @@ class Apprentice:
         lesson = Lesson(frame_id=frame_id, label=label, is_intervention=is_intervention)
         self._agreed.append(seen.predicted is label)
         started_s = self._clock.now_s()
-        self.school.teach(lesson, seen.x, seen.captured_s)
+        self.history.teach(lesson, seen.x, seen.captured_s)
         self._note_time("learn", started_s)
 
     def _note_time(self, name: str, started_s: float) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
-from robot.control.link_governor import Governor
-from robot.control.online_learning import Apprentice
+from robot.control.link_governor import LinkGovernor
+from robot.control.online_learning import OnlineLearning
 from robot.control.state import LoopState, Tick
 from robot.types import Decision, Sensors, StopReason
 
 
-class Noticeboard:
+class StatePublisher:
     """Written on the loop's thread, read from any.
 
     Args:
@@ -20,8 +20,10 @@ class Noticeboard:
         late_cycle_s: A turn that takes longer counts as late.
     """
 
-    def __init__(self, apprentice: Apprentice, governor: Governor, late_cycle_s: float) -> None:
-        self._apprentice = apprentice
+    def __init__(
+        self, online_learning: OnlineLearning, governor: LinkGovernor, late_cycle_s: float
+    ) -> None:
+        self._online_learning = online_learning
         self._governor = governor
         self._late_cycle_s = late_cycle_s
         self._listeners: list[Callable[[Tick], None]] = []
@@ -66,8 +68,8 @@ class Noticeboard:
         fault: str | None = None,
     ) -> None:
         """Show a new state."""
-        apprentice = self._apprentice
-        frame, policy = apprentice.frame, apprentice.school.policy
+        online_learning = self._online_learning
+        frame, policy = online_learning.frame, online_learning.history.policy
         self._state = LoopState(
             now_s=now_s,
             decision=decision,
@@ -75,14 +77,14 @@ class Noticeboard:
             fault=fault,
             frame_id=frame.frame_id if frame else None,
             frame_captured_s=frame.captured_s if frame else None,
-            prediction=apprentice.prediction,
+            prediction=online_learning.prediction,
             sensors=sensors,
-            cycle_hz=apprentice.frame_rate_hz,
+            cycle_hz=online_learning.frame_rate_hz,
             late_cycles=self._late_cycles,
             cycles=self._cycles,
-            agreement=apprentice.agreement,
-            agreement_frames=apprentice.agreement_frames,
-            taught=dict(apprentice.school.taught),
+            agreement=online_learning.agreement,
+            agreement_frames=online_learning.agreement_frames,
+            taught=dict(online_learning.history.taught),
             n_nodes=policy.n_nodes,
             max_nodes=policy.max_nodes,
             learner=policy.name,
@@ -90,5 +92,5 @@ class Noticeboard:
             stops=dict(self._stops),
             link=self._governor.level,
             pilot_frame_age_s=self._governor.age_s,
-            learner_times=dict(apprentice.timings),
+            learner_times=dict(online_learning.timings),
         )

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from robot.control.link_governor import LinkLevel
-from robot.policy.history import SchoolEvent
+from robot.policy.history import HistoryEvent
 from robot.types import (
     Action,
     Decision,
@@ -69,5 +69,5 @@ class Tick:
     sent: Action
     prediction: Prediction | None
     sensors: Sensors
-    school_events: tuple[SchoolEvent, ...]
+    history_events: tuple[HistoryEvent, ...]
     cycle_s: float

@@ -26,7 +26,7 @@ from robot.episodes.writer import FORMAT, MODEL_AFTER, MODEL_BEFORE, RUN
 from robot.errors import RecordingError
 from robot.learner.base import Vector
 from robot.models.model import Model, decode_model
-from robot.policy.history import SchoolEvent, Taught
+from robot.policy.history import HistoryEvent, Taught
 from robot.types import Action, Frame
 
 _CHUNKS_KEPT = 4
@@ -47,7 +47,7 @@ class FrameEntry:
 class LessonEntry:
     """A change of the learner as it was recorded; `x` only where its picture was not."""
 
-    event: SchoolEvent
+    event: HistoryEvent
     x: Vector | None
     now_s: float
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from robot.errors import RecordingError
 from robot.learner.base import Vector
-from robot.policy.history import Edited, Replaced, SchoolEvent, Taught, Undone
+from robot.policy.history import Edited, HistoryEvent, Replaced, Taught, Undone
 from robot.types import Action, Lesson, PilotCommand, Prediction, Sensors
 
 CAMERA = "/camera"
@@ -158,7 +158,7 @@ def describe_sensors(sensors: Sensors) -> Words:
     }
 
 
-def describe_event(event: SchoolEvent, *, with_vector: bool = False) -> Words:
+def describe_event(event: HistoryEvent, *, with_vector: bool = False) -> Words:
     """Describe one change of the learner; the vector goes along where its frame is not recorded."""
     if isinstance(event, Taught):
         lesson = event.lesson
@@ -183,7 +183,7 @@ def describe_event(event: SchoolEvent, *, with_vector: bool = False) -> Words:
     return {"event": "replaced", "learner": event.policy_name}
 
 
-def read_event(words: Words) -> tuple[SchoolEvent, Vector | None]:
+def read_event(words: Words) -> tuple[HistoryEvent, Vector | None]:
     """Read a change of the learner back, and the vector if it was recorded.
 
     Raises:

@@ -38,7 +38,7 @@ from robot.episodes.writer_thread import Close, Disk, Open, RecorderConfig, Say
 from robot.errors import MissingExtraError
 from robot.models.autosave import Announce, say_nothing
 from robot.models.model import Model, take_model
-from robot.policy.history import Replaced, SchoolEvent, Taught, Undone
+from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
 from robot.types import Frame, Mode
 
 
@@ -133,7 +133,7 @@ class Recorder:
         is_moving = mode is not Mode.STOPPED
         began = is_moving and self._mode is Mode.STOPPED
         self._moved_s = now_s if is_moving else self._moved_s
-        events = self._own_events(tick.school_events)
+        events = self._own_events(tick.history_events)
         if began:
             self._disk.try_again()
         if not self._is_open and (is_moving or events):
@@ -151,7 +151,7 @@ class Recorder:
             self._base = self._take()
             self._close(final=self._base)
 
-    def _own_events(self, events: tuple[SchoolEvent, ...]) -> tuple[SchoolEvent, ...]:
+    def _own_events(self, events: tuple[HistoryEvent, ...]) -> tuple[HistoryEvent, ...]:
         """Begin anew where another policy took over: what follows rests on its knowledge."""
         if any(isinstance(event, Replaced) for event in events):
             if self._is_open:
@@ -178,7 +178,7 @@ class Recorder:
         self._kept.clear()
         self._taught.clear()
 
-    def _record(self, tick: Tick, events: tuple[SchoolEvent, ...]) -> None:
+    def _record(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         now_s = tick.now_s
         if tick.decision.mode is not self._mode:
             self._record_mode(tick)
@@ -220,7 +220,7 @@ class Recorder:
         if tick.prediction is not None and tick.prediction.frame_id == tick.frame.frame_id:
             self._say(PREDICTION, tick.now_s, describe_prediction(tick.prediction))
 
-    def _record_event(self, event: SchoolEvent, now_s: float) -> None:
+    def _record_event(self, event: HistoryEvent, now_s: float) -> None:
         is_lost = isinstance(event, Taught) and event.lesson.frame_id not in self._kept
         if isinstance(event, Taught):
             self._taught.add(event.lesson.frame_id)
@@ -245,7 +245,7 @@ class Recorder:
     def _say(self, topic: str, now_s: float, words: Words) -> None:
         self._disk.put(Say(topic=topic, now_s=now_s, words=words), 0)
 
-    def _end_if_due(self, tick: Tick, events: tuple[SchoolEvent, ...]) -> None:
+    def _end_if_due(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         """End after a pause, and where an undo reached back beyond this recording."""
         if not self._is_open:
             return
@@ -262,9 +262,9 @@ class Recorder:
         self._is_open = False
 
     def _take(self) -> Model:
-        school = self._loop.school
+        history = self._loop.history
         return take_model(
-            school.policy, Counter(school.taught), saved_at_s=time.time(), with_preview=False
+            history.policy, Counter(history.taught), saved_at_s=time.time(), with_preview=False
         )
 
 

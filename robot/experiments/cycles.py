@@ -10,7 +10,7 @@ import numpy as np
 
 from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.clock import RealClock
-from robot.control.link_governor import GovernorConfig
+from robot.control.link_governor import LinkGovernorConfig
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.experiments.ideas import make_learner
@@ -19,7 +19,9 @@ from robot.policy.policy import Policy
 from robot.rig.rig import build_rig
 from robot.types import DEFAULT_MOVES, Action, Encoding, Frame, Mode, PilotCommand
 
-_PATIENT = LoopConfig(governor=GovernorConfig(warn_s=9, cap_speed_s=9, stop_learning_s=9, stop_s=9))
+_PATIENT = LoopConfig(
+    governor=LinkGovernorConfig(warn_s=9, cap_speed_s=9, stop_learning_s=9, stop_s=9)
+)
 
 
 def run_cycles(params: Mapping[str, Any]) -> Result:

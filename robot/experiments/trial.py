@@ -14,7 +14,7 @@ from typing import Self
 
 from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.clock import ManualClock
-from robot.control.link_governor import GovernorConfig
+from robot.control.link_governor import LinkGovernorConfig
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.errors import RobotError
@@ -26,7 +26,7 @@ from robot.types import Action, Mode, Pose, Prediction
 
 FRAME_RATE_HZ = 10.0
 """Frames, ticks and heartbeats a second: about the paper's cycle rate with 32 nodes."""
-PATIENT_LINK = GovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s=10.0, stop_s=10.0)
+PATIENT_LINK = LinkGovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s=10.0, stop_s=10.0)
 """Experiments with delay ask what labels are worth; the governor would forbid the question."""
 
 
@@ -50,7 +50,7 @@ class Trial:
         policy: Policy,
         pilot: SimulatedPilot,
         *,
-        governor: GovernorConfig = PATIENT_LINK,
+        governor: LinkGovernorConfig = PATIENT_LINK,
     ) -> None:
         self.clock = ManualClock()
         self.driver = SimDriver(SimOptions(world=place.world, seed=place.seed))

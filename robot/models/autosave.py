@@ -66,7 +66,7 @@ class Keeper:
         self._thread: threading.Thread | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
         self._mode = Mode.STOPPED
-        self._saved_changes = loop.school.changes
+        self._saved_changes = loop.history.changes
         self._saved_s = 0.0
 
     @property
@@ -77,7 +77,7 @@ class Keeper:
     @property
     def has_unsaved(self) -> bool:
         """Whether the learner was changed since it was last saved or loaded."""
-        return self._loop.school.changes != self._saved_changes
+        return self._loop.history.changes != self._saved_changes
 
     def start(self) -> None:
         """Begin to keep."""
@@ -136,15 +136,15 @@ class Keeper:
         """Copy the learner between two turns; with it the count of changes that it holds."""
 
         def take() -> tuple[Model, int]:
-            school = self._loop.school
+            history = self._loop.history
             model = take_model(
-                school.policy,
-                school.taught,
+                history.policy,
+                history.taught,
                 saved_at_s=time.time(),
                 place=self._place,
                 with_preview=False,
             )
-            return model, school.changes
+            return model, history.changes
 
         model, changes = self._loop.submit(take).result(timeout=10.0)
         return with_preview(model), changes
@@ -204,8 +204,8 @@ class Keeper:
         def replace() -> int:
             if self._loop.mode is not Mode.STOPPED:
                 raise ConfigurationError("stop the robot before you change its model")
-            self._loop.school.replace_policy(policy, taught)
-            return self._loop.school.changes
+            self._loop.history.replace_policy(policy, taught)
+            return self._loop.history.changes
 
         self._saved_changes = self._loop.submit(replace).result(timeout=10.0)
         self._name, self._place = name, model.card.place
@@ -235,5 +235,5 @@ class Keeper:
         with self._lock:
             key = self.shelf.delete(name)
             if self._name == name:
-                self._name, self._saved_changes = None, self._loop.school.changes
+                self._name, self._saved_changes = None, self._loop.history.changes
             return key

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.policy.stall_detector import Standstill
+from robot.policy.stall_detector import StallDetector
 from robot.types import Action
 
 OPPOSITE: dict[Action, Action] = {
@@ -127,7 +127,7 @@ class View:
     bumped: bool
 
 
-class Steadiness:
+class ActionFilter:
     """All that lies between the votes on one frame and a steady drive.
 
     Args:
@@ -144,7 +144,7 @@ class Steadiness:
     ) -> None:
         self._average = RunningVotes(votes_kept)
         self._commitment = commitment or Commitment()
-        self._standstill = Standstill()
+        self._stall_detector = StallDetector()
         self.unfamiliar = unfamiliar
 
     @classmethod
@@ -166,11 +166,11 @@ class Steadiness:
         """Return the move that gains no way on a view that was not taught."""
         if math.isinf(self.unfamiliar):  # on an EV3 each comparison of pictures counts
             return None
-        barred = self._standstill.barred(view.picture, under_way, view.at_s, bumped=view.bumped)
+        barred = self._stall_detector.barred(view.picture, under_way, view.at_s, bumped=view.bumped)
         return barred if view.novelty >= self.unfamiliar else None
 
     def reset(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
         self._average.reset()
         self._commitment.reset()
-        self._standstill.reset()
+        self._stall_detector.reset()

@@ -59,7 +59,7 @@ class Replaced:
 
 
 LogEvent = Taught | Edited
-SchoolEvent = Taught | Edited | Undone | Replaced
+HistoryEvent = Taught | Edited | Undone | Replaced
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +71,7 @@ class _Snapshot:
     state: State
 
 
-class School:
+class TrainingHistory:
     """Teaches a policy, and can take the last lessons back.
 
     Args:
@@ -80,7 +80,7 @@ class School:
     """
 
     def __init__(
-        self, policy: Policy, on_event: Callable[[SchoolEvent], None] | None = None
+        self, policy: Policy, on_event: Callable[[HistoryEvent], None] | None = None
     ) -> None:
         self._on_event = on_event or (lambda event: None)
         self._changes = 0
@@ -168,7 +168,7 @@ class School:
         self._events.append(event)
         self._tell(event)
 
-    def _tell(self, event: SchoolEvent) -> None:
+    def _tell(self, event: HistoryEvent) -> None:
         self._changes += 1
         self._on_event(event)
 

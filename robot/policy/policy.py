@@ -12,7 +12,7 @@ from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.places import MultiPlace
-from robot.policy.action_filter import Steadiness, View
+from robot.policy.action_filter import ActionFilter, View
 from robot.policy.features import Features
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
 
@@ -57,14 +57,14 @@ class Policy:
         features: Features,
         *,
         moves: tuple[Action, ...] = DEFAULT_MOVES,
-        steadiness: Steadiness | None = None,
+        action_filter: ActionFilter | None = None,
     ) -> None:
         self.name = name
         self.max_nodes = max_nodes
         self.moves = moves
         self.learner = learner
         self.features = features
-        self._steadiness = steadiness or Steadiness()
+        self._action_filter = action_filter or ActionFilter()
         self._n_lessons = 0
         self._n_proposals = 0
         self._last_used: dict[int, int] = {}
@@ -110,14 +110,14 @@ class Policy:
         except NotFittedError:
             return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
         shares = {move: evidence.probabilities.get(move, 0.0) for move in self.moves}
-        steady = self._steadiness.average(shares)
+        steady = self._action_filter.average(shares)
         view = View(
             picture=self.features.thumbnail(x),
             novelty=evidence.novelty,
             at_s=at_s,
             bumped=bumped,
         )
-        action = self._steadiness.choose(steady, view, under_way)
+        action = self._action_filter.choose(steady, view, under_way)
         node = self._note(self._last_used, evidence.node, self._n_proposals)
         return Prediction(
             frame_id=frame_id,
@@ -145,7 +145,7 @@ class Policy:
 
     def settle(self) -> None:
         """Forget the running average and the turn begun: a new drive begins."""
-        self._steadiness.reset()
+        self._action_filter.reset()
         if isinstance(self.learner, MultiPlace):
             self.learner.settle()
 

@@ -8,7 +8,7 @@ import re
 from robot.errors import ConfigurationError
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.places import BinaryFeatures, MultiPlace
-from robot.policy.action_filter import Steadiness
+from robot.policy.action_filter import ActionFilter
 from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
 from robot.policy.variants import DEFAULT, VARIANTS, Maker
@@ -17,7 +17,9 @@ from robot.types import DEFAULT_MOVES, Action
 
 def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
     learner = BSOCClassifier.published(number, integer=integer)
-    return Policy(name, number, learner, GreyFeatures(), moves=moves, steadiness=Steadiness.none())
+    return Policy(
+        name, number, learner, GreyFeatures(), moves=moves, action_filter=ActionFilter.none()
+    )
 
 
 def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
@@ -33,7 +35,9 @@ def _baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) 
     from robot import baselines
 
     learner = baselines.make(split_name(name)[0], number)
-    return Policy(name, number, learner, GreyFeatures(), moves=moves, steadiness=Steadiness.none())
+    return Policy(
+        name, number, learner, GreyFeatures(), moves=moves, action_filter=ActionFilter.none()
+    )
 
 
 MAKERS: dict[str, Maker] = {

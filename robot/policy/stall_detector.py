@@ -22,7 +22,7 @@ _STILL_SHARE = 0.25
 _RISE, _FALL = 0.1, 0.001
 
 
-class Standstill:
+class StallDetector:
     """Compares each picture with the one of a tenth of a second before.
 
     What counts as still follows from how much the picture usually changes: a scale that rises

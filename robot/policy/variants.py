@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from robot.learner.classifier import GROUP_COST, LINEAR_SHARE, N_VOTERS, BSOCClassifier
 from robot.learner.ridge import RecursiveRidge
-from robot.policy.action_filter import Commitment, Steadiness
+from robot.policy.action_filter import ActionFilter, Commitment
 from robot.policy.features import Features, GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
 from robot.types import Action
@@ -26,7 +26,7 @@ class Design:
     """What a learner of the default's kind is made of; every constant as measured best."""
 
     features: Callable[[], Features] = GradientFeatures
-    steadiness: Callable[[], Steadiness] = Steadiness
+    action_filter: Callable[[], ActionFilter] = ActionFilter
     is_linear: bool = True
     linear_share: float = LINEAR_SHARE
     group_cost: float = GROUP_COST
@@ -51,7 +51,9 @@ class Design:
     def make(self, number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
         """Return the policy; a `Maker`."""
         learner, features = self.make_learner(number, integer), self.features()
-        return Policy(name, number, learner, features, moves=moves, steadiness=self.steadiness())
+        return Policy(
+            name, number, learner, features, moves=moves, action_filter=self.action_filter()
+        )
 
 
 DEFAULT = Design()
@@ -62,12 +64,14 @@ VARIANTS: dict[str, Maker] = {
         "linear-alone": Design(linear_share=1.0),
         "labels-merged-freely": Design(group_cost=1.0),
         "one-voter": Design(n_voters=1),
-        "without-average": Design(steadiness=lambda: Steadiness(votes_kept=0.0)),
+        "without-average": Design(action_filter=lambda: ActionFilter(votes_kept=0.0)),
         "without-commitment": Design(
-            steadiness=lambda: Steadiness(commitment=Commitment(bars_opposite=False))
+            action_filter=lambda: ActionFilter(commitment=Commitment(bars_opposite=False))
         ),
-        "without-inertia": Design(steadiness=lambda: Steadiness(commitment=Commitment(0.0, 0.0))),
-        "without-reflex": Design(steadiness=lambda: Steadiness(unfamiliar=math.inf)),
+        "without-inertia": Design(
+            action_filter=lambda: ActionFilter(commitment=Commitment(0.0, 0.0))
+        ),
+        "without-reflex": Design(action_filter=lambda: ActionFilter(unfamiliar=math.inf)),
         "grey-alone": Design(features=GreyFeatures, is_linear=False),
         "whole-numbers": Design(is_integer=True),
     }.items()

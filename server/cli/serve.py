@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robot.control.gate import GateConfig
-from robot.control.link_governor import GovernorConfig
+from robot.control.link_governor import LinkGovernorConfig
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.rig.options import Option, options_of
 from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
@@ -201,7 +201,7 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
 
     return LoopConfig(
         gate=build(GateConfig, settings.tables.get("gate", {}), "gate"),
-        governor=build(GovernorConfig, settings.tables.get("governor", {}), "governor"),
+        governor=build(LinkGovernorConfig, settings.tables.get("governor", {}), "governor"),
     )
 
 

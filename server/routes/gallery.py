@@ -48,7 +48,7 @@ async def show_image(request: Request, node: int) -> Response:
 async def undo_edit(request: Request) -> dict[str, bool]:
     """Take the last change to an image back; `undone` is false if there is none to take back."""
     loop = request.app.state.robot.loop
-    undone = await asyncio.wrap_future(loop.submit(lambda: loop.school.undo_edit()))
+    undone = await asyncio.wrap_future(loop.submit(lambda: loop.history.undo_edit()))
     await request.app.state.coach.gallery(fresh=True)
     return {"undone": bool(undone)}
 
@@ -62,7 +62,7 @@ async def edit_image(request: Request, node: int) -> dict[str, Any]:
         raise HTTPException(400, "'verb' must be relabel, pin or delete.")
     loop = request.app.state.robot.loop
     try:
-        await asyncio.wrap_future(loop.submit(lambda: loop.school.edit(verb, node, value)))
+        await asyncio.wrap_future(loop.submit(lambda: loop.history.edit(verb, node, value)))
     except LookupError as error:
         raise HTTPException(
             404, "That image is no longer there; it may have been merged."

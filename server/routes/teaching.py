@@ -9,7 +9,7 @@ from typing import Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request
 
-from robot.policy.history import UNDO_HORIZON_S, School
+from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
 from robot.storage.png import encode_png
 from server.persistence import read_body
 from server.security.guard import require_pilot, require_viewer
@@ -39,7 +39,7 @@ async def show_last(request: Request, seconds: float = 5.0) -> dict[str, Any]:
     """Show what undoing the last seconds would take away."""
     loop = request.app.state.robot.loop
     wanted_s = _checked(seconds)
-    return dict(await asyncio.wrap_future(loop.submit(lambda: _preview(loop.school, wanted_s))))
+    return dict(await asyncio.wrap_future(loop.submit(lambda: _preview(loop.history, wanted_s))))
 
 
 @router.post("/undo", dependencies=[PILOT])
@@ -47,7 +47,7 @@ async def undo(request: Request) -> dict[str, Any]:
     """Un-learn the last seconds of teaching: {seconds}."""
     seconds = _checked((await read_body(request)).get("seconds"))
     loop = request.app.state.robot.loop
-    gone = await asyncio.wrap_future(loop.submit(lambda: loop.school.undo(seconds)))
+    gone = await asyncio.wrap_future(loop.submit(lambda: loop.history.undo(seconds)))
     return {"undone": len(gone)}
 
 
@@ -59,15 +59,15 @@ def _checked(seconds: Any) -> float:
     return float(seconds)
 
 
-def _preview(school: School, seconds: float) -> dict[str, Any]:
+def _preview(history: TrainingHistory, seconds: float) -> dict[str, Any]:
     """Describe the lessons that would go; on the loop's thread."""
-    taught = school.last_lessons(seconds)
+    taught = history.last_lessons(seconds)
     step = max(1, -(-len(taught) // _STRIP))
     labels = Counter(lesson.lesson.label for lesson in taught)
-    picture = school.policy.features.thumbnail
+    picture = history.policy.features.thumbnail
     return {
         "lessons": len(taught),
-        "taught": {move.value: labels[move] for move in school.policy.moves},
+        "taught": {move.value: labels[move] for move in history.policy.moves},
         "strip": [
             {
                 "frame": lesson.lesson.frame_id,

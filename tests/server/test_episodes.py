@@ -78,7 +78,7 @@ def test_a_drive_appears_in_the_list_while_it_is_recorded(library: Library, clie
     loop.set_mode(Mode.STOPPED).result(5)
     library.stop()
     [episode] = client.get("/api/episodes").json()["episodes"]
-    assert episode["damage"] is None and episode["lessons"] == loop.school.lessons
+    assert episode["damage"] is None and episode["lessons"] == loop.history.lessons
 
 
 def test_an_episode_is_shown_with_strip_timeline_and_pictures(

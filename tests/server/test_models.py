@@ -32,10 +32,10 @@ class Bench:
         def teach() -> None:
             frame = camera.latest()
             assert frame is not None
-            x = loop.school.policy.extract(frame)
+            x = loop.history.policy.extract(frame)
             for i in range(lessons):
                 lesson = Lesson(frame_id=i, label=Action.LEFT, is_intervention=False)
-                loop.school.teach(lesson, x + i, i * 0.05)
+                loop.history.teach(lesson, x + i, i * 0.05)
 
         loop.submit(teach).result(5)
 
@@ -79,12 +79,12 @@ def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
     bench.client.post("/api/models/save")
     made = bench.client.post("/api/models", json={"name": "Flur", "place": "the hall"})
     assert (made.status_code, made.json()) == (201, {"name": "Flur"})
-    assert bench.rig.loop.submit(lambda: bench.rig.loop.school.lessons).result(5) == 0
+    assert bench.rig.loop.submit(lambda: bench.rig.loop.history.lessons).result(5) == 0
     bench.teach(3)
     assert bench.client.post("/api/models/bench/load").json() == {"name": "bench"}
-    assert bench.rig.loop.submit(lambda: bench.rig.loop.school.lessons).result(5) == 12
+    assert bench.rig.loop.submit(lambda: bench.rig.loop.history.lessons).result(5) == 12
     assert bench.client.post("/api/models/Flur/load").status_code == 200
-    assert bench.rig.loop.submit(lambda: bench.rig.loop.school.lessons).result(5) == 3
+    assert bench.rig.loop.submit(lambda: bench.rig.loop.history.lessons).result(5) == 3
 
 
 def test_a_driving_robot_keeps_its_model(bench: Bench) -> None:
@@ -152,7 +152,7 @@ def test_what_was_taught_is_saved_at_the_end_and_loaded_at_the_next_start(bench:
     next_rig = Rig(NotingDriver(), SteadyCamera(RealClock()), make_policy("published-8"))
     with next_rig, Library(bench.library.storage, next_rig) as library:
         assert library.keeper.load_last() == "bench"
-        assert next_rig.loop.submit(lambda: next_rig.loop.school.lessons).result(5) == 7
+        assert next_rig.loop.submit(lambda: next_rig.loop.history.lessons).result(5) == 7
 
 
 def test_a_mode_change_saves(bench: Bench) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from robot.control.gate import GateConfig
-from robot.control.link_governor import GovernorConfig
+from robot.control.link_governor import LinkGovernorConfig
 from robot.errors import ConfigurationError
 from server.cli import serve
 from server.config import Limits
@@ -70,11 +70,11 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
 )
 def test_a_broken_table_is_refused(table: dict[str, Any], said: str) -> None:
     with pytest.raises(ConfigurationError, match=said):
-        build(GovernorConfig, table, "governor")
+        build(LinkGovernorConfig, table, "governor")
 
 
 def test_a_table_changes_what_it_names() -> None:
-    assert build(GovernorConfig, {"stop_s": 0.4}, "governor") == GovernorConfig(stop_s=0.4)
+    assert build(LinkGovernorConfig, {"stop_s": 0.4}, "governor") == LinkGovernorConfig(stop_s=0.4)
     with pytest.raises(ConfigurationError, match="whole number"):
         build(Limits, {"clients": 1.5}, "limits")
 
@@ -84,7 +84,9 @@ def test_every_setting_is_in_the_reference() -> None:
     parser = argparse.ArgumentParser(add_help=False)
     serve.configure(parser)
     flags = [action.option_strings[-1] for action in parser._actions]
-    tables = [field.name for kind in (GateConfig, GovernorConfig, Limits) for field in fields(kind)]
+    tables = [
+        field.name for kind in (GateConfig, LinkGovernorConfig, Limits) for field in fields(kind)
+    ]
     assert [name for name in flags + tables if f"`{name}`" not in text] == []
 
 

@@ -34,13 +34,13 @@ def _teach(server: LiveServer, lessons: int) -> None:
         pass
 
     def teach() -> None:
-        loop.school.replace_policy(make_policy("default-8"))
-        x = loop.school.policy.extract(frame())
+        loop.history.replace_policy(make_policy("default-8"))
+        x = loop.history.policy.extract(frame())
         for i in range(lessons):
             label = Action.LEFT if i % 4 == 0 else Action.FORWARD
             varied = (x + (i * 37) % 91).astype(x.dtype)
             lesson = Lesson(frame_id=1000 + i, label=label, is_intervention=False)
-            loop.school.teach(lesson, varied, i * 0.1)
+            loop.history.teach(lesson, varied, i * 0.1)
 
     loop.submit(teach).result(5)
 

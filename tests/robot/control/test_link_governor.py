@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from robot.control.link_governor import Governor, GovernorConfig, LinkLevel, age_of_link_s
+from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, LinkLevel, age_of_link_s
 from robot.types import Action, Mode, PilotCommand, StopReason
 from tests.robot.bench_robot import BenchRobot
 
@@ -20,14 +20,14 @@ from tests.robot.bench_robot import BenchRobot
 def test_each_step_is_taken_at_once(
     age_s: float, level: LinkLevel, scale: float, learns: bool, stops: bool
 ) -> None:
-    governor = Governor()
+    governor = LinkGovernor()
     governor.hear(age_s, 0.0)
     assert governor.level is level
     assert (governor.speed_scale, governor.may_learn, governor.must_stop) == (scale, learns, stops)
 
 
 def test_steps_are_taken_back_one_by_one_and_only_after_a_while() -> None:
-    governor = Governor()
+    governor = LinkGovernor()
     governor.hear(0.4, 0.0)
     levels = []
     for tenth in range(1, 40):
@@ -39,7 +39,7 @@ def test_steps_are_taken_back_one_by_one_and_only_after_a_while() -> None:
 
 
 def test_an_age_about_a_threshold_does_not_make_it_flutter() -> None:
-    governor = Governor()
+    governor = LinkGovernor()
     levels = []
     for tenth in range(100):
         governor.hear(0.252 if tenth % 3 == 0 else 0.248, tenth / 10)
@@ -48,7 +48,7 @@ def test_an_age_about_a_threshold_does_not_make_it_flutter() -> None:
 
 
 def test_thresholds_are_settings() -> None:
-    governor = Governor(GovernorConfig(warn_s=0.01))
+    governor = LinkGovernor(LinkGovernorConfig(warn_s=0.01))
     governor.hear(0.02, 0.0)
     assert governor.level is LinkLevel.SLOW
 

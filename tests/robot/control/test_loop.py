@@ -29,8 +29,8 @@ def test_who_asked_finds_the_state_published_and_every_listener_told() -> None:
     robot.step(scene=1, held=L)
     found: list[tuple[int, int]] = []
     told: list[int] = []
-    robot.loop.subscribe(lambda tick: told.append(len(tick.school_events)))
-    undone = robot.loop.submit(lambda: robot.loop.school.undo(5.0))
+    robot.loop.subscribe(lambda tick: told.append(len(tick.history_events)))
+    undone = robot.loop.submit(lambda: robot.loop.history.undo(5.0))
     undone.add_done_callback(
         lambda _: found.append((sum(robot.loop.state.taught.values()), sum(told)))
     )
@@ -65,7 +65,7 @@ def test_each_command_labels_the_named_frame_not_the_newest() -> None:
     robot.tick()
     robot.hold(R, frame_id=seen.frame_id)
     tick = robot.tick()
-    assert [event.lesson.frame_id for event in tick.school_events] == [seen.frame_id]
+    assert [event.lesson.frame_id for event in tick.history_events] == [seen.frame_id]
 
 
 def test_it_drives_alone_what_it_was_taught_and_a_touch_is_a_lesson() -> None:
@@ -80,7 +80,7 @@ def test_it_drives_alone_what_it_was_taught_and_a_touch_is_a_lesson() -> None:
     taught_before = robot.loop.state.taught[L]
     tick = robot.step(2, L)
     assert tick.decision.driven_by is DrivenBy.PILOT
-    assert tick.school_events[0].lesson.is_intervention
+    assert tick.history_events[0].lesson.is_intervention
     assert robot.loop.state.taught[L] == taught_before + 1
     assert robot.step(1, None).decision.driven_by is DrivenBy.ROBOT
 
@@ -116,7 +116,7 @@ def test_what_was_decided_before_the_process_was_held_up_is_not_driven_after(whe
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
     robot.step(1, F)
-    owner: Any = robot.loop.school.policy if where == "propose" else robot.driver
+    owner: Any = robot.loop.history.policy if where == "propose" else robot.driver
     original = getattr(owner, where)
 
     def held_up(*args: Any, **kwargs: Any) -> Any:
@@ -142,13 +142,13 @@ def test_what_the_pilot_does_has_no_weight_in_what_the_robot_would_do() -> None:
         robot.step(1, F)
         robot.step(2, L)
     under_way: list[Action | None] = []
-    propose = robot.loop.school.policy.propose
+    propose = robot.loop.history.policy.propose
 
     def listen(frame_id: int, x: Any, **drive: Any) -> Prediction:
         under_way.append(drive["under_way"])
         return propose(frame_id, x, **drive)
 
-    robot.loop.school.policy.propose = listen  # type: ignore[method-assign]
+    robot.loop.history.policy.propose = listen  # type: ignore[method-assign]
     robot.step(1, F)
     robot.step(1, F)
     assert under_way == [None, None]
@@ -253,7 +253,7 @@ def test_whatever_is_thrown_inside_stops_the_robot_first_and_is_logged_once(
     def explode(*_: object, **__: object) -> None:
         raise ArithmeticError("boom")
 
-    robot.loop.school.policy.propose = explode  # type: ignore[method-assign,assignment]
+    robot.loop.history.policy.propose = explode  # type: ignore[method-assign,assignment]
     robot.step(1, F)
     assert robot.driver.stops >= 1
     assert robot.loop.state.decision.stop_reason is StopReason.LOOP_FAULT

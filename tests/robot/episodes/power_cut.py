@@ -63,7 +63,7 @@ def live(folder: Path, out: int) -> None:
             tell("saved", fields["lessons"])
 
     def note(tick: Tick) -> None:
-        taught = [e.lesson.frame_id for e in tick.school_events if isinstance(e, Taught)]
+        taught = [e.lesson.frame_id for e in tick.history_events if isinstance(e, Taught)]
         if tick.decision.mode is not Mode.STOPPED or taught:
             tell("tick", tick.now_s, *taught)
 
@@ -77,7 +77,7 @@ def live(folder: Path, out: int) -> None:
     )
     with rig:
         keeper.load_last()
-        tell("loaded", rig.loop.submit(lambda: rig.loop.school.lessons).result(5))
+        tell("loaded", rig.loop.submit(lambda: rig.loop.history.lessons).result(5))
         keeper.start()
         recorder.start()
         rig.loop.subscribe(note)

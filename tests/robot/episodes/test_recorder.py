@@ -30,7 +30,7 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
     assert episode.run["robot"] == "bench" and episode.run["learner"] == "published-8"
     assert json.loads(episode.run["options"]) == {"world": "bench"}
     assert len(episode.frames) >= 40
-    assert len(taught_frames(episode)) == robot.loop.school.lessons == 40
+    assert len(taught_frames(episode)) == robot.loop.history.lessons == 40
     held = [words["held"] for _, words in episode.words[COMMAND]]
     assert held[:5] == ["forward"] * 4 + ["left"]
     assert {words["driven_by"] for _, words in episode.words[DECISION]} >= {"pilot"}
@@ -61,9 +61,9 @@ def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
     """Read by the library itself, with the schemas that the file carries."""
     robot = RecordedBench(tmp_path)
     robot.drive(range(30))
-    node = robot.loop.school.policy.gallery()[0].node_id
-    robot.loop.submit(lambda: robot.loop.school.edit("relabel", node, Action.LEFT))
-    robot.loop.submit(lambda: robot.loop.school.undo(0.3))
+    node = robot.loop.history.policy.gallery()[0].node_id
+    robot.loop.submit(lambda: robot.loop.history.edit("relabel", node, Action.LEFT))
+    robot.loop.submit(lambda: robot.loop.history.undo(0.3))
     robot.tick()
     [path] = robot.finish()
     seen = set()

@@ -10,7 +10,7 @@ from robot.episodes.recovery import recover_last
 from robot.episodes.teaching import same_nodes
 from robot.models.model import Model, take_model
 from robot.models.store import ModelShelf
-from robot.policy.history import School
+from robot.policy.history import TrainingHistory
 from robot.storage.folder import Storage
 
 from .drives import RecordedBench
@@ -21,8 +21,8 @@ def storage(tmp_path: Path) -> Storage:
     return Storage(tmp_path)
 
 
-def now(school: School) -> Model:
-    return take_model(school.policy, school.taught, saved_at_s=1.0)
+def now(history: TrainingHistory) -> Model:
+    return take_model(history.policy, history.taught, saved_at_s=1.0)
 
 
 def cut(storage: Storage, robot: RecordedBench) -> None:
@@ -38,15 +38,15 @@ def test_the_model_is_brought_up_to_the_recording(
 ) -> None:
     shelf = ModelShelf(storage)
     robot = RecordedBench(storage.episodes, learner)
-    school = robot.loop.school
+    history = robot.loop.history
     robot.drive(range(30))
-    shelf.save("bench", now(school))
+    shelf.save("bench", now(history))
     shelf.current = "bench"
     robot.drive(range(30, 50))
     if undoes:
-        robot.loop.submit(lambda: school.undo(0.4))
+        robot.loop.submit(lambda: history.undo(0.4))
         robot.tick()
-    live = now(school)
+    live = now(history)
     cut(storage, robot)
 
     won = recover_last(storage.episodes, shelf, "bench")
@@ -64,7 +64,7 @@ def test_a_model_that_was_never_saved_comes_back_whole(storage: Storage) -> None
     shelf = ModelShelf(storage)
     robot = RecordedBench(storage.episodes)
     robot.drive(range(30))
-    live = now(robot.loop.school)
+    live = now(robot.loop.history)
     cut(storage, robot)
     (storage.episodes / "zebra.mcap").write_bytes(b"an import, which no robot recorded")
     assert recover_last(storage.episodes, shelf, "bench") == 30

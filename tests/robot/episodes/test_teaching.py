@@ -24,28 +24,28 @@ def test_a_drive_with_corrections_and_undo_is_learned_again_bit_for_bit(
     tmp_path: Path, learner: str
 ) -> None:
     robot = RecordedBench(tmp_path, learner)
-    school = robot.loop.school
+    history = robot.loop.history
     robot.drive(range(60))
-    robot.loop.submit(lambda: school.undo(0.7))
+    robot.loop.submit(lambda: history.undo(0.7))
     robot.tick()
     robot.start(Mode.AUTONOMOUS)
     for scene in range(200, 240):
         robot.step(scene, Action.RIGHT if scene % 9 < 3 else None)
-    node = school.policy.gallery()[0].node_id
-    robot.loop.submit(lambda: school.edit("relabel", node, Action.LEFT))
+    node = history.policy.gallery()[0].node_id
+    robot.loop.submit(lambda: history.edit("relabel", node, Action.LEFT))
     robot.step(300, None)
-    robot.loop.submit(lambda: school.undo(0.2))
-    robot.loop.submit(lambda: school.edit("pin", school.policy.gallery()[0].node_id, True))
-    robot.loop.submit(lambda: school.undo_edit())
+    robot.loop.submit(lambda: history.undo(0.2))
+    robot.loop.submit(lambda: history.edit("pin", history.policy.gallery()[0].node_id, True))
+    robot.loop.submit(lambda: history.undo_edit())
     robot.step(301, Action.FORWARD)
     robot.stop()
-    live = school.policy.get_state()
+    live = history.policy.get_state()
     [path] = robot.finish()
     episode = open_episode(path)
     again = make_policy(learner)
     report = learn_again(again, [(episode, Notes())])
     assert same_nodes(again.get_state(), live)
-    assert report.taught == school.taught
+    assert report.taught == history.taught
     assert report.missing_frames == 0
     after = episode.model_after()
     assert after is not None and same_nodes(after.state, live)
@@ -56,14 +56,14 @@ def test_several_recordings_of_one_run_with_an_undo_across_them(
     tmp_path: Path, learner: str
 ) -> None:
     robot = RecordedBench(tmp_path, learner)
-    school = robot.loop.school
+    history = robot.loop.history
     robot.drive(range(30))
     robot.stand(12)
     robot.drive(range(30, 50))
-    robot.loop.submit(lambda: school.undo(1.8))
+    robot.loop.submit(lambda: history.undo(1.8))
     robot.tick()
     robot.drive(range(50, 70))
-    live = school.policy.get_state()
+    live = history.policy.get_state()
     paths = robot.finish()
     assert len(paths) == 3
     episodes = [(open_episode(path), Notes()) for path in paths]

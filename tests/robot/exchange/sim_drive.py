@@ -43,7 +43,7 @@ def drive_in_simulator(folder: Path, learner: str, steps: int = 200, undo_s: flo
         loop.tick(clock.now_s())
         _teach(loop, driver, camera, clock, range(1, steps + 1))
         if undo_s:
-            loop.submit(lambda: loop.school.undo(undo_s))
+            loop.submit(lambda: loop.history.undo(undo_s))
         loop.set_mode(Mode.STOPPED)
         loop.tick(clock.now_s())
         recorder.finish()
@@ -52,7 +52,7 @@ def drive_in_simulator(folder: Path, learner: str, steps: int = 200, undo_s: flo
         driver.disconnect()
         driver.simulation.close()
     [path] = folder.glob("*.mcap")
-    return Driven(path=path, state=loop.school.policy.get_state(), lessons=loop.school.lessons)
+    return Driven(path=path, state=loop.history.policy.get_state(), lessons=loop.history.lessons)
 
 
 def _teach(

@@ -22,7 +22,7 @@ def tick(now_s: float, mode: Mode, by: DrivenBy, action: Action, distance_m: flo
         sent=action,
         prediction=None,
         sensors=Sensors(distance_m=distance_m),
-        school_events=(),
+        history_events=(),
         cycle_s=0.001,
     )
 

@@ -43,9 +43,9 @@ class KeptRobot(BenchRobot):
         frame = self.camera.show(scene)
 
         def teach() -> None:
-            school = self.loop.school
+            history = self.loop.history
             lesson = Lesson(frame_id=frame.frame_id, label=Action.LEFT, is_intervention=False)
-            school.teach(lesson, school.policy.extract(frame), frame.captured_s)
+            history.teach(lesson, history.policy.extract(frame), frame.captured_s)
 
         return self.loop.submit(teach)
 
@@ -67,7 +67,7 @@ def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
     taught, go_on = threading.Event(), threading.Event()
 
     def hold_up(tick: Tick) -> None:
-        if tick.school_events:
+        if tick.history_events:
             taught.set()
             go_on.wait(5)
 
@@ -100,7 +100,7 @@ def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot: KeptRo
     robot.teach(2)
     robot.keeper.load(name)  # which saves first
     assert not robot.keeper.has_unsaved
-    assert robot.loop.school.lessons == 2
+    assert robot.loop.history.lessons == 2
     robot.teach(3)
     assert robot.keeper.has_unsaved
 
@@ -108,7 +108,7 @@ def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot: KeptRo
 def test_a_taken_back_lesson_is_something_to_save(robot: KeptRobot) -> None:
     robot.teach(1)
     robot.keeper.save()
-    robot.loop.submit(lambda: robot.loop.school.undo(5.0)).result(5)
+    robot.loop.submit(lambda: robot.loop.history.undo(5.0)).result(5)
     robot.keeper.stop()
     assert robot.kept_lessons() == [0]
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.policy.stall_detector import AWAY_S, STUCK_S, Standstill
+from robot.policy.stall_detector import AWAY_S, STUCK_S, StallDetector
 from robot.types import Action
 
 F, L = Action.FORWARD, Action.LEFT
@@ -13,7 +13,7 @@ class Drive:
     """Pictures at 20 Hz: of a stripe that moves, or of one that only has noise."""
 
     def __init__(self):
-        self.standstill, self.now_s, self.shift = Standstill(), 100.0, 0
+        self.standstill, self.now_s, self.shift = StallDetector(), 100.0, 0
         self.rng = np.random.default_rng(3)
 
     def go(self, seconds, under_way, is_moving, bumped=False):
