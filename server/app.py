@@ -15,12 +15,12 @@ from server.config import Config
 from server.hosting.network import host_names
 from server.hosting.static_files import PackedFiles
 from server.persistence import recording_in
-from server.progress import Coach
+from server.progress import Progress
 from server.routes import routers
 from server.security.access import Access
 from server.security.guard import Guard
 from server.security.pairing import Pairing, cookie_name
-from server.study import Classroom
+from server.study import Study
 
 
 def create_app(
@@ -44,8 +44,8 @@ def create_app(
     station = Station(config, robot, name)
     turned_away: Counter[str] = Counter()
     app.state.config, app.state.robot, app.state.station = config, robot, station
-    app.state.coach = coach = Coach(robot.loop, lambda: recording_in(app.state))
-    app.state.classroom = classroom = Classroom(robot.loop, station.announce_soon)
+    app.state.progress = progress = Progress(robot.loop, lambda: recording_in(app.state))
+    app.state.study = study = Study(robot.loop, station.announce_soon)
     app.state.pairing, app.state.turned_away = pairing, turned_away
     for router in routers():
         app.include_router(router)
@@ -55,7 +55,7 @@ def create_app(
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         await station.start()
         try:
-            with coach, classroom:
+            with progress, study:
                 yield
         finally:
             await station.stop()

@@ -11,17 +11,17 @@ from starlette.concurrency import run_in_threadpool
 
 from robot.episodes.recorder import Recorder
 from robot.episodes.recovery import recover_last
-from robot.episodes.store import EpisodeShelf
+from robot.episodes.store import EpisodeStore
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
 from robot.lifecycle import StartStop
-from robot.models.autosave import Announce, Keeper, say_nothing
-from robot.models.store import ModelShelf
+from robot.models.autosave import Announce, Autosave, say_nothing
+from robot.models.store import ModelStore
 from robot.rig.rig import Rig
 from robot.storage.folder import Storage
 from robot.storage.lock import FolderLock
 
 
-class Library(StartStop):
+class Persistence(StartStop):
     """Starts and stops what keeps. A context manager, inside of the rig's."""
 
     def __init__(
@@ -36,19 +36,19 @@ class Library(StartStop):
         self.storage = storage
         self._name = name
         self._lock = FolderLock(storage.root)
-        self.models = ModelShelf(storage)
-        self.keeper = Keeper(
+        self.models = ModelStore(storage)
+        self.autosave = Autosave(
             rig.loop, self.models, name=name, moves=rig.driver.moves, announce=announce
         )
         self.recorder = Recorder(
             rig.loop, storage.episodes, robot=name, options=options, announce=announce
         )
-        self.episodes = EpisodeShelf(storage, recording=lambda: self.recorder.episode_id)
+        self.episodes = EpisodeStore(storage, recording=lambda: self.recorder.episode_id)
 
     def start(self) -> None:
         """Take the folder, recover from a power cut, and begin to keep.
 
-        What was kept before is loaded by `keeper.load_last`.
+        What was kept before is loaded by `autosave.load_last`.
 
         Raises:
             ConfigurationError: If another program keeps its lessons there.
@@ -56,28 +56,28 @@ class Library(StartStop):
         self._lock.start()
         self.storage.sweep()
         recover_last(self.storage.episodes, self.models, self._name)
-        self.keeper.start()
+        self.autosave.start()
         self.recorder.start()
 
     def stop(self) -> None:
         """Finish the recording and save what was learned; the loop must still turn. Idempotent."""
         self.recorder.stop()
-        self.keeper.stop()
+        self.autosave.stop()
         self._lock.stop()
 
 
-def library_of(request: Request) -> Library:
+def persistence_of(request: Request) -> Persistence:
     """Dependency of routes that need what is kept; 503 where nothing is."""
-    library = getattr(request.app.state, "library", None)
-    if not isinstance(library, Library):
+    persistence = getattr(request.app.state, "library", None)
+    if not isinstance(persistence, Persistence):
         raise HTTPException(503, "Nothing is kept here: start the server with --data FOLDER.")
-    return library
+    return persistence
 
 
 def recording_in(app_state: Any) -> str | None:
     """Return the id of the episode that is being recorded, if any is."""
-    library = getattr(app_state, "library", None)
-    return library.recorder.episode_id if isinstance(library, Library) else None
+    persistence = getattr(app_state, "library", None)
+    return persistence.recorder.episode_id if isinstance(persistence, Persistence) else None
 
 
 @contextmanager

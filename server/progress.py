@@ -35,7 +35,7 @@ class Mark:
     episode: str | None = None
 
 
-class Coach(StartStop):
+class Progress(StartStop):
     """Follows one robot's lessons. A context manager: it follows inside of the block."""
 
     def __init__(self, loop: ControlLoop, episode: Callable[[], str | None] = lambda: None) -> None:

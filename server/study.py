@@ -20,7 +20,7 @@ from robot.types import Mode
 _RESULT = re.compile(r"\d{8}-\d{6}-trial-[1-3]")
 
 
-class Classroom(StartStop):
+class Study(StartStop):
     """Follows the loop while a lesson is on. A context manager: it follows inside of the block.
 
     `pace` is how many seconds of a lesson go by in a second: 1, but for demonstrations and tests.

@@ -34,7 +34,7 @@ from robot.episodes.messages import (
     describe_sensors,
 )
 from robot.episodes.writer import Run, require_mcap
-from robot.episodes.writer_thread import Close, Disk, Open, RecorderConfig, Say
+from robot.episodes.writer_thread import Close, Open, RecorderConfig, Say, WriterThread
 from robot.errors import MissingExtraError
 from robot.models.autosave import Announce, say_nothing
 from robot.models.model import Model, take_model
@@ -74,7 +74,7 @@ class Recorder:
         self._config = config or RecorderConfig()
         self._wall_ns = wall_ns
         self._run_id = secrets.token_hex(8)
-        self._disk = Disk(folder, self._config, open_file, announce)
+        self._disk = WriterThread(folder, self._config, open_file, announce)
         self._unsubscribe: Callable[[], None] = lambda: None
         self._base: Model | None = None
         self._is_open = False

@@ -18,13 +18,13 @@ from robot.episodes.recorder import is_recorded_name
 from robot.episodes.teaching import learn_again
 from robot.errors import RobotError
 from robot.models.model import Model, take_model
-from robot.models.store import ModelShelf
+from robot.models.store import ModelStore
 from robot.policy.history import Taught
 
 log = logging.getLogger(__name__)
 
 
-def recover_last(folder: Path, shelf: ModelShelf, name: str) -> int:
+def recover_last(folder: Path, store: ModelStore, name: str) -> int:
     """Bring the model in use up to the recording that was cut short; return the lessons won back.
 
     Call it before the model is loaded. What cannot be recovered is logged and left as it is.
@@ -42,7 +42,7 @@ def recover_last(folder: Path, shelf: ModelShelf, name: str) -> int:
         if notes.is_recovered:
             return 0
         episode = open_episode(newest)
-        won = _recover(episode, shelf, name) if episode.damage else 0
+        won = _recover(episode, store, name) if episode.damage else 0
         if episode.damage:
             write_notes(newest, replace(notes, is_recovered=True))
     except (RobotError, OSError) as error:
@@ -53,20 +53,20 @@ def recover_last(folder: Path, shelf: ModelShelf, name: str) -> int:
     return won
 
 
-def _recover(episode: Episode, shelf: ModelShelf, name: str) -> int:
+def _recover(episode: Episode, store: ModelStore, name: str) -> int:
     before = episode.model_before()
     if before is None:
         return 0
-    current = shelf.current
-    saved = shelf.load(current) if current is not None else before
+    current = store.current
+    saved = store.load(current) if current is not None else before
     if saved.card.learner != before.card.learner:
         return 0
     recovered = _learn_on(saved, before, episode)
     won = recovered.card.lessons - saved.card.lessons
     if won > 0:
-        current = current or shelf.free_name(name)
-        shelf.save(current, recovered)
-        shelf.current = current
+        current = current or store.free_name(name)
+        store.save(current, recovered)
+        store.current = current
     return won
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from robot.episodes.editing import write_mended
 from robot.episodes.edits import Edit, Notes, notes_path, read_notes, write_notes
 from robot.episodes.episode import Episode, open_episode
-from robot.episodes.summary import EpisodeCard, read_card
+from robot.episodes.summary import EpisodeSummary, read_card
 from robot.errors import ConfigurationError, NotFoundError
 from robot.storage.folder import Storage, check_name, free_name
 
@@ -27,10 +27,10 @@ class Budget:
 
     budget_bytes: int
     used_bytes: int
-    offered: tuple[EpisodeCard, ...]
+    offered: tuple[EpisodeSummary, ...]
 
 
-class EpisodeShelf:
+class EpisodeStore:
     """Every file operation on episodes. Safe for several threads.
 
     Args:
@@ -50,13 +50,13 @@ class EpisodeShelf:
         self.budget_bytes = budget_bytes
         self._lock = threading.RLock()
         self._opened: OrderedDict[tuple[str, int, int], Episode] = OrderedDict()
-        self._cards: dict[tuple[str, int, int, int], EpisodeCard] = {}
+        self._cards: dict[tuple[str, int, int, int], EpisodeSummary] = {}
 
     def ids(self) -> list[str]:
         """List the episodes, the newest first: their names begin with their time."""
         return sorted((path.stem for path in self._storage.episodes.glob("*.mcap")), reverse=True)
 
-    def cards(self) -> list[EpisodeCard]:
+    def cards(self) -> list[EpisodeSummary]:
         """Describe all episodes, the newest first."""
         found = []
         for episode_id in self.ids():
@@ -64,7 +64,7 @@ class EpisodeShelf:
                 found.append(self.card(episode_id))
         return sorted(found, key=lambda card: card.started_at_s, reverse=True)
 
-    def card(self, episode_id: str) -> EpisodeCard:
+    def card(self, episode_id: str) -> EpisodeSummary:
         """Describe one episode."""
         path = self.path(episode_id)
         notes = notes_path(path)

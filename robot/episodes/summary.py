@@ -21,7 +21,7 @@ _METADATA_INDEX, _MOST_SUMMARY_BYTES = "MetadataIndex", 16 * 2**20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EpisodeCard:
+class EpisodeSummary:
     """One recording of the list. `started_at_s` is wall-clock time, seconds since 1970.
 
     `damage` says what is wrong: of one that was cut short, where it ends; of one that cannot be
@@ -44,7 +44,7 @@ class EpisodeCard:
     damage: str | None = None
 
 
-def read_card(path: Path) -> EpisodeCard:
+def read_card(path: Path) -> EpisodeSummary:
     """Describe a recording, whatever state it is in; only a missing file raises (OSError)."""
     size = path.stat().st_size
     try:
@@ -59,7 +59,7 @@ def read_card(path: Path) -> EpisodeCard:
     facts.setdefault("taught", {})
     if complaint:
         facts["damage"] = complaint
-    return EpisodeCard(
+    return EpisodeSummary(
         id=path.stem,
         bytes=size,
         title=notes.title,

@@ -78,7 +78,7 @@ class Close:
 Item = Open | Say | Close | Frame
 
 
-class Disk:
+class WriterThread:
     """The other side of the queue: one thread that writes what waits."""
 
     def __init__(

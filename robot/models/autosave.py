@@ -16,7 +16,7 @@ from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import ConfigurationError, RobotError
 from robot.models.model import Model, take_model, with_preview
-from robot.models.store import ModelShelf
+from robot.models.store import ModelStore
 from robot.policy.registry import make_policy
 from robot.types import Action, Mode
 
@@ -31,7 +31,7 @@ def say_nothing(name: str, **fields: object) -> None:
     """Announce to nobody."""
 
 
-class Keeper:
+class Autosave:
     """Owns which model is in use, and saves it.
 
     Args:
@@ -46,7 +46,7 @@ class Keeper:
     def __init__(
         self,
         loop: ControlLoop,
-        shelf: ModelShelf,
+        store: ModelStore,
         *,
         name: str = "robot",
         moves: Collection[Action] = tuple(Action),
@@ -54,7 +54,7 @@ class Keeper:
         announce: Announce = say_nothing,
     ) -> None:
         self._loop = loop
-        self.shelf = shelf
+        self.store = store
         self._wanted_name = name
         self._moves = frozenset(moves)
         self._place = place
@@ -124,10 +124,10 @@ class Keeper:
         with self._lock:
             model, changes = self._take()
             if self._name is None:
-                self._name = self.shelf.free_name(self._wanted_name)
-            self.shelf.save(self._name, model)
-            if self.shelf.current != self._name:
-                self.shelf.current = self._name
+                self._name = self.store.free_name(self._wanted_name)
+            self.store.save(self._name, model)
+            if self.store.current != self._name:
+                self.store.current = self._name
             self._saved_changes = changes
             self.announce("model_saved", model=self._name, lessons=model.card.lessons)
             return self._name
@@ -155,7 +155,7 @@ class Keeper:
         Args:
             learner: Only a model of this learner will do; None for any.
         """
-        for name, model in self.shelf.good_models():
+        for name, model in self.store.good_models():
             fits = learner in (None, model.card.learner) and self._moves >= set(model.card.moves)
             if fits:
                 self._use(name, model)
@@ -171,7 +171,7 @@ class Keeper:
         """
         with self._lock:
             self.save_if_changed()
-            model = self.shelf.load(name)
+            model = self.store.load(name)
             impossible = set(model.card.moves) - self._moves
             if impossible:
                 moves = ", ".join(sorted(impossible))
@@ -193,7 +193,7 @@ class Keeper:
             )
             place = self._place if place is None else place
             model = take_model(policy, Counter(), saved_at_s=time.time(), place=place)
-            new_name = self.shelf.free_name(name or self._wanted_name)
+            new_name = self.store.free_name(name or self._wanted_name)
             self._use(new_name, model)
             return self.save()
 
@@ -209,14 +209,14 @@ class Keeper:
 
         self._saved_changes = self._loop.submit(replace).result(timeout=10.0)
         self._name, self._place = name, model.card.place
-        if name in self.shelf.names():
-            self.shelf.current = name
+        if name in self.store.names():
+            self.store.current = name
         self.announce("model_loaded", model=name)
 
     def rename(self, name: str, new_name: str) -> str:
         """Rename a model, also the one in use."""
         with self._lock:
-            kept = self.shelf.rename(name, new_name)
+            kept = self.store.rename(name, new_name)
             if self._name == name:
                 self._name = kept
             return kept
@@ -228,12 +228,12 @@ class Keeper:
                 self._place = place.strip()[:200]
                 self.save()
             else:
-                self.shelf.set_place(name, place)
+                self.store.set_place(name, place)
 
     def delete(self, name: str) -> str:
         """Delete a model; of the one in use the robot keeps what it knows, under a new name."""
         with self._lock:
-            key = self.shelf.delete(name)
+            key = self.store.delete(name)
             if self._name == name:
                 self._name, self._saved_changes = None, self._loop.history.changes
             return key

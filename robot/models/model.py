@@ -30,7 +30,7 @@ MAX_BYTES = 256 * 2**20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ModelCard:
+class ModelSummary:
     """What a list of models shows. `saved_at_s` is wall-clock time, seconds since 1970."""
 
     learner: str
@@ -50,7 +50,7 @@ class ModelCard:
 class Model:
     """A policy's whole knowledge, apart from the policy; the preview is its most used image."""
 
-    card: ModelCard
+    card: ModelSummary
     state: State
     preview: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((1, 1), np.uint8))
 
@@ -79,7 +79,7 @@ def take_model(
     with_preview: bool = True,
 ) -> Model:
     """Copy what a policy knows. Call it on the thread that the policy belongs to."""
-    card = ModelCard(
+    card = ModelSummary(
         learner=policy.name,
         moves=tuple(policy.moves),
         taught={action: count for action, count in taught.items() if count},
@@ -146,7 +146,7 @@ def decode_model(data: bytes) -> Model:
     return Model(card=_card(meta), state=state, preview=preview)
 
 
-def decode_card(data: bytes) -> ModelCard:
+def decode_card(data: bytes) -> ModelSummary:
     """Read only what a list shows; raises as `decode_model` does, but checks no arrays."""
     return _card(_read_meta(_unpack(data, only="meta").get("meta")))
 
@@ -207,9 +207,9 @@ def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
     return dict(meta)
 
 
-def _card(meta: dict[str, Any]) -> ModelCard:
+def _card(meta: dict[str, Any]) -> ModelSummary:
     try:
-        return ModelCard(
+        return ModelSummary(
             learner=str(meta["learner"]),
             moves=tuple(Action(move) for move in meta["moves"]),
             taught={Action(action): int(count) for action, count in meta["taught"].items()},

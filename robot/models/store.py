@@ -14,7 +14,7 @@ from robot.errors import ConfigurationError, NotFoundError, RecordingError
 from robot.models.model import (
     MAX_BYTES,
     Model,
-    ModelCard,
+    ModelSummary,
     decode_card,
     decode_model,
     encode_model,
@@ -30,17 +30,17 @@ _DAMAGED = ".damaged"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shelved:
+class StoredModel:
     """One model of the list; `card` is None where no version can be read."""
 
     name: str
-    card: ModelCard | None
+    card: ModelSummary | None
     bytes: int
     is_current: bool
     damaged: tuple[str, ...]
 
 
-class ModelShelf:
+class ModelStore:
     """Every file operation on models. Safe for one writer and any number of readers.
 
     Args:
@@ -58,13 +58,13 @@ class ModelShelf:
         folders = self._storage.models.iterdir()
         return sorted((f.name for f in folders if f.is_dir()), key=str.casefold)
 
-    def shelved(self) -> list[Shelved]:
+    def shelved(self) -> list[StoredModel]:
         """List all models, the one saved last first."""
         current = self.current
         shelved = [self._look_at(name, name == current) for name in self.names()]
         return sorted(shelved, key=lambda s: -s.card.saved_at_s if s.card else 0.0)
 
-    def _look_at(self, name: str, is_current: bool) -> Shelved:
+    def _look_at(self, name: str, is_current: bool) -> StoredModel:
         folder = self._storage.models / name
         versions = self._versions(name)
         card = None
@@ -72,7 +72,7 @@ class ModelShelf:
             with contextlib.suppress(RecordingError, OSError):
                 card = decode_card(_read(version))
                 break
-        return Shelved(
+        return StoredModel(
             name=name,
             card=card,
             bytes=versions[-1].stat().st_size if versions else 0,

@@ -11,8 +11,8 @@ from typing import Any
 from robot.episodes.editing import Moment, choose, moments
 from robot.episodes.edits import Edit, Notes, trim
 from robot.episodes.episode import Episode
-from robot.episodes.store import EpisodeShelf
-from robot.episodes.summary import EpisodeCard
+from robot.episodes.store import EpisodeStore
+from robot.episodes.summary import EpisodeSummary
 from robot.errors import ConfigurationError
 from robot.storage.folder import Storage, default_root
 from robot.types import Action
@@ -82,7 +82,7 @@ def _add_range(parser: argparse.ArgumentParser, verb: str) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run one subcommand."""
     storage = Storage(args.data or default_root())
-    result = args.action(args, EpisodeShelf(storage), storage)
+    result = args.action(args, EpisodeStore(storage), storage)
     return int(result or 0)
 
 
@@ -101,9 +101,9 @@ def _range(args: argparse.Namespace, episode: Episode) -> tuple[int, int]:
 # Seeing ------------------------------------------------------------------------------------------
 
 
-def list_episodes(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Print the list."""
-    cards = shelf.cards()
+    cards = store.cards()
     if not cards:
         print(f"no episodes in {storage.episodes}")
         return
@@ -116,7 +116,7 @@ def list_episodes(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storag
         )
 
 
-def _remarks(card: EpisodeCard) -> str:
+def _remarks(card: EpisodeSummary) -> str:
     words = [card.title]
     words += ["protected"] if card.is_protected else []
     words += [f"{card.edits} edits"] if card.edits else []
@@ -124,9 +124,9 @@ def _remarks(card: EpisodeCard) -> str:
     return ", ".join(word for word in words if word)
 
 
-def show(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def show(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Print what one holds, and its labels along the time axis."""
-    [(episode, notes)] = find_episodes(shelf, [args.episode])
+    [(episode, notes)] = find_episodes(store, [args.episode])
     found = moments(episode, notes)
     taught: dict[str, int] = {}
     for moment in found:
@@ -159,13 +159,13 @@ def _letter(move: str | None) -> str:
     return "-" if move is None else _LETTERS.get(move, move[-1:])
 
 
-def play_episode(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> int:
+def play_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int:
     """Serve the page with the episode in place of a robot."""
     from server.__main__ import main
 
     path = Path(args.episode)
     if not path.is_file():
-        path = shelf.path(find_id(shelf, args.episode))
+        path = store.path(find_id(store, args.episode))
     words = ["serve", "--robot", "replay", "--episode", str(path), "--port", args.port]
     return main([*words, "--data", str(storage.root)])
 
@@ -173,77 +173,77 @@ def play_episode(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage
 # Mending -----------------------------------------------------------------------------------------
 
 
-def trim_episode(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def trim_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Keep only a range."""
-    episode_id = find_id(shelf, args.episode)
-    episode = shelf.open(episode_id)
-    _tell_edits(shelf.edit(episode_id, trim(episode.frames, *_range(args, episode))))
+    episode_id = find_id(store, args.episode)
+    episode = store.open(episode_id)
+    _tell_edits(store.edit(episode_id, trim(episode.frames, *_range(args, episode))))
 
 
-def relabel(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def relabel(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Give a range another label."""
-    episode_id = find_id(shelf, args.episode)
-    between = _range(args, shelf.open(episode_id))
+    episode_id = find_id(store, args.episode)
+    between = _range(args, store.open(episode_id))
     edit = Edit(verb="relabel", ranges=(between,), label=Action(args.label))
-    _tell_edits(shelf.edit(episode_id, edit))
+    _tell_edits(store.edit(episode_id, edit))
 
 
-def delete(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def delete(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Delete a range, or the whole episode."""
-    episode_id = find_id(shelf, args.episode)
+    episode_id = find_id(store, args.episode)
     if args.first_s is None and args.last_s is None:
-        key = shelf.delete(episode_id)
+        key = store.delete(episode_id)
         print(f"{episode_id} is in the trash; back with: drivelesson episodes restore {key}")
         return
-    between = _range(args, shelf.open(episode_id))
-    _tell_edits(shelf.edit(episode_id, Edit(verb="delete", ranges=(between,))))
+    between = _range(args, store.open(episode_id))
+    _tell_edits(store.edit(episode_id, Edit(verb="delete", ranges=(between,))))
 
 
-def undo(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def undo(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Take the last edit back."""
-    _tell_edits(shelf.undo_edit(find_id(shelf, args.episode)))
+    _tell_edits(store.undo_edit(find_id(store, args.episode)))
 
 
 def _tell_edits(notes: Notes) -> None:
     print(f"{len(notes.edits)} edits; the recording itself is not touched")
 
 
-def restore_episode(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Bring a deleted episode back; without a word, the one deleted last."""
     keys = sorted(p.name for p in storage.trash.iterdir() if any(p.glob("*.mcap")))
     key = args.key or (keys[-1] if keys else "")
     print(f"{shelf.restore(key)} is back")
 
 
-def compact(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def compact(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Work the edits in."""
-    key = shelf.compact(find_id(shelf, args.episode))
+    key = store.compact(find_id(store, args.episode))
     print(f"done; the recording as it was is back with: drivelesson episodes restore {key}")
 
 
-def set_title(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def set_title(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Give a title."""
-    shelf.set_title(find_id(shelf, args.episode), args.title)
+    store.set_title(find_id(store, args.episode), args.title)
 
 
-def protect(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def protect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Protect one."""
-    shelf.protect(find_id(shelf, args.episode), True)
+    store.protect(find_id(store, args.episode), True)
 
 
-def unprotect(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def unprotect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Protect one no more."""
-    shelf.protect(find_id(shelf, args.episode), False)
+    store.protect(find_id(store, args.episode), False)
 
 
 # Space -------------------------------------------------------------------------------------------
 
 
-def show_budget(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def show_budget(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Say what is kept and offer the oldest; nothing is deleted."""
     if args.gigabytes is not None:
-        shelf.budget_bytes = round(args.gigabytes * 1e9)
-    usage, budget = storage.usage(), shelf.budget()
+        store.budget_bytes = round(args.gigabytes * 1e9)
+    usage, budget = storage.usage(), store.budget()
     print(f"data folder  {storage.root}")
     for name in ("models", "episodes", "exports", "trash", "free"):
         print(f"{name:12} {getattr(usage, name) / 1e6:10.1f} MB")
@@ -252,6 +252,6 @@ def show_budget(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage)
         print(f"could go: {card.id}  {card.bytes / 1e6:.1f} MB  {card.title}".rstrip())
 
 
-def empty_trash(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def empty_trash(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Delete for good what is in the trash."""
     print(f"{storage.empty_trash() / 1e6:.1f} MB are free again")

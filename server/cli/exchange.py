@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from robot.episodes.store import EpisodeShelf
+from robot.episodes.store import EpisodeStore
 from robot.episodes.teaching import Mended
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
@@ -40,21 +40,21 @@ def configure_import(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def import_episode(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Read somebody else's drive as an episode."""
     from robot.exchange.drive import write_episode
     from robot.exchange.sources import read_drive
 
     drive = read_drive(args.path, check_threshold(args.threshold))
-    path = shelf.new_path(args.name or drive.name)
+    path = store.new_path(args.name or drive.name)
     with _progress(None, "picture") as bar:
         count = write_episode(drive, path, on_shot=bar.update)
     print(f"{path.stem}: {count} pictures from {args.path} ({drive.source})")
 
 
-def export_episodes(args: argparse.Namespace, shelf: EpisodeShelf, storage: Storage) -> None:
+def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Write episodes for other programs."""
-    mended = find_episodes(shelf, args.episodes)
+    mended = find_episodes(store, args.episodes)
     if len(mended) > 1 and args.form != "lerobot":
         raise ConfigurationError(f"--as {args.form} takes one episode at a time")
     out = args.out or _free_path(storage.exports, mended[0][0].id, args.form)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from robot.episodes.edits import read_notes
 from robot.episodes.episode import open_episode
-from robot.episodes.store import EpisodeShelf
+from robot.episodes.store import EpisodeStore
 from robot.episodes.teaching import Mended
 from robot.errors import NotFoundError
 
@@ -19,13 +19,13 @@ def add_data(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--data", type=Path, default=None, help="folder for what is kept")
 
 
-def find_id(shelf: EpisodeShelf, word: str) -> str:
+def find_id(store: EpisodeStore, word: str) -> str:
     """Return the episode that a person means.
 
     Raises:
         NotFoundError: If there is none, or more than one begins so.
     """
-    ids = shelf.ids()
+    ids = store.ids()
     found = ids[:1] if word == "last" else [i for i in ids if i == word]
     found = found or [i for i in ids if i.startswith(word)]
     if len(found) != 1:
@@ -34,7 +34,7 @@ def find_id(shelf: EpisodeShelf, word: str) -> str:
     return found[0]
 
 
-def find_episodes(shelf: EpisodeShelf, words: list[str]) -> list[Mended]:
+def find_episodes(store: EpisodeStore, words: list[str]) -> list[Mended]:
     """Open the episodes that a person means, by name or by file, oldest first as given."""
     found: list[Mended] = []
     for word in words:
@@ -42,6 +42,6 @@ def find_episodes(shelf: EpisodeShelf, words: list[str]) -> list[Mended]:
         if path.suffix == ".mcap" and path.is_file():
             found.append((open_episode(path), read_notes(path)))
         else:
-            episode_id = find_id(shelf, word)
-            found.append((open_episode(shelf.path(episode_id)), shelf.notes(episode_id)))
+            episode_id = find_id(store, word)
+            found.append((open_episode(store.path(episode_id)), store.notes(episode_id)))
     return found

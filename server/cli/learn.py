@@ -9,11 +9,11 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from robot.episodes.store import EpisodeShelf
+from robot.episodes.store import EpisodeStore
 from robot.episodes.teaching import Mended, Report, learn_again, plan, same_nodes
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.models.model import encode_model, take_model
-from robot.models.store import ModelShelf
+from robot.models.store import ModelStore
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.storage.folder import Storage, default_root, write_whole
@@ -48,7 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Learn, say what came of it, and save the model."""
     storage = Storage(args.data or default_root())
-    mended = find_episodes(EpisodeShelf(storage), args.episodes)
+    mended = find_episodes(EpisodeStore(storage), args.episodes)
     policy, taught = _begin(args, mended)
     total = len(plan(mended))
     started_s = time.monotonic()
@@ -113,9 +113,9 @@ def _save(out: str, storage: Storage, policy: Policy, taught: Counter[Action]) -
             raise ConfigurationError(f"cannot write {out}: {error}") from error
         print(f"saved as {out}")
     else:
-        shelf = ModelShelf(storage)
-        name = shelf.free_name(out)
-        shelf.save(name, model)
+        store = ModelStore(storage)
+        name = store.free_name(out)
+        store.save(name, model)
         print(f"saved as the model {name!r}")
 
 

@@ -28,7 +28,7 @@ from server.settings import PREFIX, Settings, apply_to, build, read_settings
 
 if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
-    from robot.models.autosave import Keeper
+    from robot.models.autosave import Autosave
     from server.security.certificates import Certificates
     from server.security.pairing import Pairing
 
@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> int:
     from robot.rig.rig import build_rig
     from server.app import create_app
     from server.hosting.serving import open_socket, serve
-    from server.persistence import Library
+    from server.persistence import Persistence
 
     start_logging(verbose=args.verbose)
     config = _make_config(args)
@@ -134,8 +134,8 @@ def run(args: argparse.Namespace) -> int:
     announce = app.state.station.announce_soon
     options = {name: str(value) for name, value in vars(args).items() if _says_something(value)}
     storage = Storage(config.data)
-    library = Library(storage, rig, name=args.robot, options=options, announce=announce)
-    app.state.library = library
+    persistence = Persistence(storage, rig, name=args.robot, options=options, announce=announce)
+    app.state.persistence = persistence
     if pairing is None:
         rig.driver.announce(addresses[0])
     else:
@@ -143,8 +143,8 @@ def run(args: argparse.Namespace) -> int:
     # NOTE: newer uvicorns raise a SIGTERM again once they have shut down; with the system's own
     # handler the process would then end before the motors are stopped and the model is saved.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    with rig, library, _announced(config):
-        _choose_model(library.keeper, args, learner)
+    with rig, persistence, _announced(config):
+        _choose_model(persistence.autosave, args, learner)
         if pairing is None:
             print(greet_here(addresses[0]), flush=True)
         else:
@@ -173,14 +173,14 @@ def _name_learner(args: argparse.Namespace) -> str:
     return f"{kind}-{cost.max_nodes}"
 
 
-def _choose_model(keeper: Keeper, args: argparse.Namespace, learner: str) -> None:
+def _choose_model(autosave: Autosave, args: argparse.Namespace, learner: str) -> None:
     """Go on with the model that was asked for, or the last good one of what was asked for."""
     if args.model is None:
-        keeper.load_last(learner if args.learner or args.max_nodes else None)
-    elif args.model in keeper.shelf.names():
-        keeper.load(args.model)
+        autosave.load_last(learner if args.learner or args.max_nodes else None)
+    elif args.model in autosave.store.names():
+        autosave.load(args.model)
     else:
-        keeper.begin(args.model)
+        autosave.begin(args.model)
 
 
 def _make_config(args: argparse.Namespace) -> Config:

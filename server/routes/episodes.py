@@ -10,12 +10,12 @@ from starlette.responses import FileResponse
 
 from robot.episodes.editing import Moment, choose, moments
 from robot.episodes.edits import Edit, Notes, trim
-from robot.episodes.summary import EpisodeCard
+from robot.episodes.summary import EpisodeSummary
 from robot.errors import ConfigurationError
 from robot.policy.image import to_rgb
 from robot.storage.png import encode_png
 from robot.types import Action, Encoding
-from server.persistence import do, library_of, read_body, refusals, text_field
+from server.persistence import do, persistence_of, read_body, refusals, text_field
 from server.security.guard import require_pilot, require_viewer
 
 router = APIRouter(prefix="/api")
@@ -23,7 +23,7 @@ VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 _MOST_IN_A_STRIP = 400
 
 
-def describe(card: EpisodeCard, recording: str | None = None) -> dict[str, Any]:
+def describe(card: EpisodeSummary, recording: str | None = None) -> dict[str, Any]:
     """Return one episode as the page gets it."""
     return {
         "id": card.id,
@@ -63,10 +63,10 @@ def describe_moment(moment: Moment) -> dict[str, Any]:
 @router.get("/episodes", dependencies=[VIEWER])
 def list_episodes(request: Request) -> dict[str, Any]:
     """List all episodes, the newest first."""
-    library = library_of(request)
-    recorder = library.recorder
+    persistence = persistence_of(request)
+    recorder = persistence.recorder
     with refusals():
-        cards = library.episodes.cards()
+        cards = persistence.episodes.cards()
     return {
         "recording": recorder.episode_id,
         "fault": recorder.fault,
@@ -78,9 +78,9 @@ def list_episodes(request: Request) -> dict[str, Any]:
 @router.get("/storage", dependencies=[VIEWER])
 def show_storage(request: Request) -> dict[str, Any]:
     """Say how much is kept, and which episodes could go if it is too much."""
-    library = library_of(request)
+    persistence = persistence_of(request)
     with refusals():
-        usage, budget = library.storage.usage(), library.episodes.budget()
+        usage, budget = persistence.storage.usage(), persistence.episodes.budget()
     return {
         **dataclasses.asdict(usage),
         "budget": budget.budget_bytes,
@@ -92,19 +92,22 @@ def show_storage(request: Request) -> dict[str, Any]:
 async def restore_episode(request: Request) -> dict[str, str]:
     """Bring a deleted episode back: {undo}, as `delete` returned it."""
     key = text_field(await read_body(request), "undo", "") or ""
-    return {"id": await do(library_of(request).episodes.restore, key)}
+    return {"id": await do(persistence_of(request).episodes.restore, key)}
 
 
 @router.get("/episodes/{episode_id}", dependencies=[VIEWER])
 def show_episode(request: Request, episode_id: str) -> dict[str, Any]:
     """Describe one episode, with its edits and the run's metadata."""
-    library = library_of(request)
+    persistence = persistence_of(request)
     with refusals():
-        episode, notes = library.episodes.open(episode_id), library.episodes.notes(episode_id)
-        card = library.episodes.card(episode_id)
+        episode, notes = (
+            persistence.episodes.open(episode_id),
+            persistence.episodes.notes(episode_id),
+        )
+        card = persistence.episodes.card(episode_id)
     ids = list(episode.frames)
     return {
-        **describe(card, library.recorder.episode_id),
+        **describe(card, persistence.recorder.episode_id),
         "run": episode.run,
         "moves": [move.value for move in episode.moves],
         "first_frame": ids[0] if ids else None,
@@ -122,9 +125,12 @@ def show_strip(
     last: int | None = None,
 ) -> dict[str, Any]:
     """Show pictures at even distances, each with label, prediction and driver."""
-    library = library_of(request)
+    persistence = persistence_of(request)
     with refusals():
-        episode, notes = library.episodes.open(episode_id), library.episodes.notes(episode_id)
+        episode, notes = (
+            persistence.episodes.open(episode_id),
+            persistence.episodes.notes(episode_id),
+        )
     found = [
         moment
         for moment in moments(episode, notes)
@@ -137,9 +143,12 @@ def show_strip(
 @router.get("/episodes/{episode_id}/timeline", dependencies=[VIEWER])
 def show_timeline(request: Request, episode_id: str) -> dict[str, Any]:
     """Give every picture's label, prediction and driver, as columns for drawing."""
-    library = library_of(request)
+    persistence = persistence_of(request)
     with refusals():
-        episode, notes = library.episodes.open(episode_id), library.episodes.notes(episode_id)
+        episode, notes = (
+            persistence.episodes.open(episode_id),
+            persistence.episodes.notes(episode_id),
+        )
     rows = [describe_moment(moment) for moment in moments(episode, notes)]
     columns = ("frame", "at_s", "label", "predicted", "confidence", "driven_by", "deleted")
     return {"columns": {name: [row[name] for row in rows] for name in columns}}
@@ -148,9 +157,9 @@ def show_timeline(request: Request, episode_id: str) -> dict[str, Any]:
 @router.get("/episodes/{episode_id}/frames/{frame_id}", dependencies=[VIEWER])
 def show_frame(request: Request, episode_id: str, frame_id: int) -> Response:
     """Show one picture: JPEG as the camera gave it, or PNG."""
-    library = library_of(request)
+    persistence = persistence_of(request)
     with refusals():
-        frame = library.episodes.open(episode_id).frame(frame_id)
+        frame = persistence.episodes.open(episode_id).frame(frame_id)
         if frame.encoding is Encoding.JPEG:
             return _picture(frame.data, "image/jpeg")
         return _picture(encode_png(to_rgb(frame), level=1), "image/png")
@@ -165,7 +174,7 @@ def _picture(data: bytes, kind: str) -> Response:
 def download_episode(request: Request, episode_id: str) -> Response:
     """Download the recording as it was made."""
     with refusals():
-        path = library_of(request).episodes.path(episode_id)
+        path = persistence_of(request).episodes.path(episode_id)
     return FileResponse(path, media_type="application/octet-stream", filename=path.name)
 
 
@@ -176,22 +185,22 @@ async def change_episode(request: Request, episode_id: str) -> dict[str, Any]:
     title, protected = text_field(body, "title"), body.get("protected")
     if protected is not None and not isinstance(protected, bool):
         raise HTTPException(400, "'protected' must be true or false.")
-    shelf = library_of(request).episodes
+    store = persistence_of(request).episodes
     if title is not None:
-        await do(shelf.set_title, episode_id, title)
+        await do(store.set_title, episode_id, title)
     if protected is not None:
-        await do(shelf.protect, episode_id, protected)
-    return describe(await do(shelf.card, episode_id))
+        await do(store.protect, episode_id, protected)
+    return describe(await do(store.card, episode_id))
 
 
 @router.post("/episodes/{episode_id}/edits", dependencies=[PILOT], status_code=201)
 async def edit_episode(request: Request, episode_id: str) -> dict[str, Any]:
     """Mend: {verb: delete | trim | relabel, first, last, label?}; frames, both ends included."""
     body = await read_body(request)
-    shelf = library_of(request).episodes
+    store = persistence_of(request).episodes
 
     def mend() -> Notes:
-        return shelf.edit(episode_id, _read_edit(body, list(shelf.open(episode_id).frames)))
+        return store.edit(episode_id, _read_edit(body, list(store.open(episode_id).frames)))
 
     return {"edit_list": _describe_edits(await do(mend))}
 
@@ -199,20 +208,20 @@ async def edit_episode(request: Request, episode_id: str) -> dict[str, Any]:
 @router.delete("/episodes/{episode_id}/edits/last", dependencies=[PILOT])
 async def undo_edit(request: Request, episode_id: str) -> dict[str, Any]:
     """Take the last edit back."""
-    notes = await do(library_of(request).episodes.undo_edit, episode_id)
+    notes = await do(persistence_of(request).episodes.undo_edit, episode_id)
     return {"edit_list": _describe_edits(notes)}
 
 
 @router.post("/episodes/{episode_id}/compact", dependencies=[PILOT])
 async def compact_episode(request: Request, episode_id: str) -> dict[str, str]:
     """Work the edits into the recording; `undo` brings it back as it was."""
-    return {"undo": await do(library_of(request).episodes.compact, episode_id)}
+    return {"undo": await do(persistence_of(request).episodes.compact, episode_id)}
 
 
 @router.delete("/episodes/{episode_id}", dependencies=[PILOT])
 async def delete_episode(request: Request, episode_id: str) -> dict[str, str]:
     """Move an episode to the trash; `undo` is the word that brings it back."""
-    return {"undo": await do(library_of(request).episodes.delete, episode_id)}
+    return {"undo": await do(persistence_of(request).episodes.delete, episode_id)}
 
 
 def _read_edit(body: dict[str, Any], frame_ids: list[int]) -> Edit:

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from robot.policy.policy import LearnedImage
 from robot.storage.png import encode_png
 from server.persistence import read_body
-from server.progress import Coach
+from server.progress import Progress
 from server.security.guard import require_pilot, require_viewer
 
 router = APIRouter(prefix="/api/gallery")
@@ -20,20 +20,20 @@ VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 @router.get("", dependencies=[VIEWER])
 async def list_images(request: Request) -> dict[str, Any]:
     """List the learned images, in the learner's own order."""
-    coach: Coach = request.app.state.coach
+    progress: Progress = request.app.state.progress
     state = request.app.state.robot.loop.state
-    images = await coach.gallery()
+    images = await progress.gallery()
     return {
         "moves": [move.value for move in state.moves],
         "max_nodes": state.max_nodes,
-        "images": [_describe(image, coach) for image in images],
+        "images": [_describe(image, progress) for image in images],
     }
 
 
 @router.get("/{node}.png", dependencies=[VIEWER])
 async def show_image(request: Request, node: int) -> Response:
     """Return one learned image as a small PNG."""
-    images = await request.app.state.coach.gallery()
+    images = await request.app.state.progress.gallery()
     for image in images:
         if image.node_id == node:
             return Response(
@@ -49,7 +49,7 @@ async def undo_edit(request: Request) -> dict[str, bool]:
     """Take the last change to an image back; `undone` is false if there is none to take back."""
     loop = request.app.state.robot.loop
     undone = await asyncio.wrap_future(loop.submit(lambda: loop.history.undo_edit()))
-    await request.app.state.coach.gallery(fresh=True)
+    await request.app.state.progress.gallery(fresh=True)
     return {"undone": bool(undone)}
 
 
@@ -69,12 +69,12 @@ async def edit_image(request: Request, node: int) -> dict[str, Any]:
         ) from error
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
-    await request.app.state.coach.gallery(fresh=True)
+    await request.app.state.progress.gallery(fresh=True)
     return {"node": node}
 
 
-def _describe(image: LearnedImage, coach: Coach) -> dict[str, Any]:
-    mark = coach.mark_of(image.last_taught)
+def _describe(image: LearnedImage, progress: Progress) -> dict[str, Any]:
+    mark = progress.mark_of(image.last_taught)
     return {
         "node": image.node_id,
         "votes": {move.value: count for move, count in image.votes.items()},

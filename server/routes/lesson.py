@@ -9,27 +9,27 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from robot.experiments.protocol import TRIALS
-from server.persistence import library_of, read_body, refusals
+from server.persistence import persistence_of, read_body, refusals
 from server.security.guard import require_pilot, require_viewer
-from server.study import Classroom, list_results, read_result
+from server.study import Study, list_results, read_result
 
 router = APIRouter(prefix="/api/lesson")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 
 
-def _classroom(request: Request) -> Classroom:
-    room: Classroom = request.app.state.classroom
+def _study(request: Request) -> Study:
+    room: Study = request.app.state.study
     return room
 
 
 def _folder(request: Request) -> Path:
-    return library_of(request).storage.root / "lessons"
+    return persistence_of(request).storage.root / "lessons"
 
 
 @router.get("", dependencies=[VIEWER])
 def describe_lesson(request: Request) -> dict[str, Any]:
     """Return the lesson that is on, or null."""
-    return {"lesson": _classroom(request).describe()}
+    return {"lesson": _study(request).describe()}
 
 
 @router.post("", dependencies=[PILOT], status_code=201)
@@ -37,7 +37,7 @@ async def begin_lesson(request: Request) -> dict[str, Any]:
     """Begin a lesson with an empty model: {trial, teach_s}; 409 unless the robot is stopped."""
     body = await read_body(request)
     trial, teach_s = _whole(body, "trial"), _whole(body, "teach_s")
-    room, library = _classroom(request), library_of(request)
+    room, persistence = _study(request), persistence_of(request)
     if trial not in TRIALS:
         raise HTTPException(400, "'trial' must be 1, 2 or 3.")
     moves = TRIALS[trial][1]
@@ -46,8 +46,8 @@ async def begin_lesson(request: Request) -> dict[str, Any]:
     with refusals():
         room.abandon()
         name = f"Trial {trial}"
-        await run_in_threadpool(library.keeper.begin, name, None, None, moves)
-        room.episode = lambda: library.recorder.episode_id
+        await run_in_threadpool(persistence.autosave.begin, name, None, None, moves)
+        room.episode = lambda: persistence.recorder.episode_id
         room.begin(trial, teach_s)
     return {"lesson": room.describe()}
 
@@ -55,7 +55,7 @@ async def begin_lesson(request: Request) -> dict[str, Any]:
 @router.delete("", dependencies=[PILOT])
 def abandon_lesson(request: Request) -> dict[str, Any]:
     """End the lesson; what the robot learned stays."""
-    _classroom(request).abandon()
+    _study(request).abandon()
     return {"lesson": None}
 
 
@@ -64,7 +64,7 @@ async def answer_question(request: Request) -> dict[str, Any]:
     """Answer the closing question, {answer: 1 to 7}, and keep the result."""
     answer = _whole(await read_body(request), "answer")
     with refusals():
-        return await run_in_threadpool(_classroom(request).judge, answer, _folder(request))
+        return await run_in_threadpool(_study(request).judge, answer, _folder(request))
 
 
 @router.get("/results", dependencies=[VIEWER])

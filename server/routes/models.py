@@ -8,16 +8,16 @@ from urllib.parse import quote
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
 from robot.models.model import decode_model
-from robot.models.store import Shelved
+from robot.models.store import StoredModel
 from robot.storage.png import encode_png
-from server.persistence import do, library_of, read_body, refusals, text_field
+from server.persistence import do, persistence_of, read_body, refusals, text_field
 from server.security.guard import require_pilot, require_viewer
 
 router = APIRouter(prefix="/api/models")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 
 
-def describe(shelved: Shelved) -> dict[str, Any]:
+def describe(shelved: StoredModel) -> dict[str, Any]:
     """Return one model as the page gets it."""
     card = shelved.card
     return {
@@ -39,10 +39,10 @@ def describe(shelved: Shelved) -> dict[str, Any]:
 @router.get("", dependencies=[VIEWER])
 def list_models(request: Request) -> dict[str, Any]:
     """List all models, the one saved last first."""
-    library = library_of(request)
+    persistence = persistence_of(request)
     with refusals():
-        models = [describe(shelved) for shelved in library.models.shelved()]
-    return {"current": library.keeper.name, "models": models}
+        models = [describe(shelved) for shelved in persistence.models.shelved()]
+    return {"current": persistence.autosave.name, "models": models}
 
 
 @router.post("", dependencies=[PILOT], status_code=201)
@@ -50,26 +50,26 @@ async def begin_model(request: Request) -> dict[str, str]:
     """Save the model in use and begin an empty one: {name?, learner?, place?}."""
     body = await read_body(request)
     name, learner, place = (text_field(body, field) for field in ("name", "learner", "place"))
-    return {"name": await do(library_of(request).keeper.begin, name, learner, place)}
+    return {"name": await do(persistence_of(request).autosave.begin, name, learner, place)}
 
 
 @router.post("/save", dependencies=[PILOT])
 async def save_model(request: Request) -> dict[str, str]:
     """Save the model in use now."""
-    return {"name": await do(library_of(request).keeper.save)}
+    return {"name": await do(persistence_of(request).autosave.save)}
 
 
 @router.post("/restore", dependencies=[PILOT])
 async def restore_model(request: Request) -> dict[str, str]:
     """Bring a deleted model back: {undo}, as `delete` returned it."""
     key = text_field(await read_body(request), "undo", "") or ""
-    return {"name": await do(library_of(request).models.restore, key)}
+    return {"name": await do(persistence_of(request).models.restore, key)}
 
 
 @router.post("/{name}/load", dependencies=[PILOT])
 async def load_model(request: Request, name: str) -> dict[str, str]:
     """Save the model in use and go on with this one; 409 unless the robot is stopped."""
-    await do(library_of(request).keeper.load, name)
+    await do(persistence_of(request).autosave.load, name)
     return {"name": name}
 
 
@@ -78,11 +78,11 @@ async def change_model(request: Request, name: str) -> dict[str, str]:
     """Rename a model, or say where it was taught: {name?, place?}."""
     body = await read_body(request)
     new_name, place = text_field(body, "name"), text_field(body, "place")
-    library = library_of(request)
+    persistence = persistence_of(request)
     if place is not None:
-        await do(library.keeper.set_place, name, place)
+        await do(persistence.autosave.set_place, name, place)
     if new_name is not None and new_name != name:
-        name = await do(library.keeper.rename, name, new_name)
+        name = await do(persistence.autosave.rename, name, new_name)
     return {"name": name}
 
 
@@ -90,30 +90,30 @@ async def change_model(request: Request, name: str) -> dict[str, str]:
 async def copy_model(request: Request, name: str) -> dict[str, str]:
     """Copy a model: {name?} of the copy."""
     new_name = text_field(await read_body(request), "name")
-    return {"name": await do(library_of(request).models.copy, name, new_name)}
+    return {"name": await do(persistence_of(request).models.copy, name, new_name)}
 
 
 @router.delete("/{name}", dependencies=[PILOT])
 async def delete_model(request: Request, name: str) -> dict[str, str]:
     """Move a model to the trash; `undo` is the word that brings it back."""
-    return {"undo": await do(library_of(request).keeper.delete, name)}
+    return {"undo": await do(persistence_of(request).autosave.delete, name)}
 
 
 @router.get("/{name}/preview", dependencies=[VIEWER])
 def preview_model(request: Request, name: str) -> Response:
     """Show the model's most used learned image, as PNG."""
-    library = library_of(request)
+    persistence = persistence_of(request)
     with refusals():
-        model = decode_model(library.models.read_file(name))
+        model = decode_model(persistence.models.read_file(name))
         return Response(encode_png(model.preview), media_type="image/png")
 
 
 @router.get("/{name}/file", dependencies=[VIEWER])
 def download_model(request: Request, name: str) -> Response:
     """Download the model as a file."""
-    library = library_of(request)
+    persistence = persistence_of(request)
     with refusals():
-        data = library.models.read_file(name)
+        data = persistence.models.read_file(name)
     disposition = f"attachment; filename*=UTF-8''{quote(name, safe='')}.npz"
     return Response(
         data, media_type="application/zip", headers={"content-disposition": disposition}
@@ -123,8 +123,8 @@ def download_model(request: Request, name: str) -> Response:
 @router.put("/{name}/file", dependencies=[PILOT], status_code=201)
 async def upload_model(request: Request, name: str) -> dict[str, str]:
     """Keep an uploaded file as a model of this name, or of one like it if it is taken."""
-    library = library_of(request)
+    persistence = persistence_of(request)
     data = await request.body()
     if not data:
         raise HTTPException(400, "The body must be a model's file.")
-    return {"name": await do(library.models.add_file, name, data)}
+    return {"name": await do(persistence.models.add_file, name, data)}

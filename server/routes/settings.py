@@ -13,7 +13,7 @@ from starlette.concurrency import run_in_threadpool
 from robot.control.loop import ControlLoop
 from robot.policy.registry import make_policy, split_name
 from robot.types import Action, Encoding, Frame
-from server.persistence import library_of, read_body, refusals
+from server.persistence import persistence_of, read_body, refusals
 from server.security.guard import require_pilot, require_viewer
 
 router = APIRouter(prefix="/api/settings")
@@ -62,9 +62,9 @@ async def change_settings(request: Request) -> dict[str, Any]:
         if isinstance(size, bool) or size not in SIZES:
             raise HTTPException(400, f"'max_nodes' must be one of {', '.join(map(str, SIZES))}.")
         moves = _checked_moves(body.get("moves", list(loop.state.moves)), request)
-        keeper = library_of(request).keeper
+        autosave = persistence_of(request).autosave
         with refusals():
-            await run_in_threadpool(keeper.begin, None, f"{kind}-{size}", None, moves)
+            await run_in_threadpool(autosave.begin, None, f"{kind}-{size}", None, moves)
     return {"learner": loop.state.learner, "speed": loop.speed_share}
 
 

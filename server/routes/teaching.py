@@ -29,7 +29,8 @@ def describe_teaching(request: Request) -> dict[str, Any]:
         "taught": {move.value: state.taught.get(move, 0) for move in state.moves},
         "agreement": state.agreement,
         "history": [
-            [mark.lessons, round(mark.agreement, 4)] for mark in request.app.state.coach.history()
+            [mark.lessons, round(mark.agreement, 4)]
+            for mark in request.app.state.progress.history()
         ],
     }
 

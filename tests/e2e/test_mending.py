@@ -28,9 +28,9 @@ def drive(world: World, seconds: float) -> None:
 
 def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, world: World) -> None:
     drive(world, 3.0)
-    library = world.app.state.library
+    persistence = world.app.state.persistence
     finish_recording(world)
-    [episode_id] = library.episodes.ids()
+    [episode_id] = persistence.episodes.ids()
     phone.evaluate("location.hash = 'home'")
     phone.wait_for_selector(".timeline, button[aria-label*='20']")
     phone.locator("button[aria-label*='20']").tap()
@@ -40,7 +40,7 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
     def press(text: str, edits: int) -> None:
         phone.get_by_role("button", name=text).tap()
         deadline = time.monotonic() + 5
-        while len(library.episodes.notes(episode_id).edits) != edits:
+        while len(persistence.episodes.notes(episode_id).edits) != edits:
             assert time.monotonic() < deadline, f"{text}: nothing happened"
             time.sleep(0.05)
         phone.wait_for_timeout(300)
@@ -50,16 +50,16 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
             "(e, to) => { e.value = to; e.dispatchEvent(new Event('input')); }", to
         )
 
-    ids = list(library.episodes.open(episode_id).frames)
+    ids = list(persistence.episodes.open(episode_id).frames)
     slide("From", 10)
     slide("To", 40)
     assert "31 pictures" in phone.locator("p.under[role=status]").inner_text()
     press("Leave this out", 1)
-    [edit] = library.episodes.notes(episode_id).edits
+    [edit] = persistence.episodes.notes(episode_id).edits
     assert (edit.verb, edit.ranges) == ("delete", ((ids[10], ids[40]),))
     slide("From", 45)
     press("Right", 2)
-    assert library.episodes.notes(episode_id).relabel(ids[50]) is Action.RIGHT
+    assert persistence.episodes.notes(episode_id).relabel(ids[50]) is Action.RIGHT
     press("Take back the last", 1)
     press("Take back the last", 0)
     wide = phone.evaluate("document.documentElement.scrollWidth - innerWidth")
@@ -68,9 +68,9 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
 
 def test_a_recording_is_named_and_protected_on_the_page(phone: Any, world: World) -> None:
     drive(world, 1.0)
-    library = world.app.state.library
+    persistence = world.app.state.persistence
     finish_recording(world)
-    [episode_id] = library.episodes.ids()
+    [episode_id] = persistence.episodes.ids()
     phone.evaluate("location.hash = 'home'")
     phone.locator("button[aria-label*='20']").tap()
     phone.get_by_label("Title", exact=True).fill("Round the table")
@@ -78,11 +78,11 @@ def test_a_recording_is_named_and_protected_on_the_page(phone: Any, world: World
     phone.locator("article h3", has_text="Round the table").wait_for()
     phone.get_by_role("button", name="Protect", exact=True).tap()
     phone.locator("article .tag", has_text="protected").wait_for()
-    notes = library.episodes.notes(episode_id)
+    notes = persistence.episodes.notes(episode_id)
     assert (notes.title, notes.is_protected) == ("Round the table", True)
     phone.get_by_role("button", name="Protect", exact=True).tap()
     phone.locator("article .tag").wait_for(state="detached")
-    assert not library.episodes.notes(episode_id).is_protected
+    assert not persistence.episodes.notes(episode_id).is_protected
 
 
 def test_axe_finds_nothing_among_the_tools(phone: Any, world: World, npm_modules: Path) -> None:
@@ -98,9 +98,9 @@ def test_axe_finds_nothing_among_the_tools(phone: Any, world: World, npm_modules
 
 def test_recordings_beyond_their_space_are_offered(phone: Any, world: World) -> None:
     drive(world, 1.0)
-    library = world.app.state.library
+    persistence = world.app.state.persistence
     finish_recording(world)
-    library.episodes.budget_bytes = 0
+    persistence.episodes.budget_bytes = 0
     phone.evaluate("location.hash = 'home'")
     phone.wait_for_selector("text=Nothing is deleted by itself")
-    assert len(library.episodes.ids()) == 1
+    assert len(persistence.episodes.ids()) == 1

@@ -18,7 +18,7 @@ from robot.types import Action, Mode, Pose
 from server.app import create_app
 from server.config import Config
 from server.hosting.serving import served
-from server.persistence import Library
+from server.persistence import Persistence
 
 IN_CI = os.environ.get("CI") == "true"
 PHONE = {"width": 390, "height": 844}
@@ -73,9 +73,11 @@ def running_world(
     config = config or Config(port=0, data=folder)
     rig = build_rig(robot, learner=learner, options=options)
     app = create_app(config, rig, name="Rover")
-    library = Library(Storage(folder), rig, name="Rover", announce=app.state.station.announce_soon)
-    app.state.library = library
-    with rig, library, served(app, config) as address:
+    persistence = Persistence(
+        Storage(folder), rig, name="Rover", announce=app.state.station.announce_soon
+    )
+    app.state.persistence = persistence
+    with rig, persistence, served(app, config) as address:
         yield World(address, rig, app)
 
 
@@ -127,7 +129,7 @@ def wait_for(condition: Callable[[], bool], what: str, within_s: float = 10.0) -
 
 def finish_recording(world: World) -> None:
     """End the recording now; otherwise it ends when the robot has stood for a while."""
-    recorder = world.app.state.library.recorder
+    recorder = world.app.state.persistence.recorder
     world.rig.loop.submit(recorder.finish).result(5)
     wait_for(lambda: recorder.episode_id is None, "the recording ends")
 

@@ -19,7 +19,7 @@ from server.app import create_app
 from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
 from server.hosting.serving import served
-from server.persistence import Library
+from server.persistence import Persistence
 from tests.robot.episodes.drives import record_drive
 
 from .live_robot import WEB
@@ -28,27 +28,27 @@ Client = httpx.Client
 
 
 @pytest.fixture
-def library(tmp_path: Path) -> Iterator[Library]:
+def persistence(tmp_path: Path) -> Iterator[Persistence]:
     clock = RealClock()
     rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
     storage = Storage(tmp_path)
-    with rig, Library(storage, rig, name="bench") as library:
-        library.rig = rig  # type: ignore[attr-defined]
-        yield library
+    with rig, Persistence(storage, rig, name="bench") as persistence:
+        persistence.rig = rig  # type: ignore[attr-defined]
+        yield persistence
 
 
 @pytest.fixture
-def client(library: Library) -> Iterator[Client]:
-    config = Config(port=0, web=WEB, data=library.storage.root)
-    app = create_app(config, library.rig, name="bench")  # type: ignore[attr-defined]
-    app.state.library = library
+def client(persistence: Persistence) -> Iterator[Client]:
+    config = Config(port=0, web=WEB, data=persistence.storage.root)
+    app = create_app(config, persistence.rig, name="bench")  # type: ignore[attr-defined]
+    app.state.persistence = persistence
     with served(app, config) as address, Client(base_url=address, timeout=20) as client:
         yield client
 
 
 @pytest.fixture
-def episode_id(library: Library) -> str:
-    return record_drive(library.storage.episodes).id
+def episode_id(persistence: Persistence) -> str:
+    return record_drive(persistence.storage.episodes).id
 
 
 def wait_for(condition: Any) -> None:
@@ -58,9 +58,11 @@ def wait_for(condition: Any) -> None:
         time.sleep(0.02)
 
 
-def test_a_drive_appears_in_the_list_while_it_is_recorded(library: Library, client: Client) -> None:
-    loop = library.rig.loop  # type: ignore[attr-defined]
-    clock = library.rig.clock  # type: ignore[attr-defined]
+def test_a_drive_appears_in_the_list_while_it_is_recorded(
+    persistence: Persistence, client: Client
+) -> None:
+    loop = persistence.rig.loop  # type: ignore[attr-defined]
+    clock = persistence.rig.clock  # type: ignore[attr-defined]
     assert client.get("/api/episodes").json()["episodes"] == []
     loop.set_mode(Mode.TRAIN).result(5)
     for seq in range(40):
@@ -76,7 +78,7 @@ def test_a_drive_appears_in_the_list_while_it_is_recorded(library: Library, clie
     assert episode["recording"] and episode["id"] == listed["recording"]
     assert client.delete(f"/api/episodes/{episode['id']}").status_code == 409
     loop.set_mode(Mode.STOPPED).result(5)
-    library.stop()
+    persistence.stop()
     [episode] = client.get("/api/episodes").json()["episodes"]
     assert episode["damage"] is None and episode["lessons"] == loop.history.lessons
 

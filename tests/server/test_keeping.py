@@ -14,7 +14,7 @@ import httpx
 import pytest
 
 from robot.episodes.summary import read_card
-from robot.models.store import ModelShelf
+from robot.models.store import ModelStore
 from robot.storage.folder import Storage
 
 from .live_robot import Pilot
@@ -69,7 +69,7 @@ def test_it_ends_with_everything_saved_and_goes_on_from_there(tmp_path: Path, en
         taught = teach(address, 20)
         process.send_signal(end)
         assert process.wait(20) in (0, 130)
-    model = ModelShelf(Storage(tmp_path)).load("sim")
+    model = ModelStore(Storage(tmp_path)).load("sim")
     assert model.card.lessons >= taught
     [path] = tmp_path.glob("episodes/*.mcap")
     card = read_card(path)

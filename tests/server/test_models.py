@@ -17,14 +17,14 @@ from server.app import create_app
 from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
 from server.hosting.serving import served
-from server.persistence import Library
+from server.persistence import Persistence
 
 from .live_robot import WEB
 
 
 class Bench:
-    def __init__(self, rig: Rig, library: Library, client: httpx.Client) -> None:
-        self.rig, self.library, self.client = rig, library, client
+    def __init__(self, rig: Rig, persistence: Persistence, client: httpx.Client) -> None:
+        self.rig, self.persistence, self.client = rig, persistence, client
 
     def teach(self, lessons: int) -> None:
         loop, camera = self.rig.loop, self.rig.camera
@@ -49,16 +49,16 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
     config = Config(port=0, web=WEB, data=tmp_path)
     app = create_app(config, rig, name="bench")
-    library = app.state.library = Library(Storage(tmp_path), rig, name="bench")
+    persistence = app.state.persistence = Persistence(Storage(tmp_path), rig, name="bench")
     with (
         rig,
-        library,
+        persistence,
         served(app, config) as address,
         httpx.Client(base_url=address, timeout=20) as client,
     ):
         while rig.camera.latest() is None:
             pass
-        yield Bench(rig, library, client)
+        yield Bench(rig, persistence, client)
 
 
 def test_a_taught_model_is_saved_listed_and_previewed(bench: Bench) -> None:
@@ -148,15 +148,15 @@ def test_what_cannot_be_done_is_said(
 
 def test_what_was_taught_is_saved_at_the_end_and_loaded_at_the_next_start(bench: Bench) -> None:
     bench.teach(7)
-    bench.library.stop()
+    bench.persistence.stop()
     next_rig = Rig(NotingDriver(), SteadyCamera(RealClock()), make_policy("published-8"))
-    with next_rig, Library(bench.library.storage, next_rig) as library:
-        assert library.keeper.load_last() == "bench"
+    with next_rig, Persistence(bench.persistence.storage, next_rig) as persistence:
+        assert persistence.autosave.load_last() == "bench"
         assert next_rig.loop.submit(lambda: next_rig.loop.history.lessons).result(5) == 7
 
 
 def test_a_mode_change_saves(bench: Bench) -> None:
     bench.teach(7)
     bench.rig.loop.set_mode(Mode.TRAIN).result(5)
-    bench.library.keeper.stop()
+    bench.persistence.autosave.stop()
     assert bench.names() == ["bench"]

@@ -9,11 +9,11 @@ from typing import Any
 import httpx
 import pytest
 
-from robot.models.autosave import Keeper
+from robot.models.autosave import Autosave
 from robot.policy.registry import make_policy
 from robot.storage.folder import Storage
 from robot.types import Action, Lesson
-from server.persistence import Library
+from server.persistence import Persistence
 
 from .live_robot import LiveServer, live_server
 
@@ -21,8 +21,8 @@ from .live_robot import LiveServer, live_server
 @pytest.fixture
 def taught(tmp_path: Path) -> Iterator[LiveServer]:
     """A running robot that was taught 40 frames in four seconds of its time."""
-    with live_server() as server, Library(Storage(tmp_path), server.rig) as library:
-        server.app.state.library = library
+    with live_server() as server, Persistence(Storage(tmp_path), server.rig) as persistence:
+        server.app.state.persistence = persistence
         _teach(server, 40)
         yield server
 
@@ -134,8 +134,8 @@ def test_another_size_begins_anew_and_keeps_the_old_model(taught: LiveServer) ->
     answer = ask(taught, "PUT", "/api/settings", json={"max_nodes": 64, "speed": 0.5})
     assert answer.json() == {"learner": "default-64", "speed": 0.5}
     assert gallery(taught) == {}
-    keeper: Keeper = taught.app.state.library.keeper
-    assert len(keeper.shelf.names()) == 2
+    autosave: Autosave = taught.app.state.persistence.autosave
+    assert len(autosave.store.names()) == 2
 
 
 @pytest.mark.parametrize(

@@ -25,8 +25,8 @@ from robot.episodes.recorder import Recorder
 from robot.episodes.recovery import recover_last
 from robot.episodes.writer_thread import RecorderConfig
 from robot.errors import RobotError
-from robot.models.autosave import Keeper
-from robot.models.store import ModelShelf
+from robot.models.autosave import Autosave
+from robot.models.store import ModelStore
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
@@ -70,15 +70,15 @@ def live(folder: Path, out: int) -> None:
     storage = Storage(folder)
     clock = RealClock()
     rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
-    keeper = Keeper(rig.loop, ModelShelf(storage), name="bench", announce=announce)
-    recover_last(storage.episodes, keeper.shelf, "bench")
+    autosave = Autosave(rig.loop, ModelStore(storage), name="bench", announce=announce)
+    recover_last(storage.episodes, autosave.store, "bench")
     recorder = Recorder(
         rig.loop, storage.episodes, config=RecorderConfig(spare_bytes=0), announce=announce
     )
     with rig:
-        keeper.load_last()
+        autosave.load_last()
         tell("loaded", rig.loop.submit(lambda: rig.loop.history.lessons).result(5))
-        keeper.start()
+        autosave.start()
         recorder.start()
         rig.loop.subscribe(note)
         drive(rig)
@@ -134,9 +134,9 @@ def compare(folder: Path, before: set[Path], life: Life, told: list[list[str]]) 
             taught.update(map(int, frame_ids))
     try:
         look_at_episodes(folder, before, life, taught, last_s)
-        shelf = ModelShelf(Storage(folder))
-        if shelf.current is not None:
-            life.found_lessons = shelf.load(shelf.current).card.lessons
+        store = ModelStore(Storage(folder))
+        if store.current is not None:
+            life.found_lessons = store.load(store.current).card.lessons
     except RobotError as error:
         life.failure = str(error)
     return life

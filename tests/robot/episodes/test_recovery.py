@@ -9,7 +9,7 @@ import pytest
 from robot.episodes.recovery import recover_last
 from robot.episodes.teaching import same_nodes
 from robot.models.model import Model, take_model
-from robot.models.store import ModelShelf
+from robot.models.store import ModelStore
 from robot.policy.history import TrainingHistory
 from robot.storage.folder import Storage
 
@@ -36,12 +36,12 @@ def cut(storage: Storage, robot: RecordedBench) -> None:
 def test_the_model_is_brought_up_to_the_recording(
     storage: Storage, learner: str, undoes: bool
 ) -> None:
-    shelf = ModelShelf(storage)
+    store = ModelStore(storage)
     robot = RecordedBench(storage.episodes, learner)
     history = robot.loop.history
     robot.drive(range(30))
-    shelf.save("bench", now(history))
-    shelf.current = "bench"
+    store.save("bench", now(history))
+    store.current = "bench"
     robot.drive(range(30, 50))
     if undoes:
         robot.loop.submit(lambda: history.undo(0.4))
@@ -49,38 +49,38 @@ def test_the_model_is_brought_up_to_the_recording(
     live = now(history)
     cut(storage, robot)
 
-    won = recover_last(storage.episodes, shelf, "bench")
+    won = recover_last(storage.episodes, store, "bench")
     assert won == live.card.lessons - 30 > 0
-    back = shelf.load("bench")
+    back = store.load("bench")
     assert same_nodes(back.state, live.state)
     assert back.card.taught == live.card.taught
 
-    shelf.save("other", back)
-    shelf.current = "other"
-    assert recover_last(storage.episodes, shelf, "bench") == 0
+    store.save("other", back)
+    store.current = "other"
+    assert recover_last(storage.episodes, store, "bench") == 0
 
 
 def test_a_model_that_was_never_saved_comes_back_whole(storage: Storage) -> None:
-    shelf = ModelShelf(storage)
+    store = ModelStore(storage)
     robot = RecordedBench(storage.episodes)
     robot.drive(range(30))
     live = now(robot.loop.history)
     cut(storage, robot)
     (storage.episodes / "zebra.mcap").write_bytes(b"an import, which no robot recorded")
-    assert recover_last(storage.episodes, shelf, "bench") == 30
-    assert shelf.current == "bench"
-    assert same_nodes(shelf.load("bench").state, live.state)
+    assert recover_last(storage.episodes, store, "bench") == 30
+    assert store.current == "bench"
+    assert same_nodes(store.load("bench").state, live.state)
 
 
 def test_a_whole_recording_changes_nothing(storage: Storage) -> None:
-    shelf = ModelShelf(storage)
+    store = ModelStore(storage)
     robot = RecordedBench(storage.episodes)
     robot.drive(range(30))
     robot.finish()
-    assert recover_last(storage.episodes, shelf, "bench") == 0
-    assert shelf.names() == []
+    assert recover_last(storage.episodes, store, "bench") == 0
+    assert store.names() == []
 
 
 def test_a_recording_that_nobody_can_read_stops_no_start(storage: Storage) -> None:
     (storage.episodes / "2026-01-01_120000_000.mcap").write_bytes(b"rubbish")
-    assert recover_last(storage.episodes, ModelShelf(storage), "bench") == 0
+    assert recover_last(storage.episodes, ModelStore(storage), "bench") == 0

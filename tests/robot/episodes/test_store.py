@@ -10,7 +10,7 @@ import pytest
 from robot.episodes.editing import choose, kept_frames, moments
 from robot.episodes.edits import Edit, Notes, notes_path, trim
 from robot.episodes.episode import open_episode, taught_frames
-from robot.episodes.store import EpisodeShelf
+from robot.episodes.store import EpisodeStore
 from robot.episodes.summary import read_card
 from robot.episodes.teaching import learn_again, same_nodes
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
@@ -27,14 +27,14 @@ def storage(tmp_path: Path) -> Storage:
 
 
 @pytest.fixture
-def shelf(storage: Storage) -> EpisodeShelf:
+def store(storage: Storage) -> EpisodeStore:
     record_drive(storage.episodes)
-    return EpisodeShelf(storage)
+    return EpisodeStore(storage)
 
 
-def test_a_list_shows_what_an_episode_holds_without_reading_it_all(shelf: EpisodeShelf) -> None:
-    [card] = shelf.cards()
-    episode = shelf.open(card.id)
+def test_a_list_shows_what_an_episode_holds_without_reading_it_all(store: EpisodeStore) -> None:
+    [card] = store.cards()
+    episode = store.open(card.id)
     assert card.damage is None and card.is_readable
     assert card.frames == len(episode.frames)
     assert dict(card.taught) == {"forward": 20, "left": 20, "right": 20}
@@ -80,8 +80,8 @@ def test_damaged_bytes_never_raise_anything_but_our_own_errors(tmp_path: Path) -
             pass
 
 
-def test_labels_predictions_and_drivers_stand_beside_each_picture(shelf: EpisodeShelf) -> None:
-    episode = shelf.open(shelf.ids()[0])
+def test_labels_predictions_and_drivers_stand_beside_each_picture(store: EpisodeStore) -> None:
+    episode = store.open(store.ids()[0])
     found = moments(episode, Notes())
     taught = [moment for moment in found if moment.label]
     assert len(taught) == 60
@@ -95,61 +95,61 @@ def test_labels_predictions_and_drivers_stand_beside_each_picture(shelf: Episode
     ]
 
 
-def test_edits_are_kept_beside_the_file_and_can_all_be_undone(shelf: EpisodeShelf) -> None:
-    [episode_id] = shelf.ids()
-    path = shelf.path(episode_id)
+def test_edits_are_kept_beside_the_file_and_can_all_be_undone(store: EpisodeStore) -> None:
+    [episode_id] = store.ids()
+    path = store.path(episode_id)
     before = path.read_bytes()
-    ids = list(shelf.open(episode_id).frames)
-    shelf.edit(episode_id, Edit(verb="delete", ranges=((ids[5], ids[9]),)))
-    shelf.edit(episode_id, Edit(verb="relabel", ranges=((ids[0], ids[20]),), label=Action.RIGHT))
-    shelf.set_title(episode_id, "  Flur, abends ")
-    shelf.protect(episode_id, True)
-    notes = EpisodeShelf(Storage(path.parent.parent)).notes(episode_id)
+    ids = list(store.open(episode_id).frames)
+    store.edit(episode_id, Edit(verb="delete", ranges=((ids[5], ids[9]),)))
+    store.edit(episode_id, Edit(verb="relabel", ranges=((ids[0], ids[20]),), label=Action.RIGHT))
+    store.set_title(episode_id, "  Flur, abends ")
+    store.protect(episode_id, True)
+    notes = EpisodeStore(Storage(path.parent.parent)).notes(episode_id)
     assert (notes.title, notes.is_protected, len(notes.edits)) == ("Flur, abends", True, 2)
-    assert len(kept_frames(shelf.open(episode_id), notes)) == len(ids) - 5
+    assert len(kept_frames(store.open(episode_id), notes)) == len(ids) - 5
     assert path.read_bytes() == before
-    shelf.undo_edit(episode_id)
-    shelf.undo_edit(episode_id)
-    assert shelf.notes(episode_id).edits == ()
+    store.undo_edit(episode_id)
+    store.undo_edit(episode_id)
+    assert store.notes(episode_id).edits == ()
     with pytest.raises(ConfigurationError, match="nothing to undo"):
-        shelf.undo_edit(episode_id)
+        store.undo_edit(episode_id)
 
 
-def test_compacting_works_the_edits_in_and_teaches_the_same(shelf: EpisodeShelf) -> None:
-    [episode_id] = shelf.ids()
-    ids = list(shelf.open(episode_id).frames)
-    shelf.edit(episode_id, trim(ids, ids[5], ids[-5]))
-    shelf.edit(episode_id, Edit(verb="relabel", ranges=((ids[10], ids[20]),), label=Action.RIGHT))
-    before, size = make_policy("default-8"), shelf.card(episode_id).bytes
-    learn_again(before, [(shelf.open(episode_id), shelf.notes(episode_id))])
-    undo = shelf.compact(episode_id)
-    assert shelf.card(episode_id).bytes < size
-    assert shelf.notes(episode_id).edits == ()
+def test_compacting_works_the_edits_in_and_teaches_the_same(store: EpisodeStore) -> None:
+    [episode_id] = store.ids()
+    ids = list(store.open(episode_id).frames)
+    store.edit(episode_id, trim(ids, ids[5], ids[-5]))
+    store.edit(episode_id, Edit(verb="relabel", ranges=((ids[10], ids[20]),), label=Action.RIGHT))
+    before, size = make_policy("default-8"), store.card(episode_id).bytes
+    learn_again(before, [(store.open(episode_id), store.notes(episode_id))])
+    undo = store.compact(episode_id)
+    assert store.card(episode_id).bytes < size
+    assert store.notes(episode_id).edits == ()
     after = make_policy("default-8")
-    learn_again(after, [(shelf.open(episode_id), Notes())])
+    learn_again(after, [(store.open(episode_id), Notes())])
     assert same_nodes(after.get_state(), before.get_state())
-    assert len(shelf.open(episode_id).frames) == len(ids) - 9
+    assert len(store.open(episode_id).frames) == len(ids) - 9
 
-    assert shelf.restore(undo) == f"{episode_id} (2)"
-    assert len(shelf.notes(f"{episode_id} (2)").edits) == 2
-    assert len(shelf.open(f"{episode_id} (2)").frames) == len(ids)
+    assert store.restore(undo) == f"{episode_id} (2)"
+    assert len(store.notes(f"{episode_id} (2)").edits) == 2
+    assert len(store.open(f"{episode_id} (2)").frames) == len(ids)
 
 
-def test_delete_and_restore_take_the_edits_along(shelf: EpisodeShelf) -> None:
-    [episode_id] = shelf.ids()
-    shelf.set_title(episode_id, "kept")
-    undo = shelf.delete(episode_id)
-    assert shelf.ids() == []
-    assert shelf.restore(undo) == episode_id
-    assert shelf.card(episode_id).title == "kept"
+def test_delete_and_restore_take_the_edits_along(store: EpisodeStore) -> None:
+    [episode_id] = store.ids()
+    store.set_title(episode_id, "kept")
+    undo = store.delete(episode_id)
+    assert store.ids() == []
+    assert store.restore(undo) == episode_id
+    assert store.card(episode_id).title == "kept"
     with pytest.raises(NotFoundError):
-        shelf.restore(undo)
+        store.restore(undo)
 
 
 def test_what_is_being_recorded_is_left_alone(storage: Storage) -> None:
     episode_id = record_drive(storage.episodes).id
-    shelf = EpisodeShelf(storage, recording=lambda: episode_id)
-    for refused in (shelf.delete, shelf.compact):
+    store = EpisodeStore(storage, recording=lambda: episode_id)
+    for refused in (store.delete, store.compact):
         with pytest.raises(ConfigurationError, match="being recorded"):
             refused(episode_id)
 
@@ -158,28 +158,28 @@ def test_beyond_the_budget_the_oldest_unprotected_are_offered_and_none_is_delete
     storage: Storage,
 ) -> None:
     ids = [record_drive(storage.episodes, frames=20).id for _ in range(4)]
-    shelf = EpisodeShelf(storage)
-    shelf.protect(ids[0], True)
-    size = shelf.card(ids[0]).bytes
-    shelf.budget_bytes = size * 5 // 2
-    offer = shelf.budget()
+    store = EpisodeStore(storage)
+    store.protect(ids[0], True)
+    size = store.card(ids[0]).bytes
+    store.budget_bytes = size * 5 // 2
+    offer = store.budget()
     assert [card.id for card in offer.offered] == ids[1:3]
-    assert len(shelf.ids()) == 4
-    shelf.budget_bytes = size * 10
-    assert shelf.budget().offered == ()
+    assert len(store.ids()) == 4
+    store.budget_bytes = size * 10
+    assert store.budget().offered == ()
 
 
 @pytest.mark.parametrize("name", ["../x", "..", "/etc/passwd", "", "a/../b"])
-def test_no_name_leads_out_of_the_folder(shelf: EpisodeShelf, name: str) -> None:
-    for attempt in (shelf.open, shelf.delete, shelf.notes, shelf.compact, shelf.restore):
+def test_no_name_leads_out_of_the_folder(store: EpisodeStore, name: str) -> None:
+    for attempt in (store.open, store.delete, store.notes, store.compact, store.restore):
         with pytest.raises(NotFoundError):
             attempt(name)
 
 
-def test_damaged_notes_are_named_and_hide_no_episode(shelf: EpisodeShelf) -> None:
-    [episode_id] = shelf.ids()
-    notes_path(shelf.path(episode_id)).write_text("{")
-    assert "edits.json is damaged" in str(shelf.card(episode_id).damage)
-    assert len(taught_frames(shelf.open(episode_id))) == 60
+def test_damaged_notes_are_named_and_hide_no_episode(store: EpisodeStore) -> None:
+    [episode_id] = store.ids()
+    notes_path(store.path(episode_id)).write_text("{")
+    assert "edits.json is damaged" in str(store.card(episode_id).damage)
+    assert len(taught_frames(store.open(episode_id))) == 60
     with pytest.raises(RecordingError, match="damaged"):
-        shelf.set_title(episode_id, "x")
+        store.set_title(episode_id, "x")

@@ -12,8 +12,8 @@ import pytest
 from robot.clock import RealClock
 from robot.control.state import Tick
 from robot.control.thread import LoopThread
-from robot.models.autosave import Keeper
-from robot.models.store import ModelShelf
+from robot.models.autosave import Autosave
+from robot.models.store import ModelStore
 from robot.storage.folder import Storage
 from robot.types import Action, Lesson
 
@@ -25,16 +25,16 @@ class KeptRobot(BenchRobot):
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
-        self.shelf = ModelShelf(Storage(folder))
+        self.store = ModelStore(Storage(folder))
         self.told: list[str] = []
         self.thread = LoopThread(self.loop, RealClock())
         self.new_keeper()
 
     def new_keeper(self) -> None:
-        self.keeper = Keeper(
-            self.loop, self.shelf, announce=lambda name, **fields: self.told.append(name)
+        self.autosave = Autosave(
+            self.loop, self.store, announce=lambda name, **fields: self.told.append(name)
         )
-        self.keeper.start()
+        self.autosave.start()
 
     def teach(self, scene: int) -> None:
         self.ask_to_teach(scene).result(5)
@@ -50,7 +50,7 @@ class KeptRobot(BenchRobot):
         return self.loop.submit(teach)
 
     def kept_lessons(self) -> list[int]:
-        return [model.card.lessons for _, model in self.shelf.good_models()]
+        return [model.card.lessons for _, model in self.store.good_models()]
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def robot(tmp_path: Path) -> Iterator[KeptRobot]:
     robot = KeptRobot(tmp_path)
     robot.thread.start()
     yield robot
-    robot.keeper.stop()
+    robot.autosave.stop()
     robot.thread.stop()
 
 
@@ -74,10 +74,10 @@ def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
     listeners = robot.loop._board._listeners
     listeners.insert(0, hold_up)
     robot.ask_to_teach(1)
-    assert taught.wait(5) and robot.keeper.has_unsaved
-    ending = threading.Thread(target=robot.keeper.stop)
+    assert taught.wait(5) and robot.autosave.has_unsaved
+    ending = threading.Thread(target=robot.autosave.stop)
     ending.start()
-    while robot.keeper.note in robot.loop._board._listeners:
+    while robot.autosave.note in robot.loop._board._listeners:
         pass
     go_on.set()
     ending.join(10)
@@ -87,49 +87,49 @@ def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
 def test_nothing_is_saved_twice(robot: KeptRobot) -> None:
     for scene in range(5):
         robot.teach(scene)
-    robot.keeper.save()
-    assert not robot.keeper.has_unsaved
+    robot.autosave.save()
+    assert not robot.autosave.has_unsaved
     told = list(robot.told)
-    robot.keeper.stop()
+    robot.autosave.stop()
     assert robot.told == told and robot.kept_lessons() == [5]
 
 
 def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot: KeptRobot) -> None:
     robot.teach(1)
-    name = robot.keeper.save()
+    name = robot.autosave.save()
     robot.teach(2)
-    robot.keeper.load(name)  # which saves first
-    assert not robot.keeper.has_unsaved
+    robot.autosave.load(name)  # which saves first
+    assert not robot.autosave.has_unsaved
     assert robot.loop.history.lessons == 2
     robot.teach(3)
-    assert robot.keeper.has_unsaved
+    assert robot.autosave.has_unsaved
 
 
 def test_a_taken_back_lesson_is_something_to_save(robot: KeptRobot) -> None:
     robot.teach(1)
-    robot.keeper.save()
+    robot.autosave.save()
     robot.loop.submit(lambda: robot.loop.history.undo(5.0)).result(5)
-    robot.keeper.stop()
+    robot.autosave.stop()
     assert robot.kept_lessons() == [0]
 
 
 def test_a_disk_that_refused_is_tried_again(robot: KeptRobot) -> None:
-    good = robot.shelf
-    robot.keeper.shelf = _FullShelf(good)  # type: ignore[assignment]
+    good = robot.store
+    robot.autosave.store = _FullShelf(good)  # type: ignore[assignment]
     robot.teach(1)
-    robot.keeper.save_if_changed()
-    assert "model_not_saved" in robot.told and robot.keeper.has_unsaved
-    robot.keeper.shelf = good
-    robot.keeper.save_if_changed()
+    robot.autosave.save_if_changed()
+    assert "model_not_saved" in robot.told and robot.autosave.has_unsaved
+    robot.autosave.store = good
+    robot.autosave.save_if_changed()
     assert robot.kept_lessons() == [1]
 
 
 class _FullShelf:
     """Refuses as a full disk does."""
 
-    def __init__(self, shelf: ModelShelf) -> None:
-        self.current = shelf.current
-        self.free_name = shelf.free_name
+    def __init__(self, store: ModelStore) -> None:
+        self.current = store.current
+        self.free_name = store.free_name
 
     def save(self, name: str, model: object) -> None:
         raise OSError(28, "No space left on device")

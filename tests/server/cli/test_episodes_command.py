@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from robot.episodes.store import EpisodeShelf
-from robot.models.store import ModelShelf
+from robot.episodes.store import EpisodeStore
+from robot.models.store import ModelStore
 from robot.storage.folder import Storage
 from server.__main__ import main
 from tests.robot.episodes.drives import record_drive
@@ -39,18 +39,18 @@ def test_list_and_show(episode_id: str, capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_mend_and_undo(episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    shelf = EpisodeShelf(Storage(data))
+    store = EpisodeStore(Storage(data))
     say("episodes trim last --from 0.5 --to 2.5", capsys)
     say("episodes relabel last --from 1 --to 2 --label right", capsys)
     assert "3 edits" in say("episodes delete last --from 2", capsys)
-    assert len(shelf.notes(episode_id).edits) == 3
+    assert len(store.notes(episode_id).edits) == 3
     shown = say(f"episodes show {episode_id[:12]}", capsys)
     assert "x" in shown and "edit 2: relabel right" in shown
     say("episodes undo last", capsys)
-    assert len(shelf.notes(episode_id).edits) == 2
-    before = shelf.card(episode_id).bytes
+    assert len(store.notes(episode_id).edits) == 2
+    before = store.card(episode_id).bytes
     say("episodes compact last", capsys)
-    assert shelf.card(episode_id).bytes < before
+    assert store.card(episode_id).bytes < before
 
 
 def test_delete_restore_and_the_trash(
@@ -78,7 +78,7 @@ def test_learn_gives_the_nodes_of_driving_and_saves_them(
 ) -> None:
     told = say("learn last --check --out again", capsys)
     assert "the same nodes as driving made" in told
-    model = ModelShelf(Storage(data)).load("again")
+    model = ModelStore(Storage(data)).load("again")
     assert (model.card.learner, model.card.lessons) == ("default-8", 60)
     say(f"learn {episode_id} --learner published --max-nodes 64 --out {tmp_path}/m.npz", capsys)
     assert (tmp_path / "m.npz").stat().st_size > 1000
@@ -91,7 +91,7 @@ def test_out_and_in_again(
     say(f"episodes export last --as {form} --out {data}/exports/{form}", capsys)
     say(f"episodes import {data}/exports/{form} --name back", capsys)
     say("learn back --learner default --max-nodes 8 --out back", capsys)
-    assert ModelShelf(Storage(data)).load("back").card.lessons == 60
+    assert ModelStore(Storage(data)).load("back").card.lessons == 60
 
 
 def test_films_and_datasets_go_to_the_exports(
