@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from robot.experiments.ideas import make_teacher
-from robot.simulation.pilots.hand import STEADY, HandConfig
-from robot.simulation.pilots.pilot import Manners, SimulatedPilot
+from robot.simulation.pilots.hand import STEADY, HumanDelayConfig
+from robot.simulation.pilots.pilot import SimulatedPilot, TakeoverPolicy
 from robot.types import Action
 
 
@@ -17,11 +17,11 @@ def make_pilot(params: Mapping[str, Any], moves: tuple[Action, ...]) -> Simulate
     The sonar controller is a program on the robot: it has no hand, and no link between.
     """
     delay_s = params.get("delay_ms", 0) / 1000
-    hand = HandConfig(link_delay_s=delay_s, names_frame=params.get("names_frame", True))
+    hand = HumanDelayConfig(link_delay_s=delay_s, names_frame=params.get("names_frame", True))
     return SimulatedPilot(
         make_teacher(params["teacher"], moves),
         moves,
         hand=STEADY if params["teacher"] == "sonar" else hand,
-        manners=Manners(lenience=params.get("lenience", Manners().lenience)),
+        takeover=TakeoverPolicy(lenience=params.get("lenience", TakeoverPolicy().lenience)),
         seed=str(params["seed"]),
     )

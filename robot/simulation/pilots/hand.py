@@ -18,7 +18,7 @@ _EPSILON_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HandConfig:
+class HumanDelayConfig:
     """How good a hand it is. The default is a practised person on a fast link."""
 
     reaction_s: float = 0.2
@@ -34,11 +34,11 @@ class HandConfig:
     """False: the command names no frame of the screen, but the newest there is."""
 
 
-STEADY = HandConfig(reaction_s=0.0, tremors_per_min=0.0, lapses_per_min=0.0)
+STEADY = HumanDelayConfig(reaction_s=0.0, tremors_per_min=0.0, lapses_per_min=0.0)
 """No hand at all: a program on the robot itself."""
 
 
-class Hand:
+class HumanDelayModel:
     """Turns wishes into commands, in time.
 
     Args:
@@ -47,7 +47,7 @@ class Hand:
         seed: Of tremor and lapses.
     """
 
-    def __init__(self, config: HandConfig, buttons: Sequence[Action], seed: str) -> None:
+    def __init__(self, config: HumanDelayConfig, buttons: Sequence[Action], seed: str) -> None:
         self.config = config
         self._buttons = list(buttons)
         self._chance = random.Random(f"{seed} hand")

@@ -6,7 +6,7 @@ import random
 from collections import deque
 from dataclasses import dataclass
 
-from robot.simulation.pilots.hand import Hand, HandConfig
+from robot.simulation.pilots.hand import HumanDelayConfig, HumanDelayModel
 from robot.simulation.pilots.situation import Situation
 from robot.simulation.pilots.teachers import Teacher
 from robot.types import Action, Mode, PilotCommand
@@ -15,7 +15,7 @@ _EPSILON_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Manners:
+class TakeoverPolicy:
     """When a pilot takes the wheel from the robot, and when it gives it back."""
 
     patience_s: float = 0.5
@@ -46,21 +46,21 @@ class SimulatedPilot:
         teacher: Teacher,
         moves: tuple[Action, ...],
         *,
-        hand: HandConfig | None = None,
-        manners: Manners | None = None,
+        hand: HumanDelayConfig | None = None,
+        takeover: TakeoverPolicy | None = None,
         seed: str = "0",
     ) -> None:
         self.teacher = teacher
-        self.manners = manners or Manners()
+        self.takeover = takeover or TakeoverPolicy()
         self.mode = Mode.STOPPED
-        self._hand = Hand(hand or HandConfig(), moves, seed)
+        self._hand = HumanDelayModel(hand or HumanDelayConfig(), moves, seed)
         self._chance = random.Random(f"{seed} manners")
         self._coming: deque[tuple[Situation, Action | None]] = deque()
         self._screen: Situation | None = None
         self._holds_since_s: float | None = None
         self._annoyed_since_s: float | None = None
         self._content_since_s: float | None = None
-        self._patience_s = self.manners.patience_s
+        self._patience_s = self.takeover.patience_s
 
     @property
     def link_delay_s(self) -> float:
@@ -115,9 +115,9 @@ class SimulatedPilot:
             return
         if self._annoyed_since_s is None:
             self._annoyed_since_s = now_s
-            is_lenient = self._chance.random() < self.manners.lenience
+            is_lenient = self._chance.random() < self.takeover.lenience
             self._patience_s = (
-                self.manners.lenient_patience_s if is_lenient else self.manners.patience_s
+                self.takeover.lenient_patience_s if is_lenient else self.takeover.patience_s
             )
         if now_s - self._annoyed_since_s >= self._patience_s - _EPSILON_S:
             self._holds_since_s, self._content_since_s = now_s, None
@@ -130,9 +130,9 @@ class SimulatedPilot:
             self._content_since_s = now_s
         held_s = now_s - self._holds_since_s
         content_s = now_s - self._content_since_s if self._content_since_s is not None else 0.0
-        manners = self.manners
-        if held_s >= manners.longest_hold_s or (
-            held_s >= manners.shortest_hold_s and content_s >= manners.contented_s - _EPSILON_S
+        takeover = self.takeover
+        if held_s >= takeover.longest_hold_s or (
+            held_s >= takeover.shortest_hold_s and content_s >= takeover.contented_s - _EPSILON_S
         ):
             self._holds_since_s = self._annoyed_since_s = None
 

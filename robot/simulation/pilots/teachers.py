@@ -61,7 +61,7 @@ _SIDES = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Taste:
+class TeacherParams:
     """How somebody likes to drive."""
 
     turn_at_m: float = 0.22
@@ -92,9 +92,9 @@ class Wanderer:
     def __init__(
         self,
         turns: tuple[Action, ...] = (Action.LEFT, Action.RIGHT),
-        taste: Taste | None = None,
+        params: TeacherParams | None = None,
     ) -> None:
-        self.taste = taste or Taste()
+        self.params = params or TeacherParams()
         self._turns = {_SIDES[turn]: turn for turn in turns}
         self._turning: Action | None = None
         self._turning_since_s = 0.0
@@ -104,7 +104,7 @@ class Wanderer:
     def choose(self, situation: Situation) -> Action:
         """Return FORWARD or the turn begun."""
         free_m = situation.free_ahead_m
-        if self._turning is None and free_m < self.taste.turn_at_m:
+        if self._turning is None and free_m < self.params.turn_at_m:
             self._turning = self._choose_turn(situation)
             self._turning_since_s = situation.at_s
         elif self._turning is not None and free_m > self._enough_m(situation.at_s):
@@ -116,13 +116,13 @@ class Wanderer:
         if action is Action.STOP or self._is_stuck(situation):
             return False
         if action is Action.FORWARD:
-            return situation.free_ahead_m > self.taste.danger_m and not situation.is_pushing
+            return situation.free_ahead_m > self.params.danger_m and not situation.is_pushing
         if self._turning is not None:
             return action is self._turning
-        has_habit = situation.ahead in self.taste.left_at + self.taste.right_at
+        has_habit = situation.ahead in self.params.left_at + self.params.right_at
         if has_habit and action is not self._choose_turn(situation):
             return False
-        return situation.free_ahead_m < 1.3 * self.taste.go_at_m
+        return situation.free_ahead_m < 1.3 * self.params.go_at_m
 
     def _is_stuck(self, situation: Situation) -> bool:
         pose = situation.pose
@@ -134,19 +134,19 @@ class Wanderer:
 
     def _enough_m(self, now_s: float) -> float:
         if now_s - self._turning_since_s > self.LONG_TURN_S:
-            return self.taste.turn_at_m + 0.05
-        return self.taste.go_at_m
+            return self.params.turn_at_m + 0.05
+        return self.params.go_at_m
 
     def _choose_turn(self, situation: Situation) -> Action:
         """Follow a habit; else choose the side on which less turning makes the way free."""
-        for side, habit in ((1, self.taste.left_at), (-1, self.taste.right_at)):
+        for side, habit in ((1, self.params.left_at), (-1, self.params.right_at)):
             if situation.ahead in habit and side in self._turns:
                 return self._turns[side]
         return self._turns[
             min(
                 self._turns,
                 key=lambda side: (
-                    situation.turn_needed_rad(side, self.taste.go_at_m),
+                    situation.turn_needed_rad(side, self.params.go_at_m),
                     -situation.room_m(side),
                 ),
             )
@@ -157,10 +157,10 @@ SHELVES = ("east wall", "west wall")
 WALLS = ("south wall", "north wall")
 """Dark shelves stand along two walls of the office; the two others are light."""
 
-TASTES: dict[str, Taste] = {
-    "usual": Taste(),
-    "early": Taste(turn_at_m=0.35, go_at_m=0.55, danger_m=0.10),
-    "late": Taste(turn_at_m=0.14, go_at_m=0.35, danger_m=0.04),
-    "habit": Taste(left_at=WALLS, right_at=SHELVES),
+TASTES: dict[str, TeacherParams] = {
+    "usual": TeacherParams(),
+    "early": TeacherParams(turn_at_m=0.35, go_at_m=0.55, danger_m=0.10),
+    "late": TeacherParams(turn_at_m=0.14, go_at_m=0.35, danger_m=0.04),
+    "habit": TeacherParams(left_at=WALLS, right_at=SHELVES),
 }
 """Drivers of different taste, by name."""

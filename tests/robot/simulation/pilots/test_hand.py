@@ -6,15 +6,17 @@ from dataclasses import replace
 
 import pytest
 
-from robot.simulation.pilots.hand import STEADY, Hand, HandConfig
+from robot.simulation.pilots.hand import STEADY, HumanDelayConfig, HumanDelayModel
 from robot.types import Action
 
 F, L = Action.FORWARD, Action.LEFT
 
 
-def held_over_time(config: HandConfig, wishes: list[Action | None], seed: str = "0") -> list[str]:
+def held_over_time(
+    config: HumanDelayConfig, wishes: list[Action | None], seed: str = "0"
+) -> list[str]:
     """Wish every 0.1 s, and list what arrives at each of these instants: `f`, `l` or `.`."""
-    hand = Hand(config, (F, L), seed)
+    hand = HumanDelayModel(config, (F, L), seed)
     heard = []
     for tick, wish in enumerate(wishes):
         now_s = tick / 10
@@ -42,7 +44,7 @@ def test_commands_take_half_of_the_links_delay() -> None:
 
 
 def test_commands_count_up_and_name_the_frame_on_the_screen() -> None:
-    hand = Hand(STEADY, (F, L), "0")
+    hand = HumanDelayModel(STEADY, (F, L), "0")
     hand.wish(F, 1.0)
     hand.say(17, 0.25, 1.0)
     hand.say(18, 0.25, 1.1)
@@ -76,7 +78,7 @@ def test_nothing_held_means_nothing_to_slip_from() -> None:
 
 
 def test_letting_go_is_at_once() -> None:
-    hand = Hand(replace(STEADY, reaction_s=0.2), (F, L), "0")
+    hand = HumanDelayModel(replace(STEADY, reaction_s=0.2), (F, L), "0")
     hand.wish(F, 0.0)
     hand.let_go()
     hand.say(1, 0.0, 1.0)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from robot.simulation.pilots.hand import STEADY, HandConfig
-from robot.simulation.pilots.pilot import Manners, SimulatedPilot
+from robot.simulation.pilots.hand import STEADY, HumanDelayConfig
+from robot.simulation.pilots.pilot import SimulatedPilot, TakeoverPolicy
 from robot.simulation.pilots.situation import Situation
 from robot.types import Action, Mode
 from tests.robot.simulation.pilots.test_teachers import situation
 
 F, L = Action.FORWARD, Action.LEFT
-STRICT = Manners(patience_s=0.3, shortest_hold_s=0.5, contented_s=0.2, lenience=0.0)
+STRICT = TakeoverPolicy(patience_s=0.3, shortest_hold_s=0.5, contented_s=0.2, lenience=0.0)
 
 
 class Strict:
@@ -24,8 +24,8 @@ class Strict:
         return action is L
 
 
-def pilot(manners: Manners = STRICT, hand: HandConfig = STEADY) -> SimulatedPilot:
-    return SimulatedPilot(Strict(), (F, L), hand=hand, manners=manners)
+def pilot(takeover: TakeoverPolicy = STRICT, hand: HumanDelayConfig = STEADY) -> SimulatedPilot:
+    return SimulatedPilot(Strict(), (F, L), hand=hand, takeover=takeover)
 
 
 def drive(who: SimulatedPilot, doing: str, proposed: str, start: int = 0) -> str:

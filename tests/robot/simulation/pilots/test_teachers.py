@@ -9,7 +9,7 @@ import pytest
 
 from robot.simulation.body import RADIUS_M
 from robot.simulation.pilots.situation import FAN_RAD, Situation, observe
-from robot.simulation.pilots.teachers import SonarController, Taste, Wanderer
+from robot.simulation.pilots.teachers import SonarController, TeacherParams, Wanderer
 from robot.simulation.simulation import NO_NOISE, Simulation
 from robot.simulation.world import load_world
 from robot.types import Action, Pose
@@ -64,7 +64,7 @@ def test_a_slanted_wall_is_left_on_its_far_side() -> None:
 
 
 def test_a_turn_once_begun_goes_on_until_the_way_is_free() -> None:
-    teacher = Wanderer((L, R), Taste(turn_at_m=0.2, go_at_m=0.5))
+    teacher = Wanderer((L, R), TeacherParams(turn_at_m=0.2, go_at_m=0.5))
     ways = [1.0, 0.19, 0.3, 0.49, 0.51, 0.3]
     assert [teacher.choose(situation(wall_m=m)) for m in ways[:1]] == [F]
     turns = [teacher.choose(situation(wall_m=m)) for m in ways[1:4]]
@@ -75,19 +75,19 @@ def test_a_turn_once_begun_goes_on_until_the_way_is_free() -> None:
 
 def test_a_habit_goes_before_the_shorter_turn() -> None:
     near_left = situation(wall_m=0.2, slant_rad=math.radians(30))
-    assert Wanderer((L, R), Taste(left_at=("wall",))).choose(near_left) is L
-    assert Wanderer((L, R), Taste(right_at=("door",))).choose(near_left) is R
+    assert Wanderer((L, R), TeacherParams(left_at=("wall",))).choose(near_left) is L
+    assert Wanderer((L, R), TeacherParams(right_at=("door",))).choose(near_left) is R
 
 
 def test_in_a_narrow_place_less_is_enough_after_a_long_turn() -> None:
-    teacher = Wanderer((L,), Taste(turn_at_m=0.2, go_at_m=0.9))
+    teacher = Wanderer((L,), TeacherParams(turn_at_m=0.2, go_at_m=0.9))
     assert teacher.choose(situation(wall_m=0.1, at_s=0.0)) is L
     assert teacher.choose(situation(wall_m=0.4, at_s=7.9)) is L
     assert teacher.choose(situation(wall_m=0.4, at_s=8.1)) is F
 
 
 def test_what_is_tolerated() -> None:
-    teacher = Wanderer((L, R), Taste(turn_at_m=0.2, go_at_m=0.5, danger_m=0.06))
+    teacher = Wanderer((L, R), TeacherParams(turn_at_m=0.2, go_at_m=0.5, danger_m=0.06))
     assert teacher.tolerates(situation(wall_m=1.0), F)
     assert not teacher.tolerates(situation(wall_m=0.05), F)
     assert not teacher.tolerates(situation(wall_m=1.0), L), "it turns where there is room"
