@@ -10,10 +10,10 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 
 from robot.rig.rig import Rig
-from server.clients.hub import Station
+from server.clients.hub import Hub
 from server.config import Config
 from server.hosting.network import host_names
-from server.hosting.static_files import PackedFiles
+from server.hosting.static_files import CompressedFiles
 from server.persistence import recording_in
 from server.progress import Progress
 from server.routes import routers
@@ -29,7 +29,7 @@ def create_app(
     """Make the application for one robot. Nothing happens at import time.
 
     The robot is started and stopped by whoever built it; the application only listens to its
-    loop while it runs. `app.state` has `station`, `config`, `robot` and `pairing` for the routes.
+    loop while it runs. `app.state` has `hub`, `config`, `robot` and `pairing` for the routes.
 
     Args:
         config: What was set.
@@ -41,24 +41,24 @@ def create_app(
         mimetypes.add_type("text/javascript", suffix)
     mimetypes.add_type("application/manifest+json", ".webmanifest")
     app = FastAPI(title="Drivelesson", docs_url=None, redoc_url=None)
-    station = Station(config, robot, name)
+    hub = Hub(config, robot, name)
     turned_away: Counter[str] = Counter()
-    app.state.config, app.state.robot, app.state.station = config, robot, station
+    app.state.config, app.state.robot, app.state.hub = config, robot, hub
     app.state.progress = progress = Progress(robot.loop, lambda: recording_in(app.state))
-    app.state.study = study = Study(robot.loop, station.announce_soon)
+    app.state.study = study = Study(robot.loop, hub.announce_soon)
     app.state.pairing, app.state.turned_away = pairing, turned_away
     for router in routers():
         app.include_router(router)
-    app.mount("/", PackedFiles(directory=config.web_folder, html=True), name="web")
+    app.mount("/", CompressedFiles(directory=config.web_folder, html=True), name="web")
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        await station.start()
+        await hub.start()
         try:
             with progress, study:
                 yield
         finally:
-            await station.stop()
+            await hub.stop()
 
     # NOTE: set so, and not as an argument, because FastAPI knows the argument only since 0.93.
     app.router.lifespan_context = lifespan

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError
-from server.bench.proxy import Proxy, Weather
+from server.bench.proxy import LinkConditions, Proxy
 from server.bench.subject import KINDS
 from server.bench.viewers import Watched, watch
 
@@ -70,7 +70,7 @@ async def _measure_all(
     return result
 
 
-class Subject:
+class ServerUnderTest:
     """A server in a process of its own."""
 
     def __init__(self, kind: str, rate_hz: float, width: int = 160, height: int = 120) -> None:
@@ -98,14 +98,14 @@ class Subject:
         assert self._process.stdout is not None
         return self._process.stdout.readline()
 
-    def __enter__(self) -> Subject:
+    def __enter__(self) -> ServerUnderTest:
         return self
 
     def __exit__(self, *exc: object) -> None:
         self._process.communicate(timeout=10)
 
 
-async def _cpu_share(subject: Subject, seconds: float) -> float:
+async def _cpu_share(subject: ServerUnderTest, seconds: float) -> float:
     """Share of one core that the serving thread uses."""
     before, start_s = subject.ask(), time.monotonic()
     await asyncio.sleep(seconds)
@@ -114,7 +114,7 @@ async def _cpu_share(subject: Subject, seconds: float) -> float:
 
 
 async def _measure_viewers(kind: str, count: int, seconds: float, rate_hz: float) -> dict[str, Any]:
-    with Subject(kind, rate_hz) as subject:
+    with ServerUnderTest(kind, rate_hz) as subject:
         await asyncio.sleep(_SETTLE_S)
         idle = await _cpu_share(subject, min(seconds, 2.0))
         async with _watching(kind, [subject.port] * count) as viewers:
@@ -156,7 +156,7 @@ async def _measure_commands(count: int, rate_hz: float, commands: int = 100) -> 
     """Time each change of what is held from the wire to the body."""
     from websockets.asyncio.client import connect
 
-    with Subject("drivelesson", rate_hz) as subject:
+    with ServerUnderTest("drivelesson", rate_hz) as subject:
         async with (
             _watching("drivelesson", [subject.port] * count),
             connect(f"ws://127.0.0.1:{subject.port}/ws/drive", compression=None) as pilot,
@@ -203,7 +203,7 @@ async def _read_all(pilot: Any) -> None:
 async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float) -> dict[str, Any]:
     """Sixteen viewers without and with four of them behind a slow line."""
     size = f"{width}x{height}"
-    with Subject("drivelesson", rate_hz, width, height) as subject:
+    with ServerUnderTest("drivelesson", rate_hz, width, height) as subject:
         proxies = [Proxy(subject.port) for _ in range(_SLOW_VIEWERS)]
         for proxy in proxies:
             await proxy.start()
@@ -212,7 +212,7 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
         # Before and after, so that what else the machine does falls upon both sides alike.
         without = await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, before")
         for proxy in proxies:
-            proxy.weather = Weather(bytes_per_second=SLOW_LINE)
+            proxy.conditions = LinkConditions(bytes_per_second=SLOW_LINE)
         _progress(f"{size}, four at 500 kbit/s")
         async with _watching("drivelesson", ports) as viewers:
             await asyncio.sleep(2 * _SETTLE_S)
@@ -227,7 +227,7 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
                 for part in range(3)
             ]
         for proxy in proxies:
-            proxy.weather = Weather()
+            proxy.conditions = LinkConditions()
         without += await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, after")
         for proxy in proxies:
             await proxy.stop()

@@ -16,7 +16,7 @@ _CHUNK_BYTES = 1460
 
 
 @dataclass(slots=True, kw_only=True)
-class Weather:
+class LinkConditions:
     """What the link is like. May be changed while it is used; counts for what comes after."""
 
     delay_s: float = 0.0
@@ -34,8 +34,8 @@ class Weather:
 class Proxy:
     """Listens on a free port and passes all on to the server, through the weather."""
 
-    def __init__(self, port: int, weather: Weather | None = None) -> None:
-        self.weather = weather or Weather()
+    def __init__(self, port: int, conditions: LinkConditions | None = None) -> None:
+        self.conditions = conditions or LinkConditions()
         self.port = 0
         self._to_port = port
         self._server: asyncio.Server | None = None
@@ -95,19 +95,19 @@ class Proxy:
         free_s = 0.0
         try:
             while data := await source.read(_CHUNK_BYTES):
-                while self.weather.is_silent:
+                while self.conditions.is_silent:
                     await asyncio.sleep(0.01)
-                weather = self.weather
+                conditions = self.conditions
                 free_s = max(free_s, now_s())
-                if throttled and weather.bytes_per_second:
-                    free_s += len(data) / weather.bytes_per_second
+                if throttled and conditions.bytes_per_second:
+                    free_s += len(data) / conditions.bytes_per_second
                     await asyncio.sleep(free_s - now_s())
-                if weather.stall_share and self._dice.random() < weather.stall_share:
-                    free_s += weather.stall_s
-                    await asyncio.sleep(weather.stall_s)
-                late_s = weather.delay_s + self._dice.random() * weather.jitter_s
+                if conditions.stall_share and self._dice.random() < conditions.stall_share:
+                    free_s += conditions.stall_s
+                    await asyncio.sleep(conditions.stall_s)
+                late_s = conditions.delay_s + self._dice.random() * conditions.jitter_s
                 line.put_nowait((now_s() + late_s, data))
-            line.put_nowait((now_s() + self.weather.delay_s, b""))
+            line.put_nowait((now_s() + self.conditions.delay_s, b""))
             await letting_out
         except OSError:
             return
@@ -122,7 +122,7 @@ class Proxy:
         while True:
             due_s, data = await line.get()
             await asyncio.sleep(max(0.0, due_s - now_s()))
-            while self.weather.is_silent:
+            while self.conditions.is_silent:
                 await asyncio.sleep(0.01)
             if not data:
                 return

@@ -82,7 +82,7 @@ def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
             "late_cycles": state.late_cycles,
             "changes": [(at_s, action.value) for at_s, action in driver.changes],
             "threads": threading.active_count(),
-            "tasks": app.state.station.tasks(),
+            "tasks": app.state.hub.tasks(),
             "moved_s": driver.moved_s,
             "mode": state.decision.mode.value,
             "stop_reason": state.decision.stop_reason,

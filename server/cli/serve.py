@@ -131,7 +131,7 @@ def run(args: argparse.Namespace) -> int:
     addresses = [f"{scheme}://{_bracketed(a)}:{config.port}" for a in _reached_at(config)]
     pairing = _open_pairing(config, addresses[0]) if config.lan else None
     app = create_app(config, rig, name=args.robot, pairing=pairing)
-    announce = app.state.station.announce_soon
+    announce = app.state.hub.announce_soon
     options = {name: str(value) for name, value in vars(args).items() if _says_something(value)}
     storage = Storage(config.data)
     persistence = Persistence(storage, rig, name=args.robot, options=options, announce=announce)

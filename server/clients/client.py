@@ -13,7 +13,7 @@ _OUTBOX = 64
 """Answers that may wait for one page; a page that reads so slowly loses the oldest."""
 
 
-class Page:
+class Client:
     """One open `/ws/drive`: its order and pace, and what it is still to be told.
 
     Answers wait in a short queue; of states only the newest waits.

@@ -19,7 +19,7 @@ from robot.control.state import Tick
 from robot.rig.rig import Rig
 from robot.types import Frame, Mode, PilotCommand
 from server import protocol
-from server.clients.client import Page
+from server.clients.client import Client
 from server.clients.flow_control import Lease
 from server.clients.telemetry import describe
 from server.clients.video import Encoder, VideoHub, Viewer
@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 STATE_EVERY_S = 0.1
 
 
-class Station:
+class Hub:
     """The server's side of one robot."""
 
     def __init__(self, config: Config, robot: Rig, name: str) -> None:
@@ -42,7 +42,7 @@ class Station:
         self.video = VideoHub(Encoder(config.jpeg_quality))
         self.lease = Lease(config.lease_lapse_s)
         self.refused: Counter[ErrorCode] = Counter()
-        self.pages: dict[str, Page] = {}
+        self.pages: dict[str, Client] = {}
         self._ids = itertools.count(1)
         self._told: object = None
         self._told_s = 0.0
@@ -83,10 +83,10 @@ class Station:
 
     # Pages -------------------------------------------------------------------------------------
 
-    def join(self, role: Role) -> Page:
+    def join(self, role: Role) -> Client:
         """Let a page in; it gets the wheel if it may and the wheel is free."""
         now_s = time.monotonic()
-        page = Page(f"c{next(self._ids)}", role, self.config, now_s)
+        page = Client(f"c{next(self._ids)}", role, self.config, now_s)
         self.pages[page.client] = page
         page.tell(
             protocol.encode_words(
@@ -117,7 +117,7 @@ class Station:
             async for jpeg in frames:
                 yield jpeg
 
-    def leave(self, page: Page) -> None:
+    def leave(self, page: Client) -> None:
         """A page is gone; if it had the wheel the robot stops now."""
         self.pages.pop(page.client, None)
         now_s = time.monotonic()
@@ -134,7 +134,7 @@ class Station:
         if self.lease.owner is None and len(drivers) == 1:
             self.lease.join(drivers[0].client, now_s)
 
-    def hear(self, page: Page, text: str) -> None:
+    def hear(self, page: Client, text: str) -> None:
         """Act on one message of a page; what is refused is answered and counted."""
         now_s = time.monotonic()
         page.last_word_s = now_s
@@ -145,13 +145,13 @@ class Station:
         except ProtocolError as error:
             self.refuse(page, error)
 
-    def refuse(self, page: Page, error: ProtocolError) -> None:
+    def refuse(self, page: Client, error: ProtocolError) -> None:
         """Answer a refused message, and count it."""
         page.refused += 1
         self.refused[error.code] += 1
         page.tell(protocol.encode_error(error))
 
-    def _obey(self, page: Page, word: protocol.Word, now_s: float) -> None:
+    def _obey(self, page: Client, word: protocol.Word, now_s: float) -> None:
         loop = self.robot.loop
         if isinstance(word, protocol.Drive):
             self._obey_drive(page, word, now_s)
@@ -177,7 +177,7 @@ class Station:
         elif self.lease.give_up(page.client, now_s):
             self._change_hands()
 
-    def _obey_drive(self, page: Page, word: protocol.Drive, now_s: float) -> None:
+    def _obey_drive(self, page: Client, word: protocol.Drive, now_s: float) -> None:
         page.order.check(word.seq)
         self._require_wheel(page, word.seq)
         newest = self.robot.loop.state.frame_id or 0
@@ -197,7 +197,7 @@ class Station:
             )
         )
 
-    def _obey_take(self, page: Page, now_s: float) -> None:
+    def _obey_take(self, page: Client, now_s: float) -> None:
         if page.role is not Role.PILOT:
             raise ProtocolError(ErrorCode.NOT_PILOT, "this browser was paired as a viewer")
         before = self.lease.owner
@@ -209,7 +209,7 @@ class Station:
         elif before != page.client:
             self._change_hands()
 
-    def _require_wheel(self, page: Page, seq: int | None = None) -> None:
+    def _require_wheel(self, page: Client, seq: int | None = None) -> None:
         if self.lease.owner != page.client:
             raise ProtocolError(ErrorCode.NOT_PILOT, "somebody else has the wheel", seq)
 

@@ -14,7 +14,7 @@ from starlette.types import Scope
 _TEXT = ("text/", "application/json", "application/manifest+json", "image/svg+xml")
 
 
-class PackedFiles(StaticFiles):
+class CompressedFiles(StaticFiles):
     """Serves a folder as `StaticFiles` does, text in a quarter of its bytes."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 EXTENSION = "drivelesson.direct"
 
 
-class Direct(Protocol):
+class FastPath(Protocol):
     """What a route finds in `scope["extensions"]` where there is a short cut."""
 
     on_bytes: Callable[[bytes], None] | None
@@ -35,7 +35,7 @@ def make_protocol() -> type[Any] | None:
     except ImportError:
         return None
 
-    class DirectProtocol(WebSocketsSansIOProtocol):
+    class FastPathProtocol(WebSocketsSansIOProtocol):
         """Uvicorn's own, with the short cut."""
 
         on_bytes: Callable[[bytes], None] | None = None
@@ -56,4 +56,4 @@ def make_protocol() -> type[Any] | None:
             if not self.close_sent and not self.transport.is_closing():
                 self.transport.write(wire)
 
-    return DirectProtocol
+    return FastPathProtocol

@@ -6,8 +6,8 @@ import asyncio
 
 from fastapi import APIRouter, WebSocket
 
-from server.clients.client import Page
-from server.clients.hub import Station
+from server.clients.client import Client
+from server.clients.hub import Hub
 from server.protocol import ErrorCode, ProtocolError
 from server.routes.sockets import end_with_either, received
 from server.security.guard import role_of
@@ -18,30 +18,30 @@ router = APIRouter()
 @router.websocket("/ws/drive")
 async def drive(websocket: WebSocket) -> None:
     """Serve one page for as long as it is there."""
-    station: Station = websocket.app.state.station
+    hub: Hub = websocket.app.state.hub
     await websocket.accept()
-    page = station.join(role_of(websocket))
+    page = hub.join(role_of(websocket))
     try:
-        await end_with_either(_hear(websocket, station, page), _tell(websocket, page))
+        await end_with_either(_hear(websocket, hub, page), _tell(websocket, page))
     finally:
-        station.leave(page)
+        hub.leave(page)
 
 
-async def _hear(websocket: WebSocket, station: Station, page: Page) -> None:
-    limits = station.config.limits
+async def _hear(websocket: WebSocket, hub: Hub, page: Client) -> None:
+    limits = hub.config.limits
     async for message in received(websocket, limits.idle_s):
         text = message.get("text")
         if text is None:
             error = ProtocolError(ErrorCode.MALFORMED, "words are text, not bytes")
-            station.refuse(page, error)
+            hub.refuse(page, error)
         else:
-            station.hear(page, text)
+            hub.hear(page, text)
         if page.refused >= limits.refused_before_closing:
             await websocket.close(1008, "too many refused messages")
             return
 
 
-async def _tell(websocket: WebSocket, page: Page) -> None:
+async def _tell(websocket: WebSocket, page: Client) -> None:
     while True:
         text = await page.next_text()
         await websocket.send_text(text)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, PlainTextResponse
 
-from server.clients.hub import Station
+from server.clients.hub import Hub
 from server.metrics import Measured, render
 
 router = APIRouter()
@@ -16,9 +16,9 @@ STALE_LOOP_S = 2.0
 @router.get("/healthz")
 async def healthz(request: Request) -> JSONResponse:
     """Answer 200 while the control loop turns, else 503."""
-    station: Station = request.app.state.station
-    state = station.robot.loop.state
-    is_alive = station.robot.clock.now_s() - state.now_s < STALE_LOOP_S
+    hub: Hub = request.app.state.hub
+    state = hub.robot.loop.state
+    is_alive = hub.robot.clock.now_s() - state.now_s < STALE_LOOP_S
     body = {
         "status": "ok" if is_alive else "loop_stalled",
         "mode": state.decision.mode.value,
@@ -30,17 +30,17 @@ async def healthz(request: Request) -> JSONResponse:
 @router.get("/metrics", response_class=PlainTextResponse)
 async def metrics(request: Request) -> PlainTextResponse:
     """Return what Prometheus collects."""
-    station: Station = request.app.state.station
-    video = station.video
+    hub: Hub = request.app.state.hub
+    video = hub.video
     measured = Measured(
-        state=station.robot.loop.state,
-        now_s=station.robot.clock.now_s(),
-        pages=len(station.pages),
+        state=hub.robot.loop.state,
+        now_s=hub.robot.clock.now_s(),
+        pages=len(hub.pages),
         viewers=video.viewers,
         frames_sent=video.frames_sent,
         frames_encoded=video.frames_encoded,
         frame_ages=video.frame_ages,
-        refused=station.refused,
+        refused=hub.refused,
         turned_away=request.app.state.turned_away,
     )
     return PlainTextResponse(render(measured), media_type="text/plain; version=0.0.4")

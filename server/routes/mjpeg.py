@@ -13,7 +13,7 @@ from fastapi.responses import StreamingResponse
 
 from robot.errors import MissingExtraError
 from robot.types import Encoding
-from server.clients.hub import Station
+from server.clients.hub import Hub
 from server.security.guard import require_viewer
 
 router = APIRouter()
@@ -29,25 +29,25 @@ _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 )
 async def mjpeg(request: Request) -> StreamingResponse:
     """Stream the newest frames for as long as somebody looks."""
-    station: Station = request.app.state.station
-    if station.video.viewers >= station.config.limits.clients:
+    hub: Hub = request.app.state.hub
+    if hub.video.viewers >= hub.config.limits.clients:
         raise HTTPException(503, "Too many watch already.")
-    frame = station.robot.camera.latest()
+    frame = hub.robot.camera.latest()
     if frame is not None and frame.encoding is not Encoding.JPEG:
         try:
-            station.video.encoder.encode_jpeg(frame)
+            hub.video.encoder.encode_jpeg(frame)
         except MissingExtraError as error:
             raise HTTPException(501, str(error)) from error
-    return StreamingResponse(_parts(station), media_type=_MEDIA_TYPE)
+    return StreamingResponse(_parts(hub), media_type=_MEDIA_TYPE)
 
 
-async def _parts(station: Station) -> AsyncIterator[bytes]:
+async def _parts(hub: Hub) -> AsyncIterator[bytes]:
     """Yield frames, each with the next part's header behind it.
 
     Browsers show a part only when the header of the next one has come: sent with the frame, it
     saves them a frame's time.
     """
     yield _BOUNDARY
-    async with contextlib.aclosing(station.stream()) as frames:
+    async with contextlib.aclosing(hub.stream()) as frames:
         async for jpeg in frames:
             yield jpeg + b"\r\n" + _BOUNDARY

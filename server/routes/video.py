@@ -9,9 +9,9 @@ from typing import Any
 from fastapi import APIRouter, WebSocket
 
 from server.clients.flow_control import Pace
-from server.clients.hub import Station
+from server.clients.hub import Hub
 from server.clients.video import Shot, Viewer
-from server.hosting.uvicorn_fastpath import EXTENSION, Direct
+from server.hosting.uvicorn_fastpath import EXTENSION, FastPath
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.sockets import end_with_either
 
@@ -21,14 +21,14 @@ router = APIRouter()
 class _Watching:
     """One viewer's socket, heard either way: directly or through ASGI."""
 
-    def __init__(self, websocket: WebSocket, station: Station) -> None:
+    def __init__(self, websocket: WebSocket, hub: Hub) -> None:
         self._websocket = websocket
-        self._station = station
-        limits = station.config.limits
+        self._hub = hub
+        limits = hub.config.limits
         self._pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
         self._refusals_left = limits.refused_before_closing
         self._waiting: asyncio.Queue[Shot] = asyncio.Queue()
-        self._direct: Direct | None = websocket.scope.get("extensions", {}).get(EXTENSION)
+        self._direct: FastPath | None = websocket.scope.get("extensions", {}).get(EXTENSION)
         self.viewer = Viewer(self._send)
 
     def _send(self, shot: Shot) -> None:
@@ -45,15 +45,15 @@ class _Watching:
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many acknowledgements a second")
             if not isinstance(message, bytes):
                 raise ProtocolError(ErrorCode.MALFORMED, "acknowledgements are bytes, not text")
-            self._station.video.acknowledge(self.viewer, parse_acknowledgement(message), now_s)
+            self._hub.video.acknowledge(self.viewer, parse_acknowledgement(message), now_s)
         except ProtocolError as error:
-            self._station.refused[error.code] += 1
+            self._hub.refused[error.code] += 1
             self._refusals_left -= 1
             if self._refusals_left == 0:
                 self._show_out()
 
     def _show_out(self) -> None:
-        self._station.video.remove(self.viewer)
+        self._hub.video.remove(self.viewer)
         self._ending = asyncio.ensure_future(
             self._websocket.close(1008, "too many refused messages")
         )
@@ -82,11 +82,11 @@ class _Watching:
 @router.websocket("/ws/video")
 async def video(websocket: WebSocket) -> None:
     """Show the picture to one viewer for as long as it is there."""
-    station: Station = websocket.app.state.station
+    hub: Hub = websocket.app.state.hub
     await websocket.accept()
-    watching = _Watching(websocket, station)
-    station.watch(watching.viewer)
+    watching = _Watching(websocket, hub)
+    hub.watch(watching.viewer)
     try:
         await watching.run()
     finally:
-        station.video.remove(watching.viewer)
+        hub.video.remove(watching.viewer)

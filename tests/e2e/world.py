@@ -74,7 +74,7 @@ def running_world(
     rig = build_rig(robot, learner=learner, options=options)
     app = create_app(config, rig, name="Rover")
     persistence = Persistence(
-        Storage(folder), rig, name="Rover", announce=app.state.station.announce_soon
+        Storage(folder), rig, name="Rover", announce=app.state.hub.announce_soon
     )
     app.state.persistence = persistence
     with rig, persistence, served(app, config) as address:

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from server.bench.proxy import Weather
+from server.bench.proxy import LinkConditions
 
 from .world import Change, Condition, World
 
@@ -41,13 +41,13 @@ def _speak(world: World) -> None:
 
 def _weather(**fields: object) -> Change:
     def change(world: World) -> None:
-        world.proxy.weather = Weather(**fields)  # type: ignore[arg-type]
+        world.proxy.conditions = LinkConditions(**fields)  # type: ignore[arg-type]
 
     return change
 
 
 def _clear(world: World) -> None:
-    world.proxy.weather = Weather()
+    world.proxy.conditions = LinkConditions()
 
 
 def _hide(world: World) -> None:
@@ -91,7 +91,7 @@ def _speak_late(world: World) -> None:
 
 def _is_picture_old(world: World) -> bool:
     """True once the pilot looks at a picture that is older than what the governor allows."""
-    frame = world.server.station.video.captured_s(world.pilot.picture or 0)
+    frame = world.server.hub.video.captured_s(world.pilot.picture or 0)
     return frame is not None and world.clock.now_s() - frame > 0.5
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from robot.clock import RealClock
 from robot.types import Action
-from server.bench.proxy import Proxy, Weather
+from server.bench.proxy import LinkConditions, Proxy
 from server.bench.robot import SteadyCamera
 from tests.server.live_robot import LiveServer, Pilot, live_server, wait_until
 
@@ -37,8 +37,8 @@ class World:
     pilot: Pilot
 
     @property
-    def weather(self) -> Weather:
-        return self.proxy.weather
+    def conditions(self) -> LinkConditions:
+        return self.proxy.conditions
 
     def stands(self) -> bool:
         return self.server.driver.now is Action.STOP
@@ -46,7 +46,7 @@ class World:
     @property
     def last_word_s(self) -> float:
         """When the server last heard a word of the pilot (time.monotonic)."""
-        pages = list(self.server.station.pages.values())
+        pages = list(self.server.hub.pages.values())
         return max((page.last_word_s for page in pages), default=0.0)
 
     def start(self, mode: str) -> None:
@@ -76,10 +76,10 @@ def running_world() -> Iterator[tuple[LiveServer, Proxy, JumpingClock]]:
 
 @contextlib.contextmanager
 def world_of(server: LiveServer, proxy: Proxy, clock: JumpingClock) -> Iterator[World]:
-    proxy.weather = Weather()
+    proxy.conditions = LinkConditions()
     with Pilot(f"ws://127.0.0.1:{proxy.port}/ws/drive", sees=True) as pilot:
         yield World(server, proxy, clock, pilot)
-    wait_until(lambda: not server.station.pages)
+    wait_until(lambda: not server.hub.pages)
 
 
 @contextlib.contextmanager

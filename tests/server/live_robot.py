@@ -36,7 +36,7 @@ class LiveServer:
         self.address = address
         self.rig = rig
         self.app = app
-        self.station = app.state.station
+        self.hub = app.state.hub
 
     @property
     def driver(self) -> NotingDriver:

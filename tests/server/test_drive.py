@@ -88,7 +88,7 @@ def test_refused_messages_are_answered_and_counted(server: LiveServer) -> None:
         for code, text in refused.items():
             pilot.socket.send(text)
             pilot.wait_for(lambda m, code=code: m["type"] == "error" and m["code"] == code)
-        assert {c.value: n for c, n in server.station.refused.items()} == dict.fromkeys(refused, 1)
+        assert {c.value: n for c, n in server.hub.refused.items()} == dict.fromkeys(refused, 1)
 
 
 def test_a_frame_is_sent_once_and_only_after_an_acknowledgement(server: LiveServer) -> None:

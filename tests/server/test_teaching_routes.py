@@ -29,7 +29,7 @@ def taught(tmp_path: Path) -> Iterator[LiveServer]:
 
 def _teach(server: LiveServer, lessons: int) -> None:
     loop = server.rig.loop
-    frame = server.station.robot.camera.latest
+    frame = server.hub.robot.camera.latest
     while frame() is None:
         pass
 

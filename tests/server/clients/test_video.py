@@ -20,19 +20,19 @@ def test_an_mjpeg_part_is_followed_at_once_by_the_next_header(server: LiveServer
         for chunk in answer.iter_raw():
             received += chunk
             if received.count(marker) == 5:
-                assert server.station.video.viewers == 1
+                assert server.hub.video.viewers == 1
                 break
         assert received.endswith(marker), "a frame never waits for its end"
         assert received.count(b"\xff\xd8") == 5
         assert time.monotonic() - started_s < 2
-    wait_until(lambda: server.station.video.viewers == 0, what="the stream ends with its viewer")
+    wait_until(lambda: server.hub.video.viewers == 0, what="the stream ends with its viewer")
 
 
 def test_an_mjpeg_viewer_of_a_frozen_camera_can_leave(server: LiveServer) -> None:
     server.camera.is_frozen = True
     with httpx.Client() as client, client.stream("GET", server.address + "/video.mjpg"):
-        wait_until(lambda: server.station.video.viewers == 1)
-    wait_until(lambda: server.station.video.viewers == 0)
+        wait_until(lambda: server.hub.video.viewers == 1)
+    wait_until(lambda: server.hub.video.viewers == 0)
 
 
 def test_frames_are_encoded_once_for_all(server: LiveServer) -> None:
@@ -45,7 +45,7 @@ def test_frames_are_encoded_once_for_all(server: LiveServer) -> None:
                 picture = parse_picture(viewer.recv(5))
                 assert picture.data.startswith(b"\xff\xd8")
                 viewer.send(encode_acknowledgement(picture.frame_id))
-    video = server.station.video
+    video = server.hub.video
     assert video.frames_encoded <= video.frames_sent / 2 + 3
 
 
@@ -75,7 +75,7 @@ def test_metrics_tell_of_everything_that_is_promised(server: LiveServer) -> None
         pilot.socket.send("nonsense")
         pilot.wait_for(lambda m: m.get("code") == "malformed")
         httpx.get(server.address, headers={"host": "evil.example"})
-        wait_until(lambda: sum(server.station.video.frame_ages.counts) == 3)
+        wait_until(lambda: sum(server.hub.video.frame_ages.counts) == 3)
         wait_until(lambda: server.rig.loop.state.cycle_hz > 20)
         text = httpx.get(server.address + "/metrics").text
     values = {
