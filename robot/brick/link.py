@@ -27,7 +27,7 @@ REJOIN_S = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
+class RemotePicture:
     """One frame from the brick; `taken_s` is on this machine's monotonic clock."""
 
     data: bytes
@@ -56,7 +56,7 @@ class BrickLink:
         self._lost: str | None = None
         self._told: dict[str, Any] = {}
         self._buttons: list[str] = []
-        self.on_picture: Callable[[Picture], None] | None = None
+        self.on_picture: Callable[[RemotePicture], None] | None = None
 
     @property
     def fault(self) -> str | None:
@@ -223,7 +223,7 @@ class BrickLink:
         self._send("seen", frame=frame_id)
         if self.on_picture is not None and self._offset_s is not None:
             self.on_picture(
-                Picture(
+                RemotePicture(
                     data=body[PICTURE.size :],
                     taken_s=min(taken_s + self._offset_s, self._heard_s),
                     width=width,

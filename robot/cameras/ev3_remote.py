@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 
 from robot.brick.agent import STILL_S, HardwareError
 from robot.brick.camera_options import UsbCameraOptions
-from robot.brick.link import BrickLink, Picture
+from robot.brick.link import BrickLink, RemotePicture
 from robot.camera import Camera
 from robot.clock import Clock
 from robot.driver import Driver
@@ -81,7 +81,7 @@ class Ev3RemoteCamera(Camera):
         self._link.forget("camera")
         self._link.close("camera")
 
-    def _take(self, picture: Picture) -> None:
+    def _take(self, picture: RemotePicture) -> None:
         self._seen_s = time.monotonic()
         self._publish(
             picture.data,

@@ -19,7 +19,7 @@ class Labeller:
         self._previous: PilotCommand | None = None
         self._last_frame_id = 0
 
-    def settle(self) -> None:
+    def reset(self) -> None:
         """Forget what was held: a new drive begins. No frame is labelled twice even so."""
         self._previous = None
 

@@ -343,7 +343,7 @@ class ControlLoop:
     def _settle(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
         self._mailbox.take_commands()
-        self._online_learning.settle()
+        self._online_learning.reset()
 
     def _note_stop(self, reason: StopReason) -> None:
         self._board.count_stop(reason)

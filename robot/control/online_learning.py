@@ -95,10 +95,10 @@ class OnlineLearning:
                 if may_learn:
                     self._learn_one(frame_id, label, is_intervention)
 
-    def settle(self) -> None:
+    def reset(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
-        self._labeller.settle()
-        self.history.policy.settle()
+        self._labeller.reset()
+        self.history.policy.reset()
 
     def picture_age_s(self, command: PilotCommand) -> float | None:
         """Return how old the picture was that the pilot acted upon; None if that is not known."""

@@ -21,7 +21,7 @@ from robot.types import Action, Lesson
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
+class EpisodeFrame:
     """One picture with what belongs to it. `at_s` counts from the recording's beginning."""
 
     frame_id: int
@@ -36,7 +36,7 @@ class Moment:
     sent: str | None = None
 
 
-def moments(episode: Episode, notes: Notes) -> list[Moment]:
+def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
     """List the recording's pictures in order, each with label, prediction and driver."""
     labels = taught_frames(episode)
     corrected = {
@@ -55,7 +55,7 @@ def moments(episode: Episode, notes: Notes) -> list[Moment]:
         said = predictions.get(entry.frame_id, {})
         relabel = notes.relabel(entry.frame_id)
         found.append(
-            Moment(
+            EpisodeFrame(
                 frame_id=entry.frame_id,
                 at_s=entry.captured_s - start_s,
                 label=relabel or labels.get(entry.frame_id),
@@ -76,7 +76,7 @@ def kept_frames(episode: Episode, notes: Notes) -> list[FrameEntry]:
     return [e for e in episode.frames.values() if not notes.is_deleted(e.frame_id)]
 
 
-def choose(found: Sequence[Moment], count: int) -> list[Moment]:
+def choose(found: Sequence[EpisodeFrame], count: int) -> list[EpisodeFrame]:
     """Choose `count` moments at even distances, for a strip."""
     if len(found) <= count:
         return list(found)

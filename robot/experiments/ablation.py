@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robot.experiments.experiment import Plot, Settings, group
+from robot.experiments.experiment import ExperimentSettings, Plot, group
 from robot.experiments.figure7 import plan_trial
 from robot.experiments.tables import SSD_COLUMNS, Table, ssd_cells
 from robot.experiments.task import Result, Task
@@ -24,7 +24,7 @@ class Ablation:
         "part of the default learner changed (robot/policy/variants.py)."
     )
 
-    def plan(self, settings: Settings) -> list[Task]:
+    def plan(self, settings: ExperimentSettings) -> list[Task]:
         """Plan every kind with every seed."""
         return [
             task
@@ -33,7 +33,7 @@ class Ablation:
         ]
 
     def tables(
-        self, settings: Settings, tasks: Sequence[Task], results: Sequence[Result]
+        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
         """Return one table a trial."""
         grouped = group(tasks, results, "trial", "learner")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from robot.experiments.experiment import Plot, Settings, group
+from robot.experiments.experiment import ExperimentSettings, Plot, group
 from robot.experiments.tables import SSD_COLUMNS, Table, spread, ssd_cells
 from robot.experiments.task import Result, Task
 
@@ -54,7 +54,7 @@ class Behaviours:
         "in which the box was brought to a wall within 40 s."
     )
 
-    def plan(self, settings: Settings) -> list[Task]:
+    def plan(self, settings: ExperimentSettings) -> list[Task]:
         """Plan each behaviour with each learner and seed."""
         return [
             Task(
@@ -67,7 +67,7 @@ class Behaviours:
         ]
 
     def tables(
-        self, settings: Settings, tasks: Sequence[Task], results: Sequence[Result]
+        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
         """Return one table a behaviour."""
         grouped = group(tasks, results, "what", "learner")
@@ -116,7 +116,7 @@ class MoreMoves:
         "on the spot": ("forward", "spin_left", "spin_right"),
     }
 
-    def plan(self, settings: Settings) -> list[Task]:
+    def plan(self, settings: ExperimentSettings) -> list[Task]:
         """Plan each set of moves with each learner and seed."""
         return [
             Task(
@@ -138,7 +138,7 @@ class MoreMoves:
         ]
 
     def tables(
-        self, settings: Settings, tasks: Sequence[Task], results: Sequence[Result]
+        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
         """Return one table."""
         rows = tuple(

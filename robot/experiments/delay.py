@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robot.experiments.experiment import Plot, Settings, group
+from robot.experiments.experiment import ExperimentSettings, Plot, group
 from robot.experiments.figure7 import TRIALS
 from robot.experiments.tables import SSD_COLUMNS, Table, spread, ssd_cells
 from robot.experiments.task import Result, Task
@@ -26,7 +26,7 @@ class Delay:
         "which forbids learning over slow links, is switched off for this question."
     )
 
-    def plan(self, settings: Settings) -> list[Task]:
+    def plan(self, settings: ExperimentSettings) -> list[Task]:
         """Plan each delay with both ways of labelling."""
         return [
             Task(
@@ -49,7 +49,7 @@ class Delay:
         ]
 
     def tables(
-        self, settings: Settings, tasks: Sequence[Task], results: Sequence[Result]
+        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
         """Return one table a place."""
         grouped = group(tasks, results, "trial", "learner", "delay_ms", "names_frame")

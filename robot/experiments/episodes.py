@@ -9,7 +9,7 @@ from typing import Any
 
 from robot.experiments.ideas import make_learner
 from robot.experiments.metrics import driving
-from robot.experiments.metrics.log import DriveLog, Moment
+from robot.experiments.metrics.log import DriveLog, DriveSample
 from robot.experiments.pilots import make_pilot
 from robot.experiments.task import Result
 from robot.experiments.trial import Place, Trial
@@ -52,7 +52,7 @@ def run_episodes(params: Mapping[str, Any]) -> Result:
     return {"teacher": _figures(taught), "alone": _figures(alone)}
 
 
-def _is_at_wall(moment: Moment) -> bool:
+def _is_at_wall(moment: DriveSample) -> bool:
     return moment.target_gap_m is not None and moment.target_gap_m < AT_WALL_M
 
 

@@ -106,7 +106,7 @@ def judge(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
 
 def teach(policy: Policy, recording: Recording, vectors: Vectors) -> None:
     """Teach a policy one more drive, perhaps of another place than the last."""
-    policy.settle()
+    policy.reset()
     for x, label in zip(_vectors(policy, recording, vectors), recording.labels, strict=True):
         policy.learn(x, label)
 
@@ -114,7 +114,7 @@ def teach(policy: Policy, recording: Recording, vectors: Vectors) -> None:
 def examine(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
     """Test a policy that was taught on `pair.train`, and perhaps on more, on `pair.test`."""
     test = _vectors(policy, pair.test, vectors)
-    policy.settle()
+    policy.reset()
     proposed = [policy.propose(i + 1, x) for i, x in enumerate(test)]
     accuracy, balanced = scores(pair.test.labels, [p.action for p in proposed])
     return PairResult(

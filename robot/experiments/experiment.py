@@ -11,7 +11,7 @@ from robot.experiments.task import Result, Task
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class ExperimentSettings:
     """What a person chose."""
 
     seeds: int = 10
@@ -50,12 +50,12 @@ class Experiment(Protocol):
     title: str
     text: str
 
-    def plan(self, settings: Settings) -> list[Task]:
+    def plan(self, settings: ExperimentSettings) -> list[Task]:
         """Return the tasks to run."""
         ...
 
     def tables(
-        self, settings: Settings, tasks: Sequence[Task], results: Sequence[Result]
+        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
         """Return the results as tables."""
         ...

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from robot.experiments.experiment import Plot, Settings, group
+from robot.experiments.experiment import ExperimentSettings, Plot, group
 from robot.experiments.figure7 import TRIALS
 from robot.experiments.footage import recorded_pairs
 from robot.experiments.published import FIGURE_3
@@ -27,7 +27,7 @@ class Figure3:
         "cars driven by people, where a folder of recordings is given."
     )
 
-    def plan(self, settings: Settings) -> list[Task]:
+    def plan(self, settings: ExperimentSettings) -> list[Task]:
         """Plan every learner on every place and seed, and on every pair of recordings."""
         learners = settings.learners or LEARNERS
         simulated = [
@@ -53,7 +53,7 @@ class Figure3:
         return simulated + recorded
 
     def tables(
-        self, settings: Settings, tasks: Sequence[Task], results: Sequence[Result]
+        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
         """Return one table for simulated, one for recorded footage."""
         tables = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Sequence
 
-from robot.experiments.experiment import Plot, Settings, group
+from robot.experiments.experiment import ExperimentSettings, Plot, group
 from robot.experiments.published import FIGURE_5_APPLYING_HZ, FIGURE_5_LEARNING_HZ
 from robot.experiments.tables import Table
 from robot.experiments.task import Result, Task
@@ -26,7 +26,7 @@ class Figure5:
         "at a time, whatever --jobs says."
     )
 
-    def plan(self, settings: Settings) -> list[Task]:
+    def plan(self, settings: ExperimentSettings) -> list[Task]:
         """Plan each number of nodes, for the published learner and the default."""
         kinds = settings.learners or KINDS
         return [
@@ -46,7 +46,7 @@ class Figure5:
         ]
 
     def tables(
-        self, settings: Settings, tasks: Sequence[Task], results: Sequence[Result]
+        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
         """Return one table."""
         rows = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robot.experiments.experiment import Plot, Settings, group
+from robot.experiments.experiment import ExperimentSettings, Plot, group
 from robot.experiments.published import FIGURE_6
 from robot.experiments.tables import SSD_COLUMNS, Cell, Table, spread, ssd_cells
 from robot.experiments.task import Result, Task
@@ -23,7 +23,7 @@ class Figure6:
         "forward) drives for 90 s, then the robot drives 60 s alone; nobody corrects it."
     )
 
-    def plan(self, settings: Settings) -> list[Task]:
+    def plan(self, settings: ExperimentSettings) -> list[Task]:
         """Plan each number of nodes with every seed."""
         kinds = settings.learners or KINDS
         return [
@@ -46,7 +46,7 @@ class Figure6:
         ]
 
     def tables(
-        self, settings: Settings, tasks: Sequence[Task], results: Sequence[Result]
+        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
         """Return one table."""
         nothing: tuple[Cell, ...] = (None,) * (len(SSD_COLUMNS) - 3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot.experiments.experiment import Plot, Settings, group
+from robot.experiments.experiment import ExperimentSettings, Plot, group
 from robot.experiments.published import FIGURE_7
 from robot.experiments.tables import SSD_COLUMNS, Cell, Table, spread, ssd_cells
 from robot.experiments.task import Result, Task
@@ -19,7 +19,7 @@ TRIALS: dict[int, dict[str, Any]] = {
 PHASES = {"teach_s": 90.0, "correct_s": 330.0, "alone_s": 60.0}
 
 
-def plan_trial(trial: int, learners: Sequence[str], settings: Settings) -> list[Task]:
+def plan_trial(trial: int, learners: Sequence[str], settings: ExperimentSettings) -> list[Task]:
     """Plan one of the paper's trials with every learner and seed."""
     setting = TRIALS[trial]
     return [
@@ -53,7 +53,7 @@ class Figure7:
         "teacher's own last minute: less than that is chance."
     )
 
-    def plan(self, settings: Settings) -> list[Task]:
+    def plan(self, settings: ExperimentSettings) -> list[Task]:
         """Plan every trial with every learner and seed."""
         return [
             task
@@ -66,7 +66,7 @@ class Figure7:
         return ("published-32", "default-32", *more)
 
     def tables(
-        self, settings: Settings, tasks: Sequence[Task], results: Sequence[Result]
+        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
         """Return one table a trial."""
         grouped = group(tasks, results, "trial", "learner")

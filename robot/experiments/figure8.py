@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robot.experiments.experiment import Plot, Settings, group
+from robot.experiments.experiment import ExperimentSettings, Plot, group
 from robot.experiments.figure7 import TRIALS
 from robot.experiments.published import FIGURE_8
 from robot.experiments.tables import SSD_COLUMNS, Cell, Table, spread, ssd_cells
@@ -25,7 +25,7 @@ class Figure8:
         "correction."
     )
 
-    def plan(self, settings: Settings) -> list[Task]:
+    def plan(self, settings: ExperimentSettings) -> list[Task]:
         """Plan both teachers, both times, every seed."""
         sonar = {"world": "box", "moves": ("forward", "left"), "teacher": "sonar"}
         places = [("robot", sonar), *(("human", trial) for trial in TRIALS.values())]
@@ -47,7 +47,7 @@ class Figure8:
         ]
 
     def tables(
-        self, settings: Settings, tasks: Sequence[Task], results: Sequence[Result]
+        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
         """Return one table."""
         nothing: tuple[Cell, ...] = (None,) * (len(SSD_COLUMNS) - 2)

@@ -32,7 +32,7 @@ def run_simulated_footage(params: Mapping[str, Any]) -> Result:
     policy = make_learner(params["learner"], moves)
     for frame, label in train:
         policy.learn(policy.extract(frame), label)
-    policy.settle()
+    policy.reset()
     proposed = [
         policy.propose(i + 1, policy.extract(frame)).action for i, (frame, _) in enumerate(test)
     ]

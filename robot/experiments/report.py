@@ -10,7 +10,7 @@ from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from robot.experiments.experiment import Experiment, Settings
+from robot.experiments.experiment import Experiment, ExperimentSettings
 from robot.experiments.plots import draw_svg
 from robot.experiments.tables import Table, format_cell
 from robot.experiments.task import Result, Task
@@ -103,7 +103,7 @@ def _section(section: Section) -> Iterator[str]:
 
 def make_section(
     experiment: Experiment,
-    settings: Settings,
+    settings: ExperimentSettings,
     tasks: Sequence[Task],
     results: Sequence[Result],
 ) -> Section:

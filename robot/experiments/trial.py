@@ -18,7 +18,7 @@ from robot.control.link_governor import LinkGovernorConfig
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.errors import RobotError
-from robot.experiments.metrics.log import DriveLog, Moment
+from robot.experiments.metrics.log import DriveLog, DriveSample
 from robot.policy.policy import Policy
 from robot.simulation.pilots.pilot import SimulatedPilot
 from robot.simulation.pilots.situation import observe
@@ -69,7 +69,7 @@ class Trial:
         seconds: float,
         *,
         supervised: bool = True,
-        until: Callable[[Moment], bool] = lambda moment: False,
+        until: Callable[[DriveSample], bool] = lambda moment: False,
     ) -> DriveLog:
         """Drive for a while in one mode, and return what happened.
 
@@ -100,7 +100,7 @@ class Trial:
             self._turn()
         self.loop.set_mode(mode)
 
-    def _turn(self) -> Moment:
+    def _turn(self) -> DriveSample:
         """Let a frame's time pass, show it to the pilot, and turn the loop once."""
         self.clock.advance(1 / FRAME_RATE_HZ)
         self.driver.advance(1 / FRAME_RATE_HZ)
@@ -114,7 +114,7 @@ class Trial:
         tick = self.loop.tick(now_s)
         target = situation.target
         said = tick.commands[-1] if tick.commands else None
-        return Moment(
+        return DriveSample(
             now_s=now_s,
             action=tick.sent,
             driven_by=tick.decision.driven_by,

@@ -124,7 +124,7 @@ class MultiPlace:
         """Nodes of all networks together."""
         return sum(len(network.cluster) for network in self.networks_)
 
-    def settle(self) -> None:
+    def reset(self) -> None:
         """Forget where the robot was: a new drive begins, perhaps elsewhere."""
         self._settle_pending()
         self._place = None
@@ -134,7 +134,7 @@ class MultiPlace:
         """Teach the network of the place that this view belongs to, a new one if to none.
 
         A robot that drives stays in its place, however new the views it meets; it is carried
-        to another only between drives. So after `settle` the place is looked for: the next
+        to another only between drives. So after `reset` the place is looked for: the next
         `_SEARCH` lessons wait until they show together which place fits, or that none does.
 
         Raises:

@@ -181,7 +181,7 @@ class TrainingHistory:
         snapshot = self._snapshots[-1]
         self._events = [event for event in self._events if id(event) not in identities]
         self.policy.set_state(snapshot.state)
-        self.policy.settle()
+        self.policy.reset()
         for event in self._events[snapshot.position - self._forgotten :]:
             if isinstance(event, Taught):
                 self.policy.learn(event.x, event.lesson.label)

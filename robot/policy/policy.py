@@ -143,11 +143,11 @@ class Policy:
         if learner is not None:
             self._note(self._last_taught, learner.last_node_, self._n_lessons)
 
-    def settle(self) -> None:
+    def reset(self) -> None:
         """Forget the running average and the turn begun: a new drive begins."""
         self._action_filter.reset()
         if isinstance(self.learner, MultiPlace):
-            self.learner.settle()
+            self.learner.reset()
 
     def get_state(self) -> State:
         """Return a copy of all that was learned, and of nothing that passes with the drive."""
@@ -177,7 +177,7 @@ class Policy:
         self._n_proposals = 0
         self._last_used = {}
         self._last_taught = {int(k): int(v) for k, v in state.params["last_taught"].items()}
-        self.settle()
+        self.reset()
 
     def gallery(self) -> list[LearnedImage]:
         """Return every learned image, in the order of the nodes."""

@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from robot.episodes.editing import Moment, choose, moments
+from robot.episodes.editing import EpisodeFrame, choose, moments
 from robot.episodes.edits import Edit, Notes, trim
 from robot.episodes.episode import Episode
 from robot.episodes.store import EpisodeStore
@@ -142,8 +142,8 @@ def show(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> Non
     _print_axis(choose(found, _AXIS))
 
 
-def _print_axis(shown: list[Moment]) -> None:
-    rows: tuple[tuple[str, Callable[[Moment], str]], ...] = (
+def _print_axis(shown: list[EpisodeFrame]) -> None:
+    rows: tuple[tuple[str, Callable[[EpisodeFrame], str]], ...] = (
         ("pilot", lambda m: "x" if m.is_deleted else _letter(m.label)),
         ("robot", lambda m: _letter(m.predicted)),
         ("drives", lambda m: {"pilot": "p", "robot": "r"}.get(m.driven_by or "", ".")),

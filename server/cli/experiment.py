@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from robot.errors import ConfigurationError, MissingExtraError
 
 if TYPE_CHECKING:
-    from robot.experiments.experiment import Experiment, Settings
+    from robot.experiments.experiment import Experiment, ExperimentSettings
     from robot.experiments.report import Section
     from robot.experiments.task import Result, Task
 
@@ -99,8 +99,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _settings(args: argparse.Namespace) -> Settings:
-    from robot.experiments.experiment import Settings
+def _settings(args: argparse.Namespace) -> ExperimentSettings:
+    from robot.experiments.experiment import ExperimentSettings
     from robot.experiments.ideas import make_learner, make_teacher
     from robot.types import DEFAULT_MOVES
 
@@ -114,7 +114,7 @@ def _settings(args: argparse.Namespace) -> Settings:
         delays = tuple(int(part) for part in args.delay.split(","))
     except ValueError as error:
         raise ConfigurationError(f"--delay expects 0,100,300, not {args.delay!r}") from error
-    return Settings(
+    return ExperimentSettings(
         seeds=args.seeds,
         quick=args.quick,
         learners=tuple(args.learner),
@@ -132,7 +132,7 @@ def _recordings(given: str | None) -> str | None:
 
 
 def _run_one(
-    experiment: Experiment, settings: Settings, args: argparse.Namespace
+    experiment: Experiment, settings: ExperimentSettings, args: argparse.Namespace
 ) -> tuple[list[Task], list[Result]]:
     from robot.experiments.catalogue import ALONE
     from robot.experiments.runner import run_all

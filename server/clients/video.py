@@ -85,7 +85,7 @@ class Encoder:
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class EncodedFrame:
     """One frame ready to be sent: as a message, and as the bytes that a websocket makes of it.
 
     The server's side of a websocket is not masked, so these bytes are the same for all viewers.
@@ -95,7 +95,7 @@ class Shot:
     wire: bytes
 
     @classmethod
-    def of(cls, picture: Picture) -> Shot:
+    def of(cls, picture: Picture) -> EncodedFrame:
         """Frame the picture as one binary websocket message (RFC 6455, section 5.2)."""
         message = encode_picture(picture)
         size = len(message)
@@ -116,7 +116,7 @@ class Viewer:
             transport takes without holding back the writer.
     """
 
-    def __init__(self, send: Callable[[Shot], None]) -> None:
+    def __init__(self, send: Callable[[EncodedFrame], None]) -> None:
         self.send = send
         self.window = VideoWindow()
         self.last_sent_id = 0
@@ -134,7 +134,7 @@ class VideoHub:
         self._streams = 0
         self._frame: Frame | None = None
         self._picture: Picture | None = None
-        self._shots: dict[bool, Shot] = {}
+        self._shots: dict[bool, EncodedFrame] = {}
         self._jpeg: bytes | None = None
         self._shown = asyncio.Event()
         self._captured_s: OrderedDict[int, float] = OrderedDict()
@@ -191,10 +191,10 @@ class VideoHub:
         self.frames_sent += 1
         viewer.send(self._shot(self._picture, is_quiet))
 
-    def _shot(self, picture: Picture, is_quiet: bool) -> Shot:
+    def _shot(self, picture: Picture, is_quiet: bool) -> EncodedFrame:
         """Return the frame ready to be sent; made once for all viewers of the same kind."""
         if is_quiet not in self._shots:
-            self._shots[is_quiet] = Shot.of(replace(picture, quiet=is_quiet))
+            self._shots[is_quiet] = EncodedFrame.of(replace(picture, quiet=is_quiet))
         return self._shots[is_quiet]
 
     def acknowledge(self, viewer: Viewer, frame_id: int, now_s: float) -> None:

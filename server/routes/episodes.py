@@ -8,7 +8,7 @@ from typing import Any
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from starlette.responses import FileResponse
 
-from robot.episodes.editing import Moment, choose, moments
+from robot.episodes.editing import EpisodeFrame, choose, moments
 from robot.episodes.edits import Edit, Notes, trim
 from robot.episodes.summary import EpisodeSummary
 from robot.errors import ConfigurationError
@@ -45,7 +45,7 @@ def describe(card: EpisodeSummary, recording: str | None = None) -> dict[str, An
     }
 
 
-def describe_moment(moment: Moment) -> dict[str, Any]:
+def describe_moment(moment: EpisodeFrame) -> dict[str, Any]:
     """Return one picture of the strip as the page gets it."""
     return {
         "frame": moment.frame_id,

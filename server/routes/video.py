@@ -10,7 +10,7 @@ from fastapi import APIRouter, WebSocket
 
 from server.clients.flow_control import Pace
 from server.clients.hub import Hub
-from server.clients.video import Shot, Viewer
+from server.clients.video import EncodedFrame, Viewer
 from server.hosting.uvicorn_fastpath import EXTENSION, FastPath
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.sockets import end_with_either
@@ -27,11 +27,11 @@ class _Watching:
         limits = hub.config.limits
         self._pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
         self._refusals_left = limits.refused_before_closing
-        self._waiting: asyncio.Queue[Shot] = asyncio.Queue()
+        self._waiting: asyncio.Queue[EncodedFrame] = asyncio.Queue()
         self._direct: FastPath | None = websocket.scope.get("extensions", {}).get(EXTENSION)
         self.viewer = Viewer(self._send)
 
-    def _send(self, shot: Shot) -> None:
+    def _send(self, shot: EncodedFrame) -> None:
         if self._direct is not None:
             self._direct.write_now(shot.wire)
         else:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from itertools import pairwise
 
-from robot.experiments.metrics.log import DriveLog, Moment
+from robot.experiments.metrics.log import DriveLog, DriveSample
 
 CELL_M = 0.1
 """Side of the squares in which covered floor is counted."""
@@ -91,7 +91,7 @@ def _per_minute(amount: float, log: DriveLog) -> float:
     return 60 * amount / log.seconds if log.seconds else 0.0
 
 
-def _spans(log: DriveLog) -> Iterator[tuple[Moment, float]]:
+def _spans(log: DriveLog) -> Iterator[tuple[DriveSample, float]]:
     """Yield each tick with the time until the next; the last one's is the mean."""
     yield from (
         (moment, following.now_s - moment.now_s) for moment, following in pairwise(log.moments)

@@ -11,7 +11,7 @@ from robot.types import Action, DrivenBy, Pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
+class DriveSample:
     """One tick of a drive. `distance_m` is what the sonar read before the action was chosen."""
 
     now_s: float
@@ -37,12 +37,12 @@ class Moment:
 class DriveLog:
     """The moments of one drive, in time order."""
 
-    moments: list[Moment] = field(default_factory=list)
+    moments: list[DriveSample] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.moments)
 
-    def add(self, moment: Moment) -> None:
+    def add(self, moment: DriveSample) -> None:
         """Note one more tick."""
         self.moments.append(moment)
 

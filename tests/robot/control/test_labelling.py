@@ -42,14 +42,14 @@ def test_no_frame_is_labelled_twice() -> None:
     assert say(labeller, F, 10) == []
     assert say(labeller, L, 10) == []
     assert say(labeller, L, 9) == []
-    labeller.settle()
+    labeller.reset()
     assert say(labeller, L, 10) == []
 
 
 def test_a_new_drive_does_not_reach_back_into_the_one_before() -> None:
     labeller = Labeller()
     say(labeller, F, 10)
-    labeller.settle()
+    labeller.reset()
     assert say(labeller, L, 20) == [(20, L)]
 
 

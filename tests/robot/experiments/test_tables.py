@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 
 from robot.experiments.catalogue import EXPERIMENTS
-from robot.experiments.experiment import Settings
+from robot.experiments.experiment import ExperimentSettings
 from robot.experiments.report import make_section, write_html
 from robot.experiments.tables import Table, spread
 from robot.experiments.task import Task
 from server.__main__ import main
 from server.cli.experiment import NAMES
 
-QUICK = Settings(quick=True)
+QUICK = ExperimentSettings(quick=True)
 
 
 def made_up(task: Task) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def test_every_experiment_makes_tables_and_a_report(name: str) -> None:
 
 
 def test_more_seeds_are_more_runs() -> None:
-    few, many = (len(EXPERIMENTS["figure7"].plan(Settings(seeds=n))) for n in (1, 3))
+    few, many = (len(EXPERIMENTS["figure7"].plan(ExperimentSettings(seeds=n))) for n in (1, 3))
     assert many == 3 * few
 
 

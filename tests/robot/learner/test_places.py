@@ -17,7 +17,7 @@ def view(place, scene, noise):
 
 
 def teach(learner, place, labels, n=40):
-    learner.settle()
+    learner.reset()
     for i in range(n):
         learner.learn_one(view(place, i % 2, i), labels[i % 2])
 
@@ -32,9 +32,9 @@ def test_each_place_keeps_its_own_network(learner):
     teach(learner, 2, ("right", "left"))
     teach(learner, 1, ("left", "right"))
     assert [network.n_seen_ for network in learner.networks_] == [80, 40]
-    learner.settle()
+    learner.reset()
     assert learner.predict_one(view(1, 0, 99)) == "left"
-    learner.settle()
+    learner.reset()
     assert learner.predict_one(view(2, 0, 99)) == "right"
 
 

@@ -51,7 +51,7 @@ def test_proposes_nothing_before_the_first_lesson():
 def test_state_gives_the_same_predictions_and_the_same_future(name):
     first, second = taught(name), make_policy(name)
     second.set_state(first.get_state())
-    first.settle()
+    first.reset()
     for i in range(20):
         x = first.extract(view(i % 6, 500 + i))
         assert first.propose(i, x) == second.propose(i, x)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from robot.experiments.metrics import driving
-from robot.experiments.metrics.log import DriveLog, Moment
+from robot.experiments.metrics.log import DriveLog, DriveSample
 from robot.types import Action, DrivenBy, Pose
 
 
@@ -15,7 +15,7 @@ def drive(**columns: str) -> DriveLog:
     """Build a drive of 0.5 s ticks, 10 cm each, with flags written as in `is_touching="..x"`."""
     length = len(next(iter(columns.values())))
     moments = [
-        Moment(
+        DriveSample(
             now_s=7 + 0.5 * i,
             action=Action.FORWARD,
             driven_by=DrivenBy.ROBOT,
