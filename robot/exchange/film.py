@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robot.episodes.editing import Moment, moments
+from robot.episodes.editing import EpisodeFrame, moments
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode
 from robot.errors import MissingExtraError, RecordingError
@@ -99,7 +99,7 @@ def frame_rate(times_s: list[float]) -> int:
     return int(np.clip(round(1 / usual_s), 1, 60)) if usual_s > 0 else 30
 
 
-def _caption(picture: Pixels, moment: Moment) -> Pixels:
+def _caption(picture: Pixels, moment: EpisodeFrame) -> Pixels:
     """Enlarge the picture, and write below it what was held and what the robot would do."""
     import cv2
 

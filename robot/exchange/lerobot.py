@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.episodes.editing import Moment, moments
+from robot.episodes.editing import EpisodeFrame, moments
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode
 from robot.episodes.messages import SENSORS
@@ -53,7 +53,7 @@ class Part:
     """One LeRobot episode: moments of a recording at even distances in time."""
 
     episode: Episode
-    moments: list[Moment]
+    moments: list[EpisodeFrame]
 
     def pictures(self, on_frame: Callable[[], None]) -> Iterator[Pixels]:
         """Read the pictures one after the other."""
@@ -111,10 +111,10 @@ def write_lerobot(
     return len(parts)
 
 
-def _split(episode: Episode, found: list[Moment], fps: int) -> list[Part]:
+def _split(episode: Episode, found: list[EpisodeFrame], fps: int) -> list[Part]:
     """Cut where time is missing, and take the nearest picture at each tick of the rate."""
     kept = [moment for moment in found if not moment.is_deleted]
-    runs: list[list[Moment]] = [kept[:1]] if kept else []
+    runs: list[list[EpisodeFrame]] = [kept[:1]] if kept else []
     for before, moment in pairwise(kept):
         if moment.at_s - before.at_s > _LONGEST_GAP_S:
             runs.append([])
@@ -122,7 +122,7 @@ def _split(episode: Episode, found: list[Moment], fps: int) -> list[Part]:
     return [Part(episode=episode, moments=_resample(run, fps)) for run in runs]
 
 
-def _resample(run: list[Moment], fps: int) -> list[Moment]:
+def _resample(run: list[EpisodeFrame], fps: int) -> list[EpisodeFrame]:
     times_s = np.array([moment.at_s for moment in run])
     ticks_s = times_s[0] + np.arange(int((times_s[-1] - times_s[0]) * fps + 1e-6) + 1) / fps
     after = np.clip(np.searchsorted(times_s, ticks_s), 0, len(run) - 1)
@@ -151,7 +151,7 @@ def _columns(part: Part, index: int, start: int, fps: int, sensors: list[str]) -
     return columns
 
 
-def _done(moment: Moment) -> Action:
+def _done(moment: EpisodeFrame) -> Action:
     """Return what was right at this picture: the pilot's label, or else what was sent."""
     return moment.label or Action(moment.sent or Action.STOP)
 

@@ -212,7 +212,7 @@ def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stor
     """Bring a deleted episode back; without a word, the one deleted last."""
     keys = sorted(p.name for p in storage.trash.iterdir() if any(p.glob("*.mcap")))
     key = args.key or (keys[-1] if keys else "")
-    print(f"{shelf.restore(key)} is back")
+    print(f"{store.restore(key)} is back")
 
 
 def compact(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:

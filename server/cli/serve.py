@@ -24,7 +24,7 @@ from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_
 from server.hosting.logs import start_logging
 from server.hosting.network import host_names, lan_addresses
 from server.security.access import Role
-from server.settings import PREFIX, ExperimentSettings, apply_to, build, read_settings
+from server.settings import PREFIX, Settings, apply_to, build, read_settings
 
 if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
@@ -196,7 +196,7 @@ def _make_config(args: argparse.Namespace) -> Config:
     )
 
 
-def _make_loop_config(settings: ExperimentSettings) -> LoopConfig:
+def _make_loop_config(settings: Settings) -> LoopConfig:
     from robot.control.loop import LoopConfig
 
     return LoopConfig(

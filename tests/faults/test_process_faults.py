@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from robot.driver import ACTION_TIMEOUT_S
-from server.bench.link import Subject
+from server.bench.link import ServerUnderTest
 from tests.server.live_robot import Pilot
 from tests.server.own_process import own_process
 
@@ -23,7 +23,7 @@ def test_a_frozen_server_lets_the_body_stop_and_does_not_move_it_again(mode: str
 
     What is left to show is that nothing was told to move after the freeze.
     """
-    with Subject("drivelesson", 30.0) as subject, _pilot(subject.port) as pilot:
+    with ServerUnderTest("drivelesson", 30.0) as subject, _pilot(subject.port) as pilot:
         pilot.mode(mode)
         pilot.wait_for_state(mode=mode)
         pilot.hold("forward")

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from server.bench.link import Subject
+from server.bench.link import ServerUnderTest
 from server.protocol import encode_acknowledgement, parse_picture
 
 pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets has it not")
@@ -29,7 +29,7 @@ MOST_GROWTH_BYTES = 5_000_000
 @pytest.mark.slow
 @pytest.mark.timeout(240)
 def test_nothing_stays_behind_of_those_who_have_gone() -> None:
-    with Subject("drivelesson", 30.0) as subject:
+    with ServerUnderTest("drivelesson", 30.0) as subject:
         empty = _left_over(subject)
         asyncio.run(_visits(subject.port, VISITS // 2))
         warm_bytes = _resident_bytes(subject.pid)
@@ -84,7 +84,7 @@ async def _visit(port: int, dice: random.Random, number: int) -> None:
                 await socket.wait_closed()
 
 
-def _left_over(subject: Subject) -> dict[str, int]:
+def _left_over(subject: ServerUnderTest) -> dict[str, int]:
     notes = subject.ask()
     return {
         "threads": notes["threads"],
@@ -93,7 +93,7 @@ def _left_over(subject: Subject) -> dict[str, int]:
     }
 
 
-async def _settled(subject: Subject, wanted: dict[str, int]) -> dict[str, int]:
+async def _settled(subject: ServerUnderTest, wanted: dict[str, int]) -> dict[str, int]:
     """Wait until nothing is left over, ten seconds at most."""
     for _ in range(100):
         if _left_over(subject) == wanted:
