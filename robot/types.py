@@ -159,7 +159,7 @@ class Decision:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lesson:
+class Example:
     """One labelled frame as the learner was given it."""
 
     frame_id: int

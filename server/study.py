@@ -12,7 +12,7 @@ from typing import Any
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
-from robot.experiments.protocol import Lesson, Phase
+from robot.experiments.protocol import Phase, StudyRun
 from robot.lifecycle import StartStop
 from robot.storage.folder import write_whole
 from robot.types import Mode
@@ -28,7 +28,7 @@ class Study(StartStop):
 
     def __init__(self, loop: ControlLoop, announce: Callable[..., None]) -> None:
         self.pace = 1.0
-        self.lesson: Lesson | None = None
+        self.lesson: StudyRun | None = None
         self.result: dict[str, Any] | None = None
         self.episode: Callable[[], str | None] = lambda: None
         self._loop = loop
@@ -57,9 +57,9 @@ class Study(StartStop):
             self._loop.set_mode(Mode.STOPPED)
             self._announce("lesson", phase=lesson.phase.value)
 
-    def begin(self, trial: int, teach_s: int) -> Lesson:
+    def begin(self, trial: int, teach_s: int) -> StudyRun:
         """Begin a lesson in place of any that is on."""
-        self.lesson = Lesson(trial, teach_s, self.pace)
+        self.lesson = StudyRun(trial, teach_s, self.pace)
         self.result, self._episodes, self._began_s = None, [], time.time()
         return self.lesson
 

@@ -17,7 +17,7 @@ from robot.control.state import Timing
 from robot.learner.base import Vector
 from robot.policy.history import HistoryEvent, Replaced, TrainingHistory
 from robot.policy.policy import Policy
-from robot.types import Action, Frame, Lesson, PilotCommand, Prediction
+from robot.types import Action, Example, Frame, PilotCommand, Prediction
 
 AGREEMENT_FRAMES = 100
 """Over how many of the last lessons agreement is counted."""
@@ -135,7 +135,7 @@ class OnlineLearning:
 
     def _learn_one(self, frame_id: int, label: Action, is_intervention: bool) -> None:
         seen = self._seen[frame_id]
-        lesson = Lesson(frame_id=frame_id, label=label, is_intervention=is_intervention)
+        lesson = Example(frame_id=frame_id, label=label, is_intervention=is_intervention)
         self._agreed.append(seen.predicted is label)
         started_s = self._clock.now_s()
         self.history.teach(lesson, seen.x, seen.captured_s)

@@ -17,7 +17,7 @@ from robot.episodes.teaching import Step, plan
 from robot.episodes.writer import MODEL_BEFORE, EpisodeWriter, Run
 from robot.learner.base import Vector
 from robot.policy.history import Taught, Undone
-from robot.types import Action, Lesson
+from robot.types import Action, Example
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +110,7 @@ def _write_lessons(
             writer.write_words(LESSON, now_s, describe_event(step.edit))
             continue
         assert step.label is not None
-        lesson = Lesson(frame_id=step.frame_id, label=step.label, is_intervention=False)
+        lesson = Example(frame_id=step.frame_id, label=step.label, is_intervention=False)
         entry = episode.frames.get(step.frame_id)
         now_s = entry.captured_s if entry else now_s
         taught = Taught(lesson=lesson, x=_vector(step), at_s=0.0)

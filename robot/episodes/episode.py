@@ -44,7 +44,7 @@ class FrameEntry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LessonEntry:
+class ExampleEntry:
     """A change of the learner as it was recorded; `x` only where its picture was not."""
 
     event: HistoryEvent
@@ -59,7 +59,7 @@ class Episode:
     path: Path
     run: dict[str, str] = field(default_factory=dict)
     frames: dict[int, FrameEntry] = field(default_factory=dict)
-    lessons: list[LessonEntry] = field(default_factory=list)
+    lessons: list[ExampleEntry] = field(default_factory=list)
     words: dict[str, list[tuple[float, Words]]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     damage: str | None = None
@@ -179,7 +179,7 @@ def _take_message(episode: Episode, message: Message) -> None:
         )
     elif message.topic == LESSON:
         event, x = read_event(json.loads(message.data))
-        episode.lessons.append(LessonEntry(event=event, x=x, now_s=now_s))
+        episode.lessons.append(ExampleEntry(event=event, x=x, now_s=now_s))
     elif message.topic in (COMMAND, DECISION, PREDICTION, SENSORS, MODE):
         words = json.loads(message.data)
         if not isinstance(words, dict):

@@ -17,7 +17,7 @@ import numpy as np
 from robot.errors import RecordingError
 from robot.learner.base import Vector
 from robot.policy.history import Edited, HistoryEvent, Replaced, Taught, Undone
-from robot.types import Action, Lesson, PilotCommand, Prediction, Sensors
+from robot.types import Action, Example, PilotCommand, Prediction, Sensors
 
 CAMERA = "/camera"
 COMMAND = "/command"
@@ -193,7 +193,7 @@ def read_event(words: Words) -> tuple[HistoryEvent, Vector | None]:
         kind = words["event"]
         if kind == "taught":
             x = _read_vector(words["x"]) if words.get("x") else None
-            lesson = Lesson(
+            lesson = Example(
                 frame_id=int(words["frame"]),
                 label=Action(words["label"]),
                 is_intervention=bool(words["intervention"]),

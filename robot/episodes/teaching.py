@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot.episodes.edits import Notes
-from robot.episodes.episode import Episode, LessonEntry
+from robot.episodes.episode import Episode, ExampleEntry
 from robot.errors import ConfigurationError
 from robot.learner.base import State, Vector
 from robot.policy.history import Edited, Taught, Undone
@@ -76,9 +76,9 @@ def _untaught_relabels(episode: Episode, notes: Notes) -> list[int]:
     ]
 
 
-def _surviving(mended: Sequence[Mended]) -> Iterator[tuple[Episode, Notes, list[LessonEntry]]]:
+def _surviving(mended: Sequence[Mended]) -> Iterator[tuple[Episode, Notes, list[ExampleEntry]]]:
     """Leave out what was undone while driving, also across the recordings of one run."""
-    log: list[tuple[Episode, LessonEntry]] = []
+    log: list[tuple[Episode, ExampleEntry]] = []
     for episode, _ in mended:
         run = episode.run.get("run", "")
         for entry in episode.lessons:
@@ -91,14 +91,14 @@ def _surviving(mended: Sequence[Mended]) -> Iterator[tuple[Episode, Notes, list[
 
 
 def _undo(
-    log: list[tuple[Episode, LessonEntry]], run: str, undone: Undone
-) -> list[tuple[Episode, LessonEntry]]:
+    log: list[tuple[Episode, ExampleEntry]], run: str, undone: Undone
+) -> list[tuple[Episode, ExampleEntry]]:
     if not undone.frame_ids:
         edits = [i for i, (_, entry) in enumerate(log) if isinstance(entry.event, Edited)]
         return log[: edits[-1]] + log[edits[-1] + 1 :] if edits else log
     gone = set(undone.frame_ids)
 
-    def stays(episode: Episode, entry: LessonEntry) -> bool:
+    def stays(episode: Episode, entry: ExampleEntry) -> bool:
         event = entry.event
         return not (
             isinstance(event, Taught)

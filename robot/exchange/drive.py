@@ -14,7 +14,7 @@ from robot.episodes.writer import EpisodeWriter, Run
 from robot.errors import RecordingError
 from robot.exchange.pictures import Picture
 from robot.policy.history import Taught
-from robot.types import DEFAULT_MOVES, Action, Frame, Lesson, PilotCommand
+from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +86,7 @@ def _write_shot(writer: EpisodeWriter, frame_id: int, shot: Shot) -> None:
         return
     command = PilotCommand(held=shot.label, frame_id=frame_id, seq=frame_id, received_s=shot.t_s)
     writer.write_words(COMMAND, shot.t_s, describe_command(command))
-    lesson = Lesson(frame_id=frame_id, label=shot.label, is_intervention=shot.is_intervention)
+    lesson = Example(frame_id=frame_id, label=shot.label, is_intervention=shot.is_intervention)
     taught = Taught(lesson=lesson, x=np.zeros(0), at_s=shot.t_s)
     writer.write_words(LESSON, shot.t_s, describe_event(taught))
 

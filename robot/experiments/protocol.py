@@ -60,7 +60,7 @@ class _Drive:
         return behavior_profile(self.moves, self.distances_m)
 
 
-class Lesson:
+class StudyRun:
     """One guided lesson.
 
     Args:

@@ -15,7 +15,7 @@ from typing import Any
 
 from robot.learner.base import State, Vector
 from robot.policy.policy import Policy
-from robot.types import Action, Lesson
+from robot.types import Action, Example
 
 SNAPSHOT_EVERY_S = 10.0
 """Teaching time between snapshots: the most that an undo has to learn again beside its own."""
@@ -29,7 +29,7 @@ _LONGEST_STEP_S = 0.5
 class Taught:
     """One lesson with the vector that was learned and the teaching time at which it was."""
 
-    lesson: Lesson
+    lesson: Example
     x: Vector
     at_s: float
 
@@ -109,7 +109,7 @@ class TrainingHistory:
         """
         return self._changes
 
-    def teach(self, lesson: Lesson, x: Vector, captured_s: float) -> None:
+    def teach(self, lesson: Example, x: Vector, captured_s: float) -> None:
         """Have the policy learn one labelled frame that was taken at `captured_s`."""
         self.policy.learn(x, lesson.label)
         if self._last_lesson_s is not None:
@@ -137,7 +137,7 @@ class TrainingHistory:
         since_s = self._teaching_s - seconds
         return [e for e in self._events if isinstance(e, Taught) and e.at_s > since_s]
 
-    def undo(self, seconds: float) -> list[Lesson]:
+    def undo(self, seconds: float) -> list[Example]:
         """Un-learn the last `seconds` of teaching (35 at most); return the lessons that are gone.
 
         Edits made in that time stay, unless the image they were made to is no longer there.

@@ -12,7 +12,7 @@ from robot.clock import RealClock
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
 from robot.storage.folder import Storage
-from robot.types import Action, Lesson, Mode
+from robot.types import Action, Example, Mode
 from server.app import create_app
 from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
@@ -34,7 +34,7 @@ class Bench:
             assert frame is not None
             x = loop.history.policy.extract(frame)
             for i in range(lessons):
-                lesson = Lesson(frame_id=i, label=Action.LEFT, is_intervention=False)
+                lesson = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
                 loop.history.teach(lesson, x + i, i * 0.05)
 
         loop.submit(teach).result(5)

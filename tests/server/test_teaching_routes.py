@@ -12,7 +12,7 @@ import pytest
 from robot.models.autosave import Autosave
 from robot.policy.registry import make_policy
 from robot.storage.folder import Storage
-from robot.types import Action, Lesson
+from robot.types import Action, Example
 from server.persistence import Persistence
 
 from .live_robot import LiveServer, live_server
@@ -39,7 +39,7 @@ def _teach(server: LiveServer, lessons: int) -> None:
         for i in range(lessons):
             label = Action.LEFT if i % 4 == 0 else Action.FORWARD
             varied = (x + (i * 37) % 91).astype(x.dtype)
-            lesson = Lesson(frame_id=1000 + i, label=label, is_intervention=False)
+            lesson = Example(frame_id=1000 + i, label=label, is_intervention=False)
             loop.history.teach(lesson, varied, i * 0.1)
 
     loop.submit(teach).result(5)

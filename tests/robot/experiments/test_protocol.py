@@ -6,7 +6,7 @@ import pytest
 
 from robot.control.state import Tick
 from robot.errors import ConfigurationError
-from robot.experiments.protocol import Lesson, Phase
+from robot.experiments.protocol import Phase, StudyRun
 from robot.types import Action, Decision, DrivenBy, Encoding, Frame, Mode, Sensors
 
 
@@ -30,7 +30,7 @@ def tick(now_s: float, mode: Mode, by: DrivenBy, action: Action, distance_m: flo
 class Drive:
     """Ticks ten times a second from where the last ones ended."""
 
-    def __init__(self, lesson: Lesson) -> None:
+    def __init__(self, lesson: StudyRun) -> None:
         self.lesson, self.now_s, self.ended = lesson, 100.0, 0
 
     def forward(
@@ -45,7 +45,7 @@ TEACHING = (Mode.TRAIN, DrivenBy.PILOT)
 ITSELF = (Mode.AUTONOMOUS, DrivenBy.ROBOT)
 
 
-def teach_and_let_drive(lesson: Lesson, robot_turns_at_m: float) -> Drive:
+def teach_and_let_drive(lesson: StudyRun, robot_turns_at_m: float) -> Drive:
     drive = Drive(lesson)
     drive.forward(60, *TEACHING, Action.FORWARD, 1.0)
     drive.forward(31, *TEACHING, Action.LEFT, 0.2)
@@ -57,7 +57,7 @@ def teach_and_let_drive(lesson: Lesson, robot_turns_at_m: float) -> Drive:
 
 
 def test_the_phases_follow_each_other_and_stop_the_robot_each_time() -> None:
-    lesson = Lesson(1, 90)
+    lesson = StudyRun(1, 90)
     drive = Drive(lesson)
     for phase, seconds, how in (
         (Phase.TEACH, 90, TEACHING),
@@ -74,7 +74,7 @@ def test_the_phases_follow_each_other_and_stop_the_robot_each_time() -> None:
 
 
 def test_the_clock_stands_while_the_robot_is_in_another_mode() -> None:
-    lesson = Lesson(2, 180)
+    lesson = StudyRun(2, 180)
     drive = Drive(lesson)
     drive.forward(10, *TEACHING, Action.FORWARD, 1.0)
     left_s = lesson.left_s
@@ -84,7 +84,7 @@ def test_the_clock_stands_while_the_robot_is_in_another_mode() -> None:
 
 
 def test_a_robot_that_drives_alike_differs_by_nothing() -> None:
-    lesson = Lesson(1, 90)
+    lesson = StudyRun(1, 90)
     teach_and_let_drive(lesson, robot_turns_at_m=0.2)
     lesson.judge(6)
     result = lesson.result()
@@ -94,14 +94,14 @@ def test_a_robot_that_drives_alike_differs_by_nothing() -> None:
 
 
 def test_a_robot_that_turns_earlier_differs_by_the_thresholds_between() -> None:
-    lesson = Lesson(1, 90)
+    lesson = StudyRun(1, 90)
     teach_and_let_drive(lesson, robot_turns_at_m=0.61)
     # P(d < c) differs by 1 for c = 0.22, 0.24, ..., 0.60: twenty thresholds.
     assert lesson.result()["ssd"] == pytest.approx(20.0)
 
 
 def test_without_a_sonar_there_is_no_profile() -> None:
-    lesson = Lesson(1, 90)
+    lesson = StudyRun(1, 90)
     drive = Drive(lesson)
     drive.forward(91, *TEACHING, Action.FORWARD, None)
     drive.forward(400, *ITSELF, Action.FORWARD, None)
@@ -109,7 +109,7 @@ def test_without_a_sonar_there_is_no_profile() -> None:
 
 
 def test_a_test_clock_shortens_it() -> None:
-    lesson = Lesson(3, 90, pace=30.0)
+    lesson = StudyRun(3, 90, pace=30.0)
     Drive(lesson).forward(3.3, *TEACHING, Action.FORWARD, 1.0)
     assert lesson.phase is Phase.CORRECT
 
@@ -117,12 +117,12 @@ def test_a_test_clock_shortens_it() -> None:
 @pytest.mark.parametrize(("trial", "teach_s"), [(0, 90), (4, 90), (1, 60)])
 def test_there_is_no_other_lesson(trial: int, teach_s: int) -> None:
     with pytest.raises(ConfigurationError):
-        Lesson(trial, teach_s)
+        StudyRun(trial, teach_s)
 
 
 @pytest.mark.parametrize("answer", [0, 8, True])
 def test_the_answer_is_one_to_seven_and_comes_last(answer: int) -> None:
-    lesson = Lesson(1, 90)
+    lesson = StudyRun(1, 90)
     with pytest.raises(ConfigurationError):
         lesson.judge(4)
     teach_and_let_drive(lesson, 0.2)

@@ -15,7 +15,7 @@ from robot.control.thread import LoopThread
 from robot.models.autosave import Autosave
 from robot.models.store import ModelStore
 from robot.storage.folder import Storage
-from robot.types import Action, Lesson
+from robot.types import Action, Example
 
 from ..bench_robot import BenchRobot
 
@@ -44,7 +44,7 @@ class KeptRobot(BenchRobot):
 
         def teach() -> None:
             history = self.loop.history
-            lesson = Lesson(frame_id=frame.frame_id, label=Action.LEFT, is_intervention=False)
+            lesson = Example(frame_id=frame.frame_id, label=Action.LEFT, is_intervention=False)
             history.teach(lesson, history.policy.extract(frame), frame.captured_s)
 
         return self.loop.submit(teach)

@@ -9,7 +9,7 @@ from robot.learner.base import State
 from robot.policy.history import Edited, HistoryEvent, Taught, TrainingHistory, Undone
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.types import Action, Lesson
+from robot.types import Action, Example
 from tests.robot.bench_robot import BenchRobot
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
@@ -24,7 +24,7 @@ def vectors(policy: Policy, count: int) -> list[np.ndarray]:
 
 def teach(history: TrainingHistory, xs: list[np.ndarray], first: int = 0) -> None:
     for i, x in enumerate(xs, start=first):
-        lesson = Lesson(frame_id=i, label=MOVES[i % 3], is_intervention=False)
+        lesson = Example(frame_id=i, label=MOVES[i % 3], is_intervention=False)
         history.teach(lesson, x, captured_s=i * STEP_S)
 
 
