@@ -51,7 +51,7 @@ class ProtocolError(ValueError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
+class DriveMessage:
     """What is held now, and which frame is on the screen: command and heartbeat in one.
 
     `frame_age_ms` is how old that frame is as the page reckons it; None if the page cannot say.
@@ -64,7 +64,7 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChooseMode:
+class ModeMessage:
     """The explicit start after any stop, or the wish to stop."""
 
     mode: Mode
@@ -98,11 +98,11 @@ class Ping:
     client_ms: float
 
 
-Word = Drive | ChooseMode | Stop | Release | Take | Yield | Ping
+ClientMessage = DriveMessage | ModeMessage | Stop | Release | Take | Yield | Ping
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
+class VideoFrame:
     """One frame as it travels: what its header says, and the picture itself.
 
     A `quiet` frame need not be acknowledged: a later one will be, and stands for it.
@@ -117,7 +117,7 @@ class Picture:
     quiet: bool = False
 
 
-def parse_word(text: str, moves: Collection[Action]) -> Word:
+def parse_message(text: str, moves: Collection[Action]) -> ClientMessage:
     """Read one message of `/ws/drive`.
 
     Raises:
@@ -131,7 +131,7 @@ def parse_word(text: str, moves: Collection[Action]) -> Word:
     if kind == "drive":
         return _parse_drive(message, seq, moves)
     if kind == "mode":
-        return ChooseMode(mode=_parse_mode(message, seq), seq=_require_seq(message))
+        return ModeMessage(mode=_parse_mode(message, seq), seq=_require_seq(message))
     if kind == "ping":
         return Ping(client_ms=_parse_number(message, "client_ms", seq))
     if isinstance(kind, str) and kind in _BARE_WORDS:
@@ -163,7 +163,9 @@ def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(name)
 
 
-def _parse_drive(message: dict[str, Any], seq: int | None, moves: Collection[Action]) -> Drive:
+def _parse_drive(
+    message: dict[str, Any], seq: int | None, moves: Collection[Action]
+) -> DriveMessage:
     held = message.get("held")
     if held is not None and held not in moves:
         raise _bad_field("held", f"one of {', '.join(moves)} or null", seq)
@@ -171,7 +173,7 @@ def _parse_drive(message: dict[str, Any], seq: int | None, moves: Collection[Act
     if frame is not None and not _is_count(frame, 2**32 - 1):
         raise _bad_field("frame", "the id of a frame or null", seq)
     age_ms = message.get("frame_age_ms")
-    return Drive(
+    return DriveMessage(
         held=Action(held) if held is not None else None,
         frame=frame,
         seq=_require_seq(message),
@@ -215,7 +217,7 @@ def _bad_field(name: str, wanted: str, seq: int | None) -> ProtocolError:
     return ProtocolError(ErrorCode.BAD_FIELD, f"{name!r} must be {wanted}", seq)
 
 
-def encode_picture(picture: Picture) -> bytes:
+def encode_picture(picture: VideoFrame) -> bytes:
     """Write a frame's message for `/ws/video`."""
     header = FRAME_HEADER.pack(
         _FRAME,
@@ -230,7 +232,7 @@ def encode_picture(picture: Picture) -> bytes:
     return header + picture.data
 
 
-def parse_picture(message: bytes) -> Picture:
+def parse_picture(message: bytes) -> VideoFrame:
     """Read a frame's message.
 
     Raises:
@@ -243,7 +245,7 @@ def parse_picture(message: bytes) -> Picture:
     )
     if kind != _FRAME or encoding >= len(_ENCODINGS):
         raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "not a frame of a known encoding")
-    return Picture(
+    return VideoFrame(
         frame_id=frame_id,
         captured_ms=captured_ms,
         encoding=_ENCODINGS[encoding],

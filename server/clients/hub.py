@@ -141,7 +141,7 @@ class Hub:
         try:
             if not page.pace.allows(now_s):
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many messages a second")
-            self._obey(page, protocol.parse_word(text, self.robot.loop.state.moves), now_s)
+            self._obey(page, protocol.parse_message(text, self.robot.loop.state.moves), now_s)
         except ProtocolError as error:
             self.refuse(page, error)
 
@@ -151,11 +151,11 @@ class Hub:
         self.refused[error.code] += 1
         page.tell(protocol.encode_error(error))
 
-    def _obey(self, page: Client, word: protocol.Word, now_s: float) -> None:
+    def _obey(self, page: Client, word: protocol.ClientMessage, now_s: float) -> None:
         loop = self.robot.loop
-        if isinstance(word, protocol.Drive):
+        if isinstance(word, protocol.DriveMessage):
             self._obey_drive(page, word, now_s)
-        elif isinstance(word, protocol.ChooseMode):
+        elif isinstance(word, protocol.ModeMessage):
             page.order.check(word.seq)
             self._require_wheel(page, word.seq)
             self.lease.renew(page.client, now_s)
@@ -177,7 +177,7 @@ class Hub:
         elif self.lease.give_up(page.client, now_s):
             self._change_hands()
 
-    def _obey_drive(self, page: Client, word: protocol.Drive, now_s: float) -> None:
+    def _obey_drive(self, page: Client, word: protocol.DriveMessage, now_s: float) -> None:
         page.order.check(word.seq)
         self._require_wheel(page, word.seq)
         newest = self.robot.loop.state.frame_id or 0

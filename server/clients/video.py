@@ -14,7 +14,7 @@ from robot.errors import MissingExtraError
 from robot.types import Encoding, Frame
 from server.clients.flow_control import VideoWindow
 from server.metrics import AGE_BUCKETS_S, Histogram
-from server.protocol import Picture, encode_picture
+from server.protocol import VideoFrame, encode_picture
 
 _BINARY = 0x82
 _REMEMBERED_FRAMES = 256
@@ -33,12 +33,12 @@ class Encoder:
         self._cv2: Any = None
         self._has_cv2 = True
 
-    def encode(self, frame: Frame) -> Picture:
+    def encode(self, frame: Frame) -> VideoFrame:
         """Return the picture for `/ws/video`."""
         encoding, data = frame.encoding, frame.data
         if encoding is Encoding.RGB and self._load_cv2():
             encoding, data = Encoding.JPEG, self._compress(frame)
-        return Picture(
+        return VideoFrame(
             frame_id=frame.frame_id,
             captured_ms=frame.captured_s * 1000,
             encoding=encoding,
@@ -95,7 +95,7 @@ class EncodedFrame:
     wire: bytes
 
     @classmethod
-    def of(cls, picture: Picture) -> EncodedFrame:
+    def of(cls, picture: VideoFrame) -> EncodedFrame:
         """Frame the picture as one binary websocket message (RFC 6455, section 5.2)."""
         message = encode_picture(picture)
         size = len(message)
@@ -133,7 +133,7 @@ class VideoHub:
         self._viewers: dict[int, Viewer] = {}
         self._streams = 0
         self._frame: Frame | None = None
-        self._picture: Picture | None = None
+        self._picture: VideoFrame | None = None
         self._shots: dict[bool, EncodedFrame] = {}
         self._jpeg: bytes | None = None
         self._shown = asyncio.Event()
@@ -191,7 +191,7 @@ class VideoHub:
         self.frames_sent += 1
         viewer.send(self._shot(self._picture, is_quiet))
 
-    def _shot(self, picture: Picture, is_quiet: bool) -> EncodedFrame:
+    def _shot(self, picture: VideoFrame, is_quiet: bool) -> EncodedFrame:
         """Return the frame ready to be sent; made once for all viewers of the same kind."""
         if is_quiet not in self._shots:
             self._shots[is_quiet] = EncodedFrame.of(replace(picture, quiet=is_quiet))

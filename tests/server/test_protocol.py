@@ -9,7 +9,7 @@ import pytest
 
 from robot.types import DEFAULT_MOVES, Encoding
 from server import protocol
-from server.protocol import ErrorCode, Picture, ProtocolError
+from server.protocol import ErrorCode, ProtocolError, VideoFrame
 
 VECTORS: dict[str, Any] = json.loads(
     (Path(__file__).parents[1] / "vectors" / "wire.json").read_text()
@@ -32,7 +32,7 @@ def test_pictures(vector: dict[str, Any]) -> None:
         assert raised.value.code == vector["error"]
         return
     fields = dict(vector["picture"])
-    picture = Picture(
+    picture = VideoFrame(
         data=bytes.fromhex(fields.pop("data_hex")),
         encoding=Encoding(fields.pop("encoding")),
         **fields,
@@ -57,7 +57,7 @@ def test_refused_acknowledgements(vector: dict[str, Any]) -> None:
 
 @_named("up")
 def test_words_up(vector: dict[str, Any]) -> None:
-    word = protocol.parse_word(json.dumps(vector), DEFAULT_MOVES)
+    word = protocol.parse_message(json.dumps(vector), DEFAULT_MOVES)
     wanted = {name: value for name, value in vector.items() if name != "type"}
     assert {name: value for name, value in asdict(word).items() if name in wanted} == wanted
     assert all(value is None for name, value in asdict(word).items() if name not in wanted)
@@ -66,13 +66,13 @@ def test_words_up(vector: dict[str, Any]) -> None:
 @_named("refused_up")
 def test_refused_words_up(vector: dict[str, Any]) -> None:
     with pytest.raises(ProtocolError) as raised:
-        protocol.parse_word(vector["text"], DEFAULT_MOVES)
+        protocol.parse_message(vector["text"], DEFAULT_MOVES)
     assert raised.value.code == vector["error"]
 
 
 def test_a_refusal_names_the_seq_of_the_refused_message() -> None:
     with pytest.raises(ProtocolError) as raised:
-        protocol.parse_word('{"type":"drive","held":"up","seq":5}', DEFAULT_MOVES)
+        protocol.parse_message('{"type":"drive","held":"up","seq":5}', DEFAULT_MOVES)
     assert json.loads(protocol.encode_error(raised.value))["seq"] == 5
 
 
