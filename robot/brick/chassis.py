@@ -70,7 +70,7 @@ class ChassisOptions:
                 )
 
 
-class Body(Protocol):
+class ChassisBody(Protocol):
     """What a chassis moves: the brick's own devices, or an agent's line to them."""
 
     def open(self) -> None:
@@ -119,18 +119,18 @@ def wheel_speeds(action: Action, options: ChassisOptions) -> tuple[float, float]
 
 
 class ChassisDriver(Driver):
-    """A driver over a `Body`; subclasses say which."""
+    """A driver over a `ChassisBody`; subclasses say which."""
 
     default_camera: ClassVar[str] = "v4l2"
     moves: tuple[Action, ...] = MOVES
 
     def __init__(self, options: ChassisOptions) -> None:
         self.options = options
-        self._body: Body | None = None
+        self._body: ChassisBody | None = None
         self._address = ""
 
     @abstractmethod
-    def _make_body(self) -> Body:
+    def _make_body(self) -> ChassisBody:
         """Return the body, not yet open."""
 
     @property
@@ -195,7 +195,7 @@ class ChassisDriver(Driver):
         if self._body is not None:
             self._body.show(mode.value, self._address)
 
-    def _connected(self) -> Body:
+    def _connected(self) -> ChassisBody:
         if self._body is None:
             raise NotConnectedError(f"the robot {self.name!r} is not connected; call connect()")
         return self._body

@@ -1,8 +1,8 @@
 """The control loop: newest frame, features, policy, gate, drive; and only then learning.
 
 `ControlLoop.tick` is one turn of it, with time as an argument, and does no waiting: experiments
-call it directly, as fast as they can. `robot.control.thread` calls it in real time. Nothing here ever
-waits for a network: other threads leave what they want in a mailbox.
+call it directly, as fast as they can. `robot.control.thread` calls it in real time. Nothing here
+ever waits for a network: other threads leave what they want in a mailbox.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from robot.brick.chassis import Body, ChassisDriver, ChassisOptions
+from robot.brick.chassis import ChassisBody, ChassisDriver, ChassisOptions
 from robot.brick.link import BrickLink
 from robot.brick.remote_body import RemoteBody
 
@@ -35,7 +35,7 @@ class Ev3RemoteDriver(ChassisDriver):
         super().__init__(options)
         self.link = BrickLink(options.brick, options.brick_secret)
 
-    def _make_body(self) -> Body:
+    def _make_body(self) -> ChassisBody:
         options = self.options
         return RemoteBody(
             self.link,
