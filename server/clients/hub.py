@@ -20,7 +20,7 @@ from robot.rig.rig import Rig
 from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.clients.client import Client
-from server.clients.flow_control import Lease
+from server.clients.lease import Lease
 from server.clients.telemetry import describe
 from server.clients.video import Encoder, VideoHub, Viewer
 from server.config import Config

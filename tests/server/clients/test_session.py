@@ -6,7 +6,8 @@ import heapq
 
 import pytest
 
-from server.clients.flow_control import Lease, Order, Pace, VideoWindow
+from server.clients.flow_control import Order, Pace, VideoWindow
+from server.clients.lease import Lease
 from server.protocol import ProtocolError
 
 

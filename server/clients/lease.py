@@ -1,0 +1,64 @@
+"""Who has the wheel: at most one client at a time. Pure; the time is an argument."""
+
+from __future__ import annotations
+
+
+class Lease:
+    """The wheel: at most one client has it, renewed by its commands.
+
+    A lease that was not renewed for `lapse_s` still belongs to its owner, but is anybody's who
+    asks for it. Who asks while it is held waits until it is yielded or lapses.
+    """
+
+    def __init__(self, lapse_s: float = 1.5) -> None:
+        self.owner: str | None = None
+        self.asked_by: str | None = None
+        self._lapse_s = lapse_s
+        self._renewed_s = 0.0
+
+    def join(self, client: str, now_s: float) -> bool:
+        """A possible pilot has come; True if the wheel was free and is now theirs."""
+        if self.owner is None or self._has_lapsed(now_s):
+            self._give(client, now_s)
+            return True
+        return False
+
+    def take(self, client: str, now_s: float) -> bool:
+        """Ask for the wheel; True if it is now theirs, False if they wait for it."""
+        if self.owner == client or self.join(client, now_s):
+            return True
+        self.asked_by = client
+        return False
+
+    def renew(self, client: str, now_s: float) -> bool:
+        """A command of `client` has come; False if the wheel is not theirs."""
+        if self.owner != client:
+            return False
+        self._renewed_s = now_s
+        return True
+
+    def give_up(self, client: str, now_s: float) -> bool:
+        """`client` yields or has gone; True if the wheel was theirs. Who asked first gets it."""
+        if self.asked_by == client:
+            self.asked_by = None
+        if self.owner != client:
+            return False
+        self.owner = None
+        if self.asked_by is not None:
+            self._give(self.asked_by, now_s)
+        return True
+
+    def pass_on_if_lapsed(self, now_s: float) -> bool:
+        """Give a lapsed wheel to who waits for it; True if it changed hands."""
+        if self.asked_by is None or not self._has_lapsed(now_s):
+            return False
+        self._give(self.asked_by, now_s)
+        return True
+
+    def _has_lapsed(self, now_s: float) -> bool:
+        return now_s - self._renewed_s > self._lapse_s
+
+    def _give(self, client: str, now_s: float) -> None:
+        self.owner = client
+        self._renewed_s = now_s
+        self.asked_by = None
