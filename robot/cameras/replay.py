@@ -15,7 +15,7 @@ from robot.camera import Camera
 from robot.clock import Clock
 from robot.driver import Driver
 from robot.errors import ConfigurationError, RecordingError
-from robot.recordings import Recording, load_recording
+from robot.exchange.npz import Recording, load_recording
 from robot.types import Frame
 
 _LONGEST_PAUSE_S = 0.15

@@ -1,13 +1,69 @@
-"""The `.npz` recordings of the evaluation as drives."""
+"""`.npz` recordings for the evaluation: JPEG frames in time order, a label for each."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot
 from robot.exchange.pictures import read_picture
-from robot.recordings import Recording, load_recording
+from robot.storage.npz import read_arrays
+from robot.types import DEFAULT_MOVES, Action, Encoding, Frame
+
+WIDTH, HEIGHT = 160, 120
+MAX_BYTES = 512 * 2**20
+"""A recording that unpacks to more is refused."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """One drive. `frames[i]` are the bytes of a JPEG of 160x120, shown at `t_s[i]` seconds."""
+
+    path: Path
+    place: str
+    frames: tuple[bytes, ...]
+    labels: tuple[Action, ...]
+    t_s: NDArray[np.float32]
+    meta: dict[str, Any]
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def frame(self, index: int) -> Frame:
+        """Return one frame; ids count from 1."""
+        return Frame(
+            frame_id=index + 1,
+            captured_s=float(self.t_s[index]),
+            width=WIDTH,
+            height=HEIGHT,
+            encoding=Encoding.JPEG,
+            data=self.frames[index],
+        )
+
+
+def load_recording(path: Path | str) -> Recording:
+    """Read one `.npz` recording; nothing in it is executed.
+
+    Raises:
+        RecordingError: If it is missing, broken or of another form.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            arrays = read_arrays(file, max_bytes=MAX_BYTES)
+    except FileNotFoundError as error:
+        raise RecordingError(f"there is no recording {path}") from error
+    except (OSError, RecordingError) as error:
+        raise RecordingError(f"the recording {path} cannot be read: {error}") from error
+    return _checked(path, arrays)
 
 
 def read_npz(path: Path) -> Drive:
@@ -21,3 +77,53 @@ def _shots(recording: Recording) -> Iterator[Shot]:
     for index, (data, label) in enumerate(zip(recording.frames, recording.labels, strict=True)):
         picture = read_picture(data, f"frame {index} of {recording.path}")
         yield Shot(t_s=float(recording.t_s[index]) - first_s, picture=picture, label=label)
+
+
+def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:
+    missing = [name for name in ("jpeg", "offsets", "labels", "t") if name not in arrays]
+    if missing:
+        raise RecordingError(f"the recording {path} has no {', '.join(missing)}")
+    jpeg, offsets, labels, t = (arrays[name] for name in ("jpeg", "offsets", "labels", "t"))
+    n_frames = labels.size
+    well_formed = (
+        jpeg.dtype == np.uint8
+        and offsets.dtype.kind in "iu"
+        and labels.dtype.kind in "iu"
+        and offsets.shape == (n_frames + 1,)
+        and t.shape == (n_frames,)
+        and n_frames > 0
+    )
+    if not well_formed:
+        raise RecordingError(f"the recording {path} is not of the expected form")
+    if (
+        offsets[0] != 0
+        or offsets[-1] != jpeg.size
+        or (np.diff(offsets.astype(np.int64)) <= 0).any()
+    ):
+        raise RecordingError(
+            f"the recording {path} has frames that overlap or end beyond its bytes"
+        )
+    if int(labels.max()) >= len(DEFAULT_MOVES) or int(labels.min()) < 0:
+        raise RecordingError(f"the recording {path} has labels other than 0, 1 and 2")
+    if not np.isfinite(t).all():
+        raise RecordingError(f"the recording {path} has times that are no numbers")
+    data = jpeg.tobytes()
+    bounds = offsets.tolist()
+    return Recording(
+        path=path,
+        place=path.stem.rpartition("_")[0] or path.stem,
+        frames=tuple(data[a:b] for a, b in pairwise(bounds)),
+        labels=tuple(DEFAULT_MOVES[int(label)] for label in labels),
+        t_s=t.astype(np.float32),
+        meta=_meta(path, arrays.get("meta")),
+    )
+
+
+def _meta(path: Path, text: NDArray[Any] | None) -> dict[str, Any]:
+    if text is None:
+        return {}
+    try:
+        meta = json.loads(str(text))
+    except ValueError as error:
+        raise RecordingError(f"the recording {path} has notes that are no JSON") from error
+    return meta if isinstance(meta, dict) else {}

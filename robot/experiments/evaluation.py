@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from robot.errors import CameraError, RecordingError
+from robot.exchange.npz import Recording, load_recording
 from robot.learner.base import Vector
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.recordings import Recording, load_recording
 from robot.types import Action
 
 Vectors = dict[tuple[str, str], list[Vector]]

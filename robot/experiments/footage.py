@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from robot.control.state import Tick
+from robot.exchange.npz import load_recording
 from robot.experiments.evaluation import Pair, evaluate, scores
 from robot.experiments.ideas import make_learner
 from robot.experiments.pilots import make_pilot
 from robot.experiments.task import Result
 from robot.experiments.trial import FRAME_RATE_HZ, Place, Trial
 from robot.policy.registry import make_policy
-from robot.recordings import load_recording
 from robot.types import Action, Frame, Mode
 
 FRAMES = 700

@@ -10,7 +10,7 @@ import pytest
 from robot.cameras.replay import ReplayCamera, ReplayCameraOptions
 from robot.clock import RealClock
 from robot.errors import ConfigurationError, RecordingError
-from robot.recordings import load_recording
+from robot.exchange.npz import load_recording
 from robot.types import Frame
 from tests.robot.footage import write_footage
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from robot.errors import RecordingError
+from robot.exchange.npz import load_recording
 from robot.experiments import evaluation
-from robot.recordings import load_recording
 from robot.types import Action
 from server.__main__ import main
 
