@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from robot.brick import agent
-from robot.brick.chassis import Body, ChassisDriver, ChassisOptions
+from robot.brick.chassis import ChassisBody, ChassisDriver, ChassisOptions
 from robot.errors import MissingExtraError
 
 
@@ -27,7 +27,7 @@ class Ev3Driver(ChassisDriver):
     options_type: ClassVar[type[Any]] = Ev3Options
     options: Ev3Options
 
-    def _make_body(self) -> Body:
+    def _make_body(self) -> ChassisBody:
         if importlib.util.find_spec("ev3dev2") is None:
             raise MissingExtraError("the EV3's motors", "ev3")
         options = self.options

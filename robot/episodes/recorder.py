@@ -33,7 +33,8 @@ from robot.episodes.messages import (
     describe_prediction,
     describe_sensors,
 )
-from robot.episodes.writer import Run, require_mcap
+from robot.episodes.scan import require_mcap
+from robot.episodes.writer import Run
 from robot.episodes.writer_thread import Close, Open, RecorderConfig, Say, WriterThread
 from robot.errors import MissingExtraError
 from robot.models.autosave import Announce, say_nothing

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from robot.episodes.writer import require_mcap
-from robot.errors import RecordingError
+from robot.errors import MissingExtraError, RecordingError
 
 MAX_RECORD_BYTES = 256 * 2**20
 """Attachments hold models, chunks hold pictures; nothing of ours is larger."""
@@ -61,6 +60,14 @@ class Cut:
 
 
 Record = Message | Metadata | Attachment | Cut
+
+
+def require_mcap() -> None:
+    """Raise MissingExtraError unless episodes can be recorded and read here."""
+    try:
+        import mcap.writer  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("recording episodes", "episodes") from error
 
 
 def scan(path: Path) -> Iterator[Record]:

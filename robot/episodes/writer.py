@@ -8,15 +8,12 @@ import os
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 from robot.episodes.images import encode_image, image_schema, schema_name
 from robot.episodes.messages import CAMERA, LESSON, SCHEMAS, Words, to_json
-from robot.errors import MissingExtraError
+from robot.episodes.scan import Message, require_mcap
 from robot.types import Frame
-
-if TYPE_CHECKING:
-    from robot.episodes.scan import Message
 
 FORMAT = 1
 RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
@@ -184,14 +181,6 @@ class EpisodeWriter:
         if name not in self._schemas:
             self._schemas[name] = self._writer.register_schema(name, encoding, data)
         return self._schemas[name]
-
-
-def require_mcap() -> None:
-    """Raise MissingExtraError unless episodes can be recorded and read here."""
-    try:
-        import mcap.writer  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError("recording episodes", "episodes") from error
 
 
 def _sync(file: BinaryIO) -> None:

@@ -1,4 +1,4 @@
-"""How fast and in what order a client may send, and how many frames may be on their way to it. Pure.
+"""How fast and in what order a client sends, and how many frames are on their way to it. Pure.
 
 Nothing here knows sockets or clocks; the time is an argument.
 """
