@@ -68,7 +68,7 @@ class Persistence(StartStop):
 
 def persistence_of(request: Request) -> Persistence:
     """Dependency of routes that need what is kept; 503 where nothing is."""
-    persistence = getattr(request.app.state, "library", None)
+    persistence = getattr(request.app.state, "persistence", None)
     if not isinstance(persistence, Persistence):
         raise HTTPException(503, "Nothing is kept here: start the server with --data FOLDER.")
     return persistence
@@ -76,7 +76,7 @@ def persistence_of(request: Request) -> Persistence:
 
 def recording_in(app_state: Any) -> str | None:
     """Return the id of the episode that is being recorded, if any is."""
-    persistence = getattr(app_state, "library", None)
+    persistence = getattr(app_state, "persistence", None)
     return persistence.recorder.episode_id if isinstance(persistence, Persistence) else None
 
 

@@ -69,7 +69,7 @@ class EpisodeWriter:
         self.taught: Counter[str] = Counter()
         self._first_ns: int | None = None
         self._last_ns = 0
-        self._writer.start(profile="", persistence="drivelesson")
+        self._writer.start(profile="", library="drivelesson")
         self._writer.add_metadata(RUN, self._describe_run())
         if model_before is not None:
             self._attach(MODEL_BEFORE, model_before)
