@@ -26,13 +26,18 @@ class Study(StartStop):
     `pace` is how many seconds of a lesson go by in a second: 1, but for demonstrations and tests.
     """
 
-    def __init__(self, loop: ControlLoop, announce: Callable[..., None]) -> None:
+    def __init__(
+        self,
+        loop: ControlLoop,
+        announce: Callable[..., None],
+        episode: Callable[[], str | None] = lambda: None,
+    ) -> None:
         self.pace = 1.0
         self.lesson: StudyRun | None = None
         self.result: dict[str, Any] | None = None
-        self.episode: Callable[[], str | None] = lambda: None
         self._loop = loop
         self._announce = announce
+        self._episode = episode
         self._began_s = 0.0
         self._episodes: list[str] = []
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -50,7 +55,7 @@ class Study(StartStop):
         lesson = self.lesson
         if lesson is None or lesson.mode is None:
             return
-        episode = self.episode()
+        episode = self._episode()
         if episode is not None and episode not in self._episodes:
             self._episodes.append(episode)
         if lesson.note(tick):

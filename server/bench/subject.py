@@ -66,10 +66,11 @@ def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
     from server.app import create_app
     from server.config import Config, Limits
     from server.hosting.serving import served
+    from server.services import make_services
 
     config = Config(port=0, limits=Limits(requests_burst=1e9))
     rig = Rig(NotingDriver(), camera, make_policy("default-32"), camera.clock)
-    app = create_app(config, rig, name="bench")
+    services = make_services(config, rig, name="bench")
 
     def notes() -> dict[str, Any]:
         state = rig.loop.state
@@ -82,13 +83,13 @@ def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
             "late_cycles": state.late_cycles,
             "changes": [(at_s, action.value) for at_s, action in driver.changes],
             "threads": threading.active_count(),
-            "tasks": app.state.hub.tasks(),
+            "tasks": services.hub.tasks(),
             "moved_s": driver.moved_s,
             "mode": state.decision.mode.value,
             "stop_reason": state.decision.stop_reason,
         }
 
-    with rig, served(app, config) as address:
+    with rig, served(create_app(services), config) as address:
         yield int(address.rsplit(":", 1)[1]), notes
 
 

@@ -111,8 +111,10 @@ def run(args: argparse.Namespace) -> int:
     """Serve until interrupted."""
     from robot.rig.rig import build_rig
     from server.app import create_app
+    from server.events import EventBus
     from server.hosting.serving import open_socket, serve
     from server.persistence import Persistence
+    from server.services import make_services
 
     start_logging(verbose=args.verbose)
     config = _make_config(args)
@@ -130,12 +132,14 @@ def run(args: argparse.Namespace) -> int:
     scheme = "https" if config.tls else "http"
     addresses = [f"{scheme}://{_bracketed(a)}:{config.port}" for a in _reached_at(config)]
     pairing = _open_pairing(config, addresses[0]) if config.lan else None
-    app = create_app(config, rig, name=args.robot, pairing=pairing)
-    announce = app.state.hub.announce_soon
+    events = EventBus()
     options = {name: str(value) for name, value in vars(args).items() if _says_something(value)}
-    storage = Storage(config.data)
-    persistence = Persistence(storage, rig, name=args.robot, options=options, announce=announce)
-    app.state.persistence = persistence
+    persistence = Persistence(
+        Storage(config.data), rig, name=args.robot, options=options, announce=events.publish
+    )
+    services = make_services(
+        config, rig, name=args.robot, events=events, persistence=persistence, pairing=pairing
+    )
     if pairing is None:
         rig.driver.announce(addresses[0])
     else:
@@ -149,7 +153,7 @@ def run(args: argparse.Namespace) -> int:
             print(greet_here(addresses[0]), flush=True)
         else:
             print(greet_phones(addresses, pairing.tokens), flush=True)
-        serve(app, listener, certificates)
+        serve(create_app(services), listener, certificates)
     return 0
 
 

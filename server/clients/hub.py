@@ -24,6 +24,7 @@ from server.clients.lease import Lease
 from server.clients.telemetry import describe
 from server.clients.video import Encoder, VideoHub, Viewer
 from server.config import Config
+from server.events import EventBus
 from server.protocol import ErrorCode, ProtocolError
 from server.security.access import Role
 
@@ -35,7 +36,7 @@ STATE_EVERY_S = 0.1
 class Hub:
     """The server's side of one robot."""
 
-    def __init__(self, config: Config, robot: Rig, name: str) -> None:
+    def __init__(self, config: Config, robot: Rig, name: str, events: EventBus) -> None:
         self.config = config
         self.robot = robot
         self.name = name
@@ -48,7 +49,8 @@ class Hub:
         self._told_s = 0.0
         self._frame: Frame | None = None
         self._is_tick_due = False
-        self._unsubscribe: Callable[[], None] = lambda: None
+        self._events = events
+        self._unsubscribe: list[Callable[[], None]] = []
         self._tasks: list[asyncio.Task[None]] = []
         self._event_loop: asyncio.AbstractEventLoop | None = None
 
@@ -66,12 +68,17 @@ class Hub:
                 with contextlib.suppress(RuntimeError):  # the server has just ended
                     event_loop.call_soon_threadsafe(self._note_tick)
 
-        self._unsubscribe = self.robot.loop.subscribe(on_tick)
+        def on_event(name: str, fields: dict[str, object]) -> None:  # on any thread
+            with contextlib.suppress(RuntimeError):  # the server has just ended
+                event_loop.call_soon_threadsafe(functools.partial(self.announce, name, **fields))
+
+        self._unsubscribe = [self.robot.loop.subscribe(on_tick), self._events.subscribe(on_event)]
         self._tasks = [asyncio.create_task(self._keep_time())]
 
     async def stop(self) -> None:
         """Stop listening, and stop the robot if somebody drove it from here."""
-        self._unsubscribe()
+        for unsubscribe in self._unsubscribe:
+            unsubscribe()
         self.robot.loop.empty_command()
         for task in self._tasks:
             task.cancel()
@@ -226,11 +233,6 @@ class Hub:
         text = protocol.encode_words("event", name=name, **fields)
         for page in self.pages.values():
             page.tell(text)
-
-    def announce_soon(self, name: str, **fields: object) -> None:
-        """Do the same from any thread; before the server runs there is nobody to tell."""
-        if self._event_loop is not None and not self._event_loop.is_closed():
-            self._event_loop.call_soon_threadsafe(functools.partial(self.announce, name, **fields))
 
     def now_ms(self) -> float:
         """Return the robot's clock in milliseconds, as the wire has it."""

@@ -1,7 +1,7 @@
 """The routes, one module a theme. Each has a `router`; `routers` lists them all.
 
 A route that reads depends on `server.guard.require_viewer`, one that changes something on
-`require_pilot`; the station is at `request.app.state.station`, the robot at `.robot`. Requests
+`require_pilot`; everything behind a route is in `services_of(request)`. Requests
 that touch the learner go through `robot.loop.submit`. See docs/reference/http.md.
 """
 

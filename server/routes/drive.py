@@ -11,6 +11,7 @@ from server.clients.hub import Hub
 from server.protocol import ErrorCode, ProtocolError
 from server.routes.sockets import end_with_either, received
 from server.security.guard import role_of
+from server.services import services_of
 
 router = APIRouter()
 
@@ -18,7 +19,7 @@ router = APIRouter()
 @router.websocket("/ws/drive")
 async def drive(websocket: WebSocket) -> None:
     """Serve one page for as long as it is there."""
-    hub: Hub = websocket.app.state.hub
+    hub = services_of(websocket).hub
     await websocket.accept()
     page = hub.join(role_of(websocket))
     try:

@@ -15,8 +15,9 @@ from robot.errors import ConfigurationError
 from robot.policy.image import to_rgb
 from robot.storage.png import encode_png
 from robot.types import Action, Encoding
-from server.persistence import do, persistence_of, read_body, refusals, text_field
+from server.routes.bodies import do, read_body, refusals, text_field
 from server.security.guard import require_pilot, require_viewer
+from server.services import persistence_of
 
 router = APIRouter(prefix="/api")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)

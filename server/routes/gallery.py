@@ -9,9 +9,10 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
 from robot.policy.policy import LearnedImage
 from robot.storage.png import encode_png
-from server.persistence import read_body
 from server.progress import Progress
+from server.routes.bodies import read_body
 from server.security.guard import require_pilot, require_viewer
+from server.services import services_of
 
 router = APIRouter(prefix="/api/gallery")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
@@ -20,8 +21,8 @@ VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 @router.get("", dependencies=[VIEWER])
 async def list_images(request: Request) -> dict[str, Any]:
     """List the learned images, in the learner's own order."""
-    progress: Progress = request.app.state.progress
-    state = request.app.state.robot.loop.state
+    progress = services_of(request).progress
+    state = services_of(request).robot.loop.state
     images = await progress.gallery()
     return {
         "moves": [move.value for move in state.moves],
@@ -33,7 +34,7 @@ async def list_images(request: Request) -> dict[str, Any]:
 @router.get("/{node}.png", dependencies=[VIEWER])
 async def show_image(request: Request, node: int) -> Response:
     """Return one learned image as a small PNG."""
-    images = await request.app.state.progress.gallery()
+    images = await services_of(request).progress.gallery()
     for image in images:
         if image.node_id == node:
             return Response(
@@ -47,9 +48,9 @@ async def show_image(request: Request, node: int) -> Response:
 @router.post("/undo", dependencies=[PILOT])
 async def undo_edit(request: Request) -> dict[str, bool]:
     """Take the last change to an image back; `undone` is false if there is none to take back."""
-    loop = request.app.state.robot.loop
+    loop = services_of(request).robot.loop
     undone = await asyncio.wrap_future(loop.submit(lambda: loop.history.undo_edit()))
-    await request.app.state.progress.gallery(fresh=True)
+    await services_of(request).progress.gallery(fresh=True)
     return {"undone": bool(undone)}
 
 
@@ -60,7 +61,7 @@ async def edit_image(request: Request, node: int) -> dict[str, Any]:
     verb, value = body.get("verb"), body.get("value")
     if not isinstance(verb, str):
         raise HTTPException(400, "'verb' must be relabel, pin or delete.")
-    loop = request.app.state.robot.loop
+    loop = services_of(request).robot.loop
     try:
         await asyncio.wrap_future(loop.submit(lambda: loop.history.edit(verb, node, value)))
     except LookupError as error:
@@ -69,7 +70,7 @@ async def edit_image(request: Request, node: int) -> dict[str, Any]:
         ) from error
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
-    await request.app.state.progress.gallery(fresh=True)
+    await services_of(request).progress.gallery(fresh=True)
     return {"node": node}
 
 

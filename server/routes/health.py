@@ -5,8 +5,8 @@ from __future__ import annotations
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, PlainTextResponse
 
-from server.clients.hub import Hub
 from server.metrics import Measured, render
+from server.services import services_of
 
 router = APIRouter()
 STALE_LOOP_S = 2.0
@@ -16,7 +16,7 @@ STALE_LOOP_S = 2.0
 @router.get("/healthz")
 async def healthz(request: Request) -> JSONResponse:
     """Answer 200 while the control loop turns, else 503."""
-    hub: Hub = request.app.state.hub
+    hub = services_of(request).hub
     state = hub.robot.loop.state
     is_alive = hub.robot.clock.now_s() - state.now_s < STALE_LOOP_S
     body = {
@@ -30,7 +30,7 @@ async def healthz(request: Request) -> JSONResponse:
 @router.get("/metrics", response_class=PlainTextResponse)
 async def metrics(request: Request) -> PlainTextResponse:
     """Return what Prometheus collects."""
-    hub: Hub = request.app.state.hub
+    hub = services_of(request).hub
     video = hub.video
     measured = Measured(
         state=hub.robot.loop.state,
@@ -41,6 +41,6 @@ async def metrics(request: Request) -> PlainTextResponse:
         frames_encoded=video.frames_encoded,
         frame_ages=video.frame_ages,
         refused=hub.refused,
-        turned_away=request.app.state.turned_away,
+        turned_away=services_of(request).turned_away,
     )
     return PlainTextResponse(render(measured), media_type="text/plain; version=0.0.4")

@@ -9,8 +9,9 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from robot.experiments.protocol import TRIALS
-from server.persistence import persistence_of, read_body, refusals
+from server.routes.bodies import read_body, refusals
 from server.security.guard import require_pilot, require_viewer
+from server.services import persistence_of, services_of
 from server.study import Study, list_results, read_result
 
 router = APIRouter(prefix="/api/lesson")
@@ -18,8 +19,7 @@ VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 
 
 def _study(request: Request) -> Study:
-    room: Study = request.app.state.study
-    return room
+    return services_of(request).study
 
 
 def _folder(request: Request) -> Path:
@@ -41,13 +41,12 @@ async def begin_lesson(request: Request) -> dict[str, Any]:
     if trial not in TRIALS:
         raise HTTPException(400, "'trial' must be 1, 2 or 3.")
     moves = TRIALS[trial][1]
-    if not set(moves) <= set(request.app.state.robot.driver.moves):
+    if not set(moves) <= set(services_of(request).robot.driver.moves):
         raise HTTPException(409, f"This robot cannot {', '.join(moves)}.")
     with refusals():
         room.abandon()
         name = f"Trial {trial}"
         await run_in_threadpool(persistence.autosave.begin, name, None, None, moves)
-        room.episode = lambda: persistence.recorder.episode_id
         room.begin(trial, teach_s)
     return {"lesson": room.describe()}
 

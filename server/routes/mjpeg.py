@@ -15,6 +15,7 @@ from robot.errors import MissingExtraError
 from robot.types import Encoding
 from server.clients.hub import Hub
 from server.security.guard import require_viewer
+from server.services import services_of
 
 router = APIRouter()
 _BOUNDARY = b"--frame\r\nContent-Type: image/jpeg\r\n\r\n"
@@ -29,7 +30,7 @@ _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 )
 async def mjpeg(request: Request) -> StreamingResponse:
     """Stream the newest frames for as long as somebody looks."""
-    hub: Hub = request.app.state.hub
+    hub = services_of(request).hub
     if hub.video.viewers >= hub.config.limits.clients:
         raise HTTPException(503, "Too many watch already.")
     frame = hub.robot.camera.latest()

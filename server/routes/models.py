@@ -10,8 +10,9 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from robot.models.model import decode_model
 from robot.models.store import StoredModel
 from robot.storage.png import encode_png
-from server.persistence import do, persistence_of, read_body, refusals, text_field
+from server.routes.bodies import do, read_body, refusals, text_field
 from server.security.guard import require_pilot, require_viewer
+from server.services import persistence_of
 
 router = APIRouter(prefix="/api/models")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)

@@ -8,9 +8,9 @@ import time
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import FileResponse, JSONResponse, Response
 
-from server.config import Config
 from server.security.access import Refusal, session_of
 from server.security.pairing import Pairing, cookie_name
+from server.services import services_of
 
 router = APIRouter()
 _YEAR_S = 365 * 24 * 3600
@@ -20,7 +20,7 @@ _YEAR_S = 365 * 24 * 3600
 async def pair_page(request: Request) -> Response:
     """Return the page that redeems the token behind the `#` of its address."""
     _require_pairing(request)
-    config: Config = request.app.state.config
+    config = services_of(request).config
     return FileResponse(config.web_folder / "pair.html")
 
 
@@ -39,7 +39,7 @@ async def pair(request: Request) -> JSONResponse:
         return JSONResponse(
             {"error": result.reason, "detail": result.sentence}, status_code=result.status
         )
-    config: Config = request.app.state.config
+    config = services_of(request).config
     response = JSONResponse({"role": result.role.value})
     response.set_cookie(
         cookie_name(config),
@@ -56,7 +56,7 @@ async def pair(request: Request) -> JSONResponse:
 async def unpair(request: Request) -> JSONResponse:
     """Forget this browser."""
     pairing = _require_pairing(request)
-    config: Config = request.app.state.config
+    config = services_of(request).config
     name = cookie_name(config)
     pairing.forget(session_of({"cookie": request.headers.get("cookie", "")}, name))
     response = JSONResponse({"role": None})
@@ -67,7 +67,7 @@ async def unpair(request: Request) -> JSONResponse:
 @router.get("/ca.crt", responses={404: {}}, include_in_schema=False)
 async def authority(request: Request) -> Response:
     """Return the certificate of the authority that `--tls` made, for the phone to trust."""
-    config: Config = request.app.state.config
+    config = services_of(request).config
     file = config.data / "tls" / "ca.crt"
     if not config.tls or not file.is_file():
         raise HTTPException(404, "There is none: the robot is served without --tls.")
@@ -75,7 +75,7 @@ async def authority(request: Request) -> Response:
 
 
 def _require_pairing(request: Request) -> Pairing:
-    pairing: Pairing | None = request.app.state.pairing
+    pairing = services_of(request).pairing
     if pairing is None:
         raise HTTPException(404, "There is nothing to pair: the robot is open on this machine.")
     return pairing

@@ -13,8 +13,9 @@ from starlette.concurrency import run_in_threadpool
 from robot.control.loop import ControlLoop
 from robot.policy.registry import make_policy, split_name
 from robot.types import Action, Encoding, Frame
-from server.persistence import persistence_of, read_body, refusals
+from server.routes.bodies import read_body, refusals
 from server.security.guard import require_pilot, require_viewer
+from server.services import persistence_of, services_of
 
 router = APIRouter(prefix="/api/settings")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
@@ -27,7 +28,7 @@ _TRIALS = 10
 @router.get("", dependencies=[VIEWER])
 async def describe_settings(request: Request) -> dict[str, Any]:
     """Return what is set, and what may be chosen."""
-    robot = request.app.state.robot
+    robot = services_of(request).robot
     loop: ControlLoop = robot.loop
     state = loop.state
     kind, _ = split_name(state.learner)
@@ -53,7 +54,7 @@ async def describe_settings(request: Request) -> dict[str, Any]:
 async def change_settings(request: Request) -> dict[str, Any]:
     """Set {speed}, or begin an empty model with {max_nodes} or {moves}; 409 while it drives."""
     body = await read_body(request)
-    loop: ControlLoop = request.app.state.robot.loop
+    loop = services_of(request).robot.loop
     if "speed" in body:
         loop.speed_share = _checked_speed(body["speed"])
     if "max_nodes" in body or "moves" in body:
@@ -77,7 +78,7 @@ def _checked_speed(speed: Any) -> float:
 
 
 def _checked_moves(moves: Any, request: Request) -> tuple[Action, ...]:
-    possible = request.app.state.robot.driver.moves
+    possible = services_of(request).robot.driver.moves
     if not isinstance(moves, list) or not set(moves) <= {move.value for move in possible}:
         raise HTTPException(400, f"'moves' must be some of {', '.join(possible)}.")
     if len(set(moves)) < 2:

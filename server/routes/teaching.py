@@ -11,8 +11,9 @@ from fastapi import APIRouter, Depends, HTTPException, Request
 
 from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
 from robot.storage.png import encode_png
-from server.persistence import read_body
+from server.routes.bodies import read_body
 from server.security.guard import require_pilot, require_viewer
+from server.services import services_of
 
 router = APIRouter(prefix="/api/teaching")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
@@ -23,14 +24,14 @@ _STRIP = 24
 @router.get("", dependencies=[VIEWER])
 def describe_teaching(request: Request) -> dict[str, Any]:
     """Return what was taught, and how agreement rose with the lessons."""
-    state = request.app.state.robot.loop.state
+    state = services_of(request).robot.loop.state
     return {
         "lessons": sum(state.taught.values()),
         "taught": {move.value: state.taught.get(move, 0) for move in state.moves},
         "agreement": state.agreement,
         "history": [
             [mark.lessons, round(mark.agreement, 4)]
-            for mark in request.app.state.progress.history()
+            for mark in services_of(request).progress.history()
         ],
     }
 
@@ -38,7 +39,7 @@ def describe_teaching(request: Request) -> dict[str, Any]:
 @router.get("/last", dependencies=[VIEWER])
 async def show_last(request: Request, seconds: float = 5.0) -> dict[str, Any]:
     """Show what undoing the last seconds would take away."""
-    loop = request.app.state.robot.loop
+    loop = services_of(request).robot.loop
     wanted_s = _checked(seconds)
     return dict(await asyncio.wrap_future(loop.submit(lambda: _preview(loop.history, wanted_s))))
 
@@ -47,7 +48,7 @@ async def show_last(request: Request, seconds: float = 5.0) -> dict[str, Any]:
 async def undo(request: Request) -> dict[str, Any]:
     """Un-learn the last seconds of teaching: {seconds}."""
     seconds = _checked((await read_body(request)).get("seconds"))
-    loop = request.app.state.robot.loop
+    loop = services_of(request).robot.loop
     gone = await asyncio.wrap_future(loop.submit(lambda: loop.history.undo(seconds)))
     return {"undone": len(gone)}
 

@@ -14,6 +14,7 @@ from server.clients.video import EncodedFrame, Viewer
 from server.hosting.uvicorn_fastpath import EXTENSION, FastPath
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.sockets import end_with_either
+from server.services import services_of
 
 router = APIRouter()
 
@@ -82,7 +83,7 @@ class _Watching:
 @router.websocket("/ws/video")
 async def video(websocket: WebSocket) -> None:
     """Show the picture to one viewer for as long as it is there."""
-    hub: Hub = websocket.app.state.hub
+    hub = services_of(websocket).hub
     await websocket.accept()
     watching = _Watching(websocket, hub)
     hub.watch(watching.viewer)

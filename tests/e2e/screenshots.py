@@ -193,7 +193,7 @@ def _take_pairing(browser: Any, folder: Path) -> None:
 
 def _hold_lesson(browser: Any, world: World) -> None:
     """Trial 1, fifteen times as fast as it is."""
-    room = world.app.state.study
+    room = world.services.study
     room.pace = 15.0
     context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     page = open_page(context, world.address)

@@ -28,7 +28,7 @@ def drive(world: World, seconds: float) -> None:
 
 def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, world: World) -> None:
     drive(world, 3.0)
-    persistence = world.app.state.persistence
+    persistence = world.persistence
     finish_recording(world)
     [episode_id] = persistence.episodes.ids()
     phone.evaluate("location.hash = 'home'")
@@ -68,7 +68,7 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
 
 def test_a_recording_is_named_and_protected_on_the_page(phone: Any, world: World) -> None:
     drive(world, 1.0)
-    persistence = world.app.state.persistence
+    persistence = world.persistence
     finish_recording(world)
     [episode_id] = persistence.episodes.ids()
     phone.evaluate("location.hash = 'home'")
@@ -98,7 +98,7 @@ def test_axe_finds_nothing_among_the_tools(phone: Any, world: World, npm_modules
 
 def test_recordings_beyond_their_space_are_offered(phone: Any, world: World) -> None:
     drive(world, 1.0)
-    persistence = world.app.state.persistence
+    persistence = world.persistence
     finish_recording(world)
     persistence.episodes.budget_bytes = 0
     phone.evaluate("location.hash = 'home'")

@@ -102,7 +102,7 @@ def _gallery(world: World) -> list[dict[str, Any]]:
 def test_the_lesson_of_trial_1_from_start_to_result(
     phone: Any, world: World, tmp_path: Path
 ) -> None:
-    world.app.state.study.pace = 20.0
+    world.services.study.pace = 20.0
     phone.goto(world.address + "/#lesson")
     phone.get_by_role("button", name="Begin the lesson").tap()
     phone.get_by_role("link", name="To the wheel").tap()
@@ -110,7 +110,7 @@ def test_the_lesson_of_trial_1_from_start_to_result(
     phone.locator(".notice", has_text="tap Teach").wait_for()
 
     choose(phone, world, Mode.TRAIN)
-    room = world.app.state.study
+    room = world.services.study
     teach(world, Fingers(phone), 10_000, until=lambda: room.lesson.phase != "teach")
     wait_for(lambda: world.mode is Mode.STOPPED, "the phase is over, the robot stands")
     phone.locator(".notice", has_text="correct it").wait_for()

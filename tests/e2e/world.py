@@ -12,13 +12,15 @@ from typing import Any
 
 import pytest
 
-from robot.rig.rig import Rig, build_rig
+from robot.rig.rig import build_rig
 from robot.storage.folder import Storage
 from robot.types import Action, Mode, Pose
 from server.app import create_app
 from server.config import Config
+from server.events import EventBus
 from server.hosting.serving import served
 from server.persistence import Persistence
+from server.services import Services, make_services
 
 IN_CI = os.environ.get("CI") == "true"
 PHONE = {"width": 390, "height": 844}
@@ -35,8 +37,13 @@ CHROMIUM_FLAGS = [
 class World:
     """One running robot: its address, and the truth about it that no page can bend."""
 
-    def __init__(self, address: str, rig: Rig, app: Any) -> None:
-        self.address, self.rig, self.app = address, rig, app
+    def __init__(self, address: str, services: Services) -> None:
+        self.address, self.services, self.rig = address, services, services.robot
+
+    @property
+    def persistence(self) -> Persistence:
+        assert self.services.persistence is not None
+        return self.services.persistence
 
     @property
     def pose(self) -> Pose:
@@ -72,13 +79,11 @@ def running_world(
     """Serve a robot on a free port of this machine while the block runs."""
     config = config or Config(port=0, data=folder)
     rig = build_rig(robot, learner=learner, options=options)
-    app = create_app(config, rig, name="Rover")
-    persistence = Persistence(
-        Storage(folder), rig, name="Rover", announce=app.state.hub.announce_soon
-    )
-    app.state.persistence = persistence
-    with rig, persistence, served(app, config) as address:
-        yield World(address, rig, app)
+    events = EventBus()
+    persistence = Persistence(Storage(folder), rig, name="Rover", announce=events.publish)
+    services = make_services(config, rig, name="Rover", events=events, persistence=persistence)
+    with rig, persistence, served(create_app(services), config) as address:
+        yield World(address, services)
 
 
 def find_chromium() -> str:
@@ -129,7 +134,7 @@ def wait_for(condition: Callable[[], bool], what: str, within_s: float = 10.0) -
 
 def finish_recording(world: World) -> None:
     """End the recording now; otherwise it ends when the robot has stood for a while."""
-    recorder = world.app.state.persistence.recorder
+    recorder = world.persistence.recorder
     world.rig.loop.submit(recorder.finish).result(5)
     wait_for(lambda: recorder.episode_id is None, "the recording ends")
 

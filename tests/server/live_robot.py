@@ -17,13 +17,16 @@ from websockets.sync.client import ClientConnection, connect
 from robot.clock import RealClock
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
+from robot.storage.folder import Storage
 from server.app import create_app
 from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
 from server.hosting.serving import served
+from server.persistence import Persistence
 from server.protocol import encode_acknowledgement, parse_picture
 from server.security.certificates import Certificates
 from server.security.pairing import Pairing
+from server.services import Services, make_services
 
 WEB = Path(__file__).resolve().parents[2] / "web"
 STANDING_AFTER_S = 5.0
@@ -32,11 +35,11 @@ STANDING_AFTER_S = 5.0
 class LiveServer:
     """A running server: its address, and the parts behind it."""
 
-    def __init__(self, address: str, rig: Rig, app: Any) -> None:
+    def __init__(self, address: str, services: Services) -> None:
         self.address = address
-        self.rig = rig
-        self.app = app
-        self.hub = app.state.hub
+        self.services = services
+        self.rig = services.robot
+        self.hub = services.hub
 
     @property
     def driver(self) -> NotingDriver:
@@ -65,14 +68,20 @@ def live_server(
     camera: SteadyCamera | None = None,
     pairing: Pairing | None = None,
     certificates: Certificates | None = None,
+    data: Path | None = None,
 ) -> Iterator[LiveServer]:
-    """Serve a bench robot on loopback while the block runs."""
+    """Serve a bench robot on loopback while the block runs; with `data`, it keeps things there."""
     clock = camera.clock if camera else RealClock()
     config = config or Config(port=0, web=WEB)
     rig = Rig(NotingDriver(), camera or SteadyCamera(clock), make_policy("published-8"), clock)
-    app = create_app(config, rig, name="bench", pairing=pairing)
-    with rig, served(app, config, certificates) as address:
-        yield LiveServer(address, rig, app)
+    persistence = Persistence(Storage(data), rig) if data else None
+    services = make_services(config, rig, name="bench", persistence=persistence, pairing=pairing)
+    with (
+        rig,
+        served(create_app(services), config, certificates) as address,
+        persistence or contextlib.nullcontext(),
+    ):
+        yield LiveServer(address, services)
 
 
 class Pilot:

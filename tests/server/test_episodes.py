@@ -20,6 +20,7 @@ from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
 from server.hosting.serving import served
 from server.persistence import Persistence
+from server.services import make_services
 from tests.robot.episodes.drives import record_drive
 
 from .live_robot import WEB
@@ -40,8 +41,8 @@ def persistence(tmp_path: Path) -> Iterator[Persistence]:
 @pytest.fixture
 def client(persistence: Persistence) -> Iterator[Client]:
     config = Config(port=0, web=WEB, data=persistence.storage.root)
-    app = create_app(config, persistence.rig, name="bench")  # type: ignore[attr-defined]
-    app.state.persistence = persistence
+    rig: Rig = persistence.rig  # type: ignore[attr-defined]
+    app = create_app(make_services(config, rig, name="bench", persistence=persistence))
     with served(app, config) as address, Client(base_url=address, timeout=20) as client:
         yield client
 

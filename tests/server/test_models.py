@@ -18,6 +18,7 @@ from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
 from server.hosting.serving import served
 from server.persistence import Persistence
+from server.services import make_services
 
 from .live_robot import WEB
 
@@ -48,8 +49,8 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     clock = RealClock()
     rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
     config = Config(port=0, web=WEB, data=tmp_path)
-    app = create_app(config, rig, name="bench")
-    persistence = app.state.persistence = Persistence(Storage(tmp_path), rig, name="bench")
+    persistence = Persistence(Storage(tmp_path), rig, name="bench")
+    app = create_app(make_services(config, rig, name="bench", persistence=persistence))
     with (
         rig,
         persistence,

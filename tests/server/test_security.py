@@ -56,7 +56,7 @@ def _socket_refusal(status: int) -> int:
 
 
 def _pairing(server: LiveServer) -> Pairing:
-    pairing = server.app.state.pairing
+    pairing = server.services.pairing
     assert isinstance(pairing, Pairing)
     return pairing
 
@@ -231,7 +231,7 @@ def test_nothing_is_shown_to_strangers(lan: LiveServer, path: str) -> None:
 @pytest.mark.parametrize("path", ["/ws/drive", "/ws/video"])
 def test_no_websocket_is_opened_to_strangers(lan: LiveServer, path: str) -> None:
     assert _socket_status(lan, path) == _socket_refusal(401)
-    cookie = f"{cookie_name(lan.app.state.config)}=guess"
+    cookie = f"{cookie_name(lan.services.config)}=guess"
     assert _socket_status(lan, path, cookie=cookie) == _socket_refusal(401)
 
 

@@ -11,9 +11,7 @@ import pytest
 
 from robot.models.autosave import Autosave
 from robot.policy.registry import make_policy
-from robot.storage.folder import Storage
 from robot.types import Action, Example
-from server.persistence import Persistence
 
 from .live_robot import LiveServer, live_server
 
@@ -21,8 +19,7 @@ from .live_robot import LiveServer, live_server
 @pytest.fixture
 def taught(tmp_path: Path) -> Iterator[LiveServer]:
     """A running robot that was taught 40 frames in four seconds of its time."""
-    with live_server() as server, Persistence(Storage(tmp_path), server.rig) as persistence:
-        server.app.state.persistence = persistence
+    with live_server(data=tmp_path) as server:
         _teach(server, 40)
         yield server
 
@@ -134,7 +131,9 @@ def test_another_size_begins_anew_and_keeps_the_old_model(taught: LiveServer) ->
     answer = ask(taught, "PUT", "/api/settings", json={"max_nodes": 64, "speed": 0.5})
     assert answer.json() == {"learner": "default-64", "speed": 0.5}
     assert gallery(taught) == {}
-    autosave: Autosave = taught.app.state.persistence.autosave
+    persistence = taught.services.persistence
+    assert persistence is not None
+    autosave: Autosave = persistence.autosave
     assert len(autosave.store.names()) == 2
 
 

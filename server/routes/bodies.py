@@ -1,0 +1,59 @@
+"""What routes have in common: reading a JSON body, and turning errors into answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from fastapi import HTTPException, Request
+from starlette.concurrency import run_in_threadpool
+
+from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
+
+
+@contextmanager
+def refusals() -> Iterator[None]:
+    """Turn what went wrong into a status and a sentence for the page."""
+    try:
+        yield
+    except NotFoundError as error:
+        raise HTTPException(404, str(error)) from error
+    except ConfigurationError as error:
+        raise HTTPException(409, str(error)) from error
+    except MissingExtraError as error:
+        raise HTTPException(501, str(error)) from error
+    except RobotError as error:
+        raise HTTPException(422, str(error)) from error
+    except OSError as error:
+        raise HTTPException(507, f"The disk refused: {error.strerror or error}") from error
+
+
+async def do(action: Callable[..., Any], *args: Any) -> Any:
+    """Run what touches the disk off the event loop, with errors as answers."""
+    with refusals():
+        return await run_in_threadpool(action, *args)
+
+
+async def read_body(request: Request) -> dict[str, Any]:
+    """Return the JSON object that a request carries; {} if it has no body.
+
+    Raises:
+        HTTPException: 400 if it is anything else.
+    """
+    raw = await request.body()
+    try:
+        body = await request.json() if raw else {}
+    except (ValueError, RecursionError) as error:
+        raise HTTPException(400, "The body is no JSON.") from error
+    if not isinstance(body, dict):
+        raise HTTPException(400, "The body must be a JSON object.")
+    return body
+
+
+def text_field(body: dict[str, Any], name: str, default: str | None = None) -> str | None:
+    """Return a text of the body, or the default; 400 if it is none, or overlong."""
+    value = body.get(name, default)
+    if value is not None and (not isinstance(value, str) or len(value) > 200):
+        raise HTTPException(400, f"{name!r} must be a text of at most 200 characters.")
+    return value

@@ -1,0 +1,95 @@
+"""Everything that serves one robot, made once and handed to the routes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from fastapi import HTTPException
+from starlette.requests import HTTPConnection
+
+from robot.rig.rig import Rig
+from server.clients.hub import Hub
+from server.config import Config
+from server.events import EventBus
+from server.persistence import Persistence
+from server.progress import Progress
+from server.security.pairing import Pairing
+from server.study import Study
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Services:
+    """The parts of one server. Routes get them from `services_of(request)`.
+
+    Attributes:
+        config: What was set.
+        robot: The robot, started and stopped by whoever built it.
+        events: Where parts publish what clients should know.
+        hub: The clients, and who of them drives.
+        progress: Curve and gallery of the model in use.
+        study: The guided study.
+        persistence: Models and recordings; None where nothing is kept.
+        pairing: Who was let in; None lets in whoever can reach the port.
+        turned_away: How many requests the guard refused, by reason.
+    """
+
+    config: Config
+    robot: Rig
+    events: EventBus
+    hub: Hub
+    progress: Progress
+    study: Study
+    persistence: Persistence | None = None
+    pairing: Pairing | None = None
+    turned_away: Counter[str] = field(default_factory=Counter)
+
+
+def make_services(
+    config: Config,
+    robot: Rig,
+    *,
+    name: str = "robot",
+    events: EventBus | None = None,
+    persistence: Persistence | None = None,
+    pairing: Pairing | None = None,
+) -> Services:
+    """Make the parts of a server for one robot. Nothing starts yet.
+
+    Args:
+        config: What was set.
+        robot: The robot, running or not.
+        name: What pages call it.
+        events: The bus that `persistence` publishes to; a new one by default.
+        persistence: What keeps models and recordings; started and stopped by the caller.
+        pairing: Who was let in; None lets in whoever can reach the port.
+    """
+    events = events or EventBus()
+
+    def recording() -> str | None:
+        return persistence.recording if persistence is not None else None
+
+    return Services(
+        config=config,
+        robot=robot,
+        events=events,
+        hub=Hub(config, robot, name, events),
+        progress=Progress(robot.loop, recording),
+        study=Study(robot.loop, events.publish, recording),
+        persistence=persistence,
+        pairing=pairing,
+    )
+
+
+def services_of(connection: HTTPConnection) -> Services:
+    """Return the services behind a request or a websocket."""
+    services: Services = connection.app.state.services
+    return services
+
+
+def persistence_of(connection: HTTPConnection) -> Persistence:
+    """Return what keeps models and recordings; 503 where nothing is kept."""
+    persistence = services_of(connection).persistence
+    if persistence is None:
+        raise HTTPException(503, "Nothing is kept here: start the server with --data FOLDER.")
+    return persistence

@@ -1,0 +1,53 @@
+"""The parts of a server are made once, and found in one place."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.clock import RealClock
+from robot.policy.registry import make_policy
+from robot.rig.rig import Rig
+from server.bench.robot import NotingDriver, SteadyCamera
+from server.config import Config
+from server.events import EventBus
+from server.services import Services, make_services
+
+SERVER = Path(__file__).parents[2] / "server"
+
+
+def make() -> Services:
+    clock = RealClock()
+    rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
+    return make_services(Config(port=0), rig)
+
+
+def test_the_services_are_frozen() -> None:
+    services: Any = make()
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        services.persistence = None
+
+
+def test_only_one_place_reads_the_applications_state() -> None:
+    readers = {
+        file.relative_to(SERVER).as_posix()
+        for file in SERVER.rglob("*.py")
+        if re.search(r"app\.state\.", file.read_text())
+    }
+    assert readers == {"app.py", "services.py"}
+
+
+def test_an_event_reaches_all_subscribers_until_they_unsubscribe() -> None:
+    events, one, two = EventBus(), [], []  # type: ignore[var-annotated]
+    events.publish("nobody_listens")
+    end_one = events.subscribe(lambda name, fields: one.append((name, fields)))
+    events.subscribe(lambda name, fields: two.append((name, fields)))
+    events.publish("model_saved", model="kitchen")
+    end_one()
+    events.publish("model_loaded")
+    assert one == [("model_saved", {"model": "kitchen"})]
+    assert two == [*one, ("model_loaded", {})]
