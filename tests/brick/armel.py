@@ -60,8 +60,8 @@ class Armel:
         assert qemu is not None
         shutil.copy(qemu, folder / "qemu-arm")
         needed = subprocess.run(["ldd", qemu], capture_output=True, text=True, check=True).stdout
-        for persistence in re.findall(r"(/\S+)", needed):
-            shutil.copy(persistence, folder)
+        for library in re.findall(r"(/\S+)", needed):
+            shutil.copy(library, folder)
         self._loader = next(path.name for path in folder.glob("ld-linux*"))
         source = Path(__file__).with_name("count_instructions.c")
         subprocess.run(

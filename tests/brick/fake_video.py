@@ -21,10 +21,10 @@ class FakeVideo:
         compiler = shutil.which("gcc") or shutil.which("cc")
         if compiler is None:
             pytest.skip("no C compiler, so no made-up camera")
-        persistence = folder / "fake_video.so"
+        library = folder / "fake_video.so"
         source = Path(__file__).with_name("fake_video.c")
         subprocess.run(
-            [compiler, "-shared", "-fPIC", "-Wall", "-Werror", "-o", persistence, source, "-ldl"],
+            [compiler, "-shared", "-fPIC", "-Wall", "-Werror", "-o", library, source, "-ldl"],
             check=True,
         )
         self.control = folder / "camera"
@@ -34,7 +34,7 @@ class FakeVideo:
         self.behave("run")
         self.env = {
             **os.environ,
-            "LD_PRELOAD": str(persistence),
+            "LD_PRELOAD": str(library),
             "FAKE_VIDEO": str(self.control),
             "FAKE_VIDEO_FORMAT": formats,
             "FAKE_VIDEO_JPEG": str(jpeg),

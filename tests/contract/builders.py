@@ -85,7 +85,7 @@ def brick_case(driver: Ev3Driver | Ev3RemoteDriver, brick: FakeBrick) -> DriverC
             driver.wheel_positions_deg()  # an answer: whatever was sent before has arrived
         else:
             time.sleep(0.05)
-        brick.reset()
+        brick.settle()
         return brick.is_moving()
 
     return DriverCase(driver, time.sleep, is_moving)
