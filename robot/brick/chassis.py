@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, TypeVar
 
-from robot.brick.agent import HardwareError
+from robot.brick.agent.ports import HardwareError
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
 from robot.types import Action, Mode, Sensors

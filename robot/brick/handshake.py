@@ -8,7 +8,8 @@ import socket
 from pathlib import Path
 from typing import Any
 
-from robot.brick.agent import PORT, PROTOCOL, HardwareError, Unpacker, pack_json, prove
+from robot.brick.agent.ports import HardwareError
+from robot.brick.agent.wire import PORT, PROTOCOL, Unpacker, pack_json, prove
 from robot.errors import ConfigurationError
 
 PATIENCE_S = 3.0

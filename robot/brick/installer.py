@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from robot.brick import agent
+from robot.brick.archive import make_agent
 from robot.brick.rootfs import PACKAGES
 from robot.errors import DriveError
 
@@ -28,7 +28,7 @@ python3 -c 'import ev3dev2' 2>/dev/null || {
 }
 if [ -f agent.pid ]; then kill "$(cat agent.pid)" 2>/dev/null || true; sleep 1; fi
 : >agent.log
-setsid python3 agent.py --secret-file secret --port @PORT@ --root "${DRIVELESSON_ROOT:-/}" \\
+setsid python3 agent.pyz --secret-file secret --port @PORT@ --root "${DRIVELESSON_ROOT:-/}" \\
   >>agent.log 2>&1 </dev/null &
 echo $! >agent.pid
 for i in 1 2 3 4 5 6 7 8 9 10; do
@@ -39,7 +39,7 @@ done
 cat agent.log >&2
 exit 1
 """
-"""Receives agent.py and secret as a tar on standard input; starts the agent."""
+"""Receives agent.pyzz and secret as a tar on standard input; starts the agent."""
 
 START_SCRIPT = """\
 #!/bin/sh
@@ -171,7 +171,7 @@ def _as_root(entry: tarfile.TarInfo) -> tarfile.TarInfo:
 def start_agent(target: str, secret: str, port: int) -> str:
     """Copy the agent to a brick with the stock image and start it; idempotent."""
     files: list[tuple[str, Path | bytes]] = [
-        ("agent.py", Path(agent.__file__).read_bytes()),
+        ("agent.pyz", make_agent()),
         ("secret", secret.encode()),
     ]
     return run_on_brick(target, AGENT_SCRIPT.replace("@PORT@", str(port)), files)

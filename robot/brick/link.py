@@ -16,7 +16,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from robot.brick.agent import ENCODINGS, PICTURE, HardwareError, Unpacker, pack_json
+from robot.brick.agent.ports import HardwareError
+from robot.brick.agent.wire import ENCODINGS, PICTURE, Unpacker, pack_json
 from robot.brick.handshake import PATIENCE_S, join
 from robot.errors import ConfigurationError
 

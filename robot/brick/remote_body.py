@@ -6,7 +6,7 @@ import contextlib
 import time
 from typing import Any
 
-from robot.brick.agent import HardwareError
+from robot.brick.agent.ports import HardwareError
 from robot.brick.link import BrickLink
 
 

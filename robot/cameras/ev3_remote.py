@@ -7,10 +7,11 @@ import threading
 import time
 from typing import Any, ClassVar, Self
 
-from robot.brick.agent import STILL_S, HardwareError
-from robot.brick.camera_options import UsbCameraOptions
+from robot.brick.agent.ports import HardwareError
 from robot.brick.link import BrickLink, RemotePicture
 from robot.camera import Camera
+from robot.capture.freshness import STILL_S
+from robot.capture.options import UsbCameraOptions
 from robot.clock import Clock
 from robot.driver import Driver
 from robot.errors import CameraError, ConfigurationError

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from robot.brick.agent import REOPEN_S, Freshness
 from robot.camera import Camera
+from robot.capture.freshness import REOPEN_S, Freshness
 from robot.clock import Clock
 from robot.driver import Driver
 from robot.errors import CameraError, MissingExtraError

@@ -7,9 +7,9 @@ import threading
 import time
 from typing import Any, ClassVar, Self
 
-from robot.brick.agent import Eye
-from robot.brick.camera_options import UsbCameraOptions
 from robot.camera import Camera
+from robot.capture.options import UsbCameraOptions
+from robot.capture.reader import CameraReader
 from robot.clock import Clock
 from robot.driver import Driver
 from robot.errors import CameraError
@@ -42,15 +42,15 @@ class V4l2Camera(Camera):
         if self._thread is not None:
             return
         options = self.options
-        eye = Eye(
+        reader = CameraReader(
             options.device, options.width, options.height, options.frame_rate, options.encoding
         )
-        eye.look(time.monotonic())
-        if eye.video is None:
-            raise CameraError(eye.fault or "the camera cannot be opened")
+        reader.look(time.monotonic())
+        if reader.video is None:
+            raise CameraError(reader.fault or "the camera cannot be opened")
         self._ending.clear()
         self._thread = threading.Thread(
-            target=self._watch, args=(eye,), name="v4l2-camera", daemon=True
+            target=self._watch, args=(reader,), name="v4l2-camera", daemon=True
         )
         self._thread.start()
 
@@ -61,27 +61,27 @@ class V4l2Camera(Camera):
             self._thread.join(timeout=2.0)
             self._thread = None
 
-    def _watch(self, eye: Eye) -> None:
+    def _watch(self, reader: CameraReader) -> None:
         try:
             while not self._ending.is_set():
-                self._turn(eye)
+                self._turn(reader)
         finally:
-            eye.close()
+            reader.close()
 
-    def _turn(self, eye: Eye) -> None:
+    def _turn(self, reader: CameraReader) -> None:
         """Wait at most 50 ms for a picture; publish it, or say what is wrong."""
-        if eye.video is None:
+        if reader.video is None:
             self._ending.wait(0.05)
         else:
-            select.select([eye.video], [], [], 0.05)
-        taken = eye.look(time.monotonic())
-        if taken is not None and eye.video is not None:
+            select.select([reader.video], [], [], 0.05)
+        taken = reader.look(time.monotonic())
+        if taken is not None and reader.video is not None:
             self._publish(
                 taken.data,
-                width=eye.video.width,
-                height=eye.video.height,
-                encoding=Encoding(eye.video.encoding),
+                width=reader.video.width,
+                height=reader.video.height,
+                encoding=Encoding(reader.video.encoding),
                 captured_s=self._on_clock(taken.taken_s),
             )
-        elif eye.fault is not None and eye.fault != self._fault:
-            self._report_fault(eye.fault)
+        elif reader.fault is not None and reader.fault != self._fault:
+            self._report_fault(reader.fault)

@@ -6,7 +6,7 @@ import importlib.util
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from robot.brick import agent
+from robot.brick.agent.body import BrickBody
 from robot.brick.chassis import ChassisBody, ChassisDriver, ChassisOptions
 from robot.errors import MissingExtraError
 
@@ -31,7 +31,7 @@ class Ev3Driver(ChassisDriver):
         if importlib.util.find_spec("ev3dev2") is None:
             raise MissingExtraError("the EV3's motors", "ev3")
         options = self.options
-        return agent.Body(
+        return BrickBody(
             options.left_port,
             options.right_port,
             options.ultrasonic_port,

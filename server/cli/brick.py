@@ -9,7 +9,7 @@ from pathlib import Path
 
 import server
 from robot.brick import installer
-from robot.brick.agent import PORT
+from robot.brick.agent.wire import PORT
 from robot.brick.bundle import make_bundle
 from robot.brick.handshake import secret_path
 from robot.brick.rootfs import build_userland, precompile

@@ -10,8 +10,8 @@ import sys
 import threading
 import time
 
-from robot.brick.camera_options import UsbCameraOptions
 from robot.cameras.v4l2 import V4l2Camera
+from robot.capture.options import UsbCameraOptions
 from robot.clock import RealClock
 from robot.errors import CameraError
 

@@ -136,7 +136,7 @@ class FakeBrick:
             time.sleep(POLL_S)
         return time.monotonic() - started_s
 
-    def settle(self) -> None:
+    def catch_up(self) -> None:
         """Wait until the kernel thread has seen all that is written now."""
         seen = self._rounds + 2
         self.wait_until(lambda: self._rounds >= seen)

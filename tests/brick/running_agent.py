@@ -1,4 +1,4 @@
-"""The agent's file as a process of its own, as a brick runs it."""
+"""The agent's archive as a process of its own, as a brick runs it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from robot.brick import agent
+from robot.brick.archive import make_agent
 
 SECRET = "a shared secret"
 
@@ -22,10 +22,12 @@ class RunningAgent:
         secret = folder / "secret"
         secret.write_text(SECRET)
         secret.chmod(0o600)
+        archive = folder / "agent.pyz"
+        archive.write_bytes(make_agent())
         self.process = subprocess.Popen(
             [
                 sys.executable,
-                agent.__file__,
+                str(archive),
                 "--host",
                 "127.0.0.1",
                 "--port",

@@ -12,11 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from robot.brick import agent
-from robot.brick.camera_options import UsbCameraOptions
+from robot.brick.agent import server as agent_server
+from robot.brick.agent import wire
+from robot.brick.archive import make_agent
 from robot.brick.handshake import secret_path
 from robot.brick.link import BrickLink
 from robot.cameras.ev3_remote import Ev3RemoteCamera
+from robot.capture.options import UsbCameraOptions
 from robot.clock import RealClock
 from robot.driver import BodyButton
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
@@ -47,13 +49,13 @@ class Controller:
     def __init__(self, address: str, secret: str = SECRET) -> None:
         host, port = address.split(":")
         self.line = socket.create_connection((host, int(port)), timeout=5)
-        self.unpacker = agent.Unpacker()
+        self.unpacker = wire.Unpacker()
         self.waiting: list[dict[str, object]] = []
-        proof = agent.prove(secret, str(self.read("nonce")))
+        proof = wire.prove(secret, str(self.read("nonce")))
         self.say(do="join", proof=proof)
 
     def say(self, **word: object) -> None:
-        self.line.sendall(agent.pack_json(word))
+        self.line.sendall(wire.pack_json(word))
 
     def read(self, key: str) -> object:
         """Return the next message's field of this name; others are passed over."""
@@ -125,7 +127,7 @@ def test_something_else_that_answers_is_one_clear_line() -> None:
         line, _ = listener.accept()
         line.close()
     with pytest.raises(ValueError, match="not a message"):
-        agent.Unpacker().feed(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+        wire.Unpacker().feed(b"HTTP/1.1 400 Bad Request\r\n\r\n")
 
 
 def test_a_missing_motor_is_named_through_the_line(running_agent: RunningAgent) -> None:
@@ -146,7 +148,7 @@ def test_one_controller_at_a_time(running_agent: RunningAgent, controller: Contr
 def test_a_silent_controller_makes_room(running_agent: RunningAgent) -> None:
     silent = Controller(running_agent.address)
     silent.open()
-    time.sleep(agent.SILENCE_S + 0.2)
+    time.sleep(agent_server.SILENCE_S + 0.2)
     with make_driver(running_agent.address) as driver:
         assert driver.is_connected
     silent.line.close()
@@ -165,10 +167,10 @@ def test_the_agent_stops_the_motors_500_ms_after_the_last_command(
 def test_of_several_commands_that_were_held_up_only_the_last_counts(
     controller: Controller, brick: FakeBrick
 ) -> None:
-    brick.settle()
+    brick.catch_up()
     before = len(brick.commands)
     words = [
-        agent.pack_json({"do": "run", "left": v, "right": v, "ms": 400, "t": time.monotonic()})
+        wire.pack_json({"do": "run", "left": v, "right": v, "ms": 400, "t": time.monotonic()})
         for v in (100, 200, 300)
     ]
     controller.line.sendall(b"".join(words))
@@ -184,7 +186,7 @@ def test_a_command_that_was_held_up_is_not_carried_out(
     controller.run(t=now_s - 1.0)
     controller.say(do="positions")
     controller.read("positions")
-    brick.settle()
+    brick.catch_up()
     assert not brick.is_moving()
     controller.run()
     brick.wait_until(brick.is_moving)
@@ -192,7 +194,7 @@ def test_a_command_that_was_held_up_is_not_carried_out(
 
 @pytest.mark.parametrize(
     "noise",
-    [b"GET / HTTP/1.1\r\n\r\n", b"J\xff\xff\xff\xff", agent.pack_json({"do": 7}), b"J" * 99],
+    [b"GET / HTTP/1.1\r\n\r\n", b"J\xff\xff\xff\xff", wire.pack_json({"do": 7}), b"J" * 99],
 )
 def test_noise_is_shown_out_and_harms_nobody(
     running_agent: RunningAgent, controller: Controller, noise: bytes
@@ -298,8 +300,10 @@ def test_others_may_not_read_the_secret(tmp_path: Path) -> None:
     secret = tmp_path / "secret"
     secret.write_text(SECRET)
     secret.chmod(0o644)
+    archive = tmp_path / "agent.pyz"
+    archive.write_bytes(make_agent())
     done = subprocess.run(
-        [sys.executable, agent.__file__, "--secret-file", secret],
+        [sys.executable, archive, "--secret-file", secret],
         capture_output=True,
         text=True,
         check=False,

@@ -117,7 +117,7 @@ def test_installing_is_safe_to_repeat(
     words = ["brick", "install", "10.0.0.9", "--keep", str(tmp_path / "keep")]
     assert main(words) == 0
     program = there / "root/opt/drivelesson"
-    assert (program / "robot/brick/agent.py").is_file()
+    assert (program / "robot/brick/agent/body.py").is_file()
     assert (program / "server/web/index.html").is_file()
     assert (program / "ev3dev2/__init__.py").is_file()
     assert (
@@ -135,7 +135,7 @@ def test_installing_is_safe_to_repeat(
     assert not (there / "incoming").exists()
     said = (far_home / "systemctl").read_text()
     assert said.count("restart drivelesson") == 2
-    assert "run-timed" in (program / "robot/brick/agent.py").read_text()
+    assert "run-timed" in (program / "robot/brick/agent/body.py").read_text()
     unit = (far_home / "etc/systemd/system/drivelesson.service").read_text()
     assert "DRIVELESSON_LEAN=1" in unit
     assert os.access(there / "start", os.X_OK)

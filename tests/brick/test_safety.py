@@ -178,5 +178,5 @@ def test_ending_the_server_in_good_order(drive: Drive) -> None:
     drive.process.terminate()
     drive.process.wait(20)
     assert drive.brick.wait_until(lambda: not drive.brick.is_moving()) <= STANDING_WITHIN_S
-    drive.brick.settle()
+    drive.brick.catch_up()
     assert drive.brick.commands[-1].command == "stop"

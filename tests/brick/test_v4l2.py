@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 
-from robot.brick import agent
+from robot.capture import v4l2
+from robot.capture.freshness import STILL_S, Freshness
 from tests.brick.fake_video import DEVICE, FakeVideo
 
 ROOT = Path(__file__).parents[2]
@@ -161,12 +162,12 @@ def test_the_numbers_are_those_of_the_kernel_headers(tmp_path: Path) -> None:
     FakeVideo(tmp_path)  # skips where there is no compiler
     subprocess.run(["cc", "-o", tmp_path / "numbers", source], check=True)
     printed = subprocess.run([tmp_path / "numbers"], capture_output=True, text=True, check=True)
-    assert [getattr(agent, name) for name in names] == [int(n) for n in printed.stdout.split()]
+    assert [getattr(v4l2, name) for name in names] == [int(n) for n in printed.stdout.split()]
 
 
 def test_freshness_tells_silence_from_repetition() -> None:
-    freshness = agent.Freshness(10.0)
-    still_s = agent.STILL_S
+    freshness = Freshness(10.0)
+    still_s = STILL_S
     assert freshness.is_new(b"a", 10.1)
     assert not freshness.is_new(b"a", 10.1 + still_s)
     assert freshness.fault(10.09 + still_s) is None

@@ -18,13 +18,13 @@ import cv2
 import numpy as np
 import pytest
 
-from robot.brick.camera_options import UsbCameraOptions
 from robot.camera import Camera
 from robot.cameras.ev3_remote import Ev3RemoteCamera
 from robot.cameras.opencv import OpencvCamera, OpencvOptions
 from robot.cameras.replay import ReplayCamera, ReplayCameraOptions
 from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.cameras.v4l2 import V4l2Camera
+from robot.capture.options import UsbCameraOptions
 from robot.clock import ManualClock, RealClock
 from robot.driver import Driver
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
@@ -85,7 +85,7 @@ def brick_case(driver: Ev3Driver | Ev3RemoteDriver, brick: FakeBrick) -> DriverC
             driver.wheel_positions_deg()  # an answer: whatever was sent before has arrived
         else:
             time.sleep(0.05)
-        brick.settle()
+        brick.catch_up()
         return brick.is_moving()
 
     return DriverCase(driver, time.sleep, is_moving)

@@ -18,7 +18,7 @@ def test_cycles_are_timed_on_a_brick_its_camera_and_wheels_included(tmp_path: Pa
             result = run_cycles(
                 {"learner": "published-4", "robot": "ev3-remote", "cycles": 20, "options": options}
             )
-        brick.settle()
+        brick.catch_up()
         assert not brick.is_moving(), "the wheels stand when it is over"
     timing = result["timing"]
     assert timing["nodes"] == 4
