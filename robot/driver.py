@@ -7,6 +7,7 @@ from enum import StrEnum
 from types import TracebackType
 from typing import Any, ClassVar, Self
 
+from robot.moves import Move, describe, names
 from robot.types import DEFAULT_MOVES, Action, Mode, Sensors
 
 ACTION_TIMEOUT_S = 0.4
@@ -25,7 +26,8 @@ class Driver(ABC):
     """A body: motors and the sensors beside them. Found by name among the entry points.
 
     A driver declares its options as a frozen dataclass beside its code; each field has a
-    default and `metadata={"help": ...}`, and becomes a flag of the command line.
+    default and `metadata={"help": ...}`, and becomes a flag of the command line. It declares its
+    moves in `declared_moves`.
     `connect`, `stop` and `disconnect` are idempotent, and the last two are safe on a
     half-built driver. All methods but `__init__` may be called from any one thread at a time.
     """
@@ -33,10 +35,20 @@ class Driver(ABC):
     name: ClassVar[str]
     default_camera: ClassVar[str]
     options_type: ClassVar[type[Any]]
-    moves: tuple[Action, ...] = DEFAULT_MOVES
+    declared_moves: tuple[Move, ...] = describe(DEFAULT_MOVES)
 
     @abstractmethod
     def __init__(self, options: Any) -> None: ...
+
+    @property
+    def moves(self) -> tuple[Action, ...]:
+        """Names of what this body can do besides standing, in the order of `declared_moves`."""
+        return names(self.declared_moves)
+
+    @property
+    def first_moves(self) -> tuple[Action, ...]:
+        """What a new model learns unless a person chooses: the paper's three, or else all."""
+        return DEFAULT_MOVES if set(DEFAULT_MOVES) <= set(self.moves) else self.moves
 
     @property
     @abstractmethod

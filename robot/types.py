@@ -7,22 +7,65 @@ where a bare number crosses a border.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import ClassVar
+
+_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
 
-class Action(StrEnum):
-    """What the motors are told. All but STOP are moves, and moves are what a learner learns."""
+class Action(str):
+    """What the motors are told, by name. All but STOP are moves: a learner learns moves.
 
-    STOP = "stop"
-    FORWARD = "forward"
-    LEFT = "left"
-    RIGHT = "right"
-    BACKWARD = "backward"
-    SPIN_LEFT = "spin_left"
-    SPIN_RIGHT = "spin_right"
+    Drivers declare moves of their own (`robot.moves`), so any name is one: a lower-case letter,
+    then up to 31 letters, digits or underscores. There is one object for each name, also after
+    pickling and copying: `is` holds as `==` does.
 
+    Raises:
+        ValueError: If it is no such name.
+    """
+
+    __slots__ = ()
+    _interned: ClassVar[dict[str, Action]] = {}
+
+    STOP: ClassVar[Action]
+    FORWARD: ClassVar[Action]
+    LEFT: ClassVar[Action]
+    RIGHT: ClassVar[Action]
+    BACKWARD: ClassVar[Action]
+    SPIN_LEFT: ClassVar[Action]
+    SPIN_RIGHT: ClassVar[Action]
+
+    def __new__(cls, name: str) -> Action:
+        """Return the one object of this name."""
+        known = cls._interned.get(name)
+        if known is not None:
+            return known
+        if not isinstance(name, str) or _NAME.fullmatch(name) is None:
+            raise ValueError(
+                f"{name!r} is no name of a move; it takes a lower-case letter, then up to 31 "
+                "lower-case letters, digits or underscores"
+            )
+        return cls._interned.setdefault(str(name), super().__new__(cls, name))
+
+    def __reduce__(self) -> tuple[type[Action], tuple[str]]:
+        return Action, (str(self),)
+
+    @property
+    def value(self) -> str:
+        """The name as a plain string."""
+        return str(self)
+
+
+Action.STOP = Action("stop")
+Action.FORWARD = Action("forward")
+Action.LEFT = Action("left")
+Action.RIGHT = Action("right")
+Action.BACKWARD = Action("backward")
+Action.SPIN_LEFT = Action("spin_left")
+Action.SPIN_RIGHT = Action("spin_right")
 
 DEFAULT_MOVES: tuple[Action, ...] = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 """The paper's three moves, in the order in which the page and the tables show them."""

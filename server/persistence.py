@@ -11,6 +11,7 @@ from robot.episodes.store import EpisodeStore
 from robot.lifecycle import StartStop
 from robot.models.autosave import Announce, Autosave, say_nothing
 from robot.models.store import ModelStore
+from robot.moves import describe
 from robot.rig.rig import Rig
 from robot.storage.folder import Storage
 from robot.storage.lock import FolderLock
@@ -36,7 +37,12 @@ class Persistence(StartStop):
             rig.loop, self.models, name=name, moves=rig.driver.moves, announce=announce
         )
         self.recorder = Recorder(
-            rig.loop, storage.episodes, robot=name, options=options, announce=announce
+            rig.loop,
+            storage.episodes,
+            robot=name,
+            declared_moves=describe(rig.driver.moves, rig.driver.declared_moves),
+            options=options,
+            announce=announce,
         )
         self.episodes = EpisodeStore(storage, recording=lambda: self.recording)
 

@@ -11,16 +11,9 @@ from typing import Any, ClassVar, Protocol, TypeVar
 from robot.brick.agent.ports import HardwareError
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
+from robot.moves import CLASSIC
 from robot.types import Action, Mode, Sensors
 
-MOVES = (
-    Action.FORWARD,
-    Action.LEFT,
-    Action.RIGHT,
-    Action.BACKWARD,
-    Action.SPIN_LEFT,
-    Action.SPIN_RIGHT,
-)
 _T = TypeVar("_T")
 
 
@@ -122,7 +115,7 @@ class ChassisDriver(Driver):
     """A driver over a `ChassisBody`; subclasses say which."""
 
     default_camera: ClassVar[str] = "v4l2"
-    moves: tuple[Action, ...] = MOVES
+    declared_moves = tuple(CLASSIC.values())
 
     def __init__(self, options: ChassisOptions) -> None:
         self.options = options

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.errors import NotConnectedError
+from robot.moves import CLASSIC
 from robot.simulation.simulation import Simulation
 from robot.simulation.world import load_world
 from robot.types import Action, Sensors
@@ -31,7 +32,7 @@ class SimDriver(Driver):
     default_camera: ClassVar[str] = "sim"
     options_type: ClassVar[type[Any]] = SimOptions
 
-    moves = tuple(action for action in Action if action is not Action.STOP)
+    declared_moves = tuple(CLASSIC.values())
 
     def __init__(self, options: SimOptions) -> None:
         self.simulation = Simulation(load_world(options.world), options.seed)

@@ -15,7 +15,9 @@ from robot.episodes.messages import CAMERA, DECISION, LESSON, PREDICTION, descri
 from robot.episodes.scan import Message, scan
 from robot.episodes.teaching import Step, plan
 from robot.episodes.writer import MODEL_BEFORE, EpisodeWriter, Run
+from robot.errors import ConfigurationError
 from robot.learner.base import Vector
+from robot.moves import CLASSIC
 from robot.policy.history import Taught, Undone
 from robot.types import Action, Example
 
@@ -69,6 +71,18 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
             )
         )
     return found
+
+
+def read_move(label: object, episode: Episode) -> Action:
+    """Return the move that a person wants for some frames.
+
+    Raises:
+        ConfigurationError: If the recording knows no such move; it says which there are.
+    """
+    known = tuple(dict.fromkeys((*episode.moves, *CLASSIC)))
+    if not isinstance(label, str) or label not in known:
+        raise ConfigurationError(f"no label is called {label!r}; there are: {', '.join(known)}")
+    return Action(label)
 
 
 def kept_frames(episode: Episode, notes: Notes) -> list[FrameEntry]:
@@ -135,6 +149,7 @@ def run_of(episode: Episode, path: Path | None = None) -> Run:
         robot=run.get("robot", ""),
         learner=run.get("learner", ""),
         moves=tuple(run.get("moves", "").split(",")),
+        declared_moves=episode.declared_moves,
         options={"recorded_with": run.get("options", "")},
         source=run.get("source", ""),
     )

@@ -26,6 +26,7 @@ from robot.episodes.writer import FORMAT, MODEL_AFTER, MODEL_BEFORE, RUN
 from robot.errors import RecordingError
 from robot.learner.base import Vector
 from robot.models.model import Model, decode_model
+from robot.moves import Move, from_text
 from robot.policy.history import HistoryEvent, Taught
 from robot.types import Action, Frame
 
@@ -79,6 +80,11 @@ class Episode:
     def moves(self) -> tuple[Action, ...]:
         """What the robot could be taught."""
         return tuple(Action(move) for move in self.run.get("moves", "").split(",") if move)
+
+    @property
+    def declared_moves(self) -> tuple[Move, ...]:
+        """What the driver said of its moves; empty in recordings of before it could."""
+        return from_text(self.run.get("declared_moves", ""))
 
     @property
     def start_s(self) -> float:
@@ -163,6 +169,7 @@ def _take(episode: Episode, record: Message | Metadata | Attachment | Cut) -> No
         if int(record.values["format"]) > FORMAT:
             raise RecordingError("it was recorded by a newer program: update this one")
         int(record.values["origin_ns"])
+        from_text(record.values.get("declared_moves", ""))
         episode.run = record.values
 
 

@@ -39,6 +39,7 @@ from robot.episodes.writer_thread import Close, Open, RecorderConfig, Say, Write
 from robot.errors import MissingExtraError
 from robot.models.autosave import Announce, say_nothing
 from robot.models.model import Model, take_model
+from robot.moves import Move
 from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
 from robot.types import Frame, Mode
 
@@ -50,6 +51,7 @@ class Recorder:
         loop: What is recorded.
         folder: Where recordings go.
         robot: The robot's name, for the file's metadata.
+        declared_moves: What its driver says of its moves, for exports.
         options: Whatever configuration should stand in the file.
         announce: Told when recording begins, ends, stops for a reason, or loses pictures.
         config: The bounds.
@@ -63,6 +65,7 @@ class Recorder:
         folder: Path,
         *,
         robot: str = "",
+        declared_moves: tuple[Move, ...] = (),
         options: Mapping[str, Any] | None = None,
         announce: Announce = say_nothing,
         config: RecorderConfig | None = None,
@@ -71,6 +74,7 @@ class Recorder:
     ) -> None:
         self._loop = loop
         self._robot = robot
+        self._declared_moves = declared_moves
         self._options = dict(options or {})
         self._config = config or RecorderConfig()
         self._wall_ns = wall_ns
@@ -172,6 +176,7 @@ class Recorder:
             robot=self._robot,
             learner=state.learner,
             moves=tuple(move.value for move in state.moves),
+            declared_moves=self._declared_moves,
             options=self._options,
         )
         self._disk.put(Open(run=run, model=self._base, lost_before=self._disk.lost), 0)

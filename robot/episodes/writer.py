@@ -13,6 +13,7 @@ from typing import Any, BinaryIO
 from robot.episodes.images import encode_image, image_schema, schema_name
 from robot.episodes.messages import CAMERA, LESSON, SCHEMAS, Words, to_json
 from robot.episodes.scan import Message, require_mcap
+from robot.moves import Move, to_text
 from robot.types import Frame
 
 FORMAT = 1
@@ -39,6 +40,7 @@ class Run:
     robot: str = ""
     learner: str = ""
     moves: tuple[str, ...] = ()
+    declared_moves: tuple[Move, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
     source: str = "drive"
 
@@ -86,6 +88,7 @@ class EpisodeWriter:
             "robot": run.robot,
             "learner": run.learner,
             "moves": ",".join(run.moves),
+            "declared_moves": to_text(run.declared_moves),
             "options": json.dumps(dict(run.options), default=str),
             "source": run.source,
         }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from robot.episodes.messages import COMMAND, LESSON, describe_command, describe_
 from robot.episodes.writer import EpisodeWriter, Run
 from robot.errors import RecordingError
 from robot.exchange.pictures import Picture
+from robot.moves import CLASSIC, Move
 from robot.policy.history import Taught
 from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand
 
@@ -35,6 +36,7 @@ class Drive:
     source: str
     shots: Iterable[Shot]
     moves: tuple[Action, ...] = DEFAULT_MOVES
+    declared_moves: tuple[Move, ...] = ()
     started_at_s: float = 0.0
 
 
@@ -52,6 +54,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
         origin_ns=round(started_at_s * 1e9),
         started_at_s=started_at_s,
         moves=tuple(move.value for move in drive.moves),
+        declared_moves=drive.declared_moves,
         source=drive.source,
     )
     part = path.with_name(f".{path.stem}.part")
@@ -91,15 +94,25 @@ def _write_shot(writer: EpisodeWriter, frame_id: int, shot: Shot) -> None:
     writer.write_words(LESSON, shot.t_s, describe_event(taught))
 
 
-def read_label(text: object) -> Action | None:
-    """Return the move that a text names, or None."""
-    if isinstance(text, str) and text.strip().lower() in tuple(Action):
+def read_label(text: object, known: Collection[Action] = CLASSIC) -> Action | None:
+    """Return the move of `known` that a text names, or None."""
+    if not isinstance(text, str):
+        return None
+    try:
         label = Action(text.strip().lower())
-        return None if label is Action.STOP else label
-    return None
+    except ValueError:
+        return None
+    return label if label in known else None
 
 
 def moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
-    """Return the usual three moves, and whatever else is among the labels."""
-    found = set(labels)
-    return DEFAULT_MOVES + tuple(a for a in Action if a in found and a not in DEFAULT_MOVES)
+    """Return the usual three moves and whatever else is among the labels.
+
+    Where none of the three is among them, it is a drive of another kind: then only its own.
+    """
+    found = list(dict.fromkeys(label for label in labels if label is not None))
+    ordered = [move for move in CLASSIC if move in found]
+    ordered += [move for move in found if move not in CLASSIC]
+    if found and not set(found) & set(DEFAULT_MOVES):
+        return tuple(ordered)
+    return DEFAULT_MOVES + tuple(move for move in ordered if move not in DEFAULT_MOVES)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 from robot.episodes.editing import moments
@@ -13,10 +13,11 @@ from robot.episodes.episode import Episode
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, moves_with, read_label
 from robot.exchange.pictures import read_picture_file, write_picture
-from robot.exchange.steering import DEFAULT_THRESHOLD, to_angle, to_move
+from robot.exchange.steering import DEFAULT_THRESHOLD, to_move
+from robot.moves import CLASSIC, Move, describe, from_text, names, point_of, to_text
 from robot.types import Action
 
-TABLE = "frames.csv"
+TABLE, MOVES = "frames.csv", "moves.json"
 COLUMNS = (
     "file",
     "frame",
@@ -33,7 +34,7 @@ _LABEL = ("label", "move", "action", "class")
 _ANGLE = ("angle", "steering", "user/angle", "steering_angle")
 _THROTTLE = ("throttle", "user/throttle", "speed")
 _TIME = ("time_s", "t", "time", "timestamp", "seconds")
-_MOST_TABLE_BYTES = 64 * 2**20
+_MOST_TABLE_BYTES, _MOST_MOVES_BYTES = 64 * 2**20, 2**20
 
 
 def write_folder(
@@ -44,8 +45,13 @@ def write_folder(
     taught_only: bool = False,
     on_frame: Callable[[], None] = lambda: None,
 ) -> int:
-    """Write an episode as pictures and `frames.csv`; return how many pictures there are."""
+    """Write an episode as pictures and `frames.csv`; return how many pictures there are.
+
+    `moves.json` has what the driver said of its moves: so a label of its own is known for one.
+    """
     folder.mkdir(parents=True)
+    declared = describe(episode.moves, episode.declared_moves)
+    (folder / MOVES).write_text(to_text(declared), encoding="utf-8")
     rows = 0
     with (folder / TABLE).open("x", encoding="utf-8", newline="") as file:
         table = csv.writer(file)
@@ -55,6 +61,7 @@ def write_folder(
             if moment.is_deleted or (taught_only and moment.label is None):
                 continue
             frame = episode.frame(moment.frame_id)
+            point = point_of(moment.label, episode.declared_moves) if moment.label else None
             name = write_picture(frame, folder / "images", f"{moment.frame_id:08d}")
             table.writerow(
                 (
@@ -62,7 +69,7 @@ def write_folder(
                     moment.frame_id,
                     f"{moment.at_s:.6f}",
                     moment.label or "",
-                    to_angle(moment.label)[0] if moment.label else "",
+                    "" if point is None else point[0],
                     moment.predicted or "",
                     "" if moment.confidence is None else f"{moment.confidence:.4f}",
                     moment.driven_by or "",
@@ -87,13 +94,27 @@ def read_folder(
     """
     path = table or _find_table(folder)
     rows = _read_rows(path)
-    labels = [_label(row, threshold, path) for row in rows]
+    declared = _read_moves(path.with_name(MOVES))
+    known = {*CLASSIC, *names(declared)}
+    labels = [_label(row, threshold, path, known) for row in rows]
     return Drive(
         name=folder.name,
         source="folder",
         shots=_shots(folder, rows, labels, path),
         moves=moves_with(labels),
+        declared_moves=declared,
     )
+
+
+def _read_moves(path: Path) -> tuple[Move, ...]:
+    if not path.is_file():
+        return ()
+    try:
+        if path.stat().st_size > _MOST_MOVES_BYTES:
+            raise ValueError("it is too large")
+        return from_text(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"{path} cannot be read: {error}") from error
 
 
 def _find_table(folder: Path) -> Path:
@@ -127,11 +148,13 @@ def _find(row: dict[str, str], names: tuple[str, ...]) -> str | None:
     return next((row[name] for name in names if name in row), None)
 
 
-def _label(row: dict[str, str], threshold: float, path: Path) -> Action | None:
+def _label(
+    row: dict[str, str], threshold: float, path: Path, known: Collection[Action]
+) -> Action | None:
     text = _find(row, _LABEL)
     if text is not None and not text.strip():
         return None
-    label = read_label(text)
+    label = read_label(text, known)
     if label is not None:
         return label
     angle = _find(row, _ANGLE)

@@ -37,7 +37,7 @@ from robot.exchange.lerobot_tables import (
     write_json,
     write_tasks,
 )
-from robot.exchange.steering import to_angle
+from robot.moves import point_of
 from robot.policy.image import Pixels, to_rgb
 from robot.types import Action
 
@@ -45,6 +45,7 @@ CAMERA = "observation.images.front"
 TASK = "Drive as the pilot taught."
 _LONGEST_GAP_S = 1.0
 _FILES_A_CHUNK = 1000
+_STEERED = ("angle", "throttle")
 _SENSORS = ("distance_m", "bumped", "battery")
 
 
@@ -93,10 +94,11 @@ def write_lerobot(
     if not parts:
         raise RecordingError("there are no pictures to export")
     names = [n for n in _SENSORS if any(n in _sensor_series(part.episode) for part in parts)]
+    actions = _action_names(parts)
     folder.mkdir(parents=True)
     tables, rows, start = [], [], 0
     for index, part in enumerate(parts):
-        columns = _columns(part, index, start, rate, names)
+        columns = _columns(part, index, start, rate, names, actions)
         image_stats = _write_video(part, folder, index, rate, on_frame)
         tables.append(columns)
         rows.append(_episode_row(columns, image_stats, index, start, rate, task))
@@ -106,7 +108,7 @@ def write_lerobot(
     write_tasks(folder, task)
     name = robot_type or mended[0][0].run.get("robot") or "drivelesson"
     shape = to_rgb(parts[0].episode.frame(parts[0].moments[0].frame_id)).shape
-    write_json(folder / "meta/info.json", _info(rows, rate, name, shape, names))
+    write_json(folder / "meta/info.json", _info(rows, rate, name, shape, names, actions))
     write_json(folder / "meta/stats.json", joined_stats([row["stats"] for row in rows]))
     return len(parts)
 
@@ -131,11 +133,28 @@ def _resample(run: list[EpisodeFrame], fps: int) -> list[EpisodeFrame]:
     return [run[int(i)] for i in np.where(is_before_nearer, before, after)]
 
 
-def _columns(part: Part, index: int, start: int, fps: int, sensors: list[str]) -> Columns:
+def _action_names(parts: list[Part]) -> tuple[str, ...]:
+    """Return what an action's numbers are: angle and throttle, or else one place for each move."""
+    done = [(_done(moment), part.episode) for part in parts for moment in part.moments]
+    found = {(action, episode.declared_moves) for action, episode in done}
+    if all(point_of(action, declared) is not None for action, declared in found):
+        return _STEERED
+    return tuple(sorted({str(action) for action, _ in found if action is not Action.STOP}))
+
+
+def _numbers(action: Action, episode: Episode, names: tuple[str, ...]) -> tuple[float, ...]:
+    if names == _STEERED:
+        return point_of(action, episode.declared_moves) or (0.0, 0.0)
+    return tuple(float(action == name) for name in names)  # all zero: it stands
+
+
+def _columns(
+    part: Part, index: int, start: int, fps: int, sensors: list[str], names: tuple[str, ...]
+) -> Columns:
     count = len(part.moments)
     done = [_done(moment) for moment in part.moments]
     columns: Columns = {
-        "action": np.array([to_angle(action) for action in done], np.float32),
+        "action": np.array([_numbers(a, part.episode, names) for a in done], np.float32),
         "intervention": np.array([m.is_intervention for m in part.moments], bool),
         "timestamp": (np.arange(count) / fps).astype(np.float32),
         "frame_index": np.arange(count, dtype=np.int64),
@@ -235,6 +254,7 @@ def _info(
     robot_type: str,
     shape: tuple[int, ...],
     sensors: list[str],
+    actions: tuple[str, ...],
 ) -> dict[str, Any]:
     return {
         "codebase_version": "v3.0",
@@ -249,11 +269,13 @@ def _info(
         "splits": {"train": f"0:{len(rows)}"},
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
         "video_path": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4",
-        "features": _features(fps, (shape[0] // 2 * 2, shape[1] // 2 * 2, 3), sensors),
+        "features": _features(fps, (shape[0] // 2 * 2, shape[1] // 2 * 2, 3), sensors, actions),
     }
 
 
-def _features(fps: int, shape: tuple[int, int, int], sensors: list[str]) -> dict[str, Any]:
+def _features(
+    fps: int, shape: tuple[int, int, int], sensors: list[str], actions: tuple[str, ...]
+) -> dict[str, Any]:
     height, width, _ = shape
     video = {
         "video.height": height,
@@ -272,7 +294,7 @@ def _features(fps: int, shape: tuple[int, int, int], sensors: list[str]) -> dict
             "names": ["height", "width", "channels"],
             "info": video,
         },
-        "action": {"dtype": "float32", "shape": [2], "names": ["angle", "throttle"]},
+        "action": {"dtype": "float32", "shape": [len(actions)], "names": list(actions)},
         "intervention": {"dtype": "bool", "shape": [1], "names": None},
         "timestamp": {"dtype": "float32", "shape": [1], "names": None},
     }

@@ -1,4 +1,5 @@
-"""Steering angles to moves, and back: by a threshold that is stated."""
+"""Steering angles of cars to moves, by a threshold that is stated. The way back is
+`robot.moves.point_of`: what the driver declared of each move."""
 
 from __future__ import annotations
 
@@ -7,23 +8,6 @@ from robot.types import Action
 
 DEFAULT_THRESHOLD = 0.2
 """Share of full lock from which on a car is said to turn."""
-
-ANGLES: dict[Action, tuple[float, float]] = {
-    Action.STOP: (0.0, 0.0),
-    Action.FORWARD: (0.0, 0.5),
-    Action.LEFT: (-1.0, 0.5),
-    Action.RIGHT: (1.0, 0.5),
-    Action.BACKWARD: (0.0, -0.5),
-    Action.SPIN_LEFT: (-1.0, 0.0),
-    Action.SPIN_RIGHT: (1.0, 0.0),
-}
-"""Move to steering angle (-1 full left, 1 full right) and throttle (1 full ahead), as donkeycar
-and others write them."""
-
-
-def to_angle(action: Action) -> tuple[float, float]:
-    """Return the angle and throttle of a move."""
-    return ANGLES[action]
 
 
 def to_move(

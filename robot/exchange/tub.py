@@ -8,6 +8,7 @@ with one JSON record a line, a `.catalog_manifest` with the lengths of these lin
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 from collections.abc import Callable, Iterator
@@ -19,9 +20,10 @@ from robot.episodes.editing import moments
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode
 from robot.errors import RecordingError
-from robot.exchange.drive import Drive, Shot, moves_with, read_label
+from robot.exchange.drive import Drive, Shot, moves_with
 from robot.exchange.pictures import read_picture_file, write_picture
-from robot.exchange.steering import DEFAULT_THRESHOLD, to_angle, to_move
+from robot.exchange.steering import DEFAULT_THRESHOLD, to_move
+from robot.moves import CLASSIC, Move, Point, point_of
 from robot.types import Action
 
 _IMAGE, _ANGLE, _THROTTLE, _MODE = "cam/image_array", "user/angle", "user/throttle", "user/mode"
@@ -62,6 +64,7 @@ def read_tub(folder: Path, threshold: float = DEFAULT_THRESHOLD) -> Drive:
         source="donkeycar tub v2" if is_second else "donkeycar tub v1",
         shots=_shots(pictures, records, times_s, labels),
         moves=moves_with(labels),
+        declared_moves=_declared(records, labels),
         started_at_s=_started_at_s(records),
     )
 
@@ -75,8 +78,8 @@ def _shots(
 
 
 def _label(record: Record, threshold: float) -> Action | None:
-    if _LABEL in record:
-        return read_label(record[_LABEL])
+    if _LABEL in record:  # a tub of ours
+        return _own_label(record[_LABEL])
     throttle = record.get(_THROTTLE)
     try:
         return to_move(
@@ -84,6 +87,24 @@ def _label(record: Record, threshold: float) -> Action | None:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise RecordingError(f"a record of the tub has no usable {_ANGLE}: {error}") from error
+
+
+def _own_label(text: Any) -> Action | None:
+    try:
+        return Action(text) if text else None
+    except ValueError as error:
+        raise RecordingError(f"a record of the tub has a broken {_LABEL}: {error}") from error
+
+
+def _declared(records: list[Record], labels: list[Action | None]) -> tuple[Move, ...]:
+    """Return the points of a driver's own moves, as a tub of ours has them."""
+    found: dict[Action, Move] = {}
+    for record, label in zip(records, labels, strict=True):
+        if _LABEL in record and label is not None and label not in CLASSIC | found:
+            with contextlib.suppress(KeyError, TypeError, ValueError):
+                steering, throttle = float(record[_ANGLE]), float(record[_THROTTLE])
+                found[label] = Move(label, steering=steering, throttle=throttle)
+    return tuple(found.values())
 
 
 def _times_s(records: list[Record]) -> list[float]:
@@ -163,7 +184,9 @@ def write_tub(
     """Write an episode as a tub 2; return how many records it has.
 
     Pictures keep their bytes (JPEG) or their pixels (PNG). Each record also has the label and the
-    frame id, so that reading the tub again gives the same lessons, whatever the threshold.
+    frame id, so that reading the tub again gives the same lessons, whatever the threshold. Angle
+    and throttle are what the driver declared of each move; where a move has none, as `push`, the
+    tub has no such columns: a zero would teach a car to stand.
 
     Args:
         episode: What is exported.
@@ -175,19 +198,18 @@ def write_tub(
     folder.mkdir(parents=True)
     origin_ms = episode.origin_ns // 10**6
     records: list[Record] = []
+    points: list[Point | None] = []
     for moment in moments(episode, notes):
         on_frame()
         if moment.is_deleted or (taught_only and moment.label is None):
             continue
         frame = episode.frame(moment.frame_id)
         done = moment.label or Action(moment.sent or Action.STOP)
-        angle, throttle = to_angle(done)
+        points.append(point_of(done, episode.declared_moves))
         index = len(records)
         records.append(
             {
                 _IMAGE: write_picture(frame, folder / "images", f"{index}_cam_image_array_"),
-                _ANGLE: angle,
-                _THROTTLE: throttle,
                 _MODE: "user" if moment.label else "local",
                 _LABEL: moment.label or "",
                 _FRAME: moment.frame_id,
@@ -196,11 +218,19 @@ def write_tub(
                 "_timestamp_ms": origin_ms + round(frame.captured_s * 1000),
             }
         )
-    _write_catalogs(folder, records, episode)
+    is_steered = None not in points
+    if is_steered:
+        for record, point in zip(records, points, strict=True):
+            assert point is not None
+            record[_ANGLE], record[_THROTTLE] = point
+    inputs = {n: kind for n, kind in _INPUTS.items() if is_steered or n not in (_ANGLE, _THROTTLE)}
+    _write_catalogs(folder, records, episode, inputs)
     return len(records)
 
 
-def _write_catalogs(folder: Path, records: list[Record], episode: Episode) -> None:
+def _write_catalogs(
+    folder: Path, records: list[Record], episode: Episode, inputs: dict[str, str]
+) -> None:
     created_s = episode.origin_ns / 1e9
     names = []
     for start in range(0, max(len(records), 1), _CATALOG_RECORDS):
@@ -230,8 +260,8 @@ def _write_catalogs(folder: Path, records: list[Record], episode: Episode) -> No
     _write_lines(
         folder / "manifest.json",
         [
-            list(_INPUTS),
-            list(_INPUTS.values()),
+            list(inputs),
+            list(inputs.values()),
             {"drivelesson_episode": episode.id},
             {"created_at": created_s, "sessions": sessions},
             catalogs,

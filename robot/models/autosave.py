@@ -17,6 +17,7 @@ from robot.control.state import Tick
 from robot.errors import ConfigurationError, RobotError
 from robot.models.model import Model, take_model, with_preview
 from robot.models.store import ModelStore
+from robot.moves import CLASSIC
 from robot.policy.registry import make_policy
 from robot.types import Action, Mode
 
@@ -49,7 +50,7 @@ class Autosave:
         store: ModelStore,
         *,
         name: str = "robot",
-        moves: Collection[Action] = tuple(Action),
+        moves: Collection[Action] = tuple(CLASSIC),
         place: str = "",
         announce: Announce = say_nothing,
     ) -> None:

@@ -70,7 +70,7 @@ def build_rig(
         robot: Name of a driver.
         camera: Name of a camera; None for the one that the driver comes with.
         learner: Name of a policy, such as `default-32`.
-        moves: What the robot may learn to do; None for the driver's own first three.
+        moves: What the robot may learn to do; None for the driver's `first_moves`.
         options: Values for the options that driver and camera declare, by name.
         config: The loop's limits.
 
@@ -83,5 +83,5 @@ def build_rig(
     driver = driver_type(make_options(driver_type.options_type, given))
     camera_type = load_camera(camera or driver_type.default_camera)
     eye = camera_type.for_driver(driver, make_options(camera_type.options_type, given), clock)
-    policy = make_policy(learner, moves=moves) if moves else make_policy(learner)
+    policy = make_policy(learner, moves=moves or driver.first_moves)
     return Rig(driver, eye, policy, clock, config)

@@ -8,14 +8,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from robot.episodes.editing import EpisodeFrame, choose, moments
+from robot.episodes.editing import EpisodeFrame, choose, moments, read_move
 from robot.episodes.edits import Edit, Notes, trim
 from robot.episodes.episode import Episode
 from robot.episodes.store import EpisodeStore
 from robot.episodes.summary import EpisodeSummary
 from robot.errors import ConfigurationError
 from robot.storage.folder import Storage, default_root
-from robot.types import Action
 from server.cli import exchange
 from server.cli.kept import EPISODE_HELP, add_data, find_episodes, find_id
 
@@ -75,8 +74,9 @@ def _add_range(parser: argparse.ArgumentParser, verb: str) -> None:
         )
     parser.set_defaults(needs_range=needed)
     if verb == "relabel":
-        moves = [action.value for action in Action if action is not Action.STOP]
-        parser.add_argument("--label", required=True, choices=moves)
+        parser.add_argument(
+            "--label", required=True, metavar="MOVE", help="name of a move, such as left"
+        )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -183,8 +183,9 @@ def trim_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage
 def relabel(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Give a range another label."""
     episode_id = find_id(store, args.episode)
-    between = _range(args, store.open(episode_id))
-    edit = Edit(verb="relabel", ranges=(between,), label=Action(args.label))
+    episode = store.open(episode_id)
+    label = read_move(args.label, episode)
+    edit = Edit(verb="relabel", ranges=(_range(args, episode),), label=label)
     _tell_edits(store.edit(episode_id, edit))
 
 

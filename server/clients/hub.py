@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import AsyncGenerator, Callable
 
 from robot.control.state import Tick
+from robot.moves import describe as describe_moves
 from robot.rig.rig import Rig
 from robot.types import Frame, Mode, PilotCommand
 from server import protocol
@@ -44,6 +45,8 @@ class Hub:
         self.lease = Lease(config.lease_lapse_s)
         self.refused: Counter[ErrorCode] = Counter()
         self.pages: dict[str, Client] = {}
+        driver = robot.driver
+        self._declared_moves = describe_moves(driver.moves, driver.declared_moves)
         self._ids = itertools.count(1)
         self._told: object = None
         self._told_s = 0.0
@@ -103,6 +106,7 @@ class Hub:
                 role=role.value,
                 robot=self.name,
                 moves=list(self.robot.loop.state.moves),
+                declared_moves=[move.describe() for move in self._declared_moves],
                 server_ms=self.now_ms(),
             )
         )

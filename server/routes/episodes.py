@@ -8,13 +8,15 @@ from typing import Any
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from starlette.responses import FileResponse
 
-from robot.episodes.editing import EpisodeFrame, choose, moments
+from robot.episodes.editing import EpisodeFrame, choose, moments, read_move
 from robot.episodes.edits import Edit, Notes, trim
+from robot.episodes.episode import Episode
 from robot.episodes.summary import EpisodeSummary
 from robot.errors import ConfigurationError
+from robot.moves import describe as describe_moves
 from robot.policy.image import to_rgb
 from robot.storage.png import encode_png
-from robot.types import Action, Encoding
+from robot.types import Encoding
 from server.routes.bodies import do, read_body, refusals, text_field
 from server.security.guard import require_pilot, require_viewer
 from server.services import persistence_of
@@ -111,6 +113,9 @@ def show_episode(request: Request, episode_id: str) -> dict[str, Any]:
         **describe(card, persistence.recorder.episode_id),
         "run": episode.run,
         "moves": [move.value for move in episode.moves],
+        "declared_moves": [
+            move.describe() for move in describe_moves(episode.moves, episode.declared_moves)
+        ],
         "first_frame": ids[0] if ids else None,
         "last_frame": ids[-1] if ids else None,
         "edit_list": _describe_edits(notes),
@@ -201,7 +206,7 @@ async def edit_episode(request: Request, episode_id: str) -> dict[str, Any]:
     store = persistence_of(request).episodes
 
     def mend() -> Notes:
-        return store.edit(episode_id, _read_edit(body, list(store.open(episode_id).frames)))
+        return store.edit(episode_id, _read_edit(body, store.open(episode_id)))
 
     return {"edit_list": _describe_edits(await do(mend))}
 
@@ -225,18 +230,16 @@ async def delete_episode(request: Request, episode_id: str) -> dict[str, str]:
     return {"undo": await do(persistence_of(request).episodes.delete, episode_id)}
 
 
-def _read_edit(body: dict[str, Any], frame_ids: list[int]) -> Edit:
+def _read_edit(body: dict[str, Any], episode: Episode) -> Edit:
     verb, first, last = body.get("verb"), body.get("first"), body.get("last")
     for value in (first, last):
         if not isinstance(value, int) or isinstance(value, bool):
             raise ConfigurationError("'first' and 'last' must be frame ids")
     assert isinstance(first, int) and isinstance(last, int)
     if verb == "trim":
-        return trim(frame_ids, first, last)
-    label = str(body.get("label")) if verb == "relabel" else None
-    if label is not None and label not in tuple(Action):
-        raise ConfigurationError(f"no label is called {label!r}")
-    return Edit(verb=str(verb), ranges=((first, last),), label=Action(label) if label else None)
+        return trim(list(episode.frames), first, last)
+    label = read_move(body.get("label"), episode) if verb == "relabel" else None
+    return Edit(verb=str(verb), ranges=((first, last),), label=label)
 
 
 def _describe_edits(notes: Notes) -> list[dict[str, Any]]:

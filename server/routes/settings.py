@@ -11,6 +11,7 @@ from fastapi import APIRouter, Depends, HTTPException, Request
 from starlette.concurrency import run_in_threadpool
 
 from robot.control.loop import ControlLoop
+from robot.moves import describe
 from robot.policy.registry import make_policy, split_name
 from robot.types import Action, Encoding, Frame
 from server.routes.bodies import read_body, refusals
@@ -41,6 +42,9 @@ async def describe_settings(request: Request) -> dict[str, Any]:
         "speed": loop.speed_share,
         "moves": [move.value for move in state.moves],
         "possible_moves": [move.value for move in robot.driver.moves],
+        "declared_moves": [
+            move.describe() for move in describe(robot.driver.moves, robot.driver.declared_moves)
+        ],
         "camera": {
             "name": robot.camera.name,
             "rate_hz": round(state.cycle_hz, 1),

@@ -8,11 +8,13 @@ from pathlib import Path
 import pytest
 
 from robot.control.link_governor import LinkLevel
+from robot.moves import CLASSIC
 from robot.types import Action, Mode, StopReason
 from server.protocol import ErrorCode
 from tests.docs import command_line
 
 ROOT = Path(__file__).parents[2]
+WORDS = [Action.STOP, *CLASSIC, *Mode, *StopReason, *ErrorCode, *LinkLevel]
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted(ROOT.glob("docs/**/*.md"))]
 
 
@@ -31,6 +33,6 @@ def test_the_command_line_is_described_as_it_is() -> None:
     assert command_line.PAGE.read_text("utf-8") == command_line.render(), "run: make docs"
 
 
-@pytest.mark.parametrize("word", [*Action, *Mode, *StopReason, *ErrorCode, *LinkLevel])
+@pytest.mark.parametrize("word", WORDS)
 def test_every_word_of_the_wire_is_written_down(word: str) -> None:
     assert f"`{word}`" in (ROOT / "docs/reference/protocol.md").read_text("utf-8")

@@ -68,8 +68,14 @@ const PATHS = {
   tilt: 'M8 3h8v18H8zM3 8l-1 4 1 4M21 8l1 4-1 4',
 };
 
+/** Icons that a robot brought along: the name of an outline, or a sign to be written. @type {Map<string, string>} */
+export const signs = new Map();
+
 /** @param {string} name */
 export function icon(name) {
-  const path = svg('path', { d: PATHS[name] ?? '' });
-  return svg('svg', { viewBox: '0 0 24 24', class: 'icon', 'aria-hidden': 'true' }, path);
+  const sign = signs.get(name) ?? name;
+  const outline = PATHS[sign] ?? PATHS[name];
+  const drawn = svg(outline ? 'path' : 'text', outline ? { d: outline } : { x: 12, y: 18, 'text-anchor': 'middle', 'font-size': 16, fill: 'currentColor', stroke: 'none' });
+  if (!outline) drawn.textContent = sign === name ? name.slice(0, 2) : sign;
+  return svg('svg', { viewBox: '0 0 24 24', class: 'icon', 'aria-hidden': 'true' }, drawn);
 }

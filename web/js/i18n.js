@@ -21,6 +21,17 @@ export async function loadLanguage() {
   document.documentElement.lang = language;
 }
 
+/** Add words that a robot brought along. @param {Record<string, string>} words */
+export function learn(words) {
+  messages = { ...messages, ...words };
+}
+
+/** A robot's own move that came without words goes by its name. @param {string} key */
+function nameOf(key) {
+  const name = key.match(/^moves?\.(\w+)$/)?.[1].replaceAll('_', ' ') ?? key;
+  return name === key ? key : name[0].toUpperCase() + name.slice(1);
+}
+
 /** Tests and tools speak a language without loading it. @param {Record<string, string>} words */
 export function speak(words) {
   messages = words;
@@ -38,7 +49,7 @@ export function chooseLanguage(code) {
  * @param {Record<string, string | number>} [values]
  */
 export function t(key, values = {}) {
-  const text = messages[key] ?? key;
+  const text = messages[key] ?? nameOf(key);
   return text.replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? whole));
 }
 

@@ -3,6 +3,7 @@
 import { ask } from './api.js';
 import { Helm } from './helm.js';
 import { t } from './i18n.js';
+import { declare } from './moves.js';
 
 const AGREEMENT_EVERY = 5; // lessons between two points of the curve
 const CURVE_POINTS = 160;
@@ -65,8 +66,9 @@ export class Page {
     return { frame: this.looking?.frame ?? null, frameAgeMs: ageMs === null ? null : Math.round(ageMs) };
   }
 
-  /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[]}} hello */
+  /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[], declared_moves?: import('./moves.js').Move[]}} hello */
   greet(hello) {
+    declare(hello.declared_moves ?? []);
     this.refreshCurve();
     this.store.set({ link: 'open', role: hello.role, robotName: hello.robot, moves: hello.moves });
     this.refreshLesson();

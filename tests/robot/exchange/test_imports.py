@@ -21,7 +21,8 @@ from robot.errors import RecordingError
 from robot.exchange.drive import write_episode
 from robot.exchange.pictures import read_picture
 from robot.exchange.sources import read_drive
-from robot.exchange.steering import ANGLES, to_angle, to_move
+from robot.exchange.steering import to_move
+from robot.moves import CLASSIC, point_of
 from robot.types import Action, Encoding
 
 RECORDINGS = Path(
@@ -104,8 +105,9 @@ def test_a_car_that_stands_teaches_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("action", [Action.FORWARD, Action.LEFT, Action.RIGHT])
 def test_moves_come_back_from_their_angles(action: Action) -> None:
-    assert to_move(*to_angle(action)) is action
-    assert set(ANGLES) == set(Action)
+    point = point_of(action)
+    assert point is not None and to_move(*point) is action
+    assert all(move.point is not None for move in CLASSIC.values())
 
 
 @pytest.mark.parametrize(

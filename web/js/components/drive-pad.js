@@ -6,6 +6,7 @@
 import { append, fill, h, icon } from '../dom.js';
 import { t } from '../i18n.js';
 import { Tilt } from '../inputs/tilt.js';
+import { isOwn } from '../moves.js';
 
 const SLACK_PX = 24;
 const TAP_MS = 500;
@@ -30,6 +31,7 @@ export class DrivePad extends HTMLElement {
     const useTilt = this.page?.preferences.tilt;
     fill(/** @type {Element} */ (this.moves), ...moves.map((move) => this.makeButton(move)),
       useTilt ? h('button', { class: 'move tilt', type: 'button', 'data-move': 'tilt' }, icon('tilt'), t('tilt_hold')) : null);
+    this.moves?.classList.toggle('own', moves.some(isOwn));
     this.dataset.count = String(moves.length + (useTilt ? 1 : 0));
   }
 

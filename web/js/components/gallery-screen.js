@@ -4,7 +4,7 @@ import { ask } from '../api.js';
 import { append, fill, h, icon, say } from '../dom.js';
 import { count, language, t } from '../i18n.js';
 import { Screen, segments } from './screen.js';
-import { byPlace } from './video-view.js';
+import { byPlace } from '../moves.js';
 
 /**
  * @typedef {{node: number, votes: Record<string, number>, frames: number, last_used: number,

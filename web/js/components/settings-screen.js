@@ -5,7 +5,7 @@ import { append, fill, h } from '../dom.js';
 import { LANGUAGES, chooseLanguage, language, percent, t } from '../i18n.js';
 import { Tilt, hasTilt } from '../inputs/tilt.js';
 import { Screen } from './screen.js';
-import { byPlace } from './video-view.js';
+import { byPlace, declare } from '../moves.js';
 
 export class SettingsScreen extends Screen {
   build() {
@@ -21,6 +21,7 @@ export class SettingsScreen extends Screen {
 
   /** @param {any} settings */
   renderRobot(settings) {
+    declare(settings.declared_moves);
     fill(/** @type {Element} */ (this.robot), this.size(settings), this.speed(settings), this.moves(settings), camera(settings.camera));
   }
 

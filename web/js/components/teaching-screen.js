@@ -5,7 +5,7 @@ import { teachingAdvice } from '../advice.js';
 import { append, fill, h, icon, say, svg } from '../dom.js';
 import { count, percent, t } from '../i18n.js';
 import { Screen } from './screen.js';
-import { byPlace } from './video-view.js';
+import { byPlace } from '../moves.js';
 
 const WIDTH = 400;
 const HEIGHT = 190;

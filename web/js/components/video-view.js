@@ -4,6 +4,7 @@ import { append, fill, h, icon, say } from '../dom.js';
 import { decode } from '../picture.js';
 import { urgentAdvice } from '../advice.js';
 import { percent, t } from '../i18n.js';
+import { byPlace } from '../moves.js';
 
 const OLD_PICTURE_MS = 200;
 const FROZEN_MS = 1000;
@@ -131,12 +132,6 @@ export class VideoView extends HTMLElement {
     fill(notice, h('p', {}, text),
       step ? h('button', { type: 'button', onclick: () => this.page?.take(step) }, t(`step.${step}`)) : null);
   }
-}
-
-/** Left before forward before right, as on the floor. @param {string[]} moves */
-export function byPlace(moves) {
-  const places = ['spin_left', 'left', 'forward', 'backward', 'right', 'spin_right'];
-  return [...moves].sort((a, b) => places.indexOf(a) - places.indexOf(b));
 }
 
 /** @param {string} move */

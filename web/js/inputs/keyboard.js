@@ -1,4 +1,4 @@
-// Arrows and WASD drive while held; space stops.
+// Arrows and WASD drive while held, the figures 1 to 9 whatever the robot can, in its order; space stops.
 
 /** @type {Record<string, string>} */
 const MOVES = {
@@ -26,7 +26,8 @@ export function listenToKeyboard(helm, { stop, isDriving }) {
       if (!event.repeat) stop();
       return;
     }
-    const move = MOVES[event.code];
+    const nth = Number(event.code.match(/^Digit([1-9])$/)?.[1] ?? 0);
+    const move = nth ? helm.moves[nth - 1] : MOVES[event.code];
     if (!move || !isDriving() || !helm.moves.includes(move)) return;
     event.preventDefault();
     if (!event.repeat) helm.press(`key ${event.code}`, move);

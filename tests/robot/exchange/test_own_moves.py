@@ -1,0 +1,116 @@
+"""A driver's own moves through every export and back, with their points or without."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from robot.episodes.edits import Notes
+from robot.episodes.episode import Episode, open_episode, taught_frames
+from robot.errors import RecordingError
+from robot.exchange.drive import Drive, Shot, write_episode
+from robot.exchange.folder import write_folder
+from robot.exchange.lerobot import write_lerobot
+from robot.exchange.pictures import Picture
+from robot.exchange.sources import read_drive
+from robot.exchange.tub import write_tub
+from robot.moves import Move, names, point_of
+from robot.types import Action, Encoding
+
+STEERED = tuple(
+    Move(Action(f"steer_{place}"), steering=(place - 2) / 2, throttle=0.3) for place in range(5)
+)
+PLAIN = tuple(Move(Action(name), name.title()) for name in ("fast", "slow", "push"))
+
+
+def drive(folder: Path, declared: tuple[Move, ...], labels: list[Action | None]) -> Episode:
+    noise = np.random.default_rng(7)
+    shots = [
+        Shot(
+            t_s=index / 10,
+            picture=Picture(
+                data=noise.integers(0, 255, 24 * 32 * 3, np.uint8).tobytes(),
+                width=32,
+                height=24,
+                encoding=Encoding.RGB,
+            ),
+            label=label,
+        )
+        for index, label in enumerate(labels)
+    ]
+    path = folder / "own.mcap"
+    write_episode(
+        Drive(
+            name="own", source="test", shots=shots, moves=names(declared), declared_moves=declared
+        ),
+        path,
+    )
+    return open_episode(path)
+
+
+def all_labels(declared: tuple[Move, ...]) -> list[Action | None]:
+    return [*names(declared), None, *reversed(names(declared))] * 2
+
+
+@pytest.mark.parametrize("declared", [STEERED, PLAIN], ids=["steered", "plain"])
+@pytest.mark.parametrize("write", [write_tub, write_folder], ids=["tub", "folder"])
+def test_labels_come_back_by_name(tmp_path: Path, declared: tuple[Move, ...], write) -> None:  # type: ignore[no-untyped-def]
+    episode = drive(tmp_path, declared, all_labels(declared))
+    write(episode, Notes(), tmp_path / "out", taught_only=True)
+    write_episode(read_drive(tmp_path / "out"), tmp_path / "back.mcap")
+    back = open_episode(tmp_path / "back.mcap")
+    assert list(taught_frames(back).values()) == list(taught_frames(episode).values())
+    assert set(back.moves) == set(names(declared))
+
+
+def test_a_tub_carries_the_numbers_there_and_back(tmp_path: Path) -> None:
+    episode = drive(tmp_path, STEERED, all_labels(STEERED))
+    write_tub(episode, Notes(), tmp_path / "tub", taught_only=False)
+    lines = (tmp_path / "tub/catalog_0.catalog").read_text().splitlines()
+    for record in map(json.loads, lines):
+        label = record["drivelesson/label"]
+        point = point_of(Action(label or "stop"), STEERED)
+        assert (record["user/angle"], record["user/throttle"]) == point
+    write_episode(read_drive(tmp_path / "tub"), tmp_path / "back.mcap")
+    back = open_episode(tmp_path / "back.mcap").declared_moves
+    assert {move.name: move.point for move in back} == {m.name: m.point for m in STEERED}
+
+
+def test_a_tub_of_moves_without_points_claims_no_angle(tmp_path: Path) -> None:
+    episode = drive(tmp_path, PLAIN, all_labels(PLAIN))
+    write_tub(episode, Notes(), tmp_path / "tub")
+    inputs = json.loads((tmp_path / "tub/manifest.json").read_text().splitlines()[0])
+    record = json.loads((tmp_path / "tub/catalog_0.catalog").read_text().splitlines()[0])
+    assert not {"user/angle", "user/throttle"} & (set(inputs) | set(record))
+    assert set(inputs) <= set(record)
+
+
+@pytest.mark.parametrize("declared", [STEERED, PLAIN], ids=["steered", "plain"])
+def test_lerobot_has_numbers_or_one_place_a_move(
+    tmp_path: Path, declared: tuple[Move, ...]
+) -> None:
+    labels = all_labels(declared)
+    write_lerobot([(drive(tmp_path, declared, labels), Notes())], tmp_path / "set", fps=10)
+    feature = json.loads((tmp_path / "set/meta/info.json").read_text())["features"]["action"]
+    rows = pq.read_table(tmp_path / "set/data/chunk-000/file-000.parquet")["action"].to_pylist()
+    assert len(rows) == len(labels) and feature["shape"] == [len(feature["names"])]
+    for label, row in zip(labels, rows, strict=True):
+        if declared is STEERED:
+            assert feature["names"] == ["angle", "throttle"]
+            point = point_of(label or Action.STOP, declared)
+            assert tuple(row) == pytest.approx(point)
+        else:
+            assert row == [float(name == label) for name in feature["names"]]
+            assert sorted(feature["names"]) == sorted(names(declared))
+
+
+def test_a_damaged_declaration_is_a_broken_recording(tmp_path: Path) -> None:
+    drive(tmp_path, PLAIN, all_labels(PLAIN))
+    path = tmp_path / "own.mcap"
+    path.write_bytes(path.read_bytes().replace(b'"steering": null', b'"steering": "up"', 1))
+    with pytest.raises(RecordingError):
+        open_episode(path)
