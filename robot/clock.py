@@ -1,16 +1,68 @@
-"""Time as an argument: the real clock, and one that a simulation or a test moves by hand."""
+"""Time as an argument: the machine's clock, one moved by hand, and one that jumps.
+
+Whatever waits does so through its clock. In real time that is a plain wait; in virtual time it
+costs nothing, because the clock jumps to the moment at which something happens next.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import threading
 import time
-from typing import Protocol
+from collections.abc import Callable, Coroutine
+from concurrent.futures import Future
+from typing import Any, Protocol, TypeVar
+
+_T = TypeVar("_T")
+_WALL_START_S = 1_700_000_000.0
+"""Seconds since 1970 at the start of a virtual clock: the same in every run."""
+
+
+class Worker(Protocol):
+    """A thread that a clock has started."""
+
+    def join(self, timeout: float | None = None) -> None:
+        """Wait for its end, at most `timeout` seconds."""
+        ...
+
+    def is_alive(self) -> bool:
+        """True until its target has returned."""
+        ...
 
 
 class Clock(Protocol):
-    """Monotonic seconds since an arbitrary start."""
+    """Monotonic seconds since an arbitrary start, and all the ways to wait for them to pass."""
 
     def now_s(self) -> float:
         """Return the present time in seconds; it never goes backwards."""
+        ...
+
+    def wall_s(self) -> float:
+        """Return seconds since 1970, for names and files; they may jump either way."""
+        ...
+
+    def sleep(self, seconds: float) -> None:
+        """Hold up this thread."""
+        ...
+
+    def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
+        """Hold up this thread until `event` is set or the time is up; True if it is set."""
+        ...
+
+    def result(self, future: Future[_T], timeout_s: float | None = None) -> _T:
+        """Hold up this thread until `future` is done, and return or raise what it holds.
+
+        Raises:
+            TimeoutError: If it is not done in time.
+        """
+        ...
+
+    def start_thread(self, target: Callable[[], None], name: str) -> Worker:
+        """Run `target` on a daemon thread of its own, which may wait through this clock."""
+        ...
+
+    async def pause(self, seconds: float) -> None:
+        """Hold up this task; with 0, let the others run once."""
         ...
 
 
@@ -21,16 +73,54 @@ class RealClock:
         """Return `time.monotonic()`."""
         return time.monotonic()
 
+    def wall_s(self) -> float:
+        """Return `time.time()`."""
+        return time.time()
+
+    def sleep(self, seconds: float) -> None:
+        """Hold up this thread; see `Clock`."""
+        time.sleep(seconds)
+
+    def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
+        """Hold up this thread until `event`; see `Clock`."""
+        return event.wait(timeout_s)
+
+    def result(self, future: Future[_T], timeout_s: float | None = None) -> _T:
+        """Hold up this thread until `future` is done; see `Clock`."""
+        return future.result(timeout_s)
+
+    def start_thread(self, target: Callable[[], None], name: str) -> Worker:
+        """Start a daemon thread; see `Clock`."""
+        thread = threading.Thread(target=target, name=name, daemon=True)
+        thread.start()
+        return thread
+
+    async def pause(self, seconds: float) -> None:
+        """Hold up this task; see `Clock`."""
+        await asyncio.sleep(seconds)
+
 
 class ManualClock:
-    """A clock that stands until it is moved: simulations run on it faster than real time."""
+    """A clock that stands until it is moved: simulations run on it faster than real time.
 
-    def __init__(self, start_s: float = 0.0) -> None:
+    It has no other threads to wait for, so a wait moves it to the end of the wait.
+    """
+
+    def __init__(self, start_s: float = 0.0, wall_start_s: float = _WALL_START_S) -> None:
         self._now_s = start_s
+        self._wall_ahead_s = wall_start_s - start_s
 
     def now_s(self) -> float:
         """Return the time that the clock was last moved to."""
         return self._now_s
+
+    def wall_s(self) -> float:
+        """Return seconds since 1970, which go with `now_s` but for `set_wall`."""
+        return self.now_s() + self._wall_ahead_s
+
+    def set_wall(self, wall_s: float) -> None:
+        """Set the wall clock, forwards or back; `now_s` does not notice."""
+        self._wall_ahead_s = wall_s - self.now_s()
 
     def advance(self, seconds: float) -> None:
         """Move the clock on by `seconds`.
@@ -41,3 +131,174 @@ class ManualClock:
         if seconds < 0:
             raise ValueError(f"a clock cannot go back by {-seconds} s")
         self._now_s += seconds
+
+    def sleep(self, seconds: float) -> None:
+        """Move the clock on by `seconds`."""
+        self.advance(max(0.0, seconds))
+
+    def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
+        """Move the clock to the end of the wait, unless `event` is set.
+
+        Raises:
+            RuntimeError: If `timeout_s` is None: nobody is there to set the event.
+        """
+        if not event.is_set():
+            if timeout_s is None:
+                raise RuntimeError("waits for ever: nobody is there to set the event")
+            self.sleep(timeout_s)
+        return event.is_set()
+
+    def result(self, future: Future[_T], timeout_s: float | None = None) -> _T:
+        """Return what `future` holds; see `Clock`."""
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        if not self.wait(done, timeout_s):
+            raise TimeoutError(f"not done within {timeout_s} s")
+        return future.result(0)
+
+    def start_thread(self, target: Callable[[], None], name: str) -> Worker:
+        """Refuse: `VirtualClock` can wait for threads."""
+        raise RuntimeError(f"the thread {name!r} needs a VirtualClock or the real one")
+
+    async def pause(self, seconds: float) -> None:
+        """Move the clock on by `seconds`, and let other tasks run once."""
+        self.sleep(seconds)
+        await asyncio.sleep(0)
+
+
+class _Waiting:
+    """A thread that is held up: until `event`, or `due_s`, or for ever."""
+
+    def __init__(self, event: threading.Event | None, due_s: float | None) -> None:
+        self.event = event
+        self.due_s = due_s
+        self.turn = threading.Semaphore(0)
+
+    @property
+    def is_ready(self) -> bool:
+        return self.event is not None and self.event.is_set()
+
+
+class VirtualClock(ManualClock):
+    """Discrete events: as soon as everybody waits, the clock jumps to whoever waits shortest.
+
+    Threads that it started run one at a time and change only where they wait, so a run is the
+    same each time. An asyncio program runs on `run`, whose event loop has this clock's time;
+    one of the two, threads or `run`, at a time.
+    """
+
+    def __init__(self, start_s: float = 0.0, wall_start_s: float = _WALL_START_S) -> None:
+        super().__init__(start_s, wall_start_s)
+        self._ahead_s = 0.0
+        self._event_loop: asyncio.AbstractEventLoop | None = None
+        self._waiting: list[_Waiting] = []
+        self._deadlock: str | None = None
+
+    def now_s(self) -> float:
+        """Return the present virtual time in seconds."""
+        base_s = self._now_s if self._event_loop is None else self._event_loop.time()
+        return base_s + self._ahead_s
+
+    def advance(self, seconds: float) -> None:
+        """Jump ahead without anybody having waited, as when a computer was asleep."""
+        if seconds < 0:
+            raise ValueError(f"a clock cannot go back by {-seconds} s")
+        self._ahead_s += seconds
+
+    # Threads -----------------------------------------------------------------------------------
+
+    def start_thread(self, target: Callable[[], None], name: str) -> Worker:
+        """Start a thread that runs while all others wait; see `Clock`."""
+        if self._event_loop is not None:
+            raise RuntimeError(f"the thread {name!r} cannot run beside a virtual event loop")
+        return _VirtualThread(self, target, name)
+
+    def sleep(self, seconds: float) -> None:
+        """Hold up this thread for `seconds` of virtual time."""
+        self.wait(threading.Event(), max(0.0, seconds))
+
+    def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
+        """Hold up this thread while others run; see `Clock`.
+
+        Raises:
+            RuntimeError: If every thread waits for ever, or an event loop runs on this clock.
+        """
+        if event.is_set():
+            return True
+        if self._event_loop is not None:
+            raise RuntimeError("a wait would hold up the virtual event loop; await pause()")
+        due_s = None if timeout_s is None else self.now_s() + max(0.0, timeout_s)
+        me = _Waiting(event, due_s)
+        self._waiting.append(me)
+        self._hand_over()
+        me.turn.acquire()
+        if self._deadlock is not None:
+            raise RuntimeError(self._deadlock)
+        return event.is_set()
+
+    def _hand_over(self) -> None:
+        """Wake the next thread: one whose event is set, or else whose time comes first."""
+        following = next((other for other in self._waiting if other.is_ready), None)
+        if following is None:
+            timed = [other for other in self._waiting if other.due_s is not None]
+            if not timed:
+                self._deadlock = "every thread waits for ever"
+                for other in self._waiting:
+                    other.turn.release()
+                return
+            following = min(timed, key=lambda other: other.due_s or 0.0)
+            self._now_s += max(0.0, (following.due_s or 0.0) - self.now_s())
+        self._waiting.remove(following)
+        following.turn.release()
+
+    # Tasks -------------------------------------------------------------------------------------
+
+    def run(self, main: Coroutine[Any, Any, _T]) -> _T:
+        """Run an asyncio program in virtual time, and return what comes of it.
+
+        Every `asyncio` wait within it is virtual too. Needs the extra `testing`.
+        """
+        from looptime import LoopTimeEventLoop
+
+        class EventLoop(LoopTimeEventLoop, asyncio.SelectorEventLoop):
+            """Asyncio's own, whose time jumps."""
+
+        event_loop = EventLoop(start=self._now_s, noop_cycles=0, idle_timeout=0)
+        self._event_loop = event_loop
+        try:
+            with asyncio.Runner(loop_factory=lambda: event_loop) as runner:
+                return runner.run(main)
+        finally:
+            self._now_s = event_loop.time()
+            self._event_loop = None
+
+    async def pause(self, seconds: float) -> None:
+        """Hold up this task for `seconds` of virtual time."""
+        await asyncio.sleep(seconds)
+
+
+class _VirtualThread(threading.Thread):
+    """Waits for its first turn, and hands over when it ends."""
+
+    def __init__(self, clock: VirtualClock, target: Callable[[], None], name: str) -> None:
+        super().__init__(name=name, daemon=True)
+        self._clock, self._body = clock, target
+        self._first = _Waiting(None, clock.now_s())
+        self._ended = threading.Event()
+        clock._waiting.append(self._first)
+        self.start()
+
+    def run(self) -> None:
+        self._first.turn.acquire()
+        try:
+            if self._clock._deadlock is None:
+                self._body()
+        finally:
+            self._ended.set()
+            self._clock._hand_over()
+
+    def join(self, timeout: float | None = None) -> None:
+        self._clock.wait(self._ended, timeout)
+
+    def is_alive(self) -> bool:
+        return not self._ended.is_set()

@@ -50,5 +50,11 @@ def create_app(services: Services) -> FastAPI:
         sessions=services.pairing,
         cookie=cookie_name(config),
     )
-    app.add_middleware(Guard, limits=config.limits, access=access, refused=services.turned_away)
+    app.add_middleware(
+        Guard,
+        limits=config.limits,
+        access=access,
+        refused=services.turned_away,
+        clock=services.robot.clock,
+    )
     return app

@@ -7,11 +7,12 @@ and kept until something is taught or changed.
 from __future__ import annotations
 
 import asyncio
-import time
+import math
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from robot.clock import Clock
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.lifecycle import StartStop
@@ -38,13 +39,19 @@ class Mark:
 class Progress(StartStop):
     """Follows one robot's lessons. A context manager: it follows inside of the block."""
 
-    def __init__(self, loop: ControlLoop, episode: Callable[[], str | None] = lambda: None) -> None:
+    def __init__(
+        self,
+        loop: ControlLoop,
+        clock: Clock,
+        episode: Callable[[], str | None] = lambda: None,
+    ) -> None:
         self._loop = loop
+        self._clock = clock
         self._episode = episode
         self._marks: list[Mark] = []
         self._gallery: list[LearnedImage] = []
         self._is_stale = True
-        self._fetched_s = 0.0
+        self._fetched_s = -math.inf
         self._unsubscribe: Callable[[], None] = lambda: None
 
     def start(self) -> None:
@@ -74,7 +81,12 @@ class Progress(StartStop):
         last = self._marks[-1].lessons if self._marks else 0
         if agreement is None or lessons - last < MARK_EVERY:
             return
-        mark = Mark(lessons=lessons, agreement=agreement, at_s=time.time(), episode=self._episode())
+        mark = Mark(
+            lessons=lessons,
+            agreement=agreement,
+            at_s=self._clock.wall_s(),
+            episode=self._episode(),
+        )
         self._marks = [*self._marks[-_MARKS:], mark]
 
     def history(self, points: int = 200) -> list[Mark]:
@@ -94,7 +106,7 @@ class Progress(StartStop):
 
     async def gallery(self, *, fresh: bool = False) -> list[LearnedImage]:
         """Return the learned images; `fresh` after a change made just now."""
-        now_s = time.monotonic()
+        now_s = self._clock.now_s()
         if fresh or (self._is_stale and now_s - self._fetched_s > _REFRESH_S):
             self._is_stale, self._fetched_s = False, now_s
             history = self._loop.history

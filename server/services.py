@@ -74,8 +74,8 @@ def make_services(
         robot=robot,
         events=events,
         hub=Hub(config, robot, name, events),
-        progress=Progress(robot.loop, recording),
-        study=Study(robot.loop, events.publish, recording),
+        progress=Progress(robot.loop, robot.clock, recording),
+        study=Study(robot.loop, robot.clock, events.publish, recording),
         persistence=persistence,
         pairing=pairing,
     )

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from robot.clock import Clock
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
@@ -29,6 +30,7 @@ class Study(StartStop):
     def __init__(
         self,
         loop: ControlLoop,
+        clock: Clock,
         announce: Callable[..., None],
         episode: Callable[[], str | None] = lambda: None,
     ) -> None:
@@ -36,6 +38,7 @@ class Study(StartStop):
         self.lesson: StudyRun | None = None
         self.result: dict[str, Any] | None = None
         self._loop = loop
+        self._clock = clock
         self._announce = announce
         self._episode = episode
         self._began_s = 0.0
@@ -65,7 +68,7 @@ class Study(StartStop):
     def begin(self, trial: int, teach_s: int) -> StudyRun:
         """Begin a lesson in place of any that is on."""
         self.lesson = StudyRun(trial, teach_s, self.pace)
-        self.result, self._episodes, self._began_s = None, [], time.time()
+        self.result, self._episodes, self._began_s = None, [], self._clock.wall_s()
         return self.lesson
 
     def abandon(self) -> None:

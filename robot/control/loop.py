@@ -69,6 +69,7 @@ class ControlLoop:
         policy: Policy,
         clock: Clock,
         config: LoopConfig | None = None,
+        wake: threading.Event | None = None,
     ) -> None:
         self.config = config or LoopConfig()
         self._driver = driver
@@ -77,7 +78,7 @@ class ControlLoop:
         self._gate = Gate(self.config.gate)
         self._governor = LinkGovernor(self.config.governor)
         self._online_learning = OnlineLearning(policy, clock)
-        self._mailbox = Mailbox()
+        self._mailbox = Mailbox(wake)
         self._board = StatePublisher(
             self._online_learning, self._governor, self.config.late_cycle_s
         )

@@ -17,8 +17,8 @@ _T = TypeVar("_T")
 class Mailbox:
     """Filled from any thread, emptied by the loop's. `wake` is set whenever something comes."""
 
-    def __init__(self) -> None:
-        self.wake = threading.Event()
+    def __init__(self, wake: threading.Event | None = None) -> None:
+        self.wake = wake or threading.Event()
         self._lock = threading.Lock()
         self._commands: list[PilotCommand] = []
         self._requests: deque[Callable[[], Callable[[], None]]] = deque()

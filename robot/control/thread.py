@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from robot.clock import Clock
+from robot.clock import Clock, Worker
 from robot.control.loop import ControlLoop
 from robot.types import StopReason
 
@@ -17,13 +17,12 @@ class LoopThread:
         self._loop = loop
         self._clock = clock
         self._ending = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
 
     def start(self) -> None:
         """Begin to turn; does nothing on a loop that already does."""
         if self._thread is None:
-            self._thread = threading.Thread(target=self._run, name="control-loop", daemon=True)
-            self._thread.start()
+            self._thread = self._clock.start_thread(self._run, "control-loop")
 
     def stop(self) -> None:
         """Stop the robot and end the thread; idempotent."""
@@ -37,7 +36,7 @@ class LoopThread:
     def _run(self) -> None:
         loop = self._loop
         while not self._ending.is_set():
-            loop.wake.wait(loop.config.longest_wait_s)
+            self._clock.wait(loop.wake, loop.config.longest_wait_s)
             loop.wake.clear()
             loop.tick(self._clock.now_s())
         loop.tick(self._clock.now_s())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 from typing import Any
 
@@ -27,11 +28,12 @@ class Rig(StartStop):
         policy: Policy,
         clock: Clock | None = None,
         config: LoopConfig | None = None,
+        wake: threading.Event | None = None,
     ) -> None:
         self.clock = clock or RealClock()
         self.driver = driver
         self.camera = camera
-        self.loop = ControlLoop(driver, camera, policy, self.clock, config)
+        self.loop = ControlLoop(driver, camera, policy, self.clock, config, wake)
         self._thread = LoopThread(self.loop, self.clock)
 
     def start(self) -> None:

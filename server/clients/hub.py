@@ -11,7 +11,6 @@ import contextlib
 import functools
 import itertools
 import logging
-import time
 from collections import Counter
 from collections.abc import AsyncGenerator, Callable
 
@@ -40,8 +39,9 @@ class Hub:
     def __init__(self, config: Config, robot: Rig, name: str, events: EventBus) -> None:
         self.config = config
         self.robot = robot
+        self.clock = robot.clock
         self.name = name
-        self.video = VideoHub(Encoder(config.jpeg_quality))
+        self.video = VideoHub(Encoder(config.jpeg_quality), robot.clock)
         self.lease = Lease(config.lease_lapse_s)
         self.refused: Counter[ErrorCode] = Counter()
         self.pages: dict[str, Client] = {}
@@ -95,7 +95,7 @@ class Hub:
 
     def join(self, role: Role) -> Client:
         """Let a page in; it gets the wheel if it may and the wheel is free."""
-        now_s = time.monotonic()
+        now_s = self.clock.now_s()
         page = Client(f"c{next(self._ids)}", role, self.config, now_s)
         self.pages[page.client] = page
         page.tell(
@@ -131,7 +131,7 @@ class Hub:
     def leave(self, page: Client) -> None:
         """A page is gone; if it had the wheel the robot stops now."""
         self.pages.pop(page.client, None)
-        now_s = time.monotonic()
+        now_s = self.clock.now_s()
         if self.lease.give_up(page.client, now_s):
             self._offer_wheel(now_s)
             self._change_hands()
@@ -147,7 +147,7 @@ class Hub:
 
     def hear(self, page: Client, text: str) -> None:
         """Act on one message of a page; what is refused is answered and counted."""
-        now_s = time.monotonic()
+        now_s = self.clock.now_s()
         page.last_word_s = now_s
         try:
             if not page.pace.allows(now_s):
@@ -202,7 +202,7 @@ class Hub:
                 held=word.held,
                 frame_id=word.frame,
                 seq=word.seq,
-                received_s=self.robot.clock.now_s(),
+                received_s=self.clock.now_s(),
                 pilot=page.client,
                 frame_age_s=None if word.frame_age_ms is None else word.frame_age_ms / 1000,
             )
@@ -240,12 +240,12 @@ class Hub:
 
     def now_ms(self) -> float:
         """Return the robot's clock in milliseconds, as the wire has it."""
-        return self.robot.clock.now_s() * 1000
+        return self.clock.now_s() * 1000
 
     def publish_state(self) -> None:
         """Tell every page how things are now."""
         self._told = self._gist()
-        self._told_s = time.monotonic()
+        self._told_s = self.clock.now_s()
         if not self.pages:
             return
         owner = self.lease.owner
@@ -281,7 +281,7 @@ class Hub:
         self._is_tick_due = False
         self._show_newest()
         if self.pages and (
-            time.monotonic() - self._told_s >= STATE_EVERY_S or self._gist() != self._told
+            self.clock.now_s() - self._told_s >= STATE_EVERY_S or self._gist() != self._told
         ):
             self.publish_state()
 
@@ -292,12 +292,12 @@ class Hub:
     async def _keep_time(self) -> None:
         """Pass a lapsed wheel on, and go on telling even if the control loop were silent."""
         while True:
-            await asyncio.sleep(STATE_EVERY_S)
+            await self.clock.pause(STATE_EVERY_S)
             if not self.pages:
                 continue
-            if self.lease.pass_on_if_lapsed(time.monotonic()):
+            if self.lease.pass_on_if_lapsed(self.clock.now_s()):
                 self._change_hands()
-            if time.monotonic() - self._told_s >= STATE_EVERY_S:
+            if self.clock.now_s() - self._told_s >= STATE_EVERY_S:
                 self.publish_state()
 
     @property

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import struct
-import time
 from collections import OrderedDict
 from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from robot.clock import Clock
 from robot.errors import MissingExtraError
 from robot.types import Encoding, Frame
 from server.clients.flow_control import VideoWindow
@@ -128,8 +128,9 @@ class VideoHub:
     Everything runs on the server's event loop and nothing waits, so one viewer delays no other.
     """
 
-    def __init__(self, encoder: Encoder) -> None:
+    def __init__(self, encoder: Encoder, clock: Clock) -> None:
         self.encoder = encoder
+        self._clock = clock
         self._viewers: dict[int, Viewer] = {}
         self._streams = 0
         self._frame: Frame | None = None
@@ -186,7 +187,7 @@ class VideoHub:
         window, n_bytes = viewer.window, len(self._picture.data)
         if not window.may_send(n_bytes):
             return
-        is_quiet = window.sent(frame.frame_id, n_bytes, time.monotonic())
+        is_quiet = window.sent(frame.frame_id, n_bytes, self._clock.now_s())
         viewer.last_sent_id = frame.frame_id
         self.frames_sent += 1
         viewer.send(self._shot(self._picture, is_quiet))

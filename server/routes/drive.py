@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
-
 from fastapi import APIRouter, WebSocket
 
+from robot.clock import Clock
 from server.clients.client import Client
 from server.clients.hub import Hub
 from server.protocol import ErrorCode, ProtocolError
@@ -23,7 +22,7 @@ async def drive(websocket: WebSocket) -> None:
     await websocket.accept()
     page = hub.join(role_of(websocket))
     try:
-        await end_with_either(_hear(websocket, hub, page), _tell(websocket, page))
+        await end_with_either(_hear(websocket, hub, page), _tell(websocket, hub.clock, page))
     finally:
         hub.leave(page)
 
@@ -42,8 +41,8 @@ async def _hear(websocket: WebSocket, hub: Hub, page: Client) -> None:
             return
 
 
-async def _tell(websocket: WebSocket, page: Client) -> None:
+async def _tell(websocket: WebSocket, clock: Clock, page: Client) -> None:
     while True:
         text = await page.next_text()
         await websocket.send_text(text)
-        await asyncio.sleep(0)
+        await clock.pause(0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import FileResponse, JSONResponse, Response
@@ -34,7 +33,7 @@ async def pair(request: Request) -> JSONResponse:
         raise HTTPException(400, 'The body must be {"token": "..."}.') from error
     if not isinstance(token, str):
         raise HTTPException(400, "The token must be text.")
-    result = pairing.redeem(token, time.monotonic())
+    result = pairing.redeem(token, services_of(request).robot.clock.now_s())
     if isinstance(result, Refusal):
         return JSONResponse(
             {"error": result.reason, "detail": result.sentence}, status_code=result.status

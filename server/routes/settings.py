@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from functools import lru_cache
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from fastapi import APIRouter, Depends, HTTPException, Request
 from starlette.concurrency import run_in_threadpool
 
+from robot.clock import Clock, RealClock
 from robot.control.loop import ControlLoop
 from robot.moves import describe
 from robot.policy.registry import make_policy, split_name
@@ -24,6 +24,7 @@ SIZES = (16, 32, 64, 128, 256)
 """Numbers of learned images that a person may choose from."""
 SLOWEST, FASTEST = 0.3, 1.0
 _TRIALS = 10
+_REAL = RealClock()
 
 
 @router.get("", dependencies=[VIEWER])
@@ -102,7 +103,7 @@ def estimate_rates_hz(kind: str) -> dict[int, float]:
     return {n: 1 / (small_s + slope_s * (n - small)) for n in SIZES}
 
 
-def measure_frame_s(learner: str) -> float:
+def measure_frame_s(learner: str, clock: Clock = _REAL) -> float:
     """Return the seconds that one picture takes a full learner: features, proposal, lesson."""
     policy = make_policy(learner)
     noise = np.random.default_rng(1)
@@ -111,12 +112,12 @@ def measure_frame_s(learner: str) -> float:
     varied = [v + noise.normal(0, 1, v.shape).astype(np.float32) for v in vectors]
     for i in range(policy.max_nodes + 1):
         policy.learn(np.abs(varied[i % 4] * (1 + i % 7)).astype(vectors[0].dtype), Action.FORWARD)
-    start_s = time.perf_counter()
+    start_s = clock.now_s()
     for i in range(_TRIALS):
         x = policy.extract(frames[i % 4])
         policy.propose(i, x)
         policy.learn(x, Action.FORWARD)
-    return (time.perf_counter() - start_s) / _TRIALS
+    return (clock.now_s() - start_s) / _TRIALS
 
 
 def _noise_frame(noise: np.random.Generator, frame_id: int) -> Frame:

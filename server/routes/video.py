@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from typing import Any
 
 from fastapi import APIRouter, WebSocket
@@ -41,7 +40,7 @@ class _Watching:
     def hear(self, message: object) -> None:
         """Take one message of the viewer; what is refused is counted."""
         try:
-            now_s = time.monotonic()
+            now_s = self._hub.clock.now_s()
             if not self._pace.allows(now_s):
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many acknowledgements a second")
             if not isinstance(message, bytes):

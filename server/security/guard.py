@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import logging
 import re
-import time
 from collections import Counter, OrderedDict
 from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any
@@ -17,6 +16,7 @@ from typing import Any
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection, Request
 
+from robot.clock import Clock
 from server.clients.flow_control import Pace
 from server.config import Limits
 from server.security.access import Access, Refusal, Role
@@ -57,8 +57,11 @@ def require_pilot(request: Request) -> Role:
 class Guard:
     """ASGI middleware around the whole application."""
 
-    def __init__(self, app: App, limits: Limits, access: Access, refused: Counter[str]) -> None:
+    def __init__(
+        self, app: App, limits: Limits, access: Access, refused: Counter[str], clock: Clock
+    ) -> None:
         self._app = app
+        self._clock = clock
         self._limits = limits
         self._access = access
         self._refused = refused
@@ -96,7 +99,7 @@ class Guard:
             return Refusal(status=400, reason="path", sentence="No page has such an address.")
         if scope["type"] == "websocket" and self._open_sockets >= self._limits.clients:
             return Refusal(status=503, reason="clients", sentence="Too many pages are open.")
-        if not self._pace(address).allows(time.monotonic()):
+        if not self._pace(address).allows(self._clock.now_s()):
             return Refusal(status=429, reason="rate", sentence="Too many requests; wait a little.")
         length = headers.get("content-length", "0")
         if not length.isdecimal() or int(length[:20]) > self._most_bytes(scope):

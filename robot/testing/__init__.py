@@ -1,0 +1,8 @@
+"""Fakes for tests: a body, a camera, a link and a robot of them in virtual time (docs/howto)."""
+
+from robot.testing.camera import FakeCamera
+from robot.testing.driver import FakeDriver
+from robot.testing.link import Line, Link, LinkConditions
+from robot.testing.world import World
+
+__all__ = ["FakeCamera", "FakeDriver", "Line", "Link", "LinkConditions", "World"]

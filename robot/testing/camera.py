@@ -1,0 +1,104 @@
+"""A camera that takes its pictures when a test says so, or at a steady rate."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from robot.camera import Camera
+from robot.clock import Clock, Worker
+from robot.driver import Driver
+from robot.testing.driver import NoOptions
+from robot.types import Encoding, Frame
+
+_PICTURES = 8
+
+
+class FakeCamera(Camera):
+    """Shows patterns. Between `start` and `stop` at a steady rate; can be frozen or broken.
+
+    Attributes:
+        rate_hz: Pictures a second.
+        age_s: How old a picture is when it arrives: exposure and transfer.
+        is_frozen: No picture comes while it is set.
+    """
+
+    name: ClassVar[str] = "fake"
+    options_type: ClassVar[type[Any]] = NoOptions
+
+    def __init__(
+        self,
+        clock: Clock,
+        rate_hz: float = 30.0,
+        width: int = 160,
+        height: int = 120,
+        age_s: float = 0.0,
+    ) -> None:
+        super().__init__(clock)
+        self.rate_hz, self.width, self.height, self.age_s = rate_hz, width, height, age_s
+        self.is_frozen = False
+        self._ending = threading.Event()
+        self._thread: Worker | None = None
+        self._pictures = [_pattern(seed, width, height) for seed in range(_PICTURES)]
+
+    @classmethod
+    def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
+        """Build one; it needs nothing of the body."""
+        return cls(clock)
+
+    def start(self) -> None:
+        """Begin to take pictures."""
+        self._thread = self.clock.start_thread(self._run, "fake-camera")
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._ending.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def take(self) -> Frame:
+        """Take one picture now."""
+        return self._show(self._pictures[self._last_frame_id % _PICTURES])
+
+    def show(self, scene: int) -> Frame:
+        """Publish a picture of one of endlessly many scenes: the same number, the same picture."""
+        pixels = np.random.default_rng(scene).integers(0, 256, (8, 8, 3), dtype=np.uint8)
+        rows, columns = -(-self.height // 8), -(-self.width // 8)
+        picture = pixels.repeat(rows, axis=0).repeat(columns, axis=1)
+        return self._show(np.ascontiguousarray(picture[: self.height, : self.width]).tobytes())
+
+    def show_rubbish(self) -> Frame:
+        """Publish bytes that are no picture."""
+        return self._show(b"no picture")
+
+    def break_down(self, sentence: str) -> None:
+        """Freeze, and say what is wrong."""
+        self.is_frozen = True
+        self._report_fault(sentence)
+
+    def _run(self) -> None:
+        next_s = self.clock.now_s()
+        while not self.clock.wait(self._ending, max(0.0, next_s - self.clock.now_s())):
+            next_s += 1 / self.rate_hz
+            if not self.is_frozen:
+                self.take()
+
+    def _show(self, data: bytes) -> Frame:
+        return self._publish(
+            data,
+            width=self.width,
+            height=self.height,
+            encoding=Encoding.RGB,
+            captured_s=self.clock.now_s() - self.age_s,
+        )
+
+
+def _pattern(seed: int, width: int, height: int) -> bytes:
+    """Return coloured blocks whose JPEG is about 5 KB at 160x120, 25 KB at 640x480."""
+    block = 12 if width <= 160 else 36  # no multiple of 8, or JPEG would have an easy time
+    shape = (height // block + 1, width // block + 1, 3)
+    blocks = np.random.default_rng(seed).integers(60, 200, shape, dtype=np.uint8)
+    picture = blocks.repeat(block, axis=0).repeat(block, axis=1)[:height, :width]
+    return np.ascontiguousarray(picture).tobytes()

@@ -1,0 +1,94 @@
+"""A body that only notes what it is told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from robot.clock import Clock, RealClock
+from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
+from robot.errors import DriveError
+from robot.types import Action, Sensors
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoOptions:
+    """Nothing to choose."""
+
+
+class FakeDriver(Driver):
+    """Notes what it is told and when; ends each move by itself; can be made to fail.
+
+    Attributes:
+        sent: Every action sent, with its speed scale.
+        changes: When (seconds of `clock`) the action changed, and to what.
+        moved_s: When it was last told to move.
+        stops: How often `stop` was called.
+        failure: What `send_action` raises as a DriveError; None lets it work.
+        sensors: What `sense` returns.
+        button: What the next `take_button` returns.
+    """
+
+    name: ClassVar[str] = "fake"
+    default_camera: ClassVar[str] = "fake"
+    options_type: ClassVar[type[Any]] = NoOptions
+
+    def __init__(self, options: Any = None, clock: Clock | None = None) -> None:
+        self.clock = clock or RealClock()
+        self.sent: list[tuple[Action, float]] = []
+        self.changes: list[tuple[float, Action]] = []
+        self.moved_s = 0.0
+        self.stops = 0
+        self.failure: str | None = None
+        self.sensors = Sensors()
+        self.button: BodyButton | None = None
+        self._told = Action.STOP
+        self._told_s = 0.0
+
+    @property
+    def now(self) -> Action:
+        """What the wheels do now: a move that is not renewed ends after `ACTION_TIMEOUT_S`."""
+        is_over = self.clock.now_s() - self._told_s > ACTION_TIMEOUT_S
+        return Action.STOP if is_over else self._told
+
+    @property
+    def is_connected(self) -> bool:
+        """Always."""
+        return True
+
+    def connect(self) -> None:
+        """Do nothing: there is nothing to open."""
+
+    def disconnect(self) -> None:
+        """Stop."""
+        self.stop()
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        """Note the action."""
+        if self.failure is not None:
+            raise DriveError(self.failure)
+        self.sent.append((action, speed_scale))
+        self._note(action)
+        if action is not Action.STOP:
+            self.moved_s = self._told_s
+        return action
+
+    def sense(self) -> Sensors:
+        """Return `sensors`."""
+        return self.sensors
+
+    def stop(self) -> None:
+        """Note the stop."""
+        self.stops += 1
+        self._note(Action.STOP)
+
+    def take_button(self) -> BodyButton | None:
+        """Return `button`, once."""
+        button, self.button = self.button, None
+        return button
+
+    def _note(self, action: Action) -> None:
+        now_s = self.clock.now_s()
+        if action is not self._told:
+            self.changes.append((now_s, action))
+        self._told, self._told_s = action, now_s

@@ -1,0 +1,122 @@
+"""A link between page and robot in virtual time: it delays, jitters, throttles, or goes silent.
+
+Messages keep their order, as over TCP: loss and disorder show as a line that stands still and then
+delivers all at once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(slots=True, kw_only=True)
+class LinkConditions:
+    """What the link is like. May be changed while it is used; counts for what comes after."""
+
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    """Up to so much more, drawn anew for each packet; packets stay in order."""
+    bytes_per_second: float | None = None
+    """Towards the page; the other way is free."""
+    stall_share: float = 0.0
+    """Share of packets that have to be sent again, by which all behind them wait."""
+    stall_s: float = 0.2
+    is_silent: bool = False
+    """Nothing passes any more, and nobody is told."""
+
+
+class Link:
+    """A link with two directions per connection, all under the same conditions.
+
+    Args:
+        dice: Draws jitter and stalls.
+    """
+
+    def __init__(self, dice: random.Random) -> None:
+        self.dice = dice
+        self._conditions = LinkConditions()
+        self._lines: list[Line] = []
+
+    @property
+    def conditions(self) -> LinkConditions:
+        """What the link is like; set it to change it."""
+        return self._conditions
+
+    @conditions.setter
+    def conditions(self, conditions: LinkConditions) -> None:
+        self._conditions = conditions
+        for line in self._lines:
+            line.flush()
+
+    def line(self, deliver: Callable[[Any], None], *, throttled: bool) -> Line:
+        """Return one direction of a new connection, which ends in `deliver`."""
+        line = Line(self, deliver, throttled=throttled)
+        self._lines.append(line)
+        return line
+
+    def forget(self, line: Line) -> None:
+        """Cut a direction off: what is under way in it is lost."""
+        line.is_cut = True
+        if line in self._lines:
+            self._lines.remove(line)
+
+
+class Line:
+    """One direction of one connection."""
+
+    HOLDS_BYTES = 8192
+    """What waits in the line before its sender is held back."""
+
+    def __init__(self, link: Link, deliver: Callable[[Any], None], *, throttled: bool) -> None:
+        self._link = link
+        self._deliver = deliver
+        self._throttled = throttled
+        self._under_way: deque[tuple[float, int, Any]] = deque()
+        self._bytes = 0
+        self._free_s = 0.0
+        self._last_due_s = 0.0
+        self._room = asyncio.Event()
+        self.is_cut = False
+
+    def send(self, item: Any, size: int) -> None:
+        """Put `item` on its way; `size` in bytes."""
+        conditions, event_loop = self._link.conditions, asyncio.get_running_loop()
+        now_s = event_loop.time()
+        free_s = max(self._free_s, now_s)
+        if self._throttled and conditions.bytes_per_second:
+            free_s += size / conditions.bytes_per_second
+        if conditions.stall_share and self._link.dice.random() < conditions.stall_share:
+            free_s += conditions.stall_s
+        self._free_s = free_s
+        late_s = conditions.delay_s
+        if conditions.jitter_s:
+            late_s += self._link.dice.random() * conditions.jitter_s
+        due_s = self._last_due_s = max(self._last_due_s, free_s + late_s)
+        self._under_way.append((due_s, size, item))
+        self._bytes += size
+        if due_s <= now_s:
+            event_loop.call_soon(self.flush)
+        else:
+            event_loop.call_at(due_s, self.flush)
+
+    async def has_room(self) -> None:
+        """Hold the sender back while the line is full."""
+        while self._bytes > self.HOLDS_BYTES and not self.is_cut:
+            self._room.clear()
+            await self._room.wait()
+
+    def flush(self) -> None:
+        """Deliver whatever is due, unless the link is silent."""
+        now_s = asyncio.get_running_loop().time() + 1e-6
+        while self._under_way and self._under_way[0][0] <= now_s:
+            if self._link.conditions.is_silent or self.is_cut:
+                return
+            _, size, item = self._under_way.popleft()
+            self._bytes -= size
+            self._deliver(item)
+        self._room.set()

@@ -1,0 +1,248 @@
+"""A served robot and its pilots in virtual time: real app, hub, protocol, loop and gate.
+
+Only uvicorn, the sockets and the threads are missing. See CONTRIBUTING.md, "Tests in virtual time".
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Callable, Coroutine
+from typing import Any, Self, TypeVar
+
+from robot.clock import VirtualClock
+from robot.testing import Line, Link, World
+from robot.types import Action, Mode
+from server.app import create_app
+from server.config import Config
+from server.protocol import FRAME_HEADER, encode_acknowledgement
+from server.services import make_services
+
+from .live_robot import WEB
+
+_T = TypeVar("_T")
+BEAT_S = 0.1
+
+
+def virtually(
+    scenario: Callable[[ServedWorld], Coroutine[Any, Any, _T]],
+    config: Config | None = None,
+    **options: Any,
+) -> _T:
+    """Run a scenario on a served robot in virtual time; `options` are those of `World`."""
+    clock = VirtualClock(100.0)
+
+    async def main() -> _T:
+        async with ServedWorld(clock, config, **options) as world:
+            return await scenario(world)
+
+    return clock.run(main())
+
+
+class ServedWorld(World):
+    """A `World` with a server around it, and links to it."""
+
+    def __init__(self, clock: VirtualClock, config: Config | None = None, **options: Any) -> None:
+        super().__init__(clock, **options)
+        self.services = make_services(config or Config(web=WEB), self.rig, name="virtual")
+        self.app = create_app(self.services)
+        self.hub = self.services.hub
+        self.link = Link(self.dice)
+        self._stack = contextlib.AsyncExitStack()
+        self._sockets: list[Socket] = []
+
+    async def __aenter__(self) -> Self:
+        await super().__aenter__()
+        await self._stack.enter_async_context(self.app.router.lifespan_context(self.app))
+        return self
+
+    async def __aexit__(self, *error: object) -> None:
+        for socket in self._sockets:
+            socket.cut()
+        await asyncio.gather(*(socket.task for socket in self._sockets), return_exceptions=True)
+        await self._stack.aclose()
+        await super().__aexit__(*error)
+
+    async def pilot(self, *, sees: bool = False) -> Pilot:
+        """Open a page; it has said hello when this returns."""
+        pilot = Pilot(self, sees=sees)
+        await self.until(lambda: bool(pilot.messages), what="hello")
+        return pilot
+
+    def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> Socket:
+        """Open a websocket through the link."""
+        socket = Socket(self, path, on_message)
+        self._sockets.append(socket)
+        return socket
+
+    def stands(self) -> bool:
+        """True while the wheels do not turn."""
+        return self.driver.now is Action.STOP
+
+    @property
+    def mode(self) -> Mode:
+        """The mode that the loop shows."""
+        return self.loop.state.decision.mode
+
+
+class Socket:
+    """One websocket: the app's ASGI conversation, with the link between it and the page."""
+
+    def __init__(self, world: ServedWorld, path: str, on_message: Callable[[str | bytes], None]):
+        self._world = world
+        self._on_message = on_message
+        self._incoming: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
+        self._incoming.put_nowait({"type": "websocket.connect"})
+        self._up: Line = world.link.line(self._incoming.put_nowait, throttled=False)
+        self._down: Line = world.link.line(self._arrive, throttled=True)
+        self.close_code: int | None = None
+        scope = {
+            "type": "websocket",
+            "asgi": {"version": "3.0", "spec_version": "2.3"},
+            "http_version": "1.1",
+            "scheme": "ws",
+            "path": path,
+            "raw_path": path.encode(),
+            "query_string": b"",
+            "root_path": "",
+            "headers": [(b"host", b"127.0.0.1:8000")],
+            "client": ("127.0.0.1", 50_000),
+            "server": ("127.0.0.1", 8000),
+            "subprotocols": [],
+            "state": {},
+            "extensions": {},
+        }
+        self.task = asyncio.ensure_future(world.app(scope, self._incoming.get, self._send))
+
+    def send(self, message: str | bytes) -> None:
+        """Send one message to the server."""
+        kind = "text" if isinstance(message, str) else "bytes"
+        self._up.send({"type": "websocket.receive", kind: message}, len(message))
+
+    def close(self) -> None:
+        """Say good-bye: the server hears of it when the link has carried it."""
+        self._up.send({"type": "websocket.disconnect", "code": 1001}, 8)
+
+    def cut(self) -> None:
+        """End as a killed browser ends: nothing more arrives, the server's side is reset."""
+        self._world.link.forget(self._up)
+        self._world.link.forget(self._down)
+        self._incoming.put_nowait({"type": "websocket.disconnect", "code": 1006})
+
+    async def _send(self, message: dict[str, Any]) -> None:
+        data = message.get("text") or message.get("bytes") or ""
+        self._down.send(message, len(data))
+        await self._down.has_room()
+
+    def _arrive(self, message: dict[str, Any]) -> None:
+        if message["type"] == "websocket.send":
+            text = message.get("text")
+            self._on_message(text if text is not None else message["bytes"])
+        elif message["type"] == "websocket.close":
+            self.close_code = message.get("code", 1000)
+            self._incoming.put_nowait({"type": "websocket.disconnect", "code": self.close_code})
+        self._world.poke()
+
+
+class Pilot:
+    """A page without a screen: holds what it is told to, and beats every 100 ms until it ends."""
+
+    def __init__(self, world: ServedWorld, *, sees: bool) -> None:
+        self._world = world
+        self.messages: list[dict[str, Any]] = []
+        self.state: dict[str, Any] = {}
+        self.held: str | None = None
+        self.seq = 0
+        self.picture: int | None = None
+        self.is_silent = False
+        self.acknowledges = True
+        self._has_ended = False
+        self.socket = world.connect("/ws/drive", self._hear)
+        self._video = world.connect("/ws/video", self._see) if sees else None
+        self._event_loop = asyncio.get_running_loop()
+        self._event_loop.call_later(BEAT_S * world.dice.random(), self._beat)
+
+    @property
+    def hello(self) -> dict[str, Any]:
+        """The server's first message."""
+        return self.messages[0]
+
+    def hold(self, held: str | None) -> None:
+        """Press or let go, and say so at once."""
+        self.held = held
+        self._say_drive()
+
+    def mode(self, mode: str) -> None:
+        """Ask for a mode."""
+        self.seq += 1
+        self.send(type="mode", mode=mode, seq=self.seq)
+
+    def send(self, **message: Any) -> None:
+        """Send one message, whatever it is."""
+        self.socket.send(json.dumps(message))
+
+    def errors(self) -> list[str]:
+        """Return the codes of all refusals."""
+        return [m["code"] for m in self.messages if m["type"] == "error"]
+
+    def close(self) -> None:
+        """Close the tab."""
+        self._has_ended = True
+        for socket in self._open_sockets():
+            socket.close()
+
+    def vanish(self) -> None:
+        """Go as a killed browser goes: the connection ends without a word."""
+        self._has_ended = True
+        for socket in self._open_sockets():
+            socket.cut()
+
+    async def wait_for(
+        self, wanted: Callable[[dict[str, Any]], bool], within_s: float = 5.0
+    ) -> dict[str, Any]:
+        """Return the first message that is wanted, of all that came."""
+        found: list[dict[str, Any]] = []
+
+        def is_there() -> bool:
+            found[:] = [message for message in self.messages if wanted(message)][:1]
+            return bool(found)
+
+        await self._world.until(is_there, within_s, f"last messages: {self.messages[-3:]}")
+        return found[0]
+
+    async def wait_for_state(self, within_s: float = 5.0, **fields: Any) -> dict[str, Any]:
+        """Return the newest state as soon as it has these fields."""
+        await self._world.until(
+            lambda: bool(self.state) and fields.items() <= self.state.items(),
+            within_s,
+            f"state {fields}",
+        )
+        return self.state
+
+    def _open_sockets(self) -> list[Socket]:
+        return [socket for socket in (self.socket, self._video) if socket is not None]
+
+    def _hear(self, text: str | bytes) -> None:
+        message = json.loads(text)
+        self.messages.append(message)
+        if message["type"] == "state":
+            self.state = message
+
+    def _see(self, message: str | bytes) -> None:
+        assert isinstance(message, bytes)
+        self.picture = FRAME_HEADER.unpack_from(message)[5]
+        if self._video is not None and self.acknowledges and not self._has_ended:
+            self._video.send(encode_acknowledgement(self.picture))
+
+    def _beat(self) -> None:
+        if self._has_ended:
+            return
+        if not self.is_silent:
+            self._say_drive()
+        self._event_loop.call_later(BEAT_S, self._beat)
+
+    def _say_drive(self) -> None:
+        self.seq += 1
+        frame = self.picture or self.state.get("frame")
+        self.send(type="drive", held=self.held, frame=frame, seq=self.seq)
