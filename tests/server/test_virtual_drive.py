@@ -15,7 +15,7 @@ def test_the_robot_stands_within_half_a_second_when_the_pilot_is_silent() -> Non
         took_s = await world.until(world.stands)
         await pilot.wait_for_state(mode="stopped", stop_reason="pilot_silent")
         pilot.is_silent = False
-        await world.forward(60.0)
+        await world.forward(5.0)
         assert world.stands(), "it waits for an explicit start"
         return took_s, world.driver.changes
 
