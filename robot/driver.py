@@ -36,6 +36,9 @@ class Driver(ABC):
     default_camera: ClassVar[str]
     options_type: ClassVar[type[Any]]
     declared_moves: tuple[Move, ...] = describe(DEFAULT_MOVES)
+    is_remote: ClassVar[bool] = False
+    """True for a body that answers over a network: `send_action`, `sense`, `stop`, `take_button`
+    and `show` may then block for up to half a second, and are called on a thread of their own."""
 
     @abstractmethod
     def __init__(self, options: Any) -> None: ...
@@ -84,7 +87,7 @@ class Driver(ABC):
 
     @abstractmethod
     def sense(self) -> Sensors:
-        """Read the sensors. Never blocks for longer than a few milliseconds."""
+        """Read the sensors. Never blocks for longer than a few milliseconds unless `is_remote`."""
 
     @abstractmethod
     def stop(self) -> None:

@@ -14,6 +14,7 @@ from robot.driver import Driver
 from robot.lifecycle import StartStop
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
+from robot.rig.driver_thread import DriverThread
 from robot.rig.options import make_options
 from robot.rig.plugins import load_camera, load_driver
 
@@ -86,4 +87,5 @@ def build_rig(
     camera_type = load_camera(camera or driver_type.default_camera)
     eye = camera_type.for_driver(driver, make_options(camera_type.options_type, given), clock)
     policy = make_policy(learner, moves=moves or driver.first_moves)
-    return Rig(driver, eye, policy, clock, config)
+    body = DriverThread(driver, clock) if driver.is_remote else driver
+    return Rig(body, eye, policy, clock, config)
