@@ -7,10 +7,18 @@ from typing import Any
 import numpy as np
 
 from robot.errors import MissingExtraError
-from robot.learner.base import Evidence, Label, NotFittedError, State, Vector, checked_vector
+from robot.learner.base import (
+    BaseLearner,
+    Evidence,
+    Label,
+    NotFittedError,
+    State,
+    Vector,
+    checked_vector,
+)
 
 
-class NearestNeighbours:
+class NearestNeighbours(BaseLearner):
     """scikit-learn's classifier behind the learner's interface.
 
     Memory and time grow with every lesson; fitted anew when asked after a lesson.
@@ -37,14 +45,6 @@ class NearestNeighbours:
         self._ys.append(str(y))
         self._model = None
 
-    def predict_one(self, x: Vector) -> Label:
-        """Return the label of most neighbours; raises NotFittedError before the first lesson."""
-        return self.explain_one(x).label
-
-    def predict_proba_one(self, x: Vector) -> dict[Label, float]:
-        """Return the shares of the labels among the neighbours."""
-        return dict(self.explain_one(x).probabilities)
-
     def explain_one(self, x: Vector) -> Evidence:
         """Return the prediction with its shares."""
         if not self._xs:
@@ -66,7 +66,10 @@ class NearestNeighbours:
         """Return a copy of all frames kept."""
         arrays = {"xs": np.stack(self._xs)} if self._xs else {}
         return State(
-            kind="knn", params={"n_neighbours": self.n_neighbours}, arrays=arrays, labels=self._ys
+            kind="knn",
+            params={"n_neighbours": self.n_neighbours},
+            arrays=arrays,
+            labels=list(self._ys),
         )
 
     def set_state(self, state: State) -> None:

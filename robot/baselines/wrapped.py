@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.base import Evidence, Label, NotFittedError, State, Vector, checked_vector
+from robot.learner.base import (
+    BaseLearner,
+    Evidence,
+    Label,
+    NotFittedError,
+    State,
+    Vector,
+    checked_vector,
+)
 
 Floats = NDArray[np.float64]
 
 
-class Baseline(ABC):
+class Baseline(BaseLearner):
     """A learner from a library behind the learner's interface, for comparison and for teaching.
 
     Its state is its lessons: `set_state` learns them again, which gives the same learner because
@@ -36,14 +44,6 @@ class Baseline(ABC):
         self._xs.append(array.copy())
         self._ys.append(y)
         self._learn(array.astype(np.float64) / 127.5 - 1.0, self.labels_.index(y))
-
-    def predict_one(self, x: Vector) -> Label:
-        """Return the most likely label; raises NotFittedError before the first lesson."""
-        return self.explain_one(x).label
-
-    def predict_proba_one(self, x: Vector) -> dict[Label, float]:
-        """Return each known label's share."""
-        return dict(self.explain_one(x).probabilities)
 
     def explain_one(self, x: Vector) -> Evidence:
         """Return the prediction with its shares."""

@@ -98,7 +98,7 @@ class OnlineLearning:
     def reset(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
         self._labeller.reset()
-        self.history.policy.reset()
+        self.history.begin_drive()
 
     def picture_age_s(self, command: PilotCommand) -> float | None:
         """Return how old the picture was that the pilot acted upon; None if that is not known."""

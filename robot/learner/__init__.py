@@ -1,1 +1,42 @@
-"""Online learners: numpy alone, importing nothing else of the project."""
+"""Online learners from labelled examples; they need numpy and nothing else of the project.
+
+Example:
+    >>> import numpy as np
+    >>> learner = BSOCClassifier(max_nodes=32)
+    >>> learner.learn_one(np.array([0.0, 1.0]), "left")
+    >>> learner.predict_one(np.array([0.1, 0.9]))
+    'left'
+"""
+
+from robot.learner.base import (
+    Abilities,
+    BaseLearner,
+    Evidence,
+    Label,
+    Learner,
+    Node,
+    NotFittedError,
+    State,
+    Vector,
+)
+from robot.learner.bsoc import BSOC
+from robot.learner.classifier import BSOCClassifier
+from robot.learner.places import BinaryFeatures, MultiPlace
+from robot.learner.published import PublishedBSOC
+
+__all__ = [
+    "BSOC",
+    "Abilities",
+    "BSOCClassifier",
+    "BaseLearner",
+    "BinaryFeatures",
+    "Evidence",
+    "Label",
+    "Learner",
+    "MultiPlace",
+    "Node",
+    "NotFittedError",
+    "PublishedBSOC",
+    "State",
+    "Vector",
+]

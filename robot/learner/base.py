@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
@@ -44,8 +45,9 @@ class Evidence:
     """A prediction together with what it rests on.
 
     `probabilities` sum to 1. `confidence` is a calibrated chance that `label` is right.
-    `novelty` is 0 for a familiar view; 1 or more means: unlike all that was learned.
-    `node` is the nearest learned image (None where the learner has no such thing).
+    `novelty` is 0 for a familiar view; 1 or more means: unlike all that was learned. It stays 0
+    where the learner's abilities lack novelty.
+    `node` is the id of the nearest learned image (None where the learner keeps none).
     """
 
     label: Label
@@ -54,6 +56,32 @@ class Evidence:
     novelty: float = 0.0
     node: int | None = None
     distance: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Abilities:
+    """What a learner can do beyond learning and predicting. All can be undone: see `get_state`.
+
+    Attributes:
+        images: It keeps images that `nodes` lists and that can be relabelled and deleted.
+        pinning: An image can be kept from being merged.
+        novelty: `Evidence.novelty` tells a view unlike all that was learned.
+    """
+
+    images: bool = False
+    pinning: bool = False
+    novelty: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Node:
+    """One learned image. `id` follows it through merges; `frames` is how many it sums up."""
+
+    id: int
+    image: Vector
+    votes: Mapping[Label, int]
+    frames: int
+    is_pinned: bool = False
 
 
 @dataclass(slots=True)
@@ -68,7 +96,28 @@ class State:
 
 @runtime_checkable
 class Learner(Protocol):
-    """One frame at a time: learn it, or say what it is."""
+    """One frame at a time: learn it, or say what it is.
+
+    A learner that keeps no images derives from `BaseLearner`, which answers the second half.
+
+    Attributes:
+        abilities: What it can do beyond that.
+        sharpness: The power that turns shares of votes into calibrated chances; 1 for none.
+        n_nodes_: How many images it keeps.
+        last_node_: Id of the image that took in the latest example; None if there is none.
+    """
+
+    @property
+    def abilities(self) -> Abilities: ...  # noqa: D102
+
+    @property
+    def sharpness(self) -> float: ...  # noqa: D102
+
+    @property
+    def n_nodes_(self) -> int: ...  # noqa: D102
+
+    @property
+    def last_node_(self) -> int | None: ...  # noqa: D102
 
     def learn_one(self, x: Vector, y: Label) -> None:
         """Add one labelled vector. Refuses bad input with ValueError and is then unchanged."""
@@ -87,12 +136,81 @@ class Learner(Protocol):
         ...
 
     def get_state(self) -> State:
-        """Return a copy of all that was learned; `set_state` of it changes no prediction."""
+        """Return a copy of all that was learned; `set_state` of it changes no prediction.
+
+        It is what saving and undoing rest on: learning on from a state that was set gives the
+        same learner, bit for bit, as learning on without it.
+        """
         ...
 
     def set_state(self, state: State) -> None:
         """Become the learner that gave `state`. Raises ValueError if it is of another kind."""
         ...
 
+    def reset(self) -> None:
+        """Forget what belongs to one drive, such as the place: a new drive begins."""
+        ...
 
-__all__ = ["Evidence", "Label", "Learner", "NotFittedError", "State", "Vector", "checked_vector"]
+    def nodes(self) -> list[Node]:
+        """Return the learned images, in a fixed order; none without that ability."""
+        ...
+
+    def relabel_node(self, node_id: int, y: Label) -> None:
+        """Let one image vote for `y` alone.
+
+        Raises:
+            LookupError: If there is no image of this id.
+            ValueError: If the learner keeps no images.
+        """
+        ...
+
+    def delete_node(self, node_id: int) -> None:
+        """Forget one image; raises as `relabel_node`, and ValueError if it is pinned."""
+        ...
+
+    def pin_node(self, node_id: int, pinned: bool = True) -> None:
+        """Keep one image from being merged or deleted; raises as `relabel_node`."""
+        ...
+
+
+class BaseLearner(ABC):
+    """The part of `Learner` that a learner without images can leave as it is."""
+
+    abilities = Abilities()
+    sharpness = 1.0
+    n_nodes_ = 0
+    last_node_: int | None = None
+
+    @abstractmethod
+    def explain_one(self, x: Vector) -> Evidence:
+        """Return the prediction with its evidence. Raises NotFittedError before any example."""
+
+    def predict_one(self, x: Vector) -> Label:
+        """Return the most likely label; raises as `explain_one`."""
+        return self.explain_one(x).label
+
+    def predict_proba_one(self, x: Vector) -> dict[Label, float]:
+        """Return each known label's share; raises as `explain_one`."""
+        return dict(self.explain_one(x).probabilities)
+
+    def reset(self) -> None:  # noqa: B027 - nothing to forget, as a rule
+        """Forget nothing."""
+
+    def nodes(self) -> list[Node]:
+        """Return no images."""
+        return []
+
+    def relabel_node(self, node_id: int, y: Label) -> None:
+        """Raise ValueError: there are no images."""
+        raise self._has_no_images()
+
+    def delete_node(self, node_id: int) -> None:
+        """Raise ValueError: there are no images."""
+        raise self._has_no_images()
+
+    def pin_node(self, node_id: int, pinned: bool = True) -> None:
+        """Raise ValueError: there are no images."""
+        raise self._has_no_images()
+
+    def _has_no_images(self) -> ValueError:
+        return ValueError(f"a {type(self).__name__} keeps no images to edit")

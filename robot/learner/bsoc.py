@@ -50,6 +50,8 @@ class BSOC:
             None for the first.
     """
 
+    measures_novelty = True
+
     def __init__(self, max_nodes: int, *, group_cost: float = 1.0, integer: bool = False) -> None:
         if max_nodes < 1:
             raise ValueError(f"max_nodes must be at least 1, not {max_nodes}")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner import votes
-from robot.learner.base import Evidence, Label, NotFittedError, State, Vector
+from robot.learner.base import Abilities, Evidence, Label, Node, NotFittedError, State, Vector
 from robot.learner.bsoc import BSOC, Merge
 from robot.learner.novelty import Novelty
 from robot.learner.published import PublishedBSOC
@@ -79,6 +79,11 @@ class BSOCClassifier:
         return len(self.cluster)
 
     @property
+    def abilities(self) -> Abilities:
+        """Images and pinning always; novelty where the clustering measures it."""
+        return Abilities(images=True, pinning=True, novelty=self.cluster.measures_novelty)
+
+    @property
     def sharpness(self) -> float:
         """The power that turns shares of votes into chances: 1 for plain counts."""
         return 1.0 if self.linear is None else SHARPNESS
@@ -103,7 +108,7 @@ class BSOCClassifier:
             self._follow(self.cluster.last_merge_)
         self._histograms[node, column] += 1
         self.n_seen_ += 1
-        self.last_node_ = node
+        self.last_node_ = self.cluster.node_id(node)
         if self.cluster.last_distance_ is not None:
             self.novelty_.learn(self.cluster.last_distance_)
         if self.linear is not None:
@@ -142,12 +147,12 @@ class BSOCClassifier:
             probabilities=dict(zip(self.labels_, shares.tolist(), strict=True)),
             confidence=votes.chance(shares, best, self.sharpness),
             novelty=self.novelty_.score(float(distances[node])),
-            node=node,
+            node=self.cluster.node_id(node),
             distance=float(distances[node]),
         )
 
     def _votes(self, x: Vector) -> tuple[votes.Distances, votes.Floats]:
-        if not self.labels_:
+        if len(self.cluster) == 0:
             raise NotFittedError("nothing was learned yet")
         distances = self.cluster.distances(x)
         histograms = self._histograms[: len(self.cluster)]
@@ -163,6 +168,31 @@ class BSOCClassifier:
     def _follow(self, merge: Merge) -> None:
         self._histograms[merge.kept] += self._histograms[merge.removed]
         self._histograms[merge.removed] = 0
+
+    def reset(self) -> None:
+        """Forget nothing: what it learned belongs to no drive."""
+
+    def nodes(self) -> list[Node]:
+        """Return the learned images, in the clustering's order."""
+        cluster = self.cluster
+        rows = zip(
+            cluster.ids_.tolist(),
+            cluster.nodes_,
+            self.histograms_.tolist(),
+            cluster.counts_.tolist(),
+            cluster.pinned_.tolist(),
+            strict=True,
+        )
+        return [
+            Node(
+                id=node_id,
+                image=image,
+                votes=dict(zip(self.labels_, counts, strict=True)),
+                frames=frames,
+                is_pinned=is_pinned,
+            )
+            for node_id, image, counts, frames, is_pinned in rows
+        ]
 
     def get_state(self) -> State:
         """Return a copy of all that was learned."""

@@ -7,13 +7,23 @@ views as strings of such bits; the nearest by Hamming distance says how well a v
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.base import Evidence, Label, NotFittedError, State, Vector, checked_vector
+from robot.learner.base import (
+    Abilities,
+    Evidence,
+    Label,
+    Node,
+    NotFittedError,
+    State,
+    Vector,
+    checked_vector,
+)
 from robot.learner.classifier import BSOCClassifier
 
 N_BITS = 512
@@ -106,6 +116,7 @@ class MultiPlace:
         self.max_places = max_places
         self.networks_: list[BSOCClassifier] = []
         self.n_seen_ = 0
+        self.last_node_: int | None = None
         self._make = make
         self._features = features
         self._indices: list[PlaceIndex] = []
@@ -113,6 +124,11 @@ class MultiPlace:
         self._size: int | None = None
         self._place: int | None = None
         self._pending: list[tuple[Vector, Label]] = []
+
+    @property
+    def abilities(self) -> Abilities:
+        """Those of its networks."""
+        return (self.networks_[0] if self.networks_ else self._make()).abilities
 
     @property
     def sharpness(self) -> float:
@@ -146,6 +162,7 @@ class MultiPlace:
         if self.networks_:
             checked_vector(x, self._size)
         self.n_seen_ += 1
+        self.last_node_ = None
         self._size = np.asarray(x).size
         if self._place is None and self.networks_:
             self._pending.append((np.array(x), y))
@@ -174,7 +191,10 @@ class MultiPlace:
             self.networks_.append(self._make())
             self._indices.append(PlaceIndex())
             self._place = len(self.networks_) - 1
-        self.networks_[self._place].learn_one(x, y)
+        network = self.networks_[self._place]
+        network.learn_one(x, y)
+        if network.last_node_ is not None:
+            self.last_node_ = self._outer_id(self._place, network.last_node_)
         index = self._indices[self._place]
         if index.n_added == 0 or index.difference(bits) > _NEAR:
             index.add(bits)
@@ -193,7 +213,43 @@ class MultiPlace:
             raise NotFittedError("nothing was learned yet")
         bits = self._bits(x)
         place = self._driving.update([index.difference(bits) for index in self._indices])
-        return self.networks_[place].explain_one(x)
+        evidence = self.networks_[place].explain_one(x)
+        if evidence.node is None:
+            return evidence
+        return dataclasses.replace(evidence, node=self._outer_id(place, evidence.node))
+
+    def nodes(self) -> list[Node]:
+        """Return the learned images of all places, place after place."""
+        return [
+            dataclasses.replace(node, id=self._outer_id(place, node.id))
+            for place, network in enumerate(self.networks_)
+            for node in network.nodes()
+        ]
+
+    def relabel_node(self, node_id: int, y: Label) -> None:
+        """Let the image of this id vote for `y` alone; raises LookupError if there is none."""
+        network, inner = self._inner_id(node_id)
+        network.relabel_node(inner, y)
+
+    def delete_node(self, node_id: int) -> None:
+        """Forget the image of this id; raises LookupError if there is none."""
+        network, inner = self._inner_id(node_id)
+        network.delete_node(inner)
+
+    def pin_node(self, node_id: int, pinned: bool = True) -> None:
+        """Keep the image of this id as it is: never merged, never deleted."""
+        network, inner = self._inner_id(node_id)
+        network.pin_node(inner, pinned)
+
+    def _outer_id(self, place: int, node_id: int) -> int:
+        """Return an id that no image of another place has."""
+        return node_id * self.max_places + place
+
+    def _inner_id(self, node_id: int) -> tuple[BSOCClassifier, int]:
+        inner, place = divmod(node_id, self.max_places)
+        if place >= len(self.networks_):
+            raise LookupError(f"there is no node {node_id}")
+        return self.networks_[place], inner
 
     def _bits(self, x: Vector) -> NDArray[np.uint8]:
         size = self._features.height * self._features.width

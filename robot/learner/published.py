@@ -28,6 +28,8 @@ class PublishedBSOC:
     Pinning is not in the paper; the gallery needs it.
     """
 
+    measures_novelty = False
+
     def __init__(self, max_nodes: int, *, integer: bool = False) -> None:
         if max_nodes < 1:
             raise ValueError(f"max_nodes must be at least 1, not {max_nodes}")

@@ -58,7 +58,14 @@ class Replaced:
     policy_name: str
 
 
-LogEvent = Taught | Edited
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _DriveBegun:
+    """The policy was reset between two examples: some learners look for their place then."""
+
+    at_s: float
+
+
+LogEvent = Taught | Edited | _DriveBegun
 HistoryEvent = Taught | Edited | Undone | Replaced
 
 
@@ -91,6 +98,7 @@ class TrainingHistory:
         self.taught = taught
         self._events: list[LogEvent] = []
         self._forgotten = 0
+        self._is_drive_new = True
         self._teaching_s = 0.0
         self._last_lesson_s: float | None = None
         self._snapshots = [_Snapshot(position=0, at_s=0.0, state=policy.get_state())]
@@ -121,6 +129,13 @@ class TrainingHistory:
         if self._teaching_s - self._snapshots[-1].at_s >= SNAPSHOT_EVERY_S:
             self._take_snapshot()
 
+    def begin_drive(self) -> None:
+        """Reset the policy, because a drive ends here and another will begin."""
+        self.policy.reset()
+        if not self._is_drive_new:
+            self._events.append(_DriveBegun(at_s=self._teaching_s))
+            self._is_drive_new = True
+
     def edit(self, verb: str, node_id: int, value: Any = None) -> None:
         """Relabel (`value`: an Action), delete, or pin (`value`: a bool) one learned image.
 
@@ -146,7 +161,8 @@ class TrainingHistory:
         if gone:
             self._rebuild_without(gone)
             self.taught = self.taught - Counter(taught.lesson.label for taught in gone)
-            last_s = self._events[-1].at_s if self._events else 0.0
+            kept = (e.at_s for e in reversed(self._events) if not isinstance(e, _DriveBegun))
+            last_s = next(kept, 0.0)
             self._teaching_s = max(last_s, self._snapshots[-1].at_s)
             self._tell(Undone(frame_ids=tuple(t.lesson.frame_id for t in gone)))
         return [taught.lesson for taught in gone]
@@ -164,8 +180,9 @@ class TrainingHistory:
         self._begin(policy, Counter(taught or {}))
         self._tell(Replaced(policy_name=policy.name))
 
-    def _record(self, event: LogEvent) -> None:
+    def _record(self, event: Taught | Edited) -> None:
         self._events.append(event)
+        self._is_drive_new = False
         self._tell(event)
 
     def _tell(self, event: HistoryEvent) -> None:
@@ -180,11 +197,12 @@ class TrainingHistory:
             self._snapshots.pop()
         snapshot = self._snapshots[-1]
         self._events = [event for event in self._events if id(event) not in identities]
-        self.policy.set_state(snapshot.state)
-        self.policy.reset()
+        self.policy.restore(snapshot.state)
         for event in self._events[snapshot.position - self._forgotten :]:
             if isinstance(event, Taught):
                 self.policy.learn(event.x, event.lesson.label)
+            elif isinstance(event, _DriveBegun):
+                self.policy.reset()
             else:
                 _apply_edit_if_possible(self.policy, event)
 

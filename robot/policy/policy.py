@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector
-from robot.learner.classifier import BSOCClassifier
-from robot.learner.places import MultiPlace
 from robot.policy.action_filter import ActionFilter, View
 from robot.policy.features import Features
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
@@ -73,7 +71,7 @@ class Policy:
     @property
     def n_nodes(self) -> int:
         """How many learned images there are; 0 for learners that keep none."""
-        return int(getattr(self.learner, "n_nodes_", 0))
+        return self.learner.n_nodes_
 
     @property
     def n_seen(self) -> int:
@@ -118,13 +116,13 @@ class Policy:
             bumped=bumped,
         )
         action = self._action_filter.choose(steady, view, under_way)
-        node = self._note(self._last_used, evidence.node, self._n_proposals)
+        self._note(self._last_used, evidence.node, self._n_proposals)
         return Prediction(
             frame_id=frame_id,
             action=action,
             confidence=self._chance(steady, action),
             probabilities=steady,
-            node=node,
+            node=evidence.node,
             distance=evidence.distance,
             novelty=evidence.novelty,
         )
@@ -139,15 +137,12 @@ class Policy:
             raise ValueError(f"{label!r} is none of the moves {', '.join(self.moves)}")
         self.learner.learn_one(x, Action(label))
         self._n_lessons += 1
-        learner = self._cluster()
-        if learner is not None:
-            self._note(self._last_taught, learner.last_node_, self._n_lessons)
+        self._note(self._last_taught, self.learner.last_node_, self._n_lessons)
 
     def reset(self) -> None:
-        """Forget the running average and the turn begun: a new drive begins."""
+        """Forget what belongs to one drive: a new drive begins."""
         self._action_filter.reset()
-        if isinstance(self.learner, MultiPlace):
-            self.learner.reset()
+        self.learner.reset()
 
     def get_state(self) -> State:
         """Return a copy of all that was learned, and of nothing that passes with the drive."""
@@ -163,7 +158,16 @@ class Policy:
         )
 
     def set_state(self, state: State) -> None:
-        """Become the policy that gave `state`: the same predictions, the same future learning.
+        """Become the policy that gave `state`, at the beginning of a drive.
+
+        Raises:
+            ValueError: If it is of another kind.
+        """
+        self.restore(state)
+        self.learner.reset()
+
+    def restore(self, state: State) -> None:
+        """Go back to `state` in the middle of a drive: the same predictions and future learning.
 
         Raises:
             ValueError: If it is of another kind.
@@ -177,30 +181,22 @@ class Policy:
         self._n_proposals = 0
         self._last_used = {}
         self._last_taught = {int(k): int(v) for k, v in state.params["last_taught"].items()}
-        self.reset()
+        self._action_filter.reset()
 
     def gallery(self) -> list[LearnedImage]:
-        """Return every learned image, in the order of the nodes."""
-        learner = self._cluster()
-        if learner is None:
-            return []
-        cluster = learner.cluster
-        histograms, ids = learner.histograms_, cluster.ids_.tolist()
+        """Return every learned image, in the order of the nodes; none if the learner keeps none."""
         return [
             LearnedImage(
-                node_id=node_id,
+                node_id=node.id,
                 index=index,
-                thumbnail=self.features.thumbnail(image),
-                votes={
-                    Action(label): int(count)
-                    for label, count in zip(learner.labels_, histograms[index], strict=True)
-                },
-                frames=int(cluster.counts_[index]),
-                last_used=self._last_used.get(node_id, 0),
-                last_taught=self._last_taught.get(node_id, 0),
-                is_pinned=bool(cluster.pinned_[index]),
+                thumbnail=self.features.thumbnail(node.image),
+                votes={Action(label): count for label, count in node.votes.items()},
+                frames=node.frames,
+                last_used=self._last_used.get(node.id, 0),
+                last_taught=self._last_taught.get(node.id, 0),
+                is_pinned=node.is_pinned,
             )
-            for index, (node_id, image) in enumerate(zip(ids, cluster.nodes_, strict=True))
+            for index, node in enumerate(self.learner.nodes())
         ]
 
     def relabel_node(self, node_id: int, label: Action) -> None:
@@ -212,39 +208,26 @@ class Policy:
         """
         if label not in self.moves:
             raise ValueError(f"{label!r} is none of the moves {', '.join(self.moves)}")
-        self._editable().relabel_node(node_id, Action(label))
+        self.learner.relabel_node(node_id, Action(label))
 
     def delete_node(self, node_id: int) -> None:
         """Forget one learned image; raises LookupError if there is none."""
-        self._editable().delete_node(node_id)
+        self.learner.delete_node(node_id)
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
         """Keep one learned image from merging; raises LookupError if there is none."""
-        self._editable().pin_node(node_id, pinned)
+        self.learner.pin_node(node_id, pinned)
 
     def _chance(self, shares: dict[Action, float], action: Action) -> float:
         values = np.array(list(shares.values()))
-        sharpness = float(getattr(self.learner, "sharpness", 1.0))
-        return votes.chance(values, list(shares).index(action), sharpness)
+        return votes.chance(values, list(shares).index(action), self.learner.sharpness)
 
-    def _cluster(self) -> BSOCClassifier | None:
-        return self.learner if isinstance(self.learner, BSOCClassifier) else None
-
-    def _editable(self) -> BSOCClassifier:
-        learner = self._cluster()
-        if learner is None:
-            raise ValueError(f"the learner {self.name} has no images to edit")
-        return learner
-
-    def _note(self, when: dict[int, int], index: int | None, now: int) -> int | None:
-        """Write down when a node was met last, and return its id."""
-        learner = self._cluster()
-        if learner is None or index is None:
-            return None
-        node_id = learner.cluster.node_id(index)
+    def _note(self, when: dict[int, int], node_id: int | None, now: int) -> None:
+        """Write down when a node was met last, and forget nodes that are gone."""
+        if node_id is None:
+            return
         when[node_id] = now
-        if len(when) > 4 * self.max_nodes + 64:
-            alive = set(learner.cluster.ids_.tolist())
+        if len(when) > 4 * self.learner.n_nodes_ + 64:
+            alive = {node.id for node in self.learner.nodes()}
             for gone in [node for node in when if node not in alive]:
                 del when[gone]
-        return node_id

@@ -26,7 +26,8 @@ async def list_images(request: Request) -> dict[str, Any]:
     images = await progress.gallery()
     return {
         "moves": [move.value for move in state.moves],
-        "max_nodes": state.max_nodes,
+        # A learner of several places keeps so many for each of them.
+        "max_nodes": max(state.max_nodes, len(images)),
         "images": [_describe(image, progress) for image in images],
     }
 

@@ -35,7 +35,7 @@ def test_edits_follow_a_node_through_merges():
     learner = BSOCClassifier(2)
     for value, label in [(0.0, "left"), (0.1, "left"), (9.0, "right"), (9.1, "right")]:
         learner.learn_one(np.array([value]), label)
-    node = learner.cluster.node_id(learner.explain_one(np.array([0.0])).node)
+    node = learner.explain_one(np.array([0.0])).node
     learner.relabel_node(node, "forward")
     assert learner.predict_one(np.array([0.0])) == "forward"
     learner.delete_node(node)

@@ -1,0 +1,185 @@
+"""Every learner does what its protocol says: gallery, pinning, novelty and undo, or says no."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot.errors import MissingExtraError
+from robot.learner import Learner, State
+from robot.policy.history import TrainingHistory
+from robot.policy.policy import Policy
+from robot.policy.registry import MAKERS, make_policy
+from robot.types import Action, Encoding, Example, Frame
+
+MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
+SIZE = 6
+STEP_S = 0.2
+
+
+@pytest.fixture(params=sorted(MAKERS))
+def kind(request: pytest.FixtureRequest) -> str:
+    try:
+        make_policy(f"{request.param}-{SIZE}")
+    except MissingExtraError as error:
+        pytest.skip(f"NOT TESTED: {error}")
+    return str(request.param)
+
+
+def make(kind: str) -> Policy:
+    return make_policy(f"{kind}-{SIZE}")
+
+
+def view(scene: int, noise: int = 0) -> Frame:
+    blocks = np.random.default_rng(scene).integers(0, 200, (12, 16))
+    rgb = np.kron(blocks, np.ones((10, 10)))[:, :, None].repeat(3, axis=2)
+    rgb = rgb + np.random.default_rng(1000 + noise).integers(0, 20, rgb.shape)
+    data = rgb.astype(np.uint8).tobytes()
+    return Frame(
+        frame_id=1, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=data
+    )
+
+
+def teach(policy: Policy, examples: int, first: int = 0) -> None:
+    for i in range(first, first + examples):
+        policy.learn(policy.extract(view(i % 9, i)), MOVES[i % 3])
+
+
+def same(a: Any, b: Any) -> bool:
+    if isinstance(a, State):
+        fields = ("kind", "params", "arrays", "labels")
+        return all(same(getattr(a, field), getattr(b, field)) for field in fields)
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, np.ndarray):
+        return np.array_equal(a, b)
+    return bool(a == b)
+
+
+def test_it_is_a_learner(kind: str) -> None:
+    assert isinstance(make(kind).learner, Learner)
+
+
+def test_a_learner_of_images_shows_them_all_and_others_show_none(kind: str) -> None:
+    policy = make(kind)
+    teach(policy, 40)
+    gallery = policy.gallery()
+    ids = [image.node_id for image in gallery]
+    assert bool(gallery) is policy.learner.abilities.images
+    assert policy.n_nodes == len(gallery) == len(set(ids))
+    if gallery:
+        assert sum(image.frames for image in gallery) == 40
+        assert sum(sum(image.votes.values()) for image in gallery) == 40
+        assert max(image.last_taught for image in gallery) == 40
+
+
+def test_a_prediction_names_an_image_of_the_gallery(kind: str) -> None:
+    policy = make(kind)
+    teach(policy, 40)
+    node = policy.propose(1, policy.extract(view(3, 500))).node
+    if policy.learner.abilities.images:
+        assert node in {image.node_id for image in policy.gallery()}
+        assert [image.last_used for image in policy.gallery() if image.node_id == node] == [1]
+    else:
+        assert node is None
+
+
+def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) -> None:
+    policy = make(kind)
+    teach(policy, 40)
+    if not policy.learner.abilities.images:
+        for edit in (
+            lambda: policy.relabel_node(0, MOVES[0]),
+            lambda: policy.delete_node(0),
+            lambda: policy.pin_node(0),
+        ):
+            with pytest.raises(ValueError, match="keeps no images"):
+                edit()
+        return
+    first, second = (image.node_id for image in policy.gallery()[:2])
+    policy.relabel_node(first, Action.RIGHT)
+    policy.delete_node(second)
+    shown = {image.node_id: image for image in policy.gallery()}
+    assert second not in shown
+    assert shown[first].votes[Action.RIGHT] == shown[first].frames
+    with pytest.raises(LookupError):
+        policy.delete_node(10**9)
+
+
+def test_a_pinned_image_stays_as_it_is(kind: str) -> None:
+    policy = make(kind)
+    teach(policy, 40)
+    if not policy.learner.abilities.pinning:
+        pytest.skip("it says that it cannot pin")
+    pinned = policy.gallery()[0]
+    policy.pin_node(pinned.node_id)
+    teach(policy, 60, first=40)
+    [still] = [image for image in policy.gallery() if image.node_id == pinned.node_id]
+    assert still.is_pinned
+    assert np.array_equal(still.thumbnail, pinned.thumbnail)
+    with pytest.raises(ValueError, match="pinned"):
+        policy.delete_node(pinned.node_id)
+
+
+def test_a_strange_view_is_novel_or_the_learner_says_that_it_cannot_tell(kind: str) -> None:
+    policy = make(kind)
+    for i in range(60):
+        policy.learn(policy.extract(view(0, i)), MOVES[0])
+    familiar = policy.propose(1, policy.extract(view(0, 700)))
+    strange = policy.propose(2, policy.extract(view(77, 700)))
+    assert familiar.novelty < 1.0
+    assert (strange.novelty >= 1.0) is policy.learner.abilities.novelty
+
+
+def test_after_the_last_image_is_deleted_it_proposes_nothing(kind: str) -> None:
+    policy = make(kind)
+    teach(policy, 6)
+    for image in policy.gallery():
+        policy.delete_node(image.node_id)
+    prediction = policy.propose(1, policy.extract(view(1)))
+    assert (prediction.action is None) is policy.learner.abilities.images
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_undo_leaves_no_trace_of_the_examples(kind: str, seed: int) -> None:
+    """With drives that begin in between, where learners of several places look about."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(20, 90))
+    drives = set(rng.integers(1, count, 4).tolist())
+    scenes = rng.integers(0, 30, count)
+    seconds = float(rng.uniform(0.5, 12.0))
+    history, untouched = TrainingHistory(make(kind)), TrainingHistory(make(kind))
+
+    def run(history: TrainingHistory, until: int) -> None:
+        for i in range(count):
+            if i in drives:
+                history.begin_drive()
+            if i < until:
+                x = history.policy.extract(view(int(scenes[i]), i))
+                example = Example(frame_id=i, label=MOVES[i % 3], is_intervention=False)
+                history.teach(example, x, captured_s=i * STEP_S)
+
+    run(history, count)
+    gone = history.undo(seconds)
+    run(untouched, count - len(gone))
+    assert gone
+    assert same(history.policy.get_state(), untouched.policy.get_state())
+    for other in (history, untouched):
+        teach(other.policy, 15)
+    assert same(history.policy.get_state(), untouched.policy.get_state())
+
+
+def test_undoing_an_edit_brings_the_image_back(kind: str) -> None:
+    history = TrainingHistory(make(kind))
+    for i in range(30):
+        example = Example(frame_id=i, label=MOVES[i % 3], is_intervention=False)
+        history.teach(example, history.policy.extract(view(i % 9, i)), captured_s=i * STEP_S)
+    before = history.policy.get_state()
+    if not history.policy.learner.abilities.images:
+        pytest.skip("it says that it keeps no images")
+    history.edit("delete", history.policy.gallery()[0].node_id)
+    assert not same(history.policy.get_state(), before)
+    assert history.undo_edit()
+    assert same(history.policy.get_state(), before)
