@@ -12,6 +12,7 @@ from robot.rig.rig import Rig
 from server.clients.hub import Hub
 from server.config import Config
 from server.events import EventBus
+from server.identity import IdentityFile
 from server.persistence import Persistence
 from server.progress import Progress
 from server.security.pairing import Pairing
@@ -26,6 +27,7 @@ class Services:
         config: What was set.
         robot: The robot, started and stopped by whoever built it.
         events: Where parts publish what clients should know.
+        identity: The robot's name and colour.
         hub: The clients, and who of them drives.
         progress: Curve and gallery of the model in use.
         study: The guided study.
@@ -37,6 +39,7 @@ class Services:
     config: Config
     robot: Rig
     events: EventBus
+    identity: IdentityFile
     hub: Hub
     progress: Progress
     study: Study
@@ -50,6 +53,7 @@ def make_services(
     robot: Rig,
     *,
     name: str = "robot",
+    identity: IdentityFile | None = None,
     events: EventBus | None = None,
     persistence: Persistence | None = None,
     pairing: Pairing | None = None,
@@ -59,12 +63,14 @@ def make_services(
     Args:
         config: What was set.
         robot: The robot, running or not.
-        name: What pages call it.
+        name: What pages call it, where `identity` does not say.
+        identity: Keeps the robot's name and colour; by default nothing is kept.
         events: The bus that `persistence` publishes to; a new one by default.
         persistence: What keeps models and recordings; started and stopped by the caller.
         pairing: Who was let in; None lets in whoever can reach the port.
     """
     events = events or EventBus()
+    identity = identity or IdentityFile(None, name)
 
     def recording() -> str | None:
         return persistence.recording if persistence is not None else None
@@ -73,7 +79,8 @@ def make_services(
         config=config,
         robot=robot,
         events=events,
-        hub=Hub(config, robot, name, events),
+        identity=identity,
+        hub=Hub(config, robot, identity.now.name, events),
         progress=Progress(robot.loop, robot.clock, recording),
         study=Study(robot.loop, robot.clock, events.publish, recording),
         persistence=persistence,

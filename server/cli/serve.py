@@ -64,6 +64,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--model", default=None, metavar="NAME", help="go on with this model, or begin it"
     )
     parser.add_argument(
+        "--name", default=None, help="what people call this robot (default: one that it keeps)"
+    )
+    parser.add_argument(
         "--jpeg-quality", type=int, default=80, help="of simulated pictures (default: %(default)s)"
     )
     parser.add_argument("--config", type=Path, default=None, help="TOML file of settings")
@@ -113,6 +116,7 @@ def run(args: argparse.Namespace) -> int:
     from server.app import create_app
     from server.events import EventBus
     from server.hosting.serving import open_socket, serve
+    from server.identity import IdentityFile
     from server.persistence import Persistence
     from server.services import make_services
 
@@ -134,11 +138,12 @@ def run(args: argparse.Namespace) -> int:
     pairing = _open_pairing(config, addresses[0]) if config.lan else None
     events = EventBus()
     options = {name: str(value) for name, value in vars(args).items() if _says_something(value)}
+    identity = IdentityFile(config.data, args.name)
     persistence = Persistence(
-        Storage(config.data), rig, name=args.robot, options=options, announce=events.publish
+        Storage(config.data), rig, name=identity.now.name, options=options, announce=events.publish
     )
     services = make_services(
-        config, rig, name=args.robot, events=events, persistence=persistence, pairing=pairing
+        config, rig, identity=identity, events=events, persistence=persistence, pairing=pairing
     )
     if pairing is None:
         rig.driver.announce(addresses[0])

@@ -14,7 +14,8 @@ from robot.control.loop import ControlLoop
 from robot.moves import describe
 from robot.policy.registry import make_policy, split_name
 from robot.types import Action, Encoding, Frame
-from server.routes.bodies import read_body, refusals
+from server.identity import COLOURS
+from server.routes.bodies import do, read_body, refusals
 from server.security.guard import require_pilot, require_viewer
 from server.services import persistence_of, services_of
 
@@ -36,7 +37,11 @@ async def describe_settings(request: Request) -> dict[str, Any]:
     kind, _ = split_name(state.learner)
     rates_hz = await run_in_threadpool(estimate_rates_hz, kind)
     frame = robot.camera.latest()
+    identity = services_of(request).identity.now
     return {
+        "name": identity.name,
+        "colour": identity.colour,
+        "colours": list(COLOURS),
         "learner": state.learner,
         "max_nodes": state.max_nodes,
         "sizes": [{"max_nodes": n, "rate_hz": round(rates_hz[n])} for n in SIZES],
@@ -57,11 +62,13 @@ async def describe_settings(request: Request) -> dict[str, Any]:
 
 @router.put("", dependencies=[PILOT])
 async def change_settings(request: Request) -> dict[str, Any]:
-    """Set {speed}, or begin an empty model with {max_nodes} or {moves}; 409 while it drives."""
+    """Set {speed, name, colour}; {max_nodes} or {moves} begin an empty model, 409 if it drives."""
     body = await read_body(request)
     loop = services_of(request).robot.loop
     if "speed" in body:
         loop.speed_share = _checked_speed(body["speed"])
+    if "name" in body or "colour" in body:
+        await _rename(request, {key: body[key] for key in ("name", "colour") if key in body})
     if "max_nodes" in body or "moves" in body:
         kind, size = split_name(loop.state.learner)
         size = body.get("max_nodes", size)
@@ -72,6 +79,13 @@ async def change_settings(request: Request) -> dict[str, Any]:
         with refusals():
             await run_in_threadpool(autosave.begin, None, f"{kind}-{size}", None, moves)
     return {"learner": loop.state.learner, "speed": loop.speed_share}
+
+
+async def _rename(request: Request, fields: dict[str, Any]) -> None:
+    services = services_of(request)
+    now = await do(lambda: services.identity.change(**fields))
+    services.hub.name = now.name
+    services.events.publish("renamed", robot=now.name, colour=now.colour)
 
 
 def _checked_speed(speed: Any) -> float:

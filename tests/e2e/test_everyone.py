@@ -9,7 +9,15 @@ import pytest
 
 from robot.types import Mode
 
-from .world import DESKTOP, PHONE, Fingers, World, choose, open_page, pad, wait_for
+from .world import (
+    DESKTOP,
+    PHONE,
+    Fingers,
+    World,
+    choose,
+    hold_until,
+    open_page,
+)
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -42,8 +50,7 @@ def test_axe_finds_nothing_on_any_screen(
     page = open_page(context, world.address)
     choose(page, world, Mode.TRAIN)
     fingers = Fingers(page)
-    fingers.press(pad("left"))
-    wait_for(lambda: world.lessons > 40, "something is learned")
+    hold_until(world, fingers, "left", lambda: world.lessons > 40)
     page.evaluate(axe)
     assert complaints(page) == [], "while driving"
     fingers.lift()
@@ -189,15 +196,30 @@ def test_reduced_motion_moves_nothing(chromium: Any, world: World) -> None:
 
 
 def test_the_first_visit_shows_three_hints_once(chromium: Any, world: World) -> None:
-    context = chromium.new_context(viewport=PHONE)
+    """Each when its moment has come, and nothing else is said beside it."""
+    context = chromium.new_context(viewport=PHONE, has_touch=True)
     page = open_page(context, world.address, hints=True)
-    said = []
-    for _ in range(3):
-        said.append(page.locator(".notice p").inner_text())
-        page.locator(".notice button", has_text="Next").click()
-    assert len(set(said)) == 3
+    fingers = Fingers(page)
+    said = [_hint(page, "hold a direction")]
+    choose(page, world, Mode.TRAIN)
+    hold_until(world, fingers, "left", lambda: world.lessons > 70)
+    said.append(_hint(page, "three bars"))
+    fingers.lift()
+    page.locator(".notice button", has_text="Got it").click()
     page.locator(".notice").wait_for(state="hidden")
+    choose(page, world, Mode.AUTONOMOUS)
+    said.append(_hint(page, "correct it"))
+    page.locator(".notice button", has_text="Got it").click()
+    assert len(set(said)) == 3
+    choose(page, world, Mode.STOPPED)
     page.reload()
     page.wait_for_selector("video-view[data-frames]")
-    assert page.locator(".notice button:visible", has_text="Next").count() == 0
+    assert page.locator(".notice button:visible", has_text="Got it").count() == 0
     context.close()
+
+
+def _hint(page: Any, words: str) -> str:
+    """Wait for a hint; while it is shown the panel's own advice is silent."""
+    page.locator(".notice p", has_text=words).wait_for()
+    assert page.locator("teach-panel p").inner_text() == ""
+    return str(page.locator(".notice p").inner_text())

@@ -18,6 +18,7 @@ from .world import (
     choose,
     open_page,
     pad,
+    remember,
     time_to_stand,
     turned_rad,
     wait_for,
@@ -129,9 +130,7 @@ def test_a_gamepad_drives_and_its_button_stops(chromium: Any, world: World) -> N
 
 def test_tilting_drives_while_the_thumb_rests(chromium: Any, world: World) -> None:
     context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
-    context.add_init_script(
-        "localStorage.setItem('drivelesson.preferences', '{\"hintsSeen\":true,\"tilt\":true}')"
-    )
+    context.add_init_script(remember(hintsShown=["teach", "bars", "correct"], tilt=True))
     page = open_page(context, world.address, hints=True)
     lean = context.new_cdp_session(page)
 

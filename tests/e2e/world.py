@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import math
 import os
 import time
@@ -111,13 +112,17 @@ def running_chromium(*flags: str) -> Iterator[Any]:
                 browser.close()
 
 
+def remember(**preferences: Any) -> str:
+    """Return a script that makes the page find these preferences of the person before it."""
+    kept = json.dumps(json.dumps(preferences))
+    return f"localStorage.setItem('drivelesson.preferences', {kept})"
+
+
 def open_page(context: Any, address: str, path: str = "/", *, hints: bool = False) -> Any:
     """Open the page and wait for the first picture; without the first visit's hints."""
     page = context.new_page()
     if not hints:
-        page.add_init_script(
-            "localStorage.setItem('drivelesson.preferences', '{\"hintsSeen\": true}')"
-        )
+        page.add_init_script(remember(hintsShown=["teach", "bars", "correct"]))
     page.goto(address + path)
     page.wait_for_selector("video-view[data-frames]", state="attached", timeout=20_000)
     return page

@@ -1,7 +1,8 @@
 import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 
-import { isReady, starvedMove, teachingAdvice, urgentAdvice } from '../../web/js/advice.js';
+import { READY_AGREEMENT, isReady, starvedMove, teachingAdvice, urgentAdvice, usedMoves } from '../../web/js/advice.js';
 import { initialState } from '../../web/js/store.js';
 
 const robot = (changes = {}) => ({
@@ -24,6 +25,39 @@ test('ready is: much taught, much agreed, nothing starved', () => {
   assert.equal(isReady(robot({ lessons: 100 })), false);
   assert.equal(isReady(robot({ agreement: 0.8 })), false);
   assert.equal(isReady(robot({ taught: { forward: 290, left: 10 } })), false);
+});
+
+test('the box needs two moves: what this pilot does not use is never asked for', () => {
+  assert.equal(isReady(robot({ taught: { forward: 200, left: 100, right: 0 } })), true);
+  for (let left = 0; left <= 300; left += 7) {
+    for (const slips of [0, 1, 4, 8]) {
+      const taught = { forward: 300, left, right: slips, backward: 0 };
+      for (const mode of ['train', 'stopped', 'autonomous']) {
+        const { move } = teachingAdvice(robot({ mode, taught, agreement: 0.5 }));
+        assert.ok(move === undefined || usedMoves(taught).includes(move), `${move} of ${JSON.stringify(taught)}`);
+        assert.notEqual(move, 'right');
+        assert.notEqual(move, 'backward');
+      }
+    }
+  }
+});
+
+test('one move alone is no driving: a turn is asked for', () => {
+  assert.equal(teachingAdvice(robot({ taught: { forward: 300, left: 0, right: 2 } })).key, 'advice.turn');
+  assert.equal(isReady(robot({ taught: { forward: 300, left: 0 } })), false);
+});
+
+test('a robot that drives itself is never urged to be taught', () => {
+  assert.equal(teachingAdvice(robot({ mode: 'autonomous', taught: { forward: 290, left: 10 } })).key, 'advice.watch');
+});
+
+test('the documents tell the same number', () => {
+  const share = `${Math.round(100 * READY_AGREEMENT)} %`;
+  for (const file of ['tutorial.md', 'howto/page.md']) {
+    const shares = [...readFileSync(new URL(`../../docs/${file}`, import.meta.url), 'utf8').matchAll(/\d+ %/g)].map(String);
+    assert.ok(shares.includes(share), file);
+    assert.deepEqual([...new Set(shares)], [share], file);
+  }
 });
 
 test('one step at a time, from the first visit to the first drive', () => {
@@ -50,8 +84,8 @@ test('the most urgent is said first', () => {
   assert.equal(key(page({}, { mode: 'stopped', stop_reason: 'pilot_asked' })), null);
   assert.equal(key(page({}, { mode: 'autonomous', asks_pilot: true })), 'asks');
   assert.equal(key(page({}, { link: 'capped' })), 'link.capped');
-  assert.equal(key(page({ hint: 2, notice: 'choose_first' })), 'choose_first');
-  assert.equal(key(page({ hint: 2 })), 'hint.2');
+  assert.equal(key(page({ hint: 'bars', notice: 'choose_first' })), 'choose_first');
+  assert.equal(key(page({ hint: 'bars' })), 'hint.bars');
   assert.equal(key(page()), null);
 });
 

@@ -3,29 +3,43 @@
 /** @typedef {import('./store.js').PageState} PageState */
 /** @typedef {{key: string, values?: Record<string, string | number>, step?: string, level: 'info' | 'ask' | 'stop'}} Advice */
 
-const FEW_LESSONS = 60;
+const FEW_EXAMPLES = 60;
 const STARVED_SHARE = 0.1;
-const READY_LESSONS = 150;
-const READY_AGREEMENT = 0.85;
+const USED_SHARE = 0.03; // less of a move than this was a slip of the thumb
+const READY_EXAMPLES = 150;
+/** The line on the curve, in the tutorial and in docs/howto/page.md. */
+export const READY_AGREEMENT = 0.85;
 
 /**
- * The move of which too little was taught; null if none is starved or it is too early to say.
+ * The moves that this pilot uses: whichever were really taught. The box needs two.
+ * @param {Record<string, number>} taught
+ * @returns {string[]}
+ */
+export function usedMoves(taught) {
+  const total = Object.values(taught).reduce((sum, n) => sum + n, 0);
+  return Object.keys(taught).filter((move) => taught[move] > 0 && taught[move] >= USED_SHARE * total);
+}
+
+/**
+ * The move in use of which too little was taught; null if none is starved or it is too early to say.
  * @param {Record<string, number>} taught
  * @returns {{move: string, share: number} | null}
  */
 export function starvedMove(taught) {
   const total = Object.values(taught).reduce((sum, n) => sum + n, 0);
-  if (total < FEW_LESSONS) return null;
-  const [move, n] = Object.entries(taught).reduce((a, b) => (b[1] < a[1] ? b : a));
-  return n / total < STARVED_SHARE ? { move, share: n / total } : null;
+  if (total < FEW_EXAMPLES) return null;
+  const [move] = usedMoves(taught).sort((a, b) => taught[a] - taught[b]);
+  const share = taught[move] / total;
+  return share < STARVED_SHARE ? { move, share } : null;
 }
 
 /** True if the robot may try alone. @param {{lessons: number, agreement: number | null, agreement_frames: number, taught: Record<string, number>}} robot */
 export function isReady(robot) {
   return (
-    robot.lessons >= READY_LESSONS &&
+    robot.lessons >= READY_EXAMPLES &&
     robot.agreement_frames >= 50 &&
     (robot.agreement ?? 0) >= READY_AGREEMENT &&
+    usedMoves(robot.taught).length > 1 &&
     starvedMove(robot.taught) === null
   );
 }
@@ -75,16 +89,17 @@ function wheelElsewhere(page) {
 }
 
 /**
- * What would help the lesson most.
+ * What would help the robot most now.
  * @param {import('./protocol.js').RobotState} robot
  * @returns {{key: string, move?: string, share?: number}}
  */
 export function teachingAdvice(robot) {
   if (robot.mode === 'stopped' && robot.lessons === 0) return { key: 'advice.start' };
   if (robot.lessons === 0) return { key: 'advice.first' };
+  if (robot.mode === 'autonomous') return { key: 'advice.watch' };
+  if (robot.lessons >= FEW_EXAMPLES && usedMoves(robot.taught).length < 2) return { key: 'advice.turn' };
   const starved = starvedMove(robot.taught);
   if (starved) return { key: 'advice.starved', ...starved };
-  if (robot.mode === 'autonomous') return { key: 'advice.watch' };
   if (isReady(robot)) return { key: 'advice.ready' };
   return { key: robot.mode === 'stopped' ? 'advice.more' : 'advice.go_on' };
 }

@@ -29,7 +29,7 @@ export class Preferences {
   constructor(storage = localStorage) {
     this.storage = storage;
     /** @type {Record<string, any>} */
-    this.values = { vibrate: true, tilt: false, hintsSeen: false, ...read(storage) };
+    this.values = { vibrate: true, tilt: false, hintsShown: [], ...read(storage) };
   }
 
   get vibrate() {
@@ -40,8 +40,9 @@ export class Preferences {
     return Boolean(this.values.tilt);
   }
 
-  get hintsSeen() {
-    return Boolean(this.values.hintsSeen);
+  /** @returns {string[]} hints of the first visit that were shown */
+  get hintsShown() {
+    return this.values.hintsShown;
   }
 
   /** @param {string} name @param {unknown} value */

@@ -2,13 +2,13 @@
 
 import { ask } from './api.js';
 import { Helm } from './helm.js';
+import { hintNow } from './hints.js';
 import { t } from './i18n.js';
 import { declare } from './moves.js';
 
 const AGREEMENT_EVERY = 5; // lessons between two points of the curve
 const CURVE_POINTS = 160;
 const NOTICE_MS = 3500;
-const HINTS = 3;
 const LESSON_MS = 1000;
 
 /** @typedef {import('./protocol.js').Mode} Mode */
@@ -34,7 +34,6 @@ export class Page {
     this.lessonTimer = undefined;
     /** @type {Record<string, (words: any) => void>} */
     this.hearers = { hello: (w) => this.greet(w), state: (w) => this.follow(w), event: (w) => this.note(w) };
-    if (!preferences.hintsSeen) store.set({ hint: 1 });
     this.listen();
   }
 
@@ -89,6 +88,7 @@ export class Page {
       ...(isSame ? {} : { moves }),
       ...(robot.you_are_pilot ? { wheelWaiting: false } : { wheelAsked: false }),
     });
+    this.followHint(robot);
     this.drawCurve(robot);
     this.wakeLock.want(robot.mode !== 'stopped');
   }
@@ -113,9 +113,10 @@ export class Page {
     this.store.set({ agreement: [...this.store.state.agreement, agreement].slice(-CURVE_POINTS) });
   }
 
-  /** @param {{name: string, detail?: string}} event */
+  /** @param {{name: string, detail?: string, robot?: string}} event */
   note(event) {
     if (event.name === 'model_not_saved') this.toast(t('not_saved', { detail: event.detail ?? '' }));
+    if (event.name === 'renamed') this.store.set({ robotName: event.robot });
     if (event.name === 'lesson') this.refreshLesson();
     if (event.name === 'wheel_asked') this.store.set({ wheelAsked: true });
     if (event.name === 'wheel_waiting') this.store.set({ wheelWaiting: true });
@@ -164,7 +165,7 @@ export class Page {
   /** Take the step that a notice offers. @param {string} step */
   take(step) {
     if (step === 'hint') {
-      this.nextHint();
+      this.endHint();
       return;
     }
     if (step === 'lesson') {
@@ -175,10 +176,18 @@ export class Page {
     this.connection.say(/** @type {'release' | 'take' | 'yield'} */ (step));
   }
 
-  nextHint() {
-    const next = (this.store.state.hint ?? 0) + 1;
-    if (next > HINTS) this.preferences.set('hintsSeen', true);
-    this.store.set({ hint: next > HINTS ? null : next });
+  /** Show the hint about what is happening now; one whose moment is over is not shown again. @param {RobotState} robot */
+  followHint(robot) {
+    const { hint } = this.store.state;
+    const now = hintNow(robot, this.preferences.hintsShown);
+    if (hint && hint !== now) this.endHint();
+    else if (hint !== now) this.store.set({ hint: now });
+  }
+
+  endHint() {
+    const { hint } = this.store.state;
+    if (hint) this.preferences.set('hintsShown', [...this.preferences.hintsShown, hint]);
+    this.store.set({ hint: null });
   }
 
   /** The page goes out of sight: nobody supervises the robot any more. */

@@ -23,7 +23,7 @@
  * @property {boolean} wheelAsked  somebody else asks for the wheel
  * @property {boolean} wheelWaiting  this page asked for it
  * @property {LessonState | null} lesson
- * @property {number | null} hint  which of the first visit's hints is shown
+ * @property {string | null} hint  which of the first visit's hints is shown
  * @property {string | null} notice  a short word that goes away by itself
  */
 

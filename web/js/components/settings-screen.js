@@ -22,7 +22,16 @@ export class SettingsScreen extends Screen {
   /** @param {any} settings */
   renderRobot(settings) {
     declare(settings.declared_moves);
-    fill(/** @type {Element} */ (this.robot), this.size(settings), this.speed(settings), this.moves(settings), camera(settings.camera));
+    fill(/** @type {Element} */ (this.robot), this.identity(settings), this.size(settings), this.speed(settings), this.moves(settings), camera(settings.camera));
+  }
+
+  /** @param {any} settings */
+  identity({ name, colour, colours }) {
+    const change = (/** @type {object} */ words) => this.attempt(() => ask('PUT', '/api/settings', words)).then(() => this.refresh());
+    const field = h('input', { value: name, maxlength: 24, 'aria-label': t('home.name'), onchange: () => change({ name: field.value.trim() }) });
+    const choice = h('select', { 'aria-label': t('settings.colour'), onchange: () => change({ colour: choice.value }) },
+      ...colours.map((/** @type {string} */ c) => h('option', { value: c, selected: c === colour }, t(`colour.${c}`))));
+    return group(t('settings.robot'), '', h('div', { class: 'row' }, field, choice));
   }
 
   /** @param {any} settings */
@@ -75,7 +84,7 @@ export class SettingsScreen extends Screen {
     const vibrate = h('input', { type: 'checkbox', checked: preferences.vibrate, onchange: () => preferences.set('vibrate', vibrate.checked) });
     const languages = h('select', { 'aria-label': t('settings.language'), onchange: () => chooseLanguage(languages.value) },
       ...Object.entries(LANGUAGES).map(([code, name]) => h('option', { value: code, selected: code === language, lang: code }, name)));
-    const hints = h('button', { type: 'button', onclick: () => { preferences.set('hintsSeen', false); location.hash = 'drive'; } }, t('settings.hints'));
+    const hints = h('button', { type: 'button', onclick: () => { preferences.set('hintsShown', []); location.hash = 'drive'; } }, t('settings.hints'));
     return h('div', { class: 'stack' }, group(t('settings.phone'), isSecureContext ? '' : t('settings.insecure'),
       h('label', { class: 'choice' }, tilt, h('span', {}, t('settings.tilt'))),
       h('label', { class: 'choice' }, vibrate, h('span', {}, t('settings.vibrate'))),

@@ -1,7 +1,7 @@
 // <teach-panel>: how good the robot is, how much it was taught, and what would help most.
 
 import { append, h, say, svg } from '../dom.js';
-import { teachingAdvice } from '../advice.js';
+import { READY_AGREEMENT, teachingAdvice, urgentAdvice } from '../advice.js';
 import { count, percent, t } from '../i18n.js';
 
 const WIDTH = 200;
@@ -15,7 +15,7 @@ export class TeachPanel extends HTMLElement {
     this.lessons = h('b', {}, '0');
     this.advice = h('p', { role: 'status' });
     this.curve = svg('polyline', { class: 'curve' });
-    const goal = svg('line', { class: 'goal', x1: 0, x2: WIDTH, y1: height(0.85), y2: height(0.85) });
+    const goal = svg('line', { class: 'goal', x1: 0, x2: WIDTH, y1: height(READY_AGREEMENT), y2: height(READY_AGREEMENT) });
     const chart = svg('svg', { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: 'none', 'aria-hidden': 'true' }, goal, this.curve);
     append(this, [
       h('a', { href: '#teaching', class: 'summary', title: t('screen.teaching') },
@@ -23,17 +23,23 @@ export class TeachPanel extends HTMLElement {
         h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught')))),
       this.advice,
     ]);
-    page.store.watch(['robot', 'lesson'], ({ robot, lesson }) => robot && this.render(robot, lesson));
+    page.store.watch(['robot', 'link', 'lesson', 'hint', 'notice', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
     page.store.watch(['agreement'], (state) => this.curve?.setAttribute('points', points(state.agreement)));
   }
 
-  /** @param {import('../protocol.js').RobotState} robot @param {import('../store.js').LessonState | null} lesson */
-  render(robot, lesson) {
+  /** @param {import('../store.js').PageState} state */
+  render(state) {
+    const { robot, lesson } = state;
+    if (!robot) return;
     say(/** @type {Node} */ (this.agreement), robot.agreement === null ? '–' : percent(robot.agreement));
     say(/** @type {Node} */ (this.lessons), count(robot.lessons));
     if (lesson?.mode) {
       const left = minutes(lesson.left_s);
       say(/** @type {Node} */ (this.advice), t(`lesson.now_${lesson.phase}`, { left, n: lesson.trial }));
+      return;
+    }
+    if (urgentAdvice(state)) {
+      say(/** @type {Node} */ (this.advice), ''); // one thing at a time: it is said over the picture
       return;
     }
     const { key, move, share } = teachingAdvice(robot);

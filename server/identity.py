@@ -1,0 +1,89 @@
+"""What people call this robot, and its colour on the teacher's board: kept in the data folder."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from robot.errors import ConfigurationError
+from robot.storage.folder import check_name, write_whole
+
+_NAMES = (
+    "Ada Bolt Comet Dot Echo Fox Gizmo Hazel Indigo Juno Kiwi Luna Milo Nova Otto Pixel Quill"
+    " Rover Scout Tango Umi Vega Wren Yuki Ziggy"
+)
+NAMES = tuple(_NAMES.split())
+"""A robot that nobody named yet is called one of these, and keeps it."""
+COLOURS = ("grey", "green", "purple", "pink", "brown", "teal")
+"""None of them is the pilot's amber, the robot's blue or the red of stopping."""
+LONGEST_NAME = 24
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """One robot's name and colour."""
+
+    name: str
+    colour: str = COLOURS[0]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise ConfigurationError("a robot's name is a text")
+        check_name(self.name)  # models are named after the robot
+        if len(self.name) > LONGEST_NAME:
+            raise ConfigurationError(f"a robot's name has at most {LONGEST_NAME} characters")
+        if self.colour not in COLOURS:
+            raise ConfigurationError(f"a robot's colour is one of {', '.join(COLOURS)}")
+
+
+class IdentityFile:
+    """Keeps the identity of one robot in `robot.json`.
+
+    Args:
+        folder: The data folder; None keeps it in memory alone.
+        name: A name given at the start, in place of the one that was kept.
+    """
+
+    def __init__(self, folder: Path | None, name: str | None = None) -> None:
+        self._path = folder / "robot.json" if folder is not None else None
+        kept = self._read()
+        if name is not None:
+            self.now = Identity(name.strip(), kept.colour if kept else COLOURS[0])
+        else:
+            self.now = kept or Identity(secrets.choice(NAMES))
+        if self.now != kept:
+            self._write()
+
+    def change(self, **fields: Any) -> Identity:
+        """Give another name or colour.
+
+        Raises:
+            ConfigurationError: If it is none.
+            OSError: If it cannot be kept; then nothing is changed.
+        """
+        before, self.now = self.now, replace(self.now, **fields)
+        try:
+            self._write()
+        except OSError:
+            self.now = before
+            raise
+        return self.now
+
+    def _read(self) -> Identity | None:
+        """Read what was kept; a damaged file counts as none, for a name is quickly given again."""
+        if self._path is None:
+            return None
+        try:
+            plain = json.loads(self._path.read_bytes())
+            return Identity(plain["name"], plain["colour"])
+        except (OSError, ValueError, KeyError, TypeError, RecursionError, ConfigurationError):
+            return None
+
+    def _write(self) -> None:
+        if self._path is not None:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            plain = {"name": self.now.name, "colour": self.now.colour}
+            write_whole(self._path, json.dumps(plain).encode())

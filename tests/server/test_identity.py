@@ -1,0 +1,57 @@
+"""A robot has a name of its own, keeps it, and can be given another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import httpx
+import pytest
+
+from robot.errors import ConfigurationError
+from server.identity import COLOURS, NAMES, Identity, IdentityFile
+
+from .live_robot import live_server
+
+
+def test_a_robot_that_nobody_named_keeps_the_name_it_got(tmp_path: Path) -> None:
+    first = IdentityFile(tmp_path).now
+    assert first.name in NAMES
+    assert {IdentityFile(tmp_path).now for _ in range(20)} == {first}
+
+
+def test_a_name_given_at_the_start_is_kept(tmp_path: Path) -> None:
+    IdentityFile(tmp_path).change(colour="pink")
+    assert IdentityFile(tmp_path, "Kitchen 3").now == Identity("Kitchen 3", "pink")
+    assert IdentityFile(tmp_path).now == Identity("Kitchen 3", "pink")
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [b"", b"{", b"[]", b"\xff", b'{"name": 3}', b'{"name": "x", "colour": "amber"}', b"9" * 99],
+)
+def test_a_damaged_file_is_no_reason_not_to_start(tmp_path: Path, kept: bytes) -> None:
+    (tmp_path / "robot.json").write_bytes(kept)
+    assert IdentityFile(tmp_path).now.name in NAMES
+
+
+@pytest.mark.parametrize("name", ["", " ", "a/b", "..", "x" * 25, "\ud83d", "a\nb", 3, None])
+def test_what_is_no_name_is_refused_and_changes_nothing(tmp_path: Path, name: object) -> None:
+    identity = IdentityFile(tmp_path)
+    before = identity.now
+    with pytest.raises(ConfigurationError):
+        identity.change(name=name)
+    assert identity.now == IdentityFile(tmp_path).now == before
+
+
+def test_clients_are_told_of_a_new_name() -> None:
+    with live_server() as server, httpx.Client(base_url=server.address) as http:
+        assert http.get("/api/settings").json()["name"] == "bench"
+        heard: list[dict[str, object]] = []
+        server.services.events.subscribe(
+            lambda name, fields: heard.append({"event": name, **fields})
+        )
+        assert http.put("/api/settings", json={"name": "Ada", "colour": COLOURS[1]}).is_success
+        assert heard == [{"event": "renamed", "robot": "Ada", "colour": COLOURS[1]}]
+        assert server.hub.name == http.get("/api/settings").json()["name"] == "Ada"
+        assert http.put("/api/settings", json={"name": "a/b"}).status_code == 409
+        assert http.put("/api/settings", json={"colour": "red"}).status_code == 409

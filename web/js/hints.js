@@ -1,0 +1,23 @@
+// The first visit's hints: each is shown once, when its moment has come, one at a time. Pure.
+
+/** @typedef {{mode: string, lessons: number}} Moment */
+
+const BARS_AFTER = 60; // examples: two or three seconds of driving, so that the bars mean something
+
+/** @type {Record<string, (robot: Moment) => boolean>} */
+const MOMENTS = {
+  teach: ({ mode, lessons }) => mode === 'stopped' && lessons === 0,
+  bars: ({ mode, lessons }) => mode === 'train' && lessons >= BARS_AFTER,
+  correct: ({ mode }) => mode === 'autonomous',
+};
+
+export const HINTS = Object.keys(MOMENTS);
+
+/**
+ * The hint about what is happening now; null if there is none, or it was shown before.
+ * @param {Moment} robot
+ * @param {readonly string[]} shown  hints that were shown before
+ */
+export function hintNow(robot, shown) {
+  return HINTS.find((hint) => !shown.includes(hint) && MOMENTS[hint](robot)) ?? null;
+}
