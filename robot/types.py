@@ -151,11 +151,13 @@ class Sensors:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PilotCommand:
-    """One word of the pilot: what is held, and which frame was on the screen.
+    """One command of the pilot: what is held, and which frame was on the screen.
 
     `held` is None while nothing is held: then it is only a heartbeat. `seq` counts up within
     one connection; `received_s` is the loop's clock at the border, never the phone's.
-    `frame_age_s` is how old that frame was when this was said, as the page reckons it.
+    `frame_age_s` is how old that frame was when this was sent, as the page reckons it, and
+    `phone_s` the part of that age that the frame had spent on the phone. `proven_s` is a time
+    before which the command cannot have been sent; None: it was sent when it was received.
     """
 
     held: Action | None
@@ -164,6 +166,8 @@ class PilotCommand:
     received_s: float
     pilot: str = "pilot"
     frame_age_s: float | None = None
+    phone_s: float | None = None
+    proven_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

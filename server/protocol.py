@@ -39,6 +39,8 @@ class ErrorCode(StrEnum):
     NOT_PILOT = "not_pilot"
     TOO_FAST = "too_fast"
     UNKNOWN_FRAME = "unknown_frame"
+    STALE = "stale"
+    NO_PICTURE = "no_picture"
 
 
 class ProtocolError(ValueError):
@@ -54,13 +56,17 @@ class ProtocolError(ValueError):
 class DriveMessage:
     """What is held now, and which frame is on the screen: command and heartbeat in one.
 
-    `frame_age_ms` is how old that frame is as the page reckons it; None if the page cannot say.
+    `nonce` is the newest that the page has received. `frame_age_ms` is how old that frame is as
+    the page reckons it, and `phone_ms` how much of that it has spent on the phone; None if the
+    page cannot say.
     """
 
     held: Action | None
     frame: int | None
     seq: int
+    nonce: int | None = None
     frame_age_ms: float | None = None
+    phone_ms: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +75,8 @@ class ModeMessage:
 
     mode: Mode
     seq: int
+    frame: int | None = None
+    nonce: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +113,8 @@ ClientMessage = DriveMessage | ModeMessage | Stop | Release | Take | Yield | Pin
 class VideoFrame:
     """One frame as it travels: what its header says, and the picture itself.
 
-    A `quiet` frame need not be acknowledged: a later one will be, and stands for it.
+    A `quiet` frame need not be acknowledged: a later one will be, and stands for it. `nonce`
+    goes back with the next command, as proof that it was sent later; 0 is none.
     """
 
     frame_id: int
@@ -115,6 +124,7 @@ class VideoFrame:
     height: int
     data: bytes = field(repr=False)
     quiet: bool = False
+    nonce: int = 0
 
 
 def parse_message(text: str, moves: Collection[Action]) -> ClientMessage:
@@ -131,7 +141,12 @@ def parse_message(text: str, moves: Collection[Action]) -> ClientMessage:
     if kind == "drive":
         return _parse_drive(message, seq, moves)
     if kind == "mode":
-        return ModeMessage(mode=_parse_mode(message, seq), seq=_require_seq(message))
+        return ModeMessage(
+            mode=_parse_mode(message, seq),
+            seq=_require_seq(message),
+            frame=_parse_id(message, "frame", seq),
+            nonce=_parse_id(message, "nonce", seq),
+        )
     if kind == "ping":
         return Ping(client_ms=_parse_number(message, "client_ms", seq))
     if isinstance(kind, str) and kind in _BARE_WORDS:
@@ -146,6 +161,16 @@ _BARE_WORDS: Mapping[str, type[Stop] | type[Release] | type[Take] | type[Yield]]
     "take": Take,
     "yield": Yield,
 }
+
+
+def is_stop(text: str) -> bool:
+    """True if this is an emergency stop, which no limit may hold up."""
+    if len(text) > MAX_WORD_BYTES or '"stop"' not in text:
+        return False
+    try:
+        return _parse_object(text).get("type") == "stop"
+    except ProtocolError:
+        return False
 
 
 def _parse_object(text: str) -> dict[str, Any]:
@@ -169,16 +194,27 @@ def _parse_drive(
     held = message.get("held")
     if held is not None and held not in moves:
         raise _bad_field("held", f"one of {', '.join(moves)} or null", seq)
-    frame = message.get("frame")
-    if frame is not None and not _is_count(frame, 2**32 - 1):
-        raise _bad_field("frame", "the id of a frame or null", seq)
-    age_ms = message.get("frame_age_ms")
     return DriveMessage(
         held=Action(held) if held is not None else None,
-        frame=frame,
+        frame=_parse_id(message, "frame", seq),
         seq=_require_seq(message),
-        frame_age_ms=None if age_ms is None else _parse_number(message, "frame_age_ms", seq),
+        nonce=_parse_id(message, "nonce", seq),
+        frame_age_ms=_parse_optional_number(message, "frame_age_ms", seq),
+        phone_ms=_parse_optional_number(message, "phone_ms", seq),
     )
+
+
+def _parse_id(message: dict[str, Any], name: str, seq: int | None) -> int | None:
+    value = message.get(name)
+    if value is None:
+        return None
+    if not _is_count(value, 2**32 - 1):
+        raise _bad_field(name, f"the {name} that the page has, or null", seq)
+    return int(value)
+
+
+def _parse_optional_number(message: dict[str, Any], name: str, seq: int | None) -> float | None:
+    return None if message.get(name) is None else _parse_number(message, name, seq)
 
 
 def _parse_mode(message: dict[str, Any], seq: int | None) -> Mode:
@@ -226,7 +262,7 @@ def encode_picture(picture: VideoFrame) -> bytes:
         picture.height,
         _QUIET if picture.quiet else 0,
         picture.frame_id,
-        0,
+        picture.nonce,
         picture.captured_ms,
     )
     return header + picture.data
@@ -240,7 +276,7 @@ def parse_picture(message: bytes) -> VideoFrame:
     """
     if len(message) < FRAME_HEADER.size:
         raise ProtocolError(ErrorCode.MALFORMED, "a frame starts with a header of 24 bytes")
-    kind, encoding, width, height, flags, frame_id, _, captured_ms = FRAME_HEADER.unpack_from(
+    kind, encoding, width, height, flags, frame_id, nonce, captured_ms = FRAME_HEADER.unpack_from(
         message
     )
     if kind != _FRAME or encoding >= len(_ENCODINGS):
@@ -253,6 +289,7 @@ def parse_picture(message: bytes) -> VideoFrame:
         height=height,
         data=message[FRAME_HEADER.size :],
         quiet=bool(flags & _QUIET),
+        nonce=nonce,
     )
 
 

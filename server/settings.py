@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from robot.errors import ConfigurationError
 
 PREFIX = "DRIVELESSON_"
-TABLES = ("limits", "gate", "governor")
+TABLES = ("limits", "gate", "governor", "patience")
 """Tables of the file: settings too fine for flags."""
 _T = TypeVar("_T")
 _TRUE, _FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")

@@ -30,11 +30,15 @@ class GateConfig:
     """Limits of patience, in seconds."""
 
     pilot_timeout_s: float = 0.3
-    """How old the pilot's last word may be while it drives, or waits to drive, in TRAIN."""
-    supervision_timeout_s: float = 1.0
-    """How old it may be in AUTONOMOUS with nothing held: the page's heartbeat supervises."""
+    """For how long the pilot may be silent while it drives, or waits to drive, in TRAIN."""
+    supervision_timeout_s: float = 0.45
+    """How long ago the pilot may have been there for certain, in every mode: counted from what
+    its last command proves, so time under way counts. With one tick the robot stands in 0.5 s."""
+    command_timeout_s: float = 0.3
+    """How old a command may be, by what it proves, to be obeyed at all."""
     frame_timeout_s: float = 0.2
-    """How old the newest picture may be while the robot may move."""
+    """How old the newest picture may be while the robot may move. A slower camera is given more:
+    see `robot.control.camera_timing`."""
     novel_speed_scale: float = 0.5
     """Share of full speed on a view unlike all that was learned."""
 
@@ -48,11 +52,13 @@ class Gate:
         self.stop_reason: StopReason | None = None
         self.emergency = False
         self._command: PilotCommand | None = None
-        self._last_word_s = 0.0
+        self._heard_s = 0.0
+        self._proven_s = 0.0
+        self._refused_s: float | None = None
 
     @property
     def held(self) -> Action | None:
-        """What the pilot holds at present."""
+        """The move that the pilot holds at present."""
         return self._command.held if self._command else None
 
     @property
@@ -60,26 +66,54 @@ class Gate:
         """True while the pilot holds a direction in AUTONOMOUS."""
         return self.mode is Mode.AUTONOMOUS and self.held is not None
 
-    def start(self, mode: Mode, now_s: float) -> bool:
-        """Enter `mode` on the pilot's explicit request; False while an emergency is latched.
+    def is_fresh(self, proven_s: float, now_s: float) -> bool:
+        """True if a message that was sent at `proven_s` or later may still move the robot."""
+        return now_s - proven_s <= self.config.command_timeout_s
+
+    def start(self, mode: Mode, now_s: float, proven_s: float | None = None) -> bool:
+        """Enter `mode` on the pilot's explicit request; False while an emergency is latched, and
+        for a request that is too old.
 
         The command is emptied: what was held before does not count in the new mode.
+
+        Args:
+            mode: The mode that the pilot asked for. STOPPED is always obeyed.
+            now_s: The loop's clock.
+            proven_s: A time before which the request cannot have been sent; None: now.
         """
         if mode is Mode.STOPPED:
             self.trip(StopReason.PILOT_ASKED)
             return True
         if self.emergency:
             return False
+        proven_s = now_s if proven_s is None else min(proven_s, now_s)
+        if not self.is_fresh(proven_s, now_s):
+            self.stop_reason = StopReason.LINK_SLOW
+            self.trip(StopReason.LINK_SLOW)
+            return False
         self.mode = mode
         self.stop_reason = None
         self._command = None
-        self._last_word_s = now_s
+        self._heard_s = now_s
+        self._proven_s = proven_s
+        self._refused_s = None
         return True
 
-    def hear(self, command: PilotCommand) -> None:
-        """Take the pilot's newest word."""
+    def receive(self, command: PilotCommand, now_s: float) -> bool:
+        """Take the pilot's newest command; False if it is refused.
+
+        Refused is what is too old, and what names no frame: a pilot who sees nothing neither
+        drives nor supervises. It counts as silence.
+        """
+        proven_s = command.received_s if command.proven_s is None else command.proven_s
+        if command.frame_id is None or not self.is_fresh(min(proven_s, now_s), now_s):
+            self._refused_s = now_s
+            return False
         self._command = command
-        self._last_word_s = command.received_s
+        self._heard_s = command.received_s
+        self._proven_s = max(self._proven_s, min(proven_s, now_s))
+        self._refused_s = None
+        return True
 
     def trip(self, reason: StopReason) -> None:
         """Stop, remember why, and wait for an explicit start. A stopped robot keeps its reason."""
@@ -105,6 +139,7 @@ class Gate:
         frame_captured_s: float | None,
         *,
         camera_fault: bool = False,
+        frame_timeout_s: float | None = None,
     ) -> Decision:
         """Decide this tick's action; trips first if anything is in doubt.
 
@@ -113,9 +148,12 @@ class Gate:
             prediction: What the policy makes of the newest frame; None before any.
             frame_captured_s: When the newest frame was taken; None before any.
             camera_fault: The camera says that it is faulty.
+            frame_timeout_s: How old the newest frame may be; None: as configured.
         """
         if self.mode is not Mode.STOPPED:
-            doubt = self._doubt(now_s, frame_captured_s, camera_fault)
+            if frame_timeout_s is None:
+                frame_timeout_s = self.config.frame_timeout_s
+            doubt = self._doubt(now_s, frame_captured_s, camera_fault, frame_timeout_s)
             if doubt is not None:
                 self.trip(doubt)
         if self.mode is Mode.STOPPED:
@@ -127,17 +165,22 @@ class Gate:
         return self._robot_drives(prediction)
 
     def _doubt(
-        self, now_s: float, frame_captured_s: float | None, camera_fault: bool
+        self,
+        now_s: float,
+        frame_captured_s: float | None,
+        camera_fault: bool,
+        frame_timeout_s: float,
     ) -> StopReason | None:
-        supervised_only = self.mode is Mode.AUTONOMOUS and self.held is None
-        patience_s = (
-            self.config.supervision_timeout_s if supervised_only else self.config.pilot_timeout_s
+        is_supervised_only = self.mode is Mode.AUTONOMOUS and self.held is None
+        is_silent = now_s - self._proven_s > self.config.supervision_timeout_s or (
+            not is_supervised_only and now_s - self._heard_s > self.config.pilot_timeout_s
         )
-        if now_s - self._last_word_s > patience_s:
-            return StopReason.PILOT_SILENT
+        if is_silent:
+            has_refused = self._refused_s is not None
+            return StopReason.LINK_SLOW if has_refused else StopReason.PILOT_SILENT
         if camera_fault:
             return StopReason.CAMERA_FAULT
-        if frame_captured_s is None or now_s - frame_captured_s > self.config.frame_timeout_s:
+        if frame_captured_s is None or now_s - frame_captured_s > frame_timeout_s:
             return StopReason.FRAME_STALE
         return None
 

@@ -39,19 +39,25 @@ class LinkGovernorConfig:
     """... and was so for this long."""
 
 
-def age_of_link_s(picture_age_s: float, reported_age_s: float | None) -> float:
+def age_of_link_s(
+    picture_age_s: float, reported_age_s: float | None, phone_s: float | None = None
+) -> float:
     """Return the age to judge by: that of the picture, or that of the command if it is worse.
 
     Args:
-        picture_age_s: Age of the named picture when the command came; both ways of the link and
-            the time on the screen are in it. Measured on one clock, so it cannot be wrong.
-        reported_age_s: Age when the command was sent, as the page reckons it; None if it does
-            not say. Then the whole of `picture_age_s` is held against the link.
+        picture_age_s: Age of the named picture when the command came, counted from its delivery
+            to the loop: both ways of the link and the time on the phone are in it. Measured on
+            one clock, so it cannot be wrong.
+        reported_age_s: The same when the command was sent, as the page reckons it; None if it
+            does not say. Then the whole of `picture_age_s` is held against the link.
+        phone_s: How much of that the picture had spent on the phone. That is no fault of the
+            link: a slow phone costs pictures, not examples. None: nothing is known of it.
     """
     if reported_age_s is None:
         return picture_age_s
     on_screen_s = min(max(reported_age_s, 0.0), picture_age_s)
-    return max(on_screen_s, picture_age_s - on_screen_s)
+    down_s = max(0.0, on_screen_s - max(phone_s or 0.0, 0.0))
+    return max(down_s, picture_age_s - on_screen_s)
 
 
 class LinkGovernor:
@@ -68,10 +74,23 @@ class LinkGovernor:
         self.level = LinkLevel.GOOD
         self.age_s: float | None = None
         self._better_since_s: float | None = None
+        self._seen_s: float | None = None
 
-    def hear(self, age_s: float, now_s: float) -> None:
-        """Take note of an age, and step up at once or down when it has been better long enough."""
+    def has_seen(self, delivered_s: float) -> None:
+        """Take note that the pilot saw a picture that reached the loop at `delivered_s`."""
+        self._seen_s = delivered_s
+
+    def is_blind(self, now_s: float, slack_s: float = 0.0) -> bool:
+        """True if the pilot has seen nothing for too long, whatever its heartbeat says."""
+        return self._seen_s is not None and now_s - self._seen_s > self.config.stop_s + slack_s
+
+    def hear(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:
+        """Take note of an age, and step up at once or down when it has been better long enough.
+
+        `slack_s` is the part of it that is the camera's own period.
+        """
         self.age_s = age_s
+        age_s -= slack_s
         present = _LEVELS.index(self.level)
         wanted = self._rank(age_s, 1.0)
         if wanted >= present:

@@ -16,6 +16,7 @@ from typing import TypeVar
 
 from robot.camera import Camera
 from robot.clock import Clock
+from robot.control.camera_timing import CameraTiming, CameraTimingConfig
 from robot.control.gate import Gate, GateConfig
 from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, age_of_link_s
 from robot.control.mailbox import Mailbox
@@ -47,6 +48,7 @@ class LoopConfig:
 
     gate: GateConfig = field(default_factory=GateConfig)
     governor: LinkGovernorConfig = field(default_factory=LinkGovernorConfig)
+    camera: CameraTimingConfig = field(default_factory=CameraTimingConfig)
     longest_wait_s: float = 0.05
     """A turn is made at least so often, even when the camera is silent."""
     late_cycle_s: float = 0.1
@@ -77,16 +79,18 @@ class ControlLoop:
         self._clock = clock
         self._gate = Gate(self.config.gate)
         self._governor = LinkGovernor(self.config.governor)
+        self._camera_timing = CameraTiming(self.config.gate.frame_timeout_s, self.config.camera)
         self._online_learning = OnlineLearning(policy, clock)
         self._mailbox = Mailbox(wake)
         self._board = StatePublisher(
-            self._online_learning, self._governor, self.config.late_cycle_s
+            self._online_learning, self._governor, self._camera_timing, self.config.late_cycle_s
         )
         self._board.show(clock.now_s(), self._idle_decision(), Sensors())
         self._last_turn_s: float | None = None
         self._fault: str | None = None
         self._last_mode = Mode.TRAIN
         self._shown_mode = Mode.STOPPED
+        self._emergencies = 0
         self.speed_share = 1.0
         camera.listen(self.wake.set)
 
@@ -113,12 +117,24 @@ class ControlLoop:
         return self._board.state
 
     def command(self, command: PilotCommand) -> None:
-        """Take one word of the pilot; the loop turns at once."""
+        """Queue a pilot command and wake the loop."""
         self._mailbox.put_command(command)
 
-    def set_mode(self, mode: Mode) -> Future[bool]:
-        """Choose a mode: the explicit start after any stop. The future says if it was taken."""
-        return self.submit(lambda: self._start(mode))
+    def set_mode(
+        self, mode: Mode, *, proven_s: float | None = None, frame_id: int | None = None
+    ) -> Future[bool]:
+        """Choose a mode: the explicit start after any stop. The future says if it was taken.
+
+        Args:
+            mode: The mode; STOPPED is always taken.
+            proven_s: A time before which the request cannot have been made; None: now. The loop
+                judges it when it comes to the request, so time in the queue counts.
+            frame_id: The frame that the pilot sees; None: not known.
+        """
+        if proven_s is None:
+            proven_s = self._clock.now_s()
+        epoch = self._emergencies
+        return self.submit(lambda: self._is_latest(epoch) and self._start(mode, proven_s, frame_id))
 
     def empty_command(self) -> Future[None]:
         """Forget what is held: the pilot joined, left or lost the wheel. Stops a moving robot."""
@@ -129,12 +145,19 @@ class ControlLoop:
         return self.submit(lambda: self._trip(reason))
 
     def latch_emergency(self) -> Future[None]:
-        """Stop until `release_emergency`."""
-        return self.submit(self._latch_emergency)
+        """Stop until `release_emergency`; goes before all that is queued."""
+        self._emergencies += 1
+        return self._mailbox.put_request(self._latch_emergency, is_urgent=True)
 
     def release_emergency(self) -> Future[None]:
         """Let modes be chosen again; the robot goes on standing."""
-        return self.submit(self._gate.release_emergency)
+        epoch = self._emergencies
+
+        def release() -> None:
+            if self._is_latest(epoch):
+                self._gate.release_emergency()
+
+        return self.submit(release)
 
     def submit(self, request: Callable[[], _T]) -> Future[_T]:
         """Have `request` run at the beginning of a turn, on the loop's own thread.
@@ -174,8 +197,8 @@ class ControlLoop:
         self._check_stall(now_s)
         self._mailbox.serve_requests()
         self._heed_button()
-        commands = self._hear(now_s)
-        frame = self._look()
+        commands = self._receive(now_s)
+        frame = self._look(now_s)
         sensors = self._sense()
         decision = self._decide(now_s)
         sent = self._drive(decision, started_s)
@@ -209,36 +232,52 @@ class ControlLoop:
         elif button is not None:
             self._trip(StopReason.BUTTON)
 
-    def _hear(self, now_s: float) -> list[PilotCommand]:
+    def _receive(self, now_s: float) -> list[PilotCommand]:
         commands = self._mailbox.take_commands()
         for command in commands:
             self._judge_link(command, now_s)
-        if self._governor.must_stop:
+        is_blind = self._governor.is_blind(now_s, self._camera_timing.slack_s)
+        if self._governor.must_stop or (is_blind and self._gate.mode is not Mode.STOPPED):
             self._trip(StopReason.LINK_SLOW)
         if self._gate.mode is Mode.STOPPED:
             return []
-        for command in commands:
-            self._gate.hear(command)
-        return commands
+        return [command for command in commands if self._gate.receive(command, now_s)]
 
     def _judge_link(self, command: PilotCommand, now_s: float) -> None:
         """Have the governor weigh how old the picture is that the pilot acts upon."""
         picture_age_s = self._online_learning.picture_age_s(command)
-        if picture_age_s is not None:
-            self._governor.hear(age_of_link_s(picture_age_s, command.frame_age_s), now_s)
+        if command.frame_id is None or picture_age_s is None:
+            return
+        captured_s, delivered_s = self._online_learning.times_of(command.frame_id) or (0.0, 0.0)
+        self._governor.has_seen(delivered_s)
+        reported_s = command.frame_age_s
+        if reported_s is not None:
+            reported_s -= delivered_s - captured_s
+        # A page that says how long the phone had the picture leaves no period to be allowed for.
+        slack_s = self._camera_timing.slack_s if command.phone_s is None else 0.0
+        age_s = age_of_link_s(picture_age_s, reported_s, command.phone_s)
+        self._governor.hear(age_s, now_s, slack_s)
 
-    def _look(self) -> Frame | None:
+    def _look(self, now_s: float) -> Frame | None:
         """Have the newest frame looked at; return it if it is new."""
+        delivered_s = max(now_s, self._clock.now_s())
         try:
             is_new = self._online_learning.look(
                 self._camera.latest(),
                 self._under_way(),
                 bumped=bool(self.state.sensors.bumped),
+                delivered_s=delivered_s,
             )
         except CameraError as error:
             self._fault = str(error)
             return None
-        return self._online_learning.frame if is_new else None
+        frame = self._online_learning.frame
+        if frame is None or not is_new:
+            return None
+        self._camera_timing.note(
+            frame.captured_s, delivered_s, is_moving=self._gate.mode is not Mode.STOPPED
+        )
+        return frame
 
     def _under_way(self) -> Action | None:
         """Return the move that the robot makes by its own choice; None if it does not drive."""
@@ -260,10 +299,14 @@ class ControlLoop:
             self._online_learning.prediction,
             frame.captured_s if frame else None,
             camera_fault=self._camera.fault is not None,
+            frame_timeout_s=self._camera_timing.timeout_s,
         )
         if was_moving and decision.mode is Mode.STOPPED and decision.stop_reason is not None:
             self._note_stop(decision.stop_reason)
-        scale = min(decision.speed_scale, self._governor.speed_scale) * self.speed_share
+        scale = min(
+            decision.speed_scale, self._governor.speed_scale, self._camera_timing.speed_scale
+        )
+        scale *= self.speed_share
         return replace(decision, speed_scale=scale)
 
     def _drive(self, decision: Decision, started_s: float) -> Action | None:
@@ -317,14 +360,28 @@ class ControlLoop:
 
     # What requests do, on the loop's thread ----------------------------------------------------
 
-    def _start(self, mode: Mode) -> bool:
+    def _is_latest(self, epoch: int) -> bool:
+        """False if an emergency stop overtook, in the queue, what was asked for before it."""
+        return self._emergencies == epoch
+
+    def _start(
+        self, mode: Mode, proven_s: float | None = None, frame_id: int | None = None
+    ) -> bool:
         if mode is Mode.STOPPED:
             self._trip(StopReason.PILOT_ASKED)
             return True
-        self._settle()
-        self._fault = None
-        self._last_mode = mode
-        return self._gate.start(mode, self._clock.now_s())
+        self._reset()
+        now_s = self._clock.now_s()
+        was_moving = self._gate.mode is not Mode.STOPPED
+        is_taken = self._gate.start(mode, now_s, proven_s)
+        if is_taken:
+            self._fault = None
+            self._last_mode = mode
+            times = self._online_learning.times_of(frame_id) if frame_id is not None else None
+            self._governor.has_seen(times[1] if times else now_s)
+        elif was_moving and self._gate.stop_reason is not None:
+            self._note_stop(self._gate.stop_reason)
+        return is_taken
 
     def _change_pilot(self) -> None:
         self._trip(StopReason.PILOT_GONE)
@@ -334,21 +391,27 @@ class ControlLoop:
         if self._gate.mode is not Mode.STOPPED:
             self._note_stop(reason)
         self._gate.trip(reason)
-        self._settle()
+        self._reset()
 
     def _latch_emergency(self) -> None:
         self._trip(StopReason.EMERGENCY)
         self._gate.latch_emergency()
         self._driver.stop()
 
-    def _settle(self) -> None:
-        """Forget whatever belongs to the drive that ends here."""
-        self._mailbox.take_commands()
+    def _reset(self) -> None:
+        """Forget whatever belongs to the drive that ends here.
+
+        Commands that are still queued do not count in the next one, but how late they are is
+        known of the link.
+        """
+        now_s = self._clock.now_s()
+        for command in self._mailbox.take_commands():
+            self._judge_link(command, now_s)
         self._online_learning.reset()
 
     def _note_stop(self, reason: StopReason) -> None:
         self._board.count_stop(reason)
-        self._settle()
+        self._reset()
         log.info("stop reason=%s", reason.value)
 
     def _drive_failed(self, error: DriveError) -> None:

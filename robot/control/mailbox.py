@@ -36,8 +36,8 @@ class Mailbox:
             commands, self._commands = self._commands, []
         return commands
 
-    def put_request(self, request: Callable[[], _T]) -> Future[_T]:
-        """Leave something to be run on the loop's thread.
+    def put_request(self, request: Callable[[], _T], *, is_urgent: bool = False) -> Future[_T]:
+        """Leave something to be run on the loop's thread; before all others if it is urgent.
 
         Returns:
             A future with what comes of it, done when the turn is that ran it: who waited for it
@@ -55,7 +55,10 @@ class Mailbox:
             return partial(future.set_result, result)
 
         with self._lock:
-            self._requests.append(run)
+            if is_urgent:
+                self._requests.appendleft(run)
+            else:
+                self._requests.append(run)
         self.wake.set()
         return future
 

@@ -31,6 +31,7 @@ class _Seen:
 
     x: Vector
     captured_s: float
+    delivered_s: float
     predicted: Action | None
 
 
@@ -57,7 +58,12 @@ class OnlineLearning:
         self._frame_times_s: deque[float] = deque(maxlen=30)
 
     def look(
-        self, frame: Frame | None, under_way: Action | None = None, *, bumped: bool = False
+        self,
+        frame: Frame | None,
+        under_way: Action | None = None,
+        *,
+        bumped: bool = False,
+        delivered_s: float | None = None,
     ) -> bool:
         """Look at the camera's newest frame; False if it was seen before, or there is none.
 
@@ -65,6 +71,7 @@ class OnlineLearning:
             frame: What the camera gives.
             under_way: The move that the robot is making by its own choice, if it drives.
             bumped: True if a bumper is pressed.
+            delivered_s: When the loop got the frame; None: when it was taken.
 
         Raises:
             CameraError: If it is no picture; it then counts as not seen.
@@ -80,7 +87,10 @@ class OnlineLearning:
         )
         self._note_time("propose", started_s)
         self._seen[frame.frame_id] = _Seen(
-            x=x, captured_s=frame.captured_s, predicted=self.prediction.action
+            x=x,
+            captured_s=frame.captured_s,
+            delivered_s=frame.captured_s if delivered_s is None else delivered_s,
+            predicted=self.prediction.action,
         )
         while len(self._seen) > MEMORY_FRAMES:
             del self._seen[next(iter(self._seen))]
@@ -100,12 +110,20 @@ class OnlineLearning:
         self._labeller.reset()
         self.history.begin_drive()
 
-    def picture_age_s(self, command: PilotCommand) -> float | None:
-        """Return how old the picture was that the pilot acted upon; None if that is not known."""
-        if command.frame_id is None or not self._seen:
+    def times_of(self, frame_id: int) -> tuple[float, float] | None:
+        """Return when a frame was taken and when the loop got it; of one that is forgotten, the
+        times of the oldest that is remembered. None before the first."""
+        if not self._seen:
             return None
+        newest_id = next(reversed(self._seen))
         oldest = next(iter(self._seen.values()))
-        return command.received_s - self._seen.get(command.frame_id, oldest).captured_s
+        seen = self._seen.get(min(frame_id, newest_id), oldest)
+        return seen.captured_s, seen.delivered_s
+
+    def picture_age_s(self, command: PilotCommand) -> float | None:
+        """Return how long before `command` its picture reached the loop; None if not known."""
+        times = self.times_of(command.frame_id) if command.frame_id is not None else None
+        return command.received_s - times[1] if times else None
 
     def take_events(self) -> tuple[HistoryEvent, ...]:
         """Take what changed the learner since the last time, in order."""

@@ -1,10 +1,11 @@
-"""What others see of the loop: the newest state, and each turn when it is over."""
+"""What others see of the loop: the newest state, and each tick when it is over."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
 
+from robot.control.camera_timing import CameraTiming
 from robot.control.link_governor import LinkGovernor
 from robot.control.online_learning import OnlineLearning
 from robot.control.state import LoopState, Tick
@@ -15,16 +16,22 @@ class StatePublisher:
     """Written on the loop's thread, read from any.
 
     Args:
-        apprentice: Whose lessons and predictions are shown.
+        online_learning: Whose examples and predictions are shown.
         governor: Whose judgement of the link is shown.
-        late_cycle_s: A turn that takes longer counts as late.
+        camera_timing: Whose estimates of the camera are shown.
+        late_cycle_s: A tick that takes longer counts as late.
     """
 
     def __init__(
-        self, online_learning: OnlineLearning, governor: LinkGovernor, late_cycle_s: float
+        self,
+        online_learning: OnlineLearning,
+        governor: LinkGovernor,
+        camera_timing: CameraTiming,
+        late_cycle_s: float,
     ) -> None:
         self._online_learning = online_learning
         self._governor = governor
+        self._camera_timing = camera_timing
         self._late_cycle_s = late_cycle_s
         self._listeners: list[Callable[[Tick], None]] = []
         self._stops: Counter[StopReason] = Counter()
@@ -38,7 +45,7 @@ class StatePublisher:
         return self._state
 
     def subscribe(self, listener: Callable[[Tick], None]) -> Callable[[], None]:
-        """Have `listener` told of each turn; return a function that ends that."""
+        """Have `listener` called after each tick; return a function that ends that."""
         self._listeners = [*self._listeners, listener]
 
         def unsubscribe() -> None:
@@ -51,7 +58,7 @@ class StatePublisher:
         self._stops[reason] += 1
 
     def publish(self, tick: Tick, *, emergency: bool, fault: str | None) -> None:
-        """Show what a turn came to, and tell every listener of it."""
+        """Publish the outcome of a tick: the new state, and the tick to every listener."""
         self._cycles += 1
         self._late_cycles += tick.cycle_s > self._late_cycle_s
         self.show(tick.now_s, tick.decision, tick.sensors, emergency=emergency, fault=fault)
@@ -67,7 +74,7 @@ class StatePublisher:
         emergency: bool = False,
         fault: str | None = None,
     ) -> None:
-        """Show a new state."""
+        """Publish a new state."""
         online_learning = self._online_learning
         frame, policy = online_learning.frame, online_learning.history.policy
         self._state = LoopState(
@@ -91,6 +98,7 @@ class StatePublisher:
             moves=policy.moves,
             stops=dict(self._stops),
             link=self._governor.level,
+            camera=self._camera_timing.state,
             pilot_frame_age_s=self._governor.age_s,
             learner_times=dict(online_learning.timings),
         )

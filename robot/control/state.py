@@ -1,10 +1,11 @@
-"""What one turn of the loop leaves behind: a state for pages, a tick for the recorder."""
+"""What one tick of the loop leaves behind: a state for pages, a tick for the recorder."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from robot.control.camera_timing import CameraState
 from robot.control.link_governor import LinkLevel
 from robot.policy.history import HistoryEvent
 from robot.types import (
@@ -54,13 +55,14 @@ class LoopState:
     moves: tuple[Action, ...]
     stops: Mapping[StopReason, int]
     link: LinkLevel = LinkLevel.GOOD
+    camera: CameraState = field(default_factory=CameraState)
     pilot_frame_age_s: float | None = None
     learner_times: Mapping[str, Timing] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tick:
-    """All that happened in one turn, for the recorder. `frame` is set if it was a new one."""
+    """All that happened in one tick, for the recorder. `frame` is set if it was a new one."""
 
     now_s: float
     frame: Frame | None

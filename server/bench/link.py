@@ -161,15 +161,17 @@ async def _measure_commands(count: int, rate_hz: float, commands: int = 100) -> 
             _watching("drivelesson", [subject.port] * count),
             connect(f"ws://127.0.0.1:{subject.port}/ws/drive", compression=None) as pilot,
         ):
-            reading = asyncio.create_task(_read_all(pilot))
+            seen: dict[str, int] = {}
+            reading = asyncio.create_task(_read_all(pilot, seen))
             await asyncio.sleep(_SETTLE_S)
-            await pilot.send('{"type":"mode","mode":"train","seq":1}')
+            await pilot.send(json.dumps({"type": "mode", "mode": "train", "seq": 1, **seen}))
             await asyncio.sleep(0.1)
             sent: list[tuple[float, str]] = []
             for number in range(commands):
                 held = ("forward", "left")[number % 2]
                 sent.append((time.monotonic(), held))
-                await pilot.send(json.dumps({"type": "drive", "held": held, "seq": number + 2}))
+                command = {"type": "drive", "held": held, "seq": number + 2, **seen}
+                await pilot.send(json.dumps(command))
                 await asyncio.sleep(0.047)
             notes = subject.ask()
             reading.cancel()
@@ -195,9 +197,12 @@ def _pair_up(
     return took_s
 
 
-async def _read_all(pilot: Any) -> None:
-    async for _ in pilot:
-        pass
+async def _read_all(pilot: Any, seen: dict[str, int]) -> None:
+    """Read all messages; keep in `seen` what a command must carry back."""
+    async for text in pilot:
+        message = json.loads(text)
+        if message["type"] == "state" and message["frame"] is not None:
+            seen.update(frame=message["frame"], nonce=message["nonce"])
 
 
 async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
 from robot.errors import ConfigurationError, MissingExtraError
@@ -211,6 +212,7 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
     return LoopConfig(
         gate=build(GateConfig, settings.tables.get("gate", {}), "gate"),
         governor=build(LinkGovernorConfig, settings.tables.get("governor", {}), "governor"),
+        camera=build(CameraTimingConfig, settings.tables.get("patience", {}), "patience"),
     )
 
 

@@ -20,6 +20,7 @@ from robot.rig.rig import Rig
 from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.clients.client import Client
+from server.clients.freshness import NonceLedger
 from server.clients.lease import Lease
 from server.clients.telemetry import describe
 from server.clients.video import Encoder, VideoHub, Viewer
@@ -43,6 +44,7 @@ class Hub:
         self.name = name
         self.video = VideoHub(Encoder(config.jpeg_quality), robot.clock)
         self.lease = Lease(config.lease_lapse_s)
+        self.nonces = NonceLedger()
         self.refused: Counter[ErrorCode] = Counter()
         self.pages: dict[str, Client] = {}
         driver = robot.driver
@@ -150,7 +152,7 @@ class Hub:
         now_s = self.clock.now_s()
         page.last_word_s = now_s
         try:
-            if not page.pace.allows(now_s):
+            if not page.pace.allows(now_s) and not protocol.is_stop(text):
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many messages a second")
             self._obey(page, protocol.parse_message(text, self.robot.loop.state.moves), now_s)
         except ProtocolError as error:
@@ -167,11 +169,7 @@ class Hub:
         if isinstance(word, protocol.DriveMessage):
             self._obey_drive(page, word, now_s)
         elif isinstance(word, protocol.ModeMessage):
-            page.order.check(word.seq)
-            self._require_wheel(page, word.seq)
-            self.lease.renew(page.client, now_s)
-            loop.set_mode(word.mode)
-            log.info("mode client=%s mode=%s", page.client, word.mode.value)
+            self._obey_mode(page, word, now_s)
         elif isinstance(word, protocol.Ping):
             page.tell(
                 protocol.encode_words("pong", client_ms=word.client_ms, server_ms=self.now_ms())
@@ -188,14 +186,44 @@ class Hub:
         elif self.lease.give_up(page.client, now_s):
             self._change_hands()
 
+    def _obey_mode(self, page: Client, word: protocol.ModeMessage, now_s: float) -> None:
+        page.order.check(word.seq)
+        self._require_wheel(page, word.seq)
+        self.lease.renew(page.client, now_s)
+        if word.mode is not Mode.STOPPED:
+            self._require_taken(word.frame, word.seq)
+            self._require_sight(word)
+        self.robot.loop.set_mode(
+            word.mode, proven_s=self.nonces.issued_s(word.nonce), frame_id=word.frame
+        )
+        log.info("mode client=%s mode=%s", page.client, word.mode.value)
+
+    def _require_taken(self, frame: int | None, seq: int) -> None:
+        if frame is not None and frame > (self.robot.loop.state.frame_id or 0):
+            raise ProtocolError(
+                ErrorCode.UNKNOWN_FRAME, f"frame {frame} has not been taken yet", seq
+            )
+
+    def _require_sight(self, word: protocol.DriveMessage | protocol.ModeMessage) -> None:
+        """Refuse what would be refused by the loop, and say why."""
+        if word.frame is None:
+            raise ProtocolError(
+                ErrorCode.NO_PICTURE,
+                "'frame' must name the picture on the screen: nobody drives who sees nothing",
+                word.seq,
+            )
+        limit_s = self.robot.loop.config.gate.command_timeout_s
+        if self.robot.clock.now_s() - self.nonces.issued_s(word.nonce) > limit_s:
+            raise ProtocolError(
+                ErrorCode.STALE,
+                f"'nonce' is none of the last {1000 * limit_s:.0f} ms: this came too late",
+                word.seq,
+            )
+
     def _obey_drive(self, page: Client, word: protocol.DriveMessage, now_s: float) -> None:
         page.order.check(word.seq)
         self._require_wheel(page, word.seq)
-        newest = self.robot.loop.state.frame_id or 0
-        if word.frame is not None and word.frame > newest:
-            raise ProtocolError(
-                ErrorCode.UNKNOWN_FRAME, f"frame {word.frame} has not been taken yet", word.seq
-            )
+        self._require_taken(word.frame, word.seq)
         self.lease.renew(page.client, now_s)
         self.robot.loop.command(
             PilotCommand(
@@ -205,8 +233,12 @@ class Hub:
                 received_s=self.clock.now_s(),
                 pilot=page.client,
                 frame_age_s=None if word.frame_age_ms is None else word.frame_age_ms / 1000,
+                phone_s=None if word.phone_ms is None else word.phone_ms / 1000,
+                proven_s=self.nonces.issued_s(word.nonce),
             )
         )
+        if self.is_moving:  # the loop judges it again; here is said why it will be refused
+            self._require_sight(word)
 
     def _obey_take(self, page: Client, now_s: float) -> None:
         if page.role is not Role.PILOT:
@@ -250,6 +282,7 @@ class Hub:
             return
         owner = self.lease.owner
         state = describe(self.robot.loop.state, self.now_ms())
+        state["nonce"] = self.nonces.issue(self.robot.clock.now_s())
         state["pilot"] = owner
         state["viewers"] = len(self.pages) - (owner in self.pages)
         others = protocol.encode_words("state", you_are_pilot=False, **state)
@@ -287,7 +320,7 @@ class Hub:
 
     def _show_newest(self) -> None:
         if self._frame is not None and self._frame is not self.video.newest:
-            self.video.show(self._frame)
+            self.video.show(self._frame, self.nonces.issue(self.robot.clock.now_s()))
 
     async def _keep_time(self) -> None:
         """Pass a lapsed wheel on, and go on telling even if the control loop were silent."""

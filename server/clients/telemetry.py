@@ -24,6 +24,12 @@ def describe(state: LoopState, now_ms: float) -> dict[str, Any]:
         "frame": state.frame_id,
         "frame_age_ms": _milliseconds(_age_s(state, now_ms)),
         "link": state.link.value,
+        "camera": {
+            "period_ms": _milliseconds(state.camera.period_s),
+            "age_ms": _milliseconds(state.camera.delivery_age_s),
+            "limit_ms": _milliseconds(state.camera.timeout_s),
+            "speed_scale": _rounded(state.camera.speed_scale),
+        },
         "pilot_frame_age_ms": _milliseconds(state.pilot_frame_age_s),
         "cycle_hz": round(state.cycle_hz, 1),
         "prediction": _describe_prediction(state.prediction),

@@ -134,6 +134,7 @@ class VideoHub:
         self._viewers: dict[int, Viewer] = {}
         self._streams = 0
         self._frame: Frame | None = None
+        self._nonce = 0
         self._picture: VideoFrame | None = None
         self._shots: dict[bool, EncodedFrame] = {}
         self._jpeg: bytes | None = None
@@ -162,9 +163,9 @@ class VideoHub:
         """Let a viewer go."""
         self._viewers.pop(id(viewer), None)
 
-    def show(self, frame: Frame) -> None:
-        """Make `frame` the newest, and send it to all who have credit."""
-        self._frame = frame
+    def show(self, frame: Frame, nonce: int = 0) -> None:
+        """Make `frame` the newest, and send it with `nonce` to all who have credit."""
+        self._frame, self._nonce = frame, nonce
         self._picture = self._jpeg = None
         self._shots = {}
         self._captured_s[frame.frame_id] = frame.captured_s
@@ -182,7 +183,7 @@ class VideoHub:
         if frame is None or frame.frame_id == viewer.last_sent_id:
             return
         if self._picture is None:
-            self._picture = self.encoder.encode(frame)
+            self._picture = replace(self.encoder.encode(frame), nonce=self._nonce)
             self.frames_encoded += 1
         window, n_bytes = viewer.window, len(self._picture.data)
         if not window.may_send(n_bytes):

@@ -39,8 +39,11 @@ class BenchCamera(Camera):
 
     def stop(self) -> None: ...
 
-    def show(self, scene: int) -> Frame:
-        """Publish a picture of one of endlessly many scenes: the same number, the same picture."""
+    def show(self, scene: int, captured_s: float | None = None) -> Frame:
+        """Publish a picture of one of endlessly many scenes: the same number, the same picture.
+
+        `captured_s` is when it was taken; None: now.
+        """
         pixels = np.random.default_rng(scene).integers(0, 256, (8, 8, 3), dtype=np.uint8)
         picture = pixels.repeat(15, axis=0).repeat(20, axis=1)
         return self._publish(
@@ -48,7 +51,7 @@ class BenchCamera(Camera):
             width=160,
             height=120,
             encoding=Encoding.RGB,
-            captured_s=self.clock.now_s(),
+            captured_s=self.clock.now_s() if captured_s is None else captured_s,
         )
 
     def show_rubbish(self) -> Frame:

@@ -136,8 +136,9 @@ class Pilot:
     def _say_drive(self) -> None:
         with self._lock:
             self.seq += 1
-            frame = self.picture or (self.state["frame"] if self.states else None)
-            self.send(type="drive", held=self.held, frame=frame, seq=self.seq)
+            state = self.state if self.states else {"frame": None, "nonce": None}
+            frame = self.picture or state["frame"]
+            self.send(type="drive", held=self.held, frame=frame, seq=self.seq, nonce=state["nonce"])
 
     def send(self, **message: Any) -> None:
         self.socket.send(json.dumps(message))
@@ -147,9 +148,19 @@ class Pilot:
         self._say_drive()
 
     def mode(self, mode: str) -> None:
+        if mode != "stopped" and self.picture is None:
+            self.wait_for_state_with(lambda state: state["frame"] is not None)
         with self._lock:
             self.seq += 1
-            self.send(type="mode", mode=mode, seq=self.seq)
+            state = self.state if self.states else {"frame": None, "nonce": None}
+            frame = self.picture or state["frame"]
+            self.send(type="mode", mode=mode, seq=self.seq, frame=frame, nonce=state["nonce"])
+
+    def wait_for_state_with(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Return the newest state or the first after it that is wanted."""
+        return self.wait_for(
+            lambda m: m["type"] == "state" and wanted(m), seen=max(len(self.messages) - 1, 0)
+        )
 
     @property
     def states(self) -> list[dict[str, Any]]:

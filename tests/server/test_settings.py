@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
 from robot.errors import ConfigurationError
@@ -85,7 +86,9 @@ def test_every_setting_is_in_the_reference() -> None:
     serve.configure(parser)
     flags = [action.option_strings[-1] for action in parser._actions]
     tables = [
-        field.name for kind in (GateConfig, LinkGovernorConfig, Limits) for field in fields(kind)
+        field.name
+        for kind in (GateConfig, LinkGovernorConfig, CameraTimingConfig, Limits)
+        for field in fields(kind)
     ]
     assert [name for name in flags + tables if f"`{name}`" not in text] == []
 

@@ -61,13 +61,15 @@ async def _visit(port: int, dice: random.Random, number: int) -> None:
     video = await connect(f"ws://127.0.0.1:{port}/ws/video", **options)
     try:
         seq = 0
-        for text in ('{"type":"take"}', '{"type":"mode","mode":"train","seq":1}'):
-            await drive.send(text)
+        await drive.send('{"type":"take"}')
         for seq in range(2, dice.randint(3, 6)):
             picture = parse_picture(await video.recv(decode=False))
             await video.send(encode_acknowledgement(picture.frame_id))
-            word = {"type": "drive", "held": "left", "frame": picture.frame_id, "seq": seq}
-            await drive.send(json.dumps(word))
+            seen = {"frame": picture.frame_id, "nonce": picture.nonce, "seq": seq}
+            kind = (
+                {"type": "mode", "mode": "train"} if seq == 2 else {"type": "drive", "held": "left"}
+            )
+            await drive.send(json.dumps(kind | seen))
             await drive.recv()
     finally:
         if number % 3 == 0:

@@ -25,6 +25,7 @@ for (const { name, hex: message, picture, error } of vectors.pictures) {
       height: picture.height,
       data: new Uint8Array(bytes(picture.data_hex)),
       quiet: picture.quiet,
+      nonce: picture.nonce,
     };
     assert.deepEqual(protocol.parsePicture(bytes(message)), expected);
     assert.equal(hex(protocol.encodePicture(expected)), message);
@@ -45,8 +46,8 @@ for (const { name, hex: message, error } of vectors.refused_acknowledgements) {
 }
 
 function encode(word) {
-  if (word.type === 'drive') return protocol.encodeDrive({ ...word, frameAgeMs: word.frame_age_ms });
-  if (word.type === 'mode') return protocol.encodeMode(word.mode, word.seq);
+  if (word.type === 'drive') return protocol.encodeDrive({ ...word, frameAgeMs: word.frame_age_ms, phoneMs: word.phone_ms });
+  if (word.type === 'mode') return protocol.encodeMode(word.mode, word.seq, word);
   if (word.type === 'ping') return protocol.encodePing(word.client_ms);
   return protocol.encodeWord(word.type);
 }

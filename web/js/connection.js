@@ -44,6 +44,8 @@ export class Connection extends EventTarget {
     this.video = null;
     /** @type {{rttMs: number, offsetMs: number}[]} */
     this.samples = [];
+    /** @type {number | null} the newest nonce: commands carry it back */
+    this.nonce = null;
     /** @type {Record<string, number>} */
     this.timers = {};
   }
@@ -69,6 +71,7 @@ export class Connection extends EventTarget {
     this.dropSockets();
     this.seq = 0;
     this.samples = [];
+    this.nonce = null;
     const drive = (this.drive = new this.env.WebSocket(`${this.base}/ws/drive`));
     drive.onopen = () => this.opened();
     drive.onmessage = ({ data }) => this.heard(data);
@@ -119,7 +122,11 @@ export class Connection extends EventTarget {
   openVideo() {
     const video = (this.video = new this.env.WebSocket(`${this.base}/ws/video`));
     video.binaryType = 'arraybuffer';
-    video.onmessage = ({ data }) => this.emit('picture', parsePicture(data));
+    video.onmessage = ({ data }) => {
+      const picture = parsePicture(data);
+      this.nonce = picture.nonce || this.nonce;
+      this.emit('picture', picture);
+    };
     video.onclose = () => {
       if (this.video === video && this.isOpen) {
         this.after('video', FIRST_RETRY_MS, () => this.isOpen && this.openVideo());
@@ -132,6 +139,7 @@ export class Connection extends EventTarget {
     this.expectWord(SILENCE_MS);
     this.retryMs = FIRST_RETRY_MS;
     const words = parseWords(text);
+    this.nonce = words.nonce ?? this.nonce;
     if (words.type === 'pong') this.notePong(words.client_ms, words.server_ms);
     else this.emit('words', words);
   }

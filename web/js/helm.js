@@ -13,7 +13,7 @@ export const HEARTBEAT_MS = 100;
 export class Helm extends EventTarget {
   /**
    * @param {{send: (text: string) => boolean, nextSeq: () => number}} connection
-   * @param {() => {frame: number | null, frameAgeMs: number | null}} lookingAt
+   * @param {() => import('./protocol.js').Sight} lookingAt
    */
   constructor(connection, lookingAt) {
     super();
@@ -79,7 +79,7 @@ export class Helm extends EventTarget {
   /** Choose a mode; what was held before does not count in it. @param {Mode} mode */
   choose(mode) {
     this.releaseAll();
-    this.connection.send(encodeMode(mode, this.connection.nextSeq()));
+    this.connection.send(encodeMode(mode, this.connection.nextSeq(), this.lookingAt()));
   }
 
   /** Take over what the robot says. @param {{mode: Mode, you_are_pilot: boolean}} robot @param {readonly string[]} moves */

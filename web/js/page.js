@@ -62,7 +62,11 @@ export class Page {
 
   lookingAt() {
     const ageMs = this.lastAgeMs;
-    return { frame: this.looking?.frame ?? null, frameAgeMs: ageMs === null ? null : Math.round(ageMs) };
+    return {
+      frame: this.looking?.frame ?? null,
+      nonce: this.connection.nonce,
+      frameAgeMs: ageMs === null ? null : Math.round(ageMs),
+    };
   }
 
   /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[], declared_moves?: import('./moves.js').Move[]}} hello */

@@ -20,6 +20,15 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {number} height
  * @property {Uint8Array} data
  * @property {boolean} [quiet]  need not be acknowledged: a later frame stands for it
+ * @property {number} [nonce]  goes back with the next command, as proof that it was sent later
+ */
+/**
+ * What the pilot sees, and proof of when: the parts of a command that say so.
+ * @typedef {object} Sight
+ * @property {number | null} frame  id of the frame on the screen
+ * @property {number | null} [nonce]  the newest that was received
+ * @property {number | null} [frameAgeMs]  how old that frame is
+ * @property {number | null} [phoneMs]  how much of that it has spent on this phone
  */
 /**
  * @typedef {object} Prediction
@@ -51,6 +60,8 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {number} cycle_hz
  * @property {'good' | 'slow' | 'capped' | 'not_learning' | 'too_slow'} link  what the link allows
  * @property {number | null} pilot_frame_age_ms
+ * @property {number} nonce
+ * @property {{period_ms: number, age_ms: number, limit_ms: number, speed_scale: number}} camera
  * @property {Prediction | null} prediction
  * @property {number | null} agreement
  * @property {number} agreement_frames
@@ -96,6 +107,7 @@ export function parsePicture(message) {
     height: view.getUint16(4, true),
     data: new Uint8Array(message, FRAME_HEADER_BYTES),
     quiet: (view.getUint16(6, true) & QUIET) !== 0,
+    nonce: view.getUint32(12, true),
   };
 }
 
@@ -112,6 +124,7 @@ export function encodePicture(picture) {
   view.setUint16(4, picture.height, true);
   view.setUint16(6, picture.quiet ? QUIET : 0, true);
   view.setUint32(8, picture.frameId, true);
+  view.setUint32(12, picture.nonce ?? 0, true);
   view.setFloat64(16, picture.capturedMs, true);
   new Uint8Array(message).set(picture.data, FRAME_HEADER_BYTES);
   return message;
@@ -141,15 +154,18 @@ export function parseAcknowledgement(message) {
 
 /**
  * What is held now and which frame is on the screen: command and heartbeat in one.
- * @param {{held: string | null, frame: number | null, seq: number, frameAgeMs?: number | null}} word
+ * @param {{held: string | null, seq: number} & Sight} command
  */
-export function encodeDrive({ held, frame, seq, frameAgeMs = null }) {
-  return JSON.stringify({ type: 'drive', held, frame, seq, frame_age_ms: frameAgeMs ?? undefined });
+export function encodeDrive({ held, frame, seq, nonce, frameAgeMs, phoneMs }) {
+  return JSON.stringify({
+    type: 'drive', held, frame, seq, nonce: nonce ?? undefined,
+    frame_age_ms: frameAgeMs ?? undefined, phone_ms: phoneMs ?? undefined,
+  });
 }
 
-/** The explicit start after any stop, or the wish to stop. @param {Mode} mode @param {number} seq */
-export function encodeMode(mode, seq) {
-  return JSON.stringify({ type: 'mode', mode, seq });
+/** The explicit start after any stop, or the wish to stop. @param {Mode} mode @param {number} seq @param {Sight} [sight] */
+export function encodeMode(mode, seq, { frame, nonce } = { frame: null }) {
+  return JSON.stringify({ type: 'mode', mode, seq, frame: frame ?? undefined, nonce: nonce ?? undefined });
 }
 
 /** @param {'stop' | 'release' | 'take' | 'yield'} type */

@@ -1,0 +1,120 @@
+"""How patient to be with this camera: its period and delivery age, measured. Pure.
+
+A webcam on a fast bus gives thirty pictures a second, 5 ms old; the one that the guide recommends
+for an EV3 gives ten, 95 to 145 ms old. A fixed limit is too strict for one or too lax for the
+other. So the limits follow what is measured: robustly (a quantile over the last pictures, so a
+lost one changes nothing), slow to grow while the robot moves, quick to shrink, and bounded by the
+distance that the robot travels on one picture.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+USUAL_PERIOD_S = 1 / 30
+"""The period for which the link's limits are set; a slower camera adds the difference to them."""
+_LEAST_SCALE = 0.05
+"""A body takes no share of full speed that is 0; long before, the picture is too old to move."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraTimingConfig:
+    """Bounds of what is adapted, in seconds."""
+
+    longest_timeout_s: float = 0.5
+    """A picture that is older stops the robot, whatever the camera: 8 cm at 0.16 m/s."""
+    full_speed_s: float = 0.3
+    """Up to this age of the oldest picture that is acted upon the robot goes at full speed: 5 cm
+    at 0.16 m/s. Above, it slows so far that it travels no further on one picture."""
+    growth_s_per_s: float = 0.05
+    """How fast an estimate may grow while the robot may move; while it stands, at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraState:
+    """What is known of the camera, and what follows from it."""
+
+    period_s: float = USUAL_PERIOD_S
+    delivery_age_s: float = 0.0
+    timeout_s: float = 0.2
+    speed_scale: float = 1.0
+
+
+class CameraTiming:
+    """Estimates a camera's period and the age at which its pictures arrive.
+
+    Args:
+        shortest_timeout_s: The limit for a quick camera; never less.
+        config: The bounds.
+    """
+
+    _WINDOW = 15
+    _AGE_QUANTILE = 0.8
+    _MISSED_PERIODS = 2.5
+    """Two periods pass between a picture and the one after a lost one; half of one is jitter."""
+
+    def __init__(self, shortest_timeout_s: float, config: CameraTimingConfig | None = None) -> None:
+        self.config = config or CameraTimingConfig()
+        self._shortest_timeout_s = shortest_timeout_s
+        self._periods_s: deque[float] = deque(maxlen=self._WINDOW)
+        self._ages_s: deque[float] = deque(maxlen=self._WINDOW)
+        self._captured_s: float | None = None
+        self._noted_s: float | None = None
+        self.period_s = USUAL_PERIOD_S
+        self.delivery_age_s = 0.0
+
+    def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:
+        """Take note of a new picture.
+
+        Args:
+            captured_s: When it was taken, on the loop's clock.
+            delivered_s: When the loop first saw it.
+            is_moving: True in a mode in which the robot may move: estimates then grow slowly.
+        """
+        if self._captured_s is not None and captured_s > self._captured_s:
+            self._periods_s.append(captured_s - self._captured_s)
+        self._captured_s = captured_s
+        self._ages_s.append(max(0.0, delivered_s - captured_s))
+        elapsed_s = delivered_s - self._noted_s if self._noted_s is not None else 0.0
+        self._noted_s = delivered_s
+        growth_s = self.config.growth_s_per_s * max(0.0, elapsed_s) if is_moving else float("inf")
+        age_s = _quantile(self._ages_s, self._AGE_QUANTILE)
+        self.delivery_age_s = min(age_s, self.delivery_age_s + growth_s)
+        if self._periods_s:
+            period_s = _quantile(self._periods_s, 0.5)
+            self.period_s = min(period_s, self.period_s + growth_s)
+
+    @property
+    def timeout_s(self) -> float:
+        """How old the newest picture may be while the robot may move."""
+        wanted_s = self.delivery_age_s + self._MISSED_PERIODS * self.period_s
+        longest_s = max(self.config.longest_timeout_s, self._shortest_timeout_s)
+        return min(max(wanted_s, self._shortest_timeout_s), longest_s)
+
+    @property
+    def slack_s(self) -> float:
+        """What this camera's period adds to the age of the pilot's picture on any link."""
+        return max(0.0, self.period_s - USUAL_PERIOD_S)
+
+    @property
+    def speed_scale(self) -> float:
+        """Share of full speed at which the robot travels no further on one picture than allowed."""
+        sight_s = self.delivery_age_s + self.period_s
+        return min(1.0, max(_LEAST_SCALE, self.config.full_speed_s / sight_s))
+
+    @property
+    def state(self) -> CameraState:
+        """All of it, as one frozen value."""
+        return CameraState(
+            period_s=self.period_s,
+            delivery_age_s=self.delivery_age_s,
+            timeout_s=self.timeout_s,
+            speed_scale=self.speed_scale,
+        )
+
+
+def _quantile(values: deque[float], share: float) -> float:
+    """Return the value below which about `share` of them lie."""
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]

@@ -1,0 +1,37 @@
+"""When a message can have been sent at the earliest: by the nonce that it carries. Pure."""
+
+from __future__ import annotations
+
+import math
+import secrets
+from collections import OrderedDict
+
+NEVER_S = -math.inf
+"""The proof of a message that proves nothing."""
+_KEPT_S = 2.0
+"""Long after a nonce is too old to move the robot."""
+
+
+class NonceLedger:
+    """Issues nonces, and knows for a while when.
+
+    Every state and every frame carries a nonce. A message that carries it back cannot have been
+    sent before the nonce was issued, however long it was held up: by a stalled link, by a frozen
+    server, in a queue. No clock but the robot's own is trusted, and nobody can guess a nonce.
+    """
+
+    def __init__(self) -> None:
+        self._issued_s: OrderedDict[int, float] = OrderedDict()
+
+    def issue(self, now_s: float) -> int:
+        """Return a new nonce: a random whole number from 1 that fits into 32 bits."""
+        nonce = 1 + secrets.randbelow(2**32 - 1)
+        self._issued_s[nonce] = now_s
+        self._issued_s.move_to_end(nonce)
+        while now_s - next(iter(self._issued_s.values())) > _KEPT_S:
+            self._issued_s.popitem(last=False)
+        return nonce
+
+    def issued_s(self, nonce: int | None) -> float:
+        """Return when a nonce was issued; `NEVER_S` for one that is unknown or long gone."""
+        return NEVER_S if nonce is None else self._issued_s.get(nonce, NEVER_S)

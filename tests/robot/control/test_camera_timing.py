@@ -1,0 +1,268 @@
+"""Patience follows the camera: limits, speed and learning with cameras from quick to useless."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass, field
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.control.camera_timing import USUAL_PERIOD_S, CameraTiming, CameraTimingConfig
+from robot.types import Action, Encoding, Mode, PilotCommand, StopReason
+from tests.robot.bench_robot import BenchRobot
+
+SHORTEST_S = 0.2
+
+
+def _timing_of(period_s: float, age_s: float, frames: int = 60) -> CameraTiming:
+    timing = CameraTiming(SHORTEST_S)
+    for i in range(frames):
+        timing.note(i * period_s, i * period_s + age_s, is_moving=False)
+    return timing
+
+
+def test_a_quick_camera_gets_the_limits_of_old() -> None:
+    timing = _timing_of(1 / 30, 0.005)
+    assert (timing.timeout_s, timing.speed_scale) == (SHORTEST_S, 1.0)
+    assert timing.slack_s == pytest.approx(0.0)
+
+
+def test_a_webcam_on_a_brick_gets_time_enough_and_full_speed() -> None:
+    timing = _timing_of(0.1, 0.145)
+    assert timing.timeout_s > 0.145 + 2 * 0.1, "one picture may be lost"
+    assert timing.speed_scale == 1.0
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(0.001, 3.0), st.floats(0.0, 3.0), st.booleans()),
+        min_size=1,
+        max_size=80,
+    )
+)
+def test_whatever_a_camera_does_the_limits_are_bounded(
+    pictures: list[tuple[float, float, bool]],
+) -> None:
+    timing, captured_s, delivered_s = CameraTiming(SHORTEST_S), 0.0, 0.0
+    bound = CameraTimingConfig()
+    for period_s, age_s, is_moving in pictures:
+        before, since_s = timing.state, delivered_s
+        captured_s += period_s
+        delivered_s = max(delivered_s, captured_s + age_s)
+        timing.note(captured_s, delivered_s, is_moving=is_moving)
+        assert SHORTEST_S <= timing.timeout_s <= bound.longest_timeout_s
+        sight_s = timing.delivery_age_s + timing.period_s
+        assert timing.speed_scale * sight_s <= max(bound.full_speed_s, 0.05 * sight_s) + 1e-9
+        if is_moving:
+            most_s = bound.growth_s_per_s * (delivered_s - since_s) + 1e-9
+            assert timing.period_s <= before.period_s + most_s
+            assert timing.delivery_age_s <= before.delivery_age_s + most_s
+
+
+def test_it_grows_slowly_while_moving_and_shrinks_at_once() -> None:
+    timing = _timing_of(1 / 30, 0.005)
+    at_s, ages = 2.0, []
+    for _ in range(10):
+        at_s += 0.1
+        timing.note(at_s, at_s + 0.2, is_moving=True)
+        ages.append(timing.delivery_age_s)
+    assert ages == sorted(ages)
+    assert ages[-1] < 0.08, "a second has not taught it to wait for 200 ms"
+    for _ in range(15):
+        at_s += 1 / 30
+        timing.note(at_s, at_s + 0.005, is_moving=True)
+    assert timing.delivery_age_s == pytest.approx(0.005)
+    assert timing.period_s == pytest.approx(USUAL_PERIOD_S)
+
+
+@pytest.mark.parametrize("lost_every", [2, 3, 7])
+def test_a_lost_picture_now_and_then_changes_nothing(lost_every: int) -> None:
+    timing = CameraTiming(SHORTEST_S)
+    for i in range(60):
+        if lost_every == 2 or i % lost_every:
+            timing.note(i * 0.1, i * 0.1 + 0.1, is_moving=False)
+    assert timing.period_s == pytest.approx(0.1)
+
+
+@dataclass
+class Drive:
+    """What a drive of some seconds came to."""
+
+    held_s: float = 0.0
+    moving_s: float = 0.0
+    full_speed_s: float = 0.0
+    starts: int = 1
+    taught: int = 0
+    pictures: int = 0
+    stops: list[StopReason] = field(default_factory=list)
+    scales: list[float] = field(default_factory=list)
+
+    @property
+    def moving(self) -> float:
+        return self.moving_s / self.held_s
+
+    @property
+    def full_speed(self) -> float:
+        return self.full_speed_s / self.held_s
+
+
+def drive(
+    period_s: float,
+    age_s: float,
+    *,
+    jitter_s: float = 0.01,
+    link_s: float = 0.02,
+    phone_s: float = 0.01,
+    seconds: float = 12.0,
+    restarts: bool = True,
+    seed: int = 1,
+) -> Drive:
+    """Hold forward for a while before such a camera, as the page would; steps of five ms.
+
+    The camera runs for two seconds before the drive, as it does while a person opens the page.
+    """
+    robot, dice = BenchRobot(), random.Random(seed)
+    clock, result, step_s = robot.clock, Drive(), 0.005
+    begin_s = clock.now_s()
+    next_picture_s, arriving = begin_s, list[tuple[float, float, int]]()
+    to_phone, to_robot = list[tuple[float, int, float]](), list[tuple[float, PilotCommand]]()
+    screen: tuple[int, float] | None = None
+    captured: dict[int, float] = {}
+    next_beat_s, seq, learned_before = begin_s, 0, 0
+    while clock.now_s() < begin_s + 2.0 + seconds:
+        clock.advance(step_s)
+        now_s = clock.now_s()
+        is_driving = now_s >= begin_s + 2.0
+        if now_s >= next_picture_s:
+            arriving.append(
+                (now_s + age_s + dice.uniform(-jitter_s, jitter_s), now_s, dice.randrange(3))
+            )
+            next_picture_s += period_s
+        while arriving and arriving[0][0] <= now_s:
+            _, captured_s, scene = arriving.pop(0)
+            frame = robot.camera.show(scene, captured_s=captured_s)
+            captured[frame.frame_id] = captured_s
+            to_phone.append((now_s + link_s + phone_s, frame.frame_id, now_s + link_s))
+            result.pictures += is_driving
+        while to_phone and to_phone[0][0] <= now_s:
+            _, frame_id, arrived_s = to_phone.pop(0)
+            screen = (frame_id, arrived_s)
+        if now_s >= next_beat_s and screen is not None:
+            next_beat_s += 0.1
+            seq += 1
+            command = PilotCommand(
+                held=Action.FORWARD if is_driving else None,
+                frame_id=screen[0],
+                seq=seq,
+                received_s=now_s + link_s,
+                frame_age_s=now_s - captured[screen[0]],
+                phone_s=now_s - screen[1],
+                proven_s=now_s - link_s - 0.05,
+            )
+            to_robot.append((now_s + link_s, command))
+        while to_robot and to_robot[0][0] <= now_s:
+            robot.loop.command(to_robot.pop(0)[1])
+        if is_driving and robot.loop.mode is Mode.STOPPED and (result.held_s == 0.0 or restarts):
+            if result.held_s > 0.0:
+                result.starts += 1
+                reason = robot.loop.state.decision.stop_reason
+                assert reason is not None
+                result.stops.append(reason)
+            robot.loop.set_mode(Mode.TRAIN)
+            learned_before = learned_before or sum(robot.loop.state.taught.values())
+        tick = robot.tick()
+        if is_driving:
+            result.held_s += step_s
+            result.moving_s += step_s * (tick.sent is Action.FORWARD)
+            result.full_speed_s += step_s * (
+                tick.sent is Action.FORWARD and tick.decision.speed_scale == 1.0
+            )
+            result.scales.append(tick.decision.speed_scale)
+    result.taught = sum(robot.loop.state.taught.values())
+    return result
+
+
+@pytest.mark.parametrize(
+    ("period_s", "age_s"),
+    [(0.1, 0.145), (0.1, 0.095), (0.1, 0.12), (1 / 30, 0.005), (1 / 15, 0.05)],
+)
+@pytest.mark.parametrize("jitter_s", [0.0, 0.01, 0.03])
+def test_with_an_ordinary_camera_it_drives_and_learns(
+    period_s: float, age_s: float, jitter_s: float
+) -> None:
+    result = drive(period_s, age_s, jitter_s=min(jitter_s, age_s))
+    assert result.starts == 1, result.stops
+    assert result.moving >= 0.99
+    assert result.full_speed >= 0.9
+    assert result.taught >= 0.98 * (result.pictures - 3), (result.taught, result.pictures)
+
+
+def test_with_pictures_300_ms_old_it_drives_on_more_slowly() -> None:
+    result = drive(0.1, 0.3)
+    assert result.moving >= 0.95
+    assert result.full_speed < 0.1
+    assert 0.5 < result.scales[-1] < 1.0
+
+
+def test_with_pictures_600_ms_old_it_stands() -> None:
+    result = drive(0.1, 0.6, restarts=False)
+    assert result.moving == 0.0
+
+
+@pytest.mark.parametrize("phone_s", [0.1, 0.2, 0.25])
+def test_a_slow_phone_costs_pictures_not_examples(phone_s: float) -> None:
+    result = drive(1 / 30, 0.005, phone_s=phone_s)
+    assert result.starts == 1, result.stops
+    assert result.moving >= 0.99
+    assert result.full_speed >= 0.99, "the link is good"
+    assert result.taught >= 0.95 * (result.pictures - 30 * phone_s - 3)
+
+
+def test_a_slow_link_of_the_same_age_is_not_taken_for_a_slow_phone() -> None:
+    result = drive(1 / 30, 0.005, link_s=0.1)
+    assert result.moving >= 0.9
+    assert drive(1 / 30, 0.005, link_s=0.4, restarts=False).moving < 0.1
+
+
+@pytest.mark.parametrize("age_s", [0.005, 0.095, 0.145, 0.3])
+@pytest.mark.parametrize("period_s", [1 / 30, 0.1])
+def test_after_the_camera_freezes_it_stands_within_half_a_second_and_a_period(
+    period_s: float, age_s: float
+) -> None:
+    robot = BenchRobot()
+    clock, last_s = robot.clock, 0.0
+    for i in range(100):
+        clock.advance(period_s)
+        robot.camera.show(i % 3, captured_s=clock.now_s() - age_s)
+        last_s = clock.now_s() - age_s
+        if i == 40:
+            robot.loop.set_mode(Mode.AUTONOMOUS)
+        robot.hold(Action.FORWARD)
+        tick = robot.tick()
+    assert tick.sent is Action.FORWARD
+    while tick.sent is Action.FORWARD:
+        clock.advance(0.01)
+        robot.hold(Action.FORWARD)
+        tick = robot.tick()
+        assert clock.now_s() - last_s < 1.0, "it never stands"
+    assert tick.decision.stop_reason is StopReason.FRAME_STALE
+    assert clock.now_s() - last_s <= 0.5 + period_s
+
+
+def test_the_camera_is_told_in_the_state() -> None:
+    robot = BenchRobot()
+    for _ in range(20):
+        robot.clock.advance(0.1)
+        robot.camera.show(1, captured_s=robot.clock.now_s() - 0.145)
+        robot.tick()
+    camera = robot.loop.state.camera
+    assert camera.period_s == pytest.approx(0.1)
+    assert camera.delivery_age_s == pytest.approx(0.145)
+
+
+def test_bench_camera_gives_what_it_is_asked_for() -> None:
+    robot = BenchRobot()
+    frame = robot.camera.show(1, captured_s=42.0)
+    assert (frame.captured_s, frame.encoding) == (42.0, Encoding.RGB)
