@@ -80,7 +80,7 @@ test('pictures have a socket of their own, opened after the words', () => {
   assert.deepEqual(FakeSocket.all.map((s) => s.url), ['ws://robot/ws/drive']);
   latest('/ws/drive').open();
   latest('/ws/video').open();
-  const picture = { frameId: 7, capturedMs: 3, encoding: 'rgb', width: 1, height: 1, quiet: false, data: new Uint8Array(3) };
+  const picture = { frameId: 7, capturedMs: 3, encoding: 'rgb', width: 1, height: 1, quiet: false, nonce: 5, data: new Uint8Array(3) };
   latest('/ws/video').onmessage({ data: encodePicture(picture) });
   assert.deepEqual(events.at(-1), ['picture', picture]);
   connection.acknowledge(7);
