@@ -16,7 +16,7 @@ from robot.testing import Line, Link, World
 from robot.types import Action, Mode
 from server.app import create_app
 from server.config import Config
-from server.protocol import FRAME_HEADER, encode_acknowledgement
+from server.protocol import encode_acknowledgement, parse_picture
 from server.services import make_services
 
 from .live_robot import WEB
@@ -65,9 +65,9 @@ class ServedWorld(World):
         await super().__aexit__(*error)
 
     async def pilot(self, *, sees: bool = False) -> Pilot:
-        """Open a page; it has said hello when this returns."""
+        """Open a page; it knows the state of a robot that sees when this returns."""
         pilot = Pilot(self, sees=sees)
-        await self.until(lambda: bool(pilot.messages), what="hello")
+        await self.until(lambda: bool(pilot.state.get("frame")), what="the first state")
         return pilot
 
     def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> Socket:
@@ -155,6 +155,7 @@ class Pilot:
         self.held: str | None = None
         self.seq = 0
         self.picture: int | None = None
+        self.nonce: int | None = None
         self.is_silent = False
         self.acknowledges = True
         self._has_ended = False
@@ -176,7 +177,11 @@ class Pilot:
     def mode(self, mode: str) -> None:
         """Ask for a mode."""
         self.seq += 1
-        self.send(type="mode", mode=mode, seq=self.seq)
+        self.send(type="mode", mode=mode, seq=self.seq, **self.sight())
+
+    def sight(self) -> dict[str, int | None]:
+        """Return what a command must carry: the picture on the screen, the newest nonce."""
+        return {"frame": self.picture or self.state.get("frame"), "nonce": self.nonce}
 
     def send(self, **message: Any) -> None:
         """Send one message, whatever it is."""
@@ -228,10 +233,12 @@ class Pilot:
         self.messages.append(message)
         if message["type"] == "state":
             self.state = message
+            self.nonce = message["nonce"]
 
     def _see(self, message: str | bytes) -> None:
         assert isinstance(message, bytes)
-        self.picture = FRAME_HEADER.unpack_from(message)[5]
+        picture = parse_picture(message)
+        self.picture, self.nonce = picture.frame_id, picture.nonce
         if self._video is not None and self.acknowledges and not self._has_ended:
             self._video.send(encode_acknowledgement(self.picture))
 
@@ -244,5 +251,4 @@ class Pilot:
 
     def _say_drive(self) -> None:
         self.seq += 1
-        frame = self.picture or self.state.get("frame")
-        self.send(type="drive", held=self.held, frame=frame, seq=self.seq)
+        self.send(type="drive", held=self.held, seq=self.seq, **self.sight())
