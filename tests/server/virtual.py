@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import json
 from collections.abc import Callable, Coroutine
 from typing import Any, Self, TypeVar
+
+from fastapi import FastAPI
 
 from robot.clock import VirtualClock
 from robot.testing import Line, Link, World
@@ -46,7 +49,6 @@ class ServedWorld(World):
     def __init__(self, clock: VirtualClock, config: Config | None = None, **options: Any) -> None:
         super().__init__(clock, **options)
         self.services = make_services(config or Config(web=WEB), self.rig, name="virtual")
-        self.app = create_app(self.services)
         self.hub = self.services.hub
         self.link = Link(self.dice)
         self._stack = contextlib.AsyncExitStack()
@@ -54,8 +56,16 @@ class ServedWorld(World):
 
     async def __aenter__(self) -> Self:
         await super().__aenter__()
-        await self._stack.enter_async_context(self.app.router.lifespan_context(self.app))
+        await self.hub.start()
+        self._stack.push_async_callback(self.hub.stop)
+        self._stack.enter_context(self.services.progress)
+        self._stack.enter_context(self.services.study)
         return self
+
+    @functools.cached_property
+    def app(self) -> FastAPI:
+        """The application; made when it is first needed, for the sake of tests that never do."""
+        return create_app(self.services)
 
     async def __aexit__(self, *error: object) -> None:
         for socket in self._sockets:
@@ -158,7 +168,7 @@ class Pilot:
         self.nonce: int | None = None
         self.is_silent = False
         self.acknowledges = True
-        self._has_ended = False
+        self.has_ended = False
         self.socket = world.connect("/ws/drive", self._hear)
         self._video = world.connect("/ws/video", self._see) if sees else None
         self._event_loop = asyncio.get_running_loop()
@@ -193,13 +203,13 @@ class Pilot:
 
     def close(self) -> None:
         """Close the tab."""
-        self._has_ended = True
+        self.has_ended = True
         for socket in self._open_sockets():
             socket.close()
 
     def vanish(self) -> None:
         """Go as a killed browser goes: the connection ends without a word."""
-        self._has_ended = True
+        self.has_ended = True
         for socket in self._open_sockets():
             socket.cut()
 
@@ -239,11 +249,11 @@ class Pilot:
         assert isinstance(message, bytes)
         picture = parse_picture(message)
         self.picture, self.nonce = picture.frame_id, picture.nonce
-        if self._video is not None and self.acknowledges and not self._has_ended:
+        if self._video is not None and self.acknowledges and not self.has_ended:
             self._video.send(encode_acknowledgement(self.picture))
 
     def _beat(self) -> None:
-        if self._has_ended:
+        if self.has_ended:
             return
         if not self.is_silent:
             self._say_drive()
