@@ -145,6 +145,8 @@ class Sensors:
 
     distance_m: float | None = None
     bumped: bool | None = None
+    bumpers: tuple[bool, ...] = ()
+    """Which bumpers are pressed, from left to right; `bumped` is true if any is."""
     battery_share: float | None = None
     pose: Pose | None = None
 

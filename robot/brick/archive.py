@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import zipfile
+from importlib.metadata import version
 from pathlib import Path
 
 import robot
@@ -26,11 +28,20 @@ def agent_sources() -> dict[str, Path]:
     }
 
 
+def release() -> str:
+    """Return what tells one agent from another: the version, and a digest of its sources."""
+    digest = hashlib.sha256()
+    for name, file in sorted(agent_sources().items()):
+        digest.update(name.encode() + b"\0" + file.read_bytes())
+    return f"{version('drivelesson')} {digest.hexdigest()[:8]}"
+
+
 def make_agent() -> bytes:
     """Return the archive; the same sources give the same bytes."""
+    contents = {name: file.read_text() for name, file in agent_sources().items()}
     # The parents' own __init__.py may be written for a newer Python: here they are empty.
-    contents = {"__main__.py": MAIN, "robot/__init__.py": "", "robot/brick/__init__.py": ""}
-    contents |= {name: file.read_text() for name, file in agent_sources().items()}
+    contents |= {"__main__.py": MAIN, "robot/__init__.py": "", "robot/brick/__init__.py": ""}
+    contents["robot/brick/agent/release.py"] = f"RELEASE = {release()!r}\n"
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in sorted(contents.items()):

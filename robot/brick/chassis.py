@@ -30,7 +30,10 @@ class ChassisOptions:
     )
     touch_port: str = field(
         default="auto",
-        metadata={"help": "port of the touch sensor; auto takes one if it is there, or none"},
+        metadata={
+            "help": "ports of the bumpers (touch sensors) from left to right, as in4,in1; "
+            "auto takes all that are there, by port; or none"
+        },
     )
     wheel_diameter_m: float = field(
         default=0.0509, metadata={"help": "wheel diameter in metres, as calibrate measures it"}
@@ -68,6 +71,9 @@ class ChassisBody(Protocol):
 
     def open(self) -> None:
         """Find the devices, and make sure that nothing moves."""
+
+    def top_speeds_dps(self) -> list[float]:
+        """How fast the left and the right wheel can turn, in degrees a second."""
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
         """Turn the wheels for at most `time_ms`."""
@@ -138,11 +144,33 @@ class ChassisDriver(Driver):
         body = self._make_body()
         try:
             body.open()
+            self._check_speeds(body.top_speeds_dps())
         except HardwareError as error:
             body.close()
             raise DriveError(str(error)) from error
+        except ConfigurationError:
+            body.close()
+            raise
         self._body = body
         self.show(Mode.STOPPED)
+
+    def _check_speeds(self, top_dps: Sequence[float]) -> None:
+        """Raise ConfigurationError if a move asks more of a motor than it can give."""
+        options = self.options
+        ports = (options.left_port, options.right_port)
+        for name, option, move in (
+            ("forward_speed_mps", options.forward_speed_mps, Action.FORWARD),
+            ("turn_rate_deg_s", options.turn_rate_deg_s, Action.LEFT),
+            ("turn_rate_deg_s", options.turn_rate_deg_s, Action.SPIN_LEFT),
+        ):
+            for port, asked, top in zip(ports, wheel_speeds(move, options), top_dps, strict=True):
+                if abs(asked) > top:
+                    most = math.floor(1000 * option * top / abs(asked)) / 1000
+                    raise ConfigurationError(
+                        f"--{name.replace('_', '-')} {option} asks the motor at {port} for "
+                        f"{abs(asked):.0f} degrees a second; it reaches {top:.0f} at most: "
+                        f"choose {most} or less"
+                    )
 
     def disconnect(self) -> None:
         """Stop the motors and let go of the brick."""
@@ -155,15 +183,16 @@ class ChassisDriver(Driver):
         body = self._connected()
         self.check_action(action, speed_scale)
         if action is Action.STOP:
-            _told(body.stop)
+            _asked(body.stop)
             return action
         left, right = (speed_scale * speed for speed in wheel_speeds(action, self.options))
-        _told(lambda: body.run(left, right, round(1000 * ACTION_TIMEOUT_S)))
+        _asked(lambda: body.run(left, right, round(1000 * ACTION_TIMEOUT_S)))
         return action
 
     def sense(self) -> Sensors:
-        """Read distance, touch and battery."""
-        return Sensors(**_told(self._connected().sense))
+        """Read distance, bumpers and battery."""
+        read = _asked(self._connected().sense)
+        return Sensors(**{**read, "bumpers": tuple(read.get("bumpers") or ())})
 
     def stop(self) -> None:
         """Stop the motors now; does nothing on a driver that is not connected."""
@@ -172,7 +201,7 @@ class ChassisDriver(Driver):
 
     def wheel_positions_deg(self) -> Sequence[float]:
         """How far the left and the right wheel have turned, as the motors count it."""
-        return _told(self._connected().positions)
+        return _asked(self._connected().positions)
 
     def take_button(self) -> BodyButton | None:
         """Return the brick's button that was pressed since the last call."""
@@ -194,8 +223,8 @@ class ChassisDriver(Driver):
         return self._body
 
 
-def _told(call: Callable[[], _T]) -> _T:
-    """Call the body, and turn its error into the driver's."""
+def _asked(call: Callable[[], _T]) -> _T:
+    """Call the body; its error becomes the driver's."""
     try:
         return call()
     except HardwareError as error:

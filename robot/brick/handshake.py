@@ -1,30 +1,69 @@
-"""Joining the agent on a brick: connect, prove that one knows the secret, be let in or refused."""
+"""Joining the agent on a brick: both sides prove that they know the secret; then all is sealed."""
 
 from __future__ import annotations
 
 import json
 import os
+import secrets
 import socket
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from robot.brick.agent.ports import HardwareError
-from robot.brick.agent.wire import PORT, PROTOCOL, Unpacker, pack_json, prove
+from robot.brick.agent.wire import (
+    FROM_AGENT,
+    PORT,
+    PROTOCOL,
+    Seal,
+    Unpacker,
+    is_proof,
+    pack_json,
+    prove,
+)
 from robot.errors import ConfigurationError
 
 PATIENCE_S = 3.0
 """How long joining, or opening the body, may take."""
+_BEFORE_PROOF = {b"J": 1024}
 
 
-def join(address: str, secret: str = "") -> tuple[socket.socket, Unpacker]:
+class BrickConnection:
+    """One sealed connection to an agent that has proved that it is the right one.
+
+    Raises:
+        ValueError: On messages that were changed on the way or come from somebody else.
+    """
+
+    def __init__(self, line: socket.socket, unpacker: Unpacker, seal: Seal) -> None:
+        self.line = line
+        self._unpacker = unpacker
+        self._seal = seal
+
+    def send(self, message: dict[str, Any]) -> None:
+        """Seal a message and send it; one thread at a time."""
+        self.line.sendall(pack_json(message, self._seal))
+
+    def receive(self) -> Iterator[tuple[bytes, bytes]]:
+        """Wait for data, for as long as the line's timeout; yield what is whole."""
+        data = self.line.recv(65536)
+        if not data:
+            raise OSError("the brick hung up")
+        self._unpacker.feed(data)
+        while (message := self._unpacker.next()) is not None:
+            yield message
+
+    def close(self) -> None:
+        """Hang up."""
+        self.line.close()
+
+
+def join(address: str, secret: str = "") -> BrickConnection:
     """Join the agent at `host` or `host:port`; with the kept secret unless one is given.
-
-    Returns:
-        The connection, and what unpacks the messages that come on it.
 
     Raises:
         ConfigurationError: If the address is none.
-        HardwareError: If nobody answers, or the agent refuses.
+        HardwareError: If nobody answers, the agent refuses, or it is another than ours.
     """
     host, _, port = address.partition(":")
     try:
@@ -36,10 +75,10 @@ def join(address: str, secret: str = "") -> tuple[socket.socket, Unpacker]:
             f"no agent answers at {host} port {port or PORT} ({error.strerror or error}); "
             f"start it with: drivelesson brick agent {host}"
         ) from error
-    unpacker = Unpacker()
     try:
-        _shake_hands(line, unpacker, host, secret or kept_secret(host))
-    except (OSError, ValueError, KeyError) as error:
+        connection = _shake_hands(line, host, secret or kept_secret(host))
+        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    except (OSError, ValueError, KeyError, TypeError) as error:
         line.close()
         raise HardwareError(
             f"what answers at {host} port {port or PORT} is no agent of this version "
@@ -48,20 +87,29 @@ def join(address: str, secret: str = "") -> tuple[socket.socket, Unpacker]:
     except HardwareError:
         line.close()
         raise
-    line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return line, unpacker
+    return connection
 
 
-def _shake_hands(line: socket.socket, unpacker: Unpacker, host: str, secret: str) -> None:
+def _shake_hands(line: socket.socket, host: str, secret: str) -> BrickConnection:
+    unpacker = Unpacker(_BEFORE_PROOF)
     hello = _next_message(line, unpacker)
     if hello["hello"] != PROTOCOL:
-        raise ValueError(f"it speaks version {hello['hello']}")
-    line.sendall(pack_json({"do": "join", "proof": prove(secret, hello["nonce"])}))
+        raise ValueError(f"it speaks version {hello['hello']}, this program version {PROTOCOL}")
+    theirs, ours = str(hello["nonce"]), secrets.token_hex(16)
+    proof = prove(secret, "controller", theirs, ours)
+    line.sendall(pack_json({"do": "join", "nonce": ours, "proof": proof}))
     verdict = _next_message(line, unpacker)
     if "refused" in verdict:
         raise HardwareError(
             f"the brick at {host} refuses: {verdict['refused']}; " + _advice(verdict, host)
         )
+    if not is_proof(verdict["proof"], secret, "agent", theirs, ours):
+        raise HardwareError(
+            f"what answers at {host} does not know the secret: it is not your brick; "
+            "check the address, and who else is in this network"
+        )
+    unpacker.expect_seal(Seal(secret, "agent", theirs, ours), FROM_AGENT)
+    return BrickConnection(line, unpacker, Seal(secret, "controller", theirs, ours))
 
 
 def secret_path(host: str) -> Path:
@@ -95,10 +143,10 @@ def _advice(verdict: dict[str, Any], host: str) -> str:
 
 
 def _next_message(line: socket.socket, unpacker: Unpacker) -> dict[str, Any]:
-    while True:
-        data = line.recv(4096)
+    while (found := unpacker.next()) is None:
+        data = line.recv(1024)
         if not data:
             raise OSError("it hung up")
-        for _kind, body in unpacker.feed(data):
-            message: dict[str, Any] = json.loads(body)
-            return message
+        unpacker.feed(data)
+    message: dict[str, Any] = json.loads(found[1])
+    return message

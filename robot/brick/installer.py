@@ -28,18 +28,69 @@ python3 -c 'import ev3dev2' 2>/dev/null || {
 }
 if [ -f agent.pid ]; then kill "$(cat agent.pid)" 2>/dev/null || true; sleep 1; fi
 : >agent.log
-setsid python3 agent.pyz --secret-file secret --port @PORT@ --root "${DRIVELESSON_ROOT:-/}" \\
-  >>agent.log 2>&1 </dev/null &
-echo $! >agent.pid
+if ! systemctl is-active --quiet drivelesson-agent 2>/dev/null; then
+  setsid sh ./keep-agent >/dev/null 2>&1 </dev/null &
+  echo $! >agent.pid
+fi
 for i in 1 2 3 4 5 6 7 8 9 10; do
   if grep -q listening agent.log; then tail -n 1 agent.log; exit 0; fi
-  kill -0 "$(cat agent.pid)" 2>/dev/null || break
   sleep 1
+  kill -0 "$(cat agent.pid)" 2>/dev/null || break
 done
 cat agent.log >&2
 exit 1
 """
-"""Receives agent.pyzz and secret as a tar on standard input; starts the agent."""
+"""Receives agent.pyz, keep-agent, autostart and secret as a tar; starts the agent."""
+
+KEEP_SCRIPT = """\
+#!/bin/sh
+# Starts the agent, and again whenever it ends; not if a person must put something right (2).
+cd "$(dirname "$0")" || exit 2
+echo $$ >agent.pid
+trap 'kill $agent 2>/dev/null; exit 0' TERM INT
+while :; do
+  python3 agent.pyz --secret-file secret --port @PORT@ --root "${DRIVELESSON_ROOT:-/}" \\
+    >>agent.log 2>&1 </dev/null &
+  agent=$!
+  wait $agent
+  status=$?
+  [ $status = 2 ] && exit 2
+  [ "$(wc -c <agent.log)" -lt 200000 ] || : >agent.log
+  echo "the agent ended with status $status; it is started again" >>agent.log
+  sleep 1
+done
+"""
+
+AUTOSTART_SCRIPT = """\
+#!/bin/sh
+# Makes the brick start the agent by itself; as root.
+set -eu
+[ "$(id -u)" = 0 ] || { echo 'run this as root: sudo sh drivelesson/autostart' >&2; exit 1; }
+folder=$(cd "$(dirname "$0")" && pwd)
+if [ -f "$folder/agent.pid" ]; then kill "$(cat "$folder/agent.pid")" 2>/dev/null || true; fi
+units=${DRIVELESSON_PREFIX:-}/etc/systemd/system
+mkdir -p "$units"
+cat >"$units/drivelesson-agent.service" <<END
+[Unit]
+Description=Drivelesson's agent
+After=network.target
+Conflicts=drivelesson.service
+
+[Service]
+User=$(stat -c %U "$folder")
+ExecStart=/bin/sh $folder/keep-agent
+Restart=always
+RestartSec=1
+RestartPreventExitStatus=2
+
+[Install]
+WantedBy=multi-user.target
+END
+systemctl daemon-reload
+systemctl enable drivelesson-agent
+systemctl restart drivelesson-agent
+echo 'the brick now starts the agent by itself'
+"""
 
 START_SCRIPT = """\
 #!/bin/sh
@@ -172,9 +223,29 @@ def start_agent(target: str, secret: str, port: int) -> str:
     """Copy the agent to a brick with the stock image and start it; idempotent."""
     files: list[tuple[str, Path | bytes]] = [
         ("agent.pyz", make_agent()),
+        ("keep-agent", KEEP_SCRIPT.replace("@PORT@", str(port)).encode()),
+        ("autostart", AUTOSTART_SCRIPT.encode()),
         ("secret", secret.encode()),
     ]
-    return run_on_brick(target, AGENT_SCRIPT.replace("@PORT@", str(port)), files)
+    return run_on_brick(target, AGENT_SCRIPT, files)
+
+
+def start_with_the_brick(target: str) -> None:
+    """Have the brick start the agent whenever it starts; sudo may ask for the password.
+
+    Raises:
+        DriveError: If that fails.
+    """
+    sudo = "" if target.startswith("root@") else "sudo "
+    done = subprocess.run(
+        ["ssh", "-t", "-o", "ConnectTimeout=10", target, sudo + "sh drivelesson/autostart"],
+        check=False,
+    )
+    if done.returncode != 0:
+        raise DriveError(
+            f"the brick at {target} does not start the agent by itself; on the brick: "
+            "sudo sh drivelesson/autostart"
+        )
 
 
 def installed_packages(target: str) -> str:

@@ -1,6 +1,6 @@
 """The line to a brick that stands elsewhere: the other end of `robot.brick.agent`.
 
-One thread owns the connection: it joins, listens, pings five times a second, and joins again when
+One thread owns the connection: it joins, receives, pings ten times a second, and joins again when
 the line was lost. Commands go out on the caller's thread and never wait for an answer.
 """
 
@@ -17,13 +17,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from robot.brick.agent.ports import HardwareError
-from robot.brick.agent.wire import ENCODINGS, PICTURE, Unpacker, pack_json
-from robot.brick.handshake import PATIENCE_S, join
+from robot.brick.agent.wire import ENCODINGS, PICTURE
+from robot.brick.handshake import PATIENCE_S, BrickConnection, join
 from robot.errors import ConfigurationError
 
 SILENCE_S = 0.5
-"""A brick that says nothing for so long does not answer; it speaks ten times a second."""
-PING_S = 0.2
+"""A brick that sends nothing for so long does not answer; it reports ten times a second."""
+PING_S = 0.1
 REJOIN_S = 0.5
 
 
@@ -45,17 +45,16 @@ class BrickLink:
         self._address = address
         self._secret = secret
         self._users: set[str] = set()
-        self._line: socket.socket | None = None
+        self._connection: BrickConnection | None = None
         self._sending = threading.Lock()
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
         self._answers: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
-        self._wishes: dict[str, dict[str, Any]] = {}
-        self._unpacker = Unpacker()
-        self._heard_s = 0.0
+        self._standing: dict[str, dict[str, Any]] = {}
+        self._received_s = 0.0
         self._offset_s: float | None = None
         self._lost: str | None = None
-        self._told: dict[str, Any] = {}
+        self._report: dict[str, Any] = {}
         self._buttons: list[str] = []
         self.on_picture: Callable[[RemotePicture], None] | None = None
 
@@ -64,14 +63,19 @@ class BrickLink:
         """What is wrong with the line, as a sentence; None if the brick answers."""
         if self._lost is not None:
             return f"the line to the brick at {self._address} is lost ({self._lost}); trying again"
-        if time.monotonic() - self._heard_s > SILENCE_S:
+        if time.monotonic() - self._received_s > SILENCE_S:
             return f"the brick at {self._address} does not answer; is it on, and in the network?"
         return None
 
     @property
     def camera_fault(self) -> str | None:
-        """What the agent says of its camera."""
-        return self._told.get("camera_fault")
+        """What the agent reports of its camera."""
+        return self._report.get("camera_fault")
+
+    @property
+    def report_time_s(self) -> float | None:
+        """The brick's clock in the newest report; a move carries it to prove that it is fresh."""
+        return self._report.get("t")
 
     def open(self, user: str) -> None:
         """Join the agent, unless that is done; `user` keeps the line open until its `close`.
@@ -82,7 +86,7 @@ class BrickLink:
         if self._thread is None:
             if not self._address:
                 raise HardwareError("which brick? name it with --brick ADDRESS")
-            self._line = self._join()
+            self._connection = self._join()
             self._ending.clear()
             self._thread = threading.Thread(target=self._run, name="brick-link", daemon=True)
             self._thread.start()
@@ -97,9 +101,9 @@ class BrickLink:
         self._hang_up()
         self._thread.join(timeout=PATIENCE_S)
         self._thread = None
-        self._wishes.clear()
+        self._standing.clear()
 
-    def say(self, do: str, **rest: Any) -> None:
+    def send(self, do: str, **rest: Any) -> None:
         """Send one command.
 
         Raises:
@@ -116,20 +120,20 @@ class BrickLink:
                 f"the line to the brick at {self._address} is lost ({error}); trying again"
             ) from error
 
-    def wish(self, key: str, do: str, **rest: Any) -> None:
+    def keep_sent(self, key: str, do: str, **rest: Any) -> None:
         """Send a command that holds for the whole connection, and again after each new joining."""
-        self._wishes[key] = {"do": do, **rest}
-        self.say(do, **rest)
+        self._standing[key] = {"do": do, **rest}
+        self.send(do, **rest)
 
     def forget(self, key: str) -> None:
-        """Stop repeating a wish."""
-        self._wishes.pop(key, None)
+        """Stop repeating a command that was given to `keep_sent`."""
+        self._standing.pop(key, None)
 
     def answer(self, name: str) -> Any:
         """Wait for the answer to a question just asked.
 
         Raises:
-            HardwareError: If the agent says that it failed, or says nothing.
+            HardwareError: If the agent reports a failure, or nothing.
         """
         deadline_s = time.monotonic() + PATIENCE_S
         while True:
@@ -143,78 +147,75 @@ class BrickLink:
                 return message[name]
 
     def sensors(self) -> dict[str, Any]:
-        """Return what the brick last told of its sensors, which is at most 0.5 s old."""
-        fault = self.fault or self._told.get("fault")
+        """Return what the brick last reported of its sensors, which is at most 0.5 s old."""
+        fault = self.fault or self._report.get("fault")
         if fault is not None:
             raise HardwareError(fault)
-        return dict(self._told.get("sensors") or {})
+        return dict(self._report.get("sensors") or {})
 
     def take_button(self) -> str | None:
         """Return the last button that was pressed since the last call."""
         buttons, self._buttons = self._buttons, []
         return "stop" if "stop" in buttons else buttons[-1] if buttons else None
 
-    def _join(self) -> socket.socket:
-        line, self._unpacker = join(self._address, self._secret)
-        line.settimeout(PING_S)
-        self._offset_s, self._lost, self._told = None, None, {}
-        self._heard_s = time.monotonic()
-        return line
+    def _join(self) -> BrickConnection:
+        connection = join(self._address, self._secret)
+        connection.line.settimeout(PING_S)
+        self._offset_s, self._lost, self._report = None, None, {}
+        self._received_s = time.monotonic()
+        return connection
 
     # The thread ---------------------------------------------------------------------------------
 
     def _run(self) -> None:
         while not self._ending.is_set():
-            line = self._line
+            connection = self._connection
             try:
-                if line is None:
+                if connection is None:
                     self._rejoin()
                 else:
-                    self._listen(line)
+                    self._receive(connection)
             except (OSError, ValueError, KeyError, HardwareError, ConfigurationError) as error:
                 self._lost = str(error)
                 self._hang_up()
                 self._ending.wait(REJOIN_S)
 
     def _rejoin(self) -> None:
-        self._line = self._join()
-        for wish in list(self._wishes.values()):
-            self._send(**wish)
+        self._connection = self._join()
+        for command in list(self._standing.values()):
+            self._send(**command)
 
-    def _listen(self, line: socket.socket) -> None:
+    def _receive(self, connection: BrickConnection) -> None:
         """Take in messages until the line breaks, and ping meanwhile."""
         pinged_s = 0.0
         while not self._ending.is_set():
-            if time.monotonic() - pinged_s > PING_S / 2:
+            if time.monotonic() - pinged_s > PING_S:
                 pinged_s = time.monotonic()
-                self._send("ping", t=pinged_s)
+                self._send("ping")
             try:
-                data = line.recv(65536)
+                for kind, body in connection.receive():
+                    self._received_s = time.monotonic()
+                    if kind == b"J":
+                        self._take_message(json.loads(body))
+                    else:
+                        self._take_picture(body)
             except TimeoutError:
                 continue
-            if not data:
-                raise OSError("the brick hung up")
-            self._heard_s = time.monotonic()
-            for kind, body in self._unpacker.feed(data):
-                if kind == b"J":
-                    self._take_message(json.loads(body))
-                else:
-                    self._take_picture(body)
 
     def _take_message(self, message: dict[str, Any]) -> None:
         if "t" in message:
             self._measure_offset(message["t"])
-            self._told = message
+            self._report = message
             if message.get("button"):
                 self._buttons.append(message["button"])
         elif "fault" in message:
-            self._told = {**self._told, "fault": message["fault"]}
+            self._report = {**self._report, "fault": message["fault"]}
         else:
             self._answers.put(message)
 
-    def _measure_offset(self, said_s: float) -> None:
+    def _measure_offset(self, sent_s: float) -> None:
         """Learn how far the clocks are apart from the quickest message; 1 ms/s may drift."""
-        offset_s = self._heard_s - said_s
+        offset_s = self._received_s - sent_s
         if self._offset_s is None:
             self._offset_s = offset_s
         self._offset_s = min(self._offset_s + 0.0001, offset_s)
@@ -226,7 +227,7 @@ class BrickLink:
             self.on_picture(
                 RemotePicture(
                     data=body[PICTURE.size :],
-                    taken_s=min(taken_s + self._offset_s, self._heard_s),
+                    taken_s=min(taken_s + self._offset_s, self._received_s),
                     width=width,
                     height=height,
                     encoding=ENCODINGS[encoding],
@@ -235,13 +236,13 @@ class BrickLink:
 
     def _send(self, do: str, **rest: Any) -> None:
         with self._sending:
-            if self._line is None:
+            if self._connection is None:
                 raise OSError("not connected")
-            self._line.sendall(pack_json({"do": do, **rest}))
+            self._connection.send({"do": do, **rest})
 
     def _hang_up(self) -> None:
-        line, self._line = self._line, None
-        if line is not None:
+        connection, self._connection = self._connection, None
+        if connection is not None:
             with contextlib.suppress(OSError):
-                line.shutdown(socket.SHUT_RDWR)
-            line.close()
+                connection.line.shutdown(socket.SHUT_RDWR)
+            connection.close()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from typing import Any
 
 from robot.brick.agent.ports import HardwareError
@@ -16,29 +15,38 @@ class RemoteBody:
     def __init__(self, link: BrickLink, **ports: str) -> None:
         self._link = link
         self._ports = ports
+        self._top_speeds_dps: list[float] = []
 
     def open(self) -> None:
         """Join the brick and have it find its motors and sensors."""
         self._link.open("body")
-        self._link.wish("body", "open", **self._ports)
-        self._link.answer("opened")
+        self._link.keep_sent("body", "open", **self._ports)
+        opened = self._link.answer("opened")
+        self._top_speeds_dps = [float(dps) for dps in opened["top_speeds_dps"]]
+
+    def top_speeds_dps(self) -> list[float]:
+        """How fast each wheel can turn, in degrees a second."""
+        return self._top_speeds_dps
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
-        """Turn the wheels for at most `time_ms`."""
-        self._link.say("run", left=left_dps, right=right_dps, ms=time_ms, t=time.monotonic())
+        """Turn the wheels for at most `time_ms`. The brick refuses an order that comes late."""
+        after_s = self._link.report_time_s
+        if after_s is None:
+            raise HardwareError(self._link.fault or "the brick has not reported yet")
+        self._link.send("run", left=left_dps, right=right_dps, ms=time_ms, after=after_s)
 
     def stop(self) -> None:
         """Stop the motors; if the line is lost the brick does so by itself."""
         with contextlib.suppress(HardwareError):
-            self._link.say("stop", t=time.monotonic())
+            self._link.send("stop")
 
     def positions(self) -> list[float]:
         """How far each wheel has turned, in degrees; asks the brick and waits."""
-        self._link.say("positions")
+        self._link.send("positions")
         return [float(degrees) for degrees in self._link.answer("positions")]
 
     def sense(self) -> dict[str, Any]:
-        """Return what the brick last told."""
+        """Return what the brick last reported."""
         return self._link.sensors()
 
     def take_button(self) -> str | None:
@@ -48,7 +56,7 @@ class RemoteBody:
     def show(self, mode: str, address: str) -> None:
         """Show mode and address on the brick."""
         with contextlib.suppress(HardwareError):
-            self._link.wish("show", "show", mode=mode, address=address)
+            self._link.keep_sent("show", "show", mode=mode, address=address)
 
     def close(self) -> None:
         """Stop the motors and hang up, unless the camera still uses the line."""
@@ -56,5 +64,5 @@ class RemoteBody:
         self._link.forget("body")
         self._link.forget("show")
         with contextlib.suppress(HardwareError):
-            self._link.say("close")
+            self._link.send("close")
         self._link.close("body")

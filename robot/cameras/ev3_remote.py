@@ -51,7 +51,7 @@ class Ev3RemoteCamera(Camera):
         self._link.on_picture = self._take
         try:
             self._link.open("camera")
-            self._link.wish(
+            self._link.keep_sent(
                 "camera",
                 "video",
                 device=options.device,
@@ -74,7 +74,7 @@ class Ev3RemoteCamera(Camera):
             self._thread.join(timeout=2.0)
             self._thread = None
             with contextlib.suppress(HardwareError):  # a lost line closes the camera by itself
-                self._link.say("blind")
+                self._link.send("blind")
             self._let_go()
 
     def _let_go(self) -> None:

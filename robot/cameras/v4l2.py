@@ -45,7 +45,7 @@ class V4l2Camera(Camera):
         reader = CameraReader(
             options.device, options.width, options.height, options.frame_rate, options.encoding
         )
-        reader.look(time.monotonic())
+        reader.poll(time.monotonic())
         if reader.video is None:
             raise CameraError(reader.fault or "the camera cannot be opened")
         self._ending.clear()
@@ -64,17 +64,17 @@ class V4l2Camera(Camera):
     def _watch(self, reader: CameraReader) -> None:
         try:
             while not self._ending.is_set():
-                self._turn(reader)
+                self._tick(reader)
         finally:
             reader.close()
 
-    def _turn(self, reader: CameraReader) -> None:
+    def _tick(self, reader: CameraReader) -> None:
         """Wait at most 50 ms for a picture; publish it, or say what is wrong."""
         if reader.video is None:
             self._ending.wait(0.05)
         else:
             select.select([reader.video], [], [], 0.05)
-        taken = reader.look(time.monotonic())
+        taken = reader.poll(time.monotonic())
         if taken is not None and reader.video is not None:
             self._publish(
                 taken.data,

@@ -16,7 +16,7 @@ class CameraReader:
         self.video = None  # type: Optional[Video]
         self.fault = None  # type: Optional[str]
 
-    def look(self, now_s: float) -> Optional[VideoFrame]:
+    def poll(self, now_s: float) -> Optional[VideoFrame]:
         """Return a new picture if there is one; never blocks, never raises. Sets `fault`."""
         if self.video is None and now_s >= self._next_try_s:
             self._reopen(now_s)
@@ -42,8 +42,8 @@ class CameraReader:
         except CaptureError as error:
             self.fault = self.fault or "Camera: {}".format(error)
         else:
-            last, self._freshness = self._freshness, Freshness(now_s)
-            self._freshness._last = last._last
+            before, self._freshness = self._freshness, Freshness(now_s)
+            self._freshness.continue_from(before)
 
     def _lose(self, what: str, now_s: float) -> None:
         path = self.video.path if self.video else self._wanted[0]

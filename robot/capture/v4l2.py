@@ -8,7 +8,9 @@ import mmap
 import os
 import struct
 import time
-from typing import Any, List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+
+from robot.capture.shrink import plan_shrinking, shrink_yuyv
 
 FMT = struct.Struct("@I0L200s")
 PIX = struct.Struct("=IIIIII")
@@ -38,6 +40,8 @@ DQBUF = ioctl_number(3, 17, BUFFER.size)
 STREAMON = ioctl_number(1, 18, 4)
 STREAMOFF = ioctl_number(1, 19, 4)
 S_PARM = ioctl_number(3, 22, 204)
+ENUM_FRAMESIZES = ioctl_number(3, 74, 44)
+DISCRETE = 1
 
 
 class CaptureError(Exception):
@@ -55,6 +59,10 @@ class Video:
             self._check_abilities()
             self.encoding = self._choose_encoding(encoding)
             self.width, self.height, self._stride = self._set_format(width, height)
+            self._shrinking = plan_shrinking(self.width, self.height, width, height)
+            self._n_rows = self.height
+            if self.encoding == "yuyv":
+                self.width, self.height = self._shrinking.width, self._shrinking.height
             self._set_rate(rate)
             self._map_buffers()
             fcntl.ioctl(self._fd, STREAMON, struct.pack("i", CAPTURE))
@@ -92,15 +100,7 @@ class Video:
 
     def _choose_encoding(self, wanted: str) -> str:
         """YUYV where there is a choice: it needs no decoder here, and the page can show it."""
-        offered = []
-        for index in range(64):
-            try:
-                data = fcntl.ioctl(
-                    self._fd, ENUM_FMT, struct.pack("=II", index, CAPTURE) + bytes(56)
-                )
-            except OSError:
-                break
-            offered.append(data[44:48])
+        offered = _offered_codes(self._fd)
         for name in ("yuyv", "jpeg") if wanted == "auto" else (wanted,):
             if FOURCC[name] in offered:
                 return name
@@ -173,13 +173,9 @@ class Video:
             taken_s = time.monotonic()
         data = self._maps[index][:used]
         if self.encoding == "yuyv":
-            row = 2 * self.width
-            if len(data) < self._stride * self.height or self._stride < row:
+            if len(data) < self._stride * self._n_rows:
                 return None  # a torn picture
-            if self._stride > row:
-                rows = (data[y * self._stride :][:row] for y in range(self.height))
-                data = b"".join(rows)
-            data = data[: row * self.height]
+            data = shrink_yuyv(data, self._stride, self._shrinking)
         return VideoFrame(data, taken_s) if data else None
 
     def close(self) -> None:
@@ -195,8 +191,51 @@ class Video:
             self._fd = -1
 
 
-def first_camera() -> str:
-    """Return the first video device that there is; /dev/video0 if there is none."""
+def list_cameras() -> List[str]:
+    """Return the video devices that there are, by number."""
     names = [name for name in os.listdir("/dev") if name.startswith("video")]
     numbers = sorted(int(name[5:]) for name in names if name[5:].isdigit())
-    return "/dev/video{}".format(numbers[0] if numbers else 0)
+    return ["/dev/video{}".format(number) for number in numbers]
+
+
+def first_camera() -> str:
+    """Return the first video device that there is; /dev/video0 if there is none."""
+    return (list_cameras() or ["/dev/video0"])[0]
+
+
+def describe_camera(path: str) -> Dict[str, List[str]]:
+    """Return what a camera offers: each encoding, as the camera names it, with its sizes.
+
+    Raises:
+        CaptureError: If it cannot be opened.
+    """
+    fd = Video._open_device(path)
+    try:
+        codes = _offered_codes(fd)
+        return {code.decode("ascii", "replace"): _offered_sizes(fd, code) for code in codes}
+    finally:
+        os.close(fd)
+
+
+def _offered_codes(fd: int) -> List[bytes]:
+    codes = []
+    for index in range(64):
+        try:
+            data = fcntl.ioctl(fd, ENUM_FMT, struct.pack("=II", index, CAPTURE) + bytes(56))
+        except OSError:
+            break
+        codes.append(data[44:48])
+    return codes
+
+
+def _offered_sizes(fd: int, code: bytes) -> List[str]:
+    sizes = []
+    for index in range(64):
+        try:
+            data = fcntl.ioctl(fd, ENUM_FRAMESIZES, struct.pack("=I", index) + code + bytes(36))
+        except OSError:
+            break
+        kind, width, height = struct.unpack_from("=III", data, 8)
+        if kind == DISCRETE:
+            sizes.append("{}x{}".format(width, height))
+    return sizes

@@ -78,6 +78,7 @@ class Simulation:
         return Sensors(
             distance_m=max(0.0, sonar_m(self.world, self.pose) + noise_m),
             bumped=self.bumped_left or self.bumped_right,
+            bumpers=(self.bumped_left, self.bumped_right),
             pose=self.pose,
         )
 

@@ -36,6 +36,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="folder where the brick's Debian is kept (default: %(default)s)",
     )
     parser.add_argument(
+        "--autostart",
+        action="store_true",
+        help="have the brick start the agent whenever it starts (asks for the brick's password)",
+    )
+    parser.add_argument(
         "--script", action="store_true", help="only print what would run on the brick"
     )
 
@@ -59,6 +64,8 @@ def _start_agent(args: argparse.Namespace) -> int:
     host = target.partition("@")[2]
     secret = _shared_secret(host)
     print(installer.start_agent(target, secret, args.port))
+    if args.autostart:
+        installer.start_with_the_brick(target)
     print(
         f"Drive with: drivelesson serve --robot ev3-remote --brick {host}"
         + (f":{args.port}" if args.port != PORT else "")

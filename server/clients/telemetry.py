@@ -72,6 +72,7 @@ def _describe_sensors(sensors: Sensors) -> dict[str, Any]:
     return {
         "distance_m": None if sensors.distance_m is None else _rounded(sensors.distance_m),
         "bumped": None if sensors.bumped is None else bool(sensors.bumped),
+        "bumpers": [bool(pressed) for pressed in sensors.bumpers],
         "battery": None if sensors.battery_share is None else _rounded(sensors.battery_share),
         "pose": _describe_pose(sensors.pose),
     }

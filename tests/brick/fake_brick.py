@@ -1,6 +1,8 @@
 """An EV3 made of files, with a thread that plays the kernel's motor driver.
 
-Plain files keep old bytes behind a shorter value, so only the first line of each counts.
+Plain files keep old bytes behind a shorter value, so only the first line of each counts. A refused
+write (EINVAL) cannot be played by a file; the kernel thread keeps such a command in `refused`, and
+nothing moves by it.
 """
 
 from __future__ import annotations
@@ -15,6 +17,26 @@ from types import TracebackType
 from typing import Self
 
 POLL_S = 0.002
+MAX_SPEED = 1050
+"""Counts a second of a large motor; the kernel refuses more."""
+DEFAULTS = {
+    "polarity": "normal",
+    "ramp_up_sp": "0",
+    "ramp_down_sp": "0",
+    "speed_sp": "0",
+    "time_sp": "0",
+    "stop_action": "coast",
+}
+"""What `reset` brings a motor to."""
+LEFTOVERS = {
+    "polarity": "inversed",
+    "ramp_up_sp": "2000",
+    "ramp_down_sp": "3000",
+    "speed_sp": "333",
+    "time_sp": "7000",
+    "stop_action": "hold",
+}
+"""What another program left behind: the state in which a brick is found."""
 
 
 @dataclass(frozen=True)
@@ -33,20 +55,33 @@ class FakeMotor:
         self.folder, self.port = folder, port
         self.until_s = 0.0
         self.speed = 0
-        self.position = 0.0
+        self.position = 123456.0
+        self.is_stalled = False
+        self.kept: set[str] = set()
         self.mark: tuple[int, str] = (0, "")
 
     def read(self, name: str) -> str:
         return (self.folder / name).read_text().partition("\n")[0]
 
+    def write(self, name: str, value: str) -> None:
+        with (self.folder / name).open("r+b", buffering=0) as file:
+            file.write(value.encode() + b"\n")
+
 
 class FakeBrick:
-    """The tree and its kernel thread; a context manager. Motors at outB and outC."""
+    """The tree and its kernel thread; a context manager. Motors at outB and outC.
 
-    def __init__(self, root: Path, *, ports: tuple[str, ...] = ("outB", "outC")) -> None:
+    As a brick is found: another program's leftovers in both motors (`leftovers`).
+    """
+
+    def __init__(
+        self, root: Path, *, ports: tuple[str, ...] = ("outB", "outC"), leftovers: bool = True
+    ) -> None:
         self.root = root
         self.commands: list[Command] = []
+        self.refused: list[Command] = []
         self.motors: dict[str, FakeMotor] = {}
+        self._leftovers = leftovers
         self._sensors: dict[str, Path] = {}
         self._rounds = 0
         self._ending = threading.Event()
@@ -70,6 +105,8 @@ class FakeBrick:
         self._keys = os.open(keys, os.O_RDWR | os.O_NONBLOCK)
         self.screen = root / "dev/tty6"
         self.screen.touch()
+        (root / "proc").mkdir()
+        (root / "proc/meminfo").write_text("MemTotal:  57620 kB\nMemAvailable:  33800 kB\n")
 
     def _make(self, name: str, **attributes: str) -> Path:
         folder = self.root / "sys/class" / name
@@ -80,28 +117,37 @@ class FakeBrick:
             file.chmod(0o664)  # python-ev3dev2 looks at the group's bits
         return folder
 
-    def add_motor(self, port: str) -> None:
+    def add_motor(self, port: str, *, stalled: bool = False) -> None:
+        found = LEFTOVERS if self._leftovers else DEFAULTS
         folder = self._make(
             f"tacho-motor/motor{len(self.motors)}",
             address=f"ev3-ports:{port}",
             driver_name="lego-ev3-l-motor",
             command="",
             count_per_rot="360",
-            speed_sp="0",
-            time_sp="0",
-            stop_action="coast",
+            max_speed=str(MAX_SPEED),
             state="",
-            position="000000000000",
+            position="000000123456",
+            **found,
         )
         self.motors[port] = FakeMotor(folder, port)
+        self.motors[port].is_stalled = stalled
 
     def unplug_motor(self, port: str) -> None:
         """Take a motor out: its files vanish, open ones fail as the kernel's do not (see tests)."""
         motor = self.motors.pop(port)
         motor.folder.rename(self.root / f"unplugged-{port}")
 
+    def stall_motor(self, port: str) -> None:
+        """Hold a wheel fast: it is told to turn and does not."""
+        self.motors[port].is_stalled = True
+
+    def keep_leftover(self, port: str, name: str) -> None:
+        """Have another program set an attribute again after each reset."""
+        self.motors[port].kept.add(name)
+
     def add_sensor(self, port: str, driver: str, value: int, decimals: int = 0) -> None:
-        self._sensors[driver] = self._make(
+        self._sensors[port] = self._make(
             f"lego-sensor/sensor{len(self._sensors)}",
             address=f"ev3-ports:{port}",
             driver_name=driver,
@@ -110,13 +156,24 @@ class FakeBrick:
             value0=str(value),
         )
 
-    def set_sensor(self, driver: str, value: int) -> None:
-        (self._sensors[driver] / "value0").write_text(f"{value}\n")
+    def set_sensor(self, name: str, value: int) -> None:
+        """Set what a sensor reads; `name` is its port, or its driver if only one has it."""
+        folder = self._sensors.get(name) or next(
+            folder
+            for folder in self._sensors.values()
+            if (folder / "driver_name").read_text().strip() == name
+        )
+        (folder / "value0").write_text(f"{value}\n")
 
-    def press(self, code: int) -> None:
+    def set_battery(self, volts: float) -> None:
+        battery = self.root / "sys/class/power_supply/lego-ev3-battery/voltage_now"
+        battery.write_text(f"{volts * 1e6:.0f}\n")
+
+    def press(self, code: int, for_s: float = 0.1) -> None:
         """Press and release a button of the brick."""
-        for value in (1, 0):
-            os.write(self._keys, struct.pack("@llHHi", 0, 0, 1, code, value))
+        for value, at_s in ((1, 1000.0), (0, 1000.0 + for_s)):
+            second, micro = int(at_s), round(at_s % 1 * 1e6)
+            os.write(self._keys, struct.pack("@llHHi", second, micro, 1, code, value))
 
     def light(self, name: str) -> int:
         return int((self.root / "sys/class/leds" / name / "brightness").read_text().split()[0])
@@ -156,10 +213,11 @@ class FakeBrick:
     def _turn(self, motor: FakeMotor, now_s: float, past_s: float) -> None:
         if motor.speed and now_s >= motor.until_s:
             motor.speed = 0
-        if motor.speed:
+            motor.write("state", "")
+        if motor.speed and not motor.is_stalled:
             motor.position += motor.speed * past_s
-            with (motor.folder / "position").open("r+b", buffering=0) as file:
-                file.write(b"%012d\n" % motor.position)  # one width: never seen half written
+            # One width: never seen half written.
+            motor.write("position", f"{motor.position:012.0f}")
         command = motor.read("command")
         mark = ((motor.folder / "command").stat().st_mtime_ns, command)
         if mark == motor.mark:
@@ -171,11 +229,33 @@ class FakeBrick:
     def _obey(self, motor: FakeMotor, command: str, now_s: float) -> None:
         speed, time_ms = int(motor.read("speed_sp")), int(motor.read("time_sp"))
         is_timed = command == "run-timed"
-        motor.speed = speed if command.startswith("run") else 0
-        motor.until_s = now_s + time_ms / 1000 if is_timed else float("inf")
-        self.commands.append(
-            Command(now_s, motor.port, command, speed, time_ms if is_timed else None)
-        )
+        said = Command(now_s, motor.port, command, speed, time_ms if is_timed else None)
+        if abs(speed) > MAX_SPEED:
+            self.refused.append(said)
+            return
+        self.commands.append(said)
+        if command == "reset":
+            self._reset(motor)
+            return
+        ramp_s = int(motor.read("ramp_down_sp")) / 1000
+        if command.startswith("run"):
+            sign = -1 if motor.read("polarity") == "inversed" else 1
+            motor.speed = sign * speed
+            motor.until_s = now_s + time_ms / 1000 if is_timed else float("inf")
+        elif motor.speed and ramp_s:  # it slows down by and by, as the real one does
+            motor.until_s = now_s + ramp_s
+        else:
+            motor.speed = 0
+        running = "running stalled" if motor.is_stalled else "running"
+        motor.write("state", running if motor.speed else "")
+
+    def _reset(self, motor: FakeMotor) -> None:
+        motor.speed, motor.position = 0, 0.0
+        motor.write("state", "")
+        for name, value in DEFAULTS.items():
+            if name not in motor.kept:
+                motor.write(name, value)
+        motor.write("position", "000000000000")  # last: whoever sees it sees the rest, too
 
     def __enter__(self) -> Self:
         self._thread.start()

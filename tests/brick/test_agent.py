@@ -15,7 +15,7 @@ import pytest
 from robot.brick.agent import server as agent_server
 from robot.brick.agent import wire
 from robot.brick.archive import make_agent
-from robot.brick.handshake import secret_path
+from robot.brick.handshake import join, secret_path
 from robot.brick.link import BrickLink
 from robot.cameras.ev3_remote import Ev3RemoteCamera
 from robot.capture.options import UsbCameraOptions
@@ -47,15 +47,13 @@ class Controller:
     """A program that speaks the agent's protocol by hand."""
 
     def __init__(self, address: str, secret: str = SECRET) -> None:
-        host, port = address.split(":")
-        self.line = socket.create_connection((host, int(port)), timeout=5)
-        self.unpacker = wire.Unpacker()
+        self.connection = join(address, secret)
+        self.connection.line.settimeout(5)
         self.waiting: list[dict[str, object]] = []
-        proof = wire.prove(secret, str(self.read("nonce")))
-        self.say(do="join", proof=proof)
+        self.last_report_s = 0.0
 
-    def say(self, **word: object) -> None:
-        self.line.sendall(wire.pack_json(word))
+    def send(self, **command: object) -> None:
+        self.connection.send(command)
 
     def read(self, key: str) -> object:
         """Return the next message's field of this name; others are passed over."""
@@ -64,17 +62,28 @@ class Controller:
                 message = self.waiting.pop(0)
                 if key in message:
                     return message[key]
-            data = self.line.recv(65536)
-            assert data, f"the agent hung up before saying {key}"
-            self.waiting += [json.loads(b) for kind, b in self.unpacker.feed(data) if kind == b"J"]
+            for kind, body in self.connection.receive():
+                if kind == b"J":
+                    self.waiting.append(json.loads(body))
+                    self.last_report_s = self.waiting[-1].get("t", self.last_report_s)  # type: ignore[assignment]
 
     def open(self) -> None:
-        self.read("welcome")
-        self.say(do="open", left="outB", right="outC", ultrasonic="auto", touch="auto")
+        self.send(do="open", left="outB", right="outC", ultrasonic="auto", touch="auto")
         self.read("opened")
 
-    def run(self, t: float | None = None) -> None:
-        self.say(do="run", left=360, right=360, ms=400, t=time.monotonic() if t is None else t)
+    def drain(self) -> None:
+        """Take in all that is waiting, so that the newest report is really new."""
+        self.send(do="ping", id=1)
+        self.read("pong")
+        self.read("t")
+
+    def run(self, late_s: float = 0.0, speed: float = 360) -> None:
+        self.drain()
+        after = self.last_report_s - late_s
+        self.send(do="run", left=speed, right=speed, ms=400, after=after)
+
+    def hang_up(self) -> None:
+        self.connection.close()
 
 
 @pytest.fixture
@@ -82,7 +91,7 @@ def controller(running_agent: RunningAgent) -> Iterator[Controller]:
     one = Controller(running_agent.address)
     one.open()
     yield one
-    one.line.close()
+    one.hang_up()
 
 
 def test_a_wrong_secret_is_one_clear_line(running_agent: RunningAgent) -> None:
@@ -127,7 +136,9 @@ def test_something_else_that_answers_is_one_clear_line() -> None:
         line, _ = listener.accept()
         line.close()
     with pytest.raises(ValueError, match="not a message"):
-        wire.Unpacker().feed(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+        unpacker = wire.Unpacker(wire.BEFORE_JOINING)
+        unpacker.feed(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+        unpacker.next()
 
 
 def test_a_missing_motor_is_named_through_the_line(running_agent: RunningAgent) -> None:
@@ -140,7 +151,7 @@ def test_a_missing_motor_is_named_through_the_line(running_agent: RunningAgent) 
 def test_one_controller_at_a_time(running_agent: RunningAgent, controller: Controller) -> None:
     with pytest.raises(DriveError, match=r"busy: 127.0.0.1 has the robot; stop the other"):
         make_driver(running_agent.address).connect()
-    controller.line.close()
+    controller.hang_up()
     with make_driver(running_agent.address) as driver:
         assert driver.is_connected
 
@@ -151,7 +162,7 @@ def test_a_silent_controller_makes_room(running_agent: RunningAgent) -> None:
     time.sleep(agent_server.SILENCE_S + 0.2)
     with make_driver(running_agent.address) as driver:
         assert driver.is_connected
-    silent.line.close()
+    silent.hang_up()
 
 
 def test_the_agent_stops_the_motors_500_ms_after_the_last_command(
@@ -169,22 +180,25 @@ def test_of_several_commands_that_were_held_up_only_the_last_counts(
 ) -> None:
     brick.catch_up()
     before = len(brick.commands)
-    words = [
-        wire.pack_json({"do": "run", "left": v, "right": v, "ms": 400, "t": time.monotonic()})
+    controller.drain()
+    sealed = [
+        wire.pack_json(
+            {"do": "run", "left": v, "right": v, "ms": 400, "after": controller.last_report_s},
+            controller.connection._seal,
+        )
         for v in (100, 200, 300)
     ]
-    controller.line.sendall(b"".join(words))
+    controller.connection.line.sendall(b"".join(sealed))
     brick.wait_until(brick.is_moving)
     assert {command.speed for command in brick.commands[before:]} == {300}
 
 
+@pytest.mark.parametrize("late_s", [agent_server.STALE_S + 0.05, 1.0, 3600.0, -3600.0])
 def test_a_command_that_was_held_up_is_not_carried_out(
-    controller: Controller, brick: FakeBrick
+    controller: Controller, brick: FakeBrick, late_s: float
 ) -> None:
-    now_s = time.monotonic()
-    controller.say(do="ping", t=now_s)
-    controller.run(t=now_s - 1.0)
-    controller.say(do="positions")
+    controller.run(late_s)
+    controller.send(do="positions")
     controller.read("positions")
     brick.catch_up()
     assert not brick.is_moving()
@@ -205,7 +219,7 @@ def test_noise_is_shown_out_and_harms_nobody(
         stranger.settimeout(5)
         while stranger.recv(4096):
             pass
-    controller.say(do="positions")
+    controller.send(do="positions")
     assert controller.read("positions") == [0.0, 0.0]
 
 
@@ -214,7 +228,7 @@ def test_a_controller_that_talks_nonsense_leaves_a_standing_robot(
 ) -> None:
     controller.run()
     brick.wait_until(brick.is_moving)
-    controller.say(do="run", left="fast", right=None, ms=400, t=time.monotonic())
+    controller.send(do="run", left="fast", right=None, ms=400, after=controller.last_report_s)
     brick.wait_until(lambda: not brick.is_moving(), 0.3)
     with make_driver(running_agent.address) as driver:
         assert driver.is_connected

@@ -19,7 +19,7 @@ from server.cli import brick as command
 from tests.brick.fake_brick import FakeBrick
 
 SSH = """#!/bin/sh
-shift 2
+while [ "${1#-}" != "$1" ]; do [ "$1" = -o ] && shift; shift; done
 echo "$1" >>"$FAKE_HOME/targets"
 shift
 cd "$FAKE_HOME" && exec sh -c "$*"
@@ -34,7 +34,11 @@ def far_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     home.mkdir()
     for name, text in (
         ("ssh", SSH),
-        ("systemctl", '#!/bin/sh\necho "$@" >>"$FAKE_HOME/systemctl"\n'),
+        (
+            "systemctl",
+            '#!/bin/sh\n[ $1 = is-active ] && exit 3\necho "$@" >>"$FAKE_HOME/systemctl"\n',
+        ),
+        ("sudo", '#!/bin/sh\nexec "$@"\n'),
         ("id", "#!/bin/sh\necho 0\n"),
     ):
         (tools / name).write_text(text)
@@ -80,6 +84,41 @@ def test_the_agent_is_copied_and_started_twice(
     options = Ev3RemoteOptions(brick=f"127.0.0.1:{port}")
     with Ev3RemoteDriver(options) as driver:
         assert driver.is_connected, "the kept secret opens the door"
+
+
+def child_of(pid: int) -> int:
+    """Return the process that another one started."""
+    text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+    return int(text.split()[0])
+
+
+def test_an_agent_that_dies_is_started_again(
+    far_home: Path, agent_pid: Path, brick: FakeBrick, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DRIVELESSON_ROOT", str(brick.root))
+    port = free_port()
+    assert main(["brick", "agent", "127.0.0.1", "--port", str(port)]) == 0
+    os.kill(child_of(int(agent_pid.read_text())), signal.SIGKILL)
+    log = far_home / "drivelesson/agent.log"
+    brick.wait_until(lambda: log.read_text().count("listening") == 2, 20)
+    assert "ended with status 137; it is started again" in log.read_text()
+    with Ev3RemoteDriver(Ev3RemoteOptions(brick=f"127.0.0.1:{port}")) as driver:
+        assert driver.is_connected
+
+
+def test_the_brick_starts_the_agent_by_itself(
+    far_home: Path, agent_pid: Path, brick: FakeBrick, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DRIVELESSON_ROOT", str(brick.root))
+    port = free_port()
+    assert main(["brick", "agent", "127.0.0.1", "--port", str(port), "--autostart"]) == 0
+    unit = (far_home / "etc/systemd/system/drivelesson-agent.service").read_text()
+    assert f"ExecStart=/bin/sh {far_home}/drivelesson/keep-agent" in unit
+    assert "Restart=always" in unit
+    assert "Conflicts=drivelesson.service" in unit
+    said = (far_home / "systemctl").read_text().splitlines()
+    assert said == ["daemon-reload", "enable drivelesson-agent", "restart drivelesson-agent"]
+    agent_pid.unlink()  # the stand-in for systemd starts nothing
 
 
 def test_an_agent_that_cannot_start_says_why(
@@ -135,7 +174,7 @@ def test_installing_is_safe_to_repeat(
     assert not (there / "incoming").exists()
     said = (far_home / "systemctl").read_text()
     assert said.count("restart drivelesson") == 2
-    assert "run-timed" in (program / "robot/brick/agent/body.py").read_text()
+    assert "run-timed" in (program / "robot/brick/agent/motors.py").read_text()
     unit = (far_home / "etc/systemd/system/drivelesson.service").read_text()
     assert "DRIVELESSON_LEAN=1" in unit
     assert os.access(there / "start", os.X_OK)

@@ -72,6 +72,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {string} learner
  * @property {number | null} distance_m
  * @property {boolean | null} bumped
+ * @property {boolean[]} [bumpers] from left to right
  * @property {number | null} battery
  * @property {{x_m: number, y_m: number, heading_rad: number} | null} pose
  */

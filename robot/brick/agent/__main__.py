@@ -10,15 +10,24 @@ import sys
 from robot.brick.agent.server import Agent
 from robot.brick.agent.wire import PORT
 
+CONFIGURATION = 2
+"""Exit status for what a person must put right: a restart would not help."""
+
+
+def give_up(why: str) -> None:
+    """End with the status that tells whoever restarts the agent that it would be in vain."""
+    print("agent: " + why, file=sys.stderr)
+    sys.exit(CONFIGURATION)
+
 
 def read_secret(path: str) -> str:
     """Read the shared secret from a file that only its owner may read."""
     if stat.S_IMODE(os.stat(path).st_mode) & 0o077:
-        raise SystemExit("agent: others can read {}; say: chmod 600 {}".format(path, path))
+        give_up("others can read {}; run: chmod 600 {}".format(path, path))
     with open(path) as file:
         secret = file.read().strip()
     if len(secret) < 8:
-        raise SystemExit("agent: the secret in {} is shorter than 8 characters".format(path))
+        give_up("the secret in {} is shorter than 8 characters".format(path))
     return secret
 
 
@@ -36,12 +45,10 @@ def main() -> None:
     try:
         listener.bind((args.host, args.port))
     except OSError as error:
-        raise SystemExit(
-            "agent: port {} is taken ({}); is another agent running?".format(
-                args.port, error.strerror
-            )
-        ) from None
-    listener.listen(4)
+        give_up(
+            "port {} is taken ({}); is another agent running?".format(args.port, error.strerror)
+        )
+    listener.listen(16)
     print("listening on port {}".format(listener.getsockname()[1]), flush=True)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     try:

@@ -1,6 +1,7 @@
 """Devices of the kernel's motor and sensor classes, found through python-ev3dev2."""
 
-from typing import Any, Dict, Optional
+import os
+from typing import Any, Dict, List, Optional
 
 
 class HardwareError(Exception):
@@ -19,7 +20,7 @@ class DevicePort:
         """Return an attribute as text."""
         file, value = self._device.get_attr_string(self._files.get(name), name)
         self._files[name] = file
-        return str(value)
+        return str(value).partition("\n")[0]
 
     def write(self, name: str, value: object) -> None:
         """Set an attribute. It ends in a newline, as `echo` ends it, so that no longer old
@@ -43,3 +44,25 @@ def find_port(kind: str, pattern: str, **attributes: Any) -> Optional[DevicePort
         return DevicePort(Device(kind, pattern, **attributes), attributes.get("address", ""))
     except DeviceNotFound:
         return None
+
+
+def list_ports(root: str, kind: str) -> List[Dict[str, str]]:
+    """Return driver_name and address of every device of a class, by port."""
+    folder = os.path.join(root, "sys/class", kind)
+    found = []
+    for name in os.listdir(folder) if os.path.isdir(folder) else []:
+        entry = {}
+        for attribute in ("driver_name", "address"):
+            try:
+                with open(os.path.join(folder, name, attribute)) as file:
+                    entry[attribute] = file.readline().strip()
+            except OSError:
+                entry[attribute] = "?"  # it was unplugged just now
+        found.append(entry)
+    return sorted(found, key=lambda entry: entry["address"])
+
+
+def describe_ports(root: str, kind: str) -> str:
+    """Say what is plugged in instead, for an error."""
+    found = [" at ".join((x["driver_name"], x["address"])) for x in list_ports(root, kind)]
+    return "found: " + (", ".join(found) or "nothing")

@@ -1,216 +1,200 @@
 """The agent: lends the brick's body and camera to one controller at a time."""
 
-import json
-import os
 import select
 import socket
 import time
 from typing import Any, Dict, List, Optional
 
-from robot.brick.agent.body import BrickBody
+from robot.brick.agent.body import BrickBody, use_devices_of
+from robot.brick.agent.callers import JOIN_S, Caller, Door, LimitedLog
+from robot.brick.agent.inspection import inspect_brick
 from robot.brick.agent.ports import HardwareError
-from robot.brick.agent.wire import ENCODINGS, HEAD, PICTURE, PROTOCOL, Unpacker, pack_json, prove
+from robot.brick.agent.wire import ENCODINGS, PICTURE
 from robot.capture.reader import CameraReader
 from robot.capture.v4l2 import VideoFrame
 
 WATCHDOG_S = 0.5
 """So long after the last command the motors are stopped, whatever was asked."""
 SILENCE_S = 1.5
-"""A controller that says nothing for so long is gone, and another may come."""
-STALE_S = 0.3
-"""A command that was held up on the way for longer than this is not carried out."""
-
-
-class Caller:
-    """One connection. It may command only once it has proved that it knows the secret."""
-
-    def __init__(self, line: socket.socket, name: str, now_s: float) -> None:
-        self.line = line
-        self.name = name
-        self.nonce = os.urandom(16).hex()
-        self.unpacker = Unpacker()
-        self.outbox = b""
-        self.heard_s = now_s
-        self.offset_s = None  # type: Optional[float]
-
-    def delay_s(self, said_s: float, now_s: float) -> float:
-        """How much longer than the quickest word this one took; the clocks may drift 1 ms/s."""
-        offset_s = now_s - said_s
-        if self.offset_s is None:
-            self.offset_s = offset_s
-        self.offset_s = min(self.offset_s + 0.001 * (now_s - self.heard_s), offset_s)
-        return offset_s - self.offset_s
-
-    def say(self, message: Dict[str, Any]) -> None:
-        """Put a message into the outbox; small ones never pile up, they are asked for."""
-        self.outbox += pack_json(message)
-
-    def flush(self) -> None:
-        """Send what the line takes without waiting."""
-        if self.outbox:
-            try:
-                sent = self.line.send(self.outbox)
-            except BlockingIOError:
-                return
-            self.outbox = self.outbox[sent:]
+"""A controller that sends nothing for so long is gone, and another may come."""
+STALE_S = 0.4
+"""A move is not carried out if its sender had received our newest report longer ago than this: a
+report comes each 0.1 s, so it was held up on the way, here or there, for 0.3 s. Our clock alone."""
+REPORT_S = 0.1
 
 
 class Agent:
     """Serves one controller at a time on one thread; nothing in it ever waits for the network."""
 
     def __init__(self, listener: socket.socket, secret: str, root: str = "/") -> None:
-        listener.setblocking(False)
-        self._listener = listener
+        self._door = Door(listener)
         self._secret = secret
         self._root = root
-        self._callers = []  # type: List[Caller]
+        self._log = LimitedLog()
         self._controller = None  # type: Optional[Caller]
         self._body = None  # type: Optional[BrickBody]
-        self._eye = None  # type: Optional[CameraReader]
+        self._reader = None  # type: Optional[CameraReader]
         self._commanded_s = None  # type: Optional[float]
-        self._told_s = 0.0
-        self._told_fault = None  # type: Optional[str]
+        self._reported_s = 0.0
+        self._late = 0
         self._frame_id = 0
-        self._frame_free = True
+        self._is_frame_free = True
         self._newest = None  # type: Optional[VideoFrame]
 
     def serve_forever(self) -> None:
         """Serve until interrupted; the motors stand whenever this ends."""
         try:
             while True:
-                self.turn()
+                self.tick()
         finally:
             self._release_controller()
 
-    def turn(self) -> None:
+    def tick(self) -> None:
         """Wait at most 50 ms for something to do, and do it."""
-        readers = [self._listener] + [caller.line for caller in self._callers]  # type: List[Any]
-        if self._eye is not None and self._eye.video is not None:
-            readers.append(self._eye.video)
-        writers = [caller.line for caller in self._callers if caller.outbox]
+        callers = list(self._door.callers)
+        readers = [caller.line for caller in callers]  # type: List[Any]
+        if self._door.is_open(time.monotonic()):
+            readers.append(self._door.listener)
+        if self._reader is not None and self._reader.video is not None:
+            readers.append(self._reader.video)
+        writers = [caller.line for caller in callers if caller.outbox]
         readable, writable, _ = select.select(readers, writers, [], 0.05)
         now_s = time.monotonic()
-        if self._listener in readable:
-            self._accept(now_s)
-        for caller in list(self._callers):
+        for caller in callers:
             try:
                 if caller.line in readable:
-                    self._hear(caller, now_s)
+                    self._receive(caller, now_s)
                 caller.flush()
-            except Exception as error:  # top of the loop: whatever a caller says, go on
+            except Exception as error:  # top of the loop: whatever a caller sends, go on
                 self._drop(caller, "{}: {}".format(type(error).__name__, error))
+        if self._door.listener in readable:
+            leaving, why = self._door.accept(now_s)
+            if leaving is not None:
+                self._drop(leaving, why)
         self._watch(now_s)
-        self._look(now_s)
-        self._tell(now_s)
+        try:
+            self._send_picture(now_s)
+            self._report(now_s)
+        except EOFError as error:
+            if self._controller is not None:
+                self._drop(self._controller, str(error))
 
-    def _accept(self, now_s: float) -> None:
-        line, address = self._listener.accept()
-        line.setblocking(False)
-        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)
-        caller = Caller(line, address[0], now_s)
-        self._callers.append(caller)
-        caller.say({"hello": PROTOCOL, "nonce": caller.nonce})
+    def _receive(self, caller: Caller, now_s: float) -> None:
+        caller.receive()
+        commands = []
+        while True:
+            message = caller.next_message()
+            if message is None:
+                break
+            if caller.has_joined:
+                commands.append(message)
+            else:
+                self._admit(caller, message)
+        moves = [command for command in commands if command["do"] in ("run", "stop")]
+        for command in commands:
+            if command["do"] not in ("run", "stop"):
+                self._obey(caller, command)
+            elif command is moves[-1]:  # of several that wait, only the last counts
+                self._move(caller, command, now_s)
+        caller.received_s = now_s
 
-    def _hear(self, caller: Caller, now_s: float) -> None:
-        data = caller.line.recv(65536)
-        if not data:
-            raise EOFError("it hung up")
-        words = [json.loads(body.decode()) for kind, body in caller.unpacker.feed(data)]
-        moves = [word for word in words if word["do"] in ("run", "stop")]
-        for word in words:
-            if caller is not self._controller:
-                self._admit(caller, word)
-            elif word["do"] not in ("run", "stop"):
-                self._obey(caller, word, now_s)
-            elif word is moves[-1]:  # of several that wait, only the last counts
-                self._move(caller, word, now_s)
-        caller.heard_s = now_s
-
-    def _admit(self, caller: Caller, word: Dict[str, Any]) -> None:
-        from hmac import compare_digest
-
-        proof = prove(self._secret, caller.nonce)
-        if word["do"] != "join" or not compare_digest(str(word["proof"]), proof):
+    def _admit(self, caller: Caller, message: Dict[str, Any]) -> None:
+        if not caller.proves(message, self._secret):
             self._refuse(caller, "wrong secret")
-        elif self._controller is not None:
+        if self._controller is not None:
             self._refuse(caller, "busy: {} has the robot".format(self._controller.name))
-        else:
-            self._controller = caller
-            self._frame_free = True
-            caller.say({"welcome": PROTOCOL})
-            print("{} has the robot".format(caller.name), flush=True)
+        caller.welcome(str(message["nonce"]), self._secret)
+        self._controller = caller
+        self._is_frame_free, self._reported_s, self._late = True, 0.0, 0
+        self._log.note("{} has the robot".format(caller.name))
 
     def _refuse(self, caller: Caller, why: str) -> None:
-        caller.say({"refused": why})
+        caller.send({"refused": why})
         caller.flush()
         raise EOFError(why)
 
-    def _obey(self, caller: Caller, word: Dict[str, Any], now_s: float) -> None:
-        do = word["do"]
-        if do == "ping":
-            caller.delay_s(float(word["t"]), now_s)
+    def _obey(self, caller: Caller, command: Dict[str, Any]) -> None:
+        do = command["do"]
+        if do == "ping" and "id" in command:
+            caller.send({"pong": command["id"]})
         elif do == "open":
-            self._open_body(caller, word)
+            self._open_body(caller, command)
         elif do == "close":
             self._close_body()
         elif do == "video":
-            self._close_eye()
-            self._eye = CameraReader(
-                word["device"], word["width"], word["height"], word["rate"], word["encoding"]
+            self._close_reader()
+            self._reader = CameraReader(
+                command["device"],
+                command["width"],
+                command["height"],
+                command["rate"],
+                command["encoding"],
             )
         elif do == "blind":
-            self._close_eye()
+            self._close_reader()
         elif do == "seen":
-            self._frame_free = True
+            self._is_frame_free = True
         elif do == "show" and self._body is not None:
-            self._body.show(word["mode"], word["address"])
+            self._body.show(command["mode"], command["address"])
         elif do == "positions" and self._body is not None:
-            caller.say({"positions": self._body.positions()})
+            caller.send({"positions": self._body.positions()})
+        elif do == "states" and self._body is not None:
+            caller.send({"states": self._body.motors.states()})
+        elif do == "inspect":
+            use_devices_of(self._root)
+            caller.send({"inspected": inspect_brick(self._root, self._late)})
 
-    def _open_body(self, caller: Caller, word: Dict[str, Any]) -> None:
+    def _open_body(self, caller: Caller, command: Dict[str, Any]) -> None:
         self._close_body()
-        body = BrickBody(word["left"], word["right"], word["ultrasonic"], word["touch"], self._root)
+        body = BrickBody(
+            command["left"], command["right"], command["ultrasonic"], command["touch"], self._root
+        )
         try:
             body.open()
         except HardwareError as error:
-            caller.say({"failed": str(error)})
+            body.close()
+            caller.send({"failed": str(error)})
             return
         self._body = body
-        caller.say({"opened": body.sense()})
+        caller.send({"opened": {"top_speeds_dps": body.top_speeds_dps()}})
 
-    def _move(self, caller: Caller, word: Dict[str, Any], now_s: float) -> None:
+    def _move(self, caller: Caller, command: Dict[str, Any], now_s: float) -> None:
         body = self._body
         if body is None:
             return
-        late_s = caller.delay_s(float(word["t"]), now_s)
+        if command["do"] == "stop":  # never too late
+            body.stop()
+            return
+        age_s = now_s - float(command["after"])
+        if not 0.0 <= age_s <= STALE_S:
+            self._late += 1
+            return
         try:
-            if word["do"] == "stop":
-                body.stop()
-            elif late_s <= STALE_S:
-                time_ms = min(int(word["ms"]), int(WATCHDOG_S * 1000))
-                body.run(float(word["left"]), float(word["right"]), time_ms)
-                self._commanded_s = now_s
+            time_ms = min(int(command["ms"]), int(WATCHDOG_S * 1000))
+            body.run(float(command["left"]), float(command["right"]), time_ms)
+            self._commanded_s = now_s
         except HardwareError as error:
-            caller.say({"fault": str(error)})
+            caller.send({"fault": str(error)})
 
     def _watch(self, now_s: float) -> None:
-        """Stop the motors, and drop the controller, when it has been silent for too long."""
+        """Stop the motors, and drop who has been silent for too long."""
         if self._commanded_s is not None and now_s - self._commanded_s > WATCHDOG_S:
             self._commanded_s = None
             if self._body is not None:
                 self._body.stop()
-        for caller in list(self._callers):
-            if now_s - caller.heard_s > SILENCE_S:
+        for caller in list(self._door.callers):
+            if not caller.has_joined and now_s - caller.since_s > JOIN_S:
+                self._drop(caller, "it did not join")
+            elif caller.has_joined and now_s - caller.received_s > SILENCE_S:
                 self._drop(caller, "it fell silent")
 
-    def _look(self, now_s: float) -> None:
+    def _send_picture(self, now_s: float) -> None:
         """Send the newest picture if the last one has arrived; older ones are dropped."""
-        if self._eye is None or self._controller is None:
+        if self._reader is None or self._controller is None:
             return
-        self._newest = self._eye.look(now_s) or self._newest
-        video = self._eye.video
-        if self._newest is None or video is None or not self._frame_free:
+        self._newest = self._reader.poll(now_s) or self._newest
+        video = self._reader.video
+        if self._newest is None or video is None or not self._is_frame_free:
             return
         self._frame_id += 1
         head = PICTURE.pack(
@@ -220,38 +204,35 @@ class Agent:
             video.height,
             ENCODINGS.index(video.encoding),
         )
-        body = head + self._newest.data
-        self._controller.outbox += HEAD.pack(b"F", len(body)) + body
-        self._frame_free, self._newest = False, None
-        self._told_fault = None
+        self._controller.send_picture(head + self._newest.data)
+        self._is_frame_free, self._newest = False, None
 
-    def _tell(self, now_s: float) -> None:
-        """Tell the controller of sensors, buttons and faults, ten times a second."""
+    def _report(self, now_s: float) -> None:
+        """Report sensors, buttons and faults to the controller, ten times a second."""
         caller = self._controller
-        if caller is None or now_s - self._told_s < 0.1 or len(caller.outbox) > 65536:
+        if caller is None or now_s - self._reported_s < REPORT_S or len(caller.outbox) > 65536:
             return
-        self._told_s = now_s
+        self._reported_s = now_s
         message = {"t": now_s}  # type: Dict[str, Any]
         if self._body is not None:
             try:
-                message.update(sensors=self._body.sense(), button=self._body.take_button())
+                message.update(button=self._body.take_button(), sensors=self._body.sense())
             except HardwareError as error:
                 message.update(fault=str(error))
-        if self._eye is not None:
-            message.update(camera_fault=self._eye.fault)
-        caller.say(message)
+        if self._reader is not None:
+            message.update(camera_fault=self._reader.fault)
+        caller.send(message)
 
     def _drop(self, caller: Caller, why: str) -> None:
-        print("{} left: {}".format(caller.name, why), flush=True)
-        self._callers.remove(caller)
-        caller.line.close()
+        self._log.note("{} left: {}".format(caller.name, why))
+        self._door.leave(caller)
         if caller is self._controller:
             self._release_controller()
 
     def _release_controller(self) -> None:
         self._controller = None
         self._close_body()
-        self._close_eye()
+        self._close_reader()
 
     def _close_body(self) -> None:
         self._commanded_s = None
@@ -259,8 +240,8 @@ class Agent:
             self._body.close()
             self._body = None
 
-    def _close_eye(self) -> None:
+    def _close_reader(self) -> None:
         self._newest = None
-        if self._eye is not None:
-            self._eye.close()
-            self._eye = None
+        if self._reader is not None:
+            self._reader.close()
+            self._reader = None

@@ -78,7 +78,7 @@ export class VideoView extends HTMLElement {
   renderFacts(robot) {
     const facts = [];
     if (robot?.distance_m != null) facts.push(t('distance', { cm: Math.round(robot.distance_m * 100) }));
-    if (robot?.bumped) facts.push(t('bumped'));
+    if (robot?.bumped) facts.push(t(whichBumper(robot.bumpers)));
     const ageMs = this.page?.store.state.pictureAgeMs;
     if (robot && ageMs != null) facts.push(t('picture_age', { ms: Math.max(1, Math.round(ageMs / 10)) * 10 }));
     const element = /** @type {HTMLElement} */ (this.facts);
@@ -132,6 +132,13 @@ export class VideoView extends HTMLElement {
     fill(notice, h('p', {}, text),
       step ? h('button', { type: 'button', onclick: () => this.page?.take(step) }, t(`step.${step}`)) : null);
   }
+}
+
+/** The text for the bumpers: with two of them, which one. @param {boolean[]} [bumpers] */
+function whichBumper(bumpers) {
+  const [left, right, ...more] = bumpers ?? [];
+  if (right === undefined || more.length || left === right) return 'bumped';
+  return left ? 'bumped.left' : 'bumped.right';
 }
 
 /** @param {string} move */

@@ -23,6 +23,8 @@ export default {
   like_long: 'The learned image that this looks like. Open: what have I learned?',
   distance: '{cm} cm',
   bumped: 'bumped',
+  'bumped.left': 'bumped left',
+  'bumped.right': 'bumped right',
   picture_age: '{ms} ms old',
   pad: 'Hold to drive',
   undo: 'Undo',

@@ -23,6 +23,8 @@ export default {
   like_long: 'La imagen aprendida a la que se parece. Abrir: ¿qué he aprendido?',
   distance: '{cm} cm',
   bumped: 'choque',
+  'bumped.left': 'choque a la izquierda',
+  'bumped.right': 'choque a la derecha',
   picture_age: 'hace {ms} ms',
   pad: 'Mantén pulsado para conducir',
   undo: 'Deshacer',

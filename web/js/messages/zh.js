@@ -23,6 +23,8 @@ export default {
   like_long: '与此相似的已学图像。打开：我学到了什么？',
   distance: '{cm} 厘米',
   bumped: '碰撞',
+  'bumped.left': '左侧碰撞',
+  'bumped.right': '右侧碰撞',
   picture_age: '{ms} 毫秒前',
   pad: '按住即可驾驶',
   undo: '撤销',

@@ -1,0 +1,49 @@
+"""Making YUYV pictures small: every n-th pixel, and the middle of what is left. Pure, Python 3.5.
+
+Slices alone, since a brick has no time for more and its stock image no numpy.
+"""
+
+from typing import NamedTuple
+
+Shrinking = NamedTuple(
+    "Shrinking", [("step", int), ("left", int), ("top", int), ("width", int), ("height", int)]
+)
+"""Every `step`-th pixel from (`left`, `top`) on; `width` and `height` are those of the result."""
+
+
+def plan_shrinking(width: int, height: int, wanted_width: int, wanted_height: int) -> Shrinking:
+    """Return how a picture comes nearest to the wanted size; a smaller one stays as it is.
+
+    The shape of things is kept: what is too much in one direction is cut off on both sides.
+    """
+    step = max(1, min(width // wanted_width, height // wanted_height))
+    new_width = min(width // step, wanted_width) & ~1  # two pixels share their colour
+    new_height = min(height // step, wanted_height)
+    left = (width - new_width * step) // 2 & ~1
+    return Shrinking(step, left, (height - new_height * step) // 2, new_width, new_height)
+
+
+def shrink_yuyv(data: bytes, stride: int, plan: Shrinking) -> bytes:
+    """Return the smaller picture, without padding.
+
+    Args:
+        data: Rows of `stride` bytes, each pixel two: brightness, then colour (U and V in turn).
+        stride: Bytes from one row to the next.
+        plan: From `plan_shrinking`.
+    """
+    size = 2 * plan.width
+    begin = 2 * plan.left
+    end = begin + size * plan.step
+    rows = []
+    for y in range(plan.height):
+        at = (plan.top + y * plan.step) * stride
+        row = data[at + begin : at + end]
+        if plan.step > 1:
+            small = bytearray(size)
+            small[0::4] = row[0 :: 4 * plan.step]
+            small[1::4] = row[1 :: 4 * plan.step]
+            small[2::4] = row[2 * plan.step :: 4 * plan.step]
+            small[3::4] = row[3 :: 4 * plan.step]
+            row = bytes(small)
+        rows.append(row)
+    return b"".join(rows)

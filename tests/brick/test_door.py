@@ -1,0 +1,321 @@
+"""Strangers at the agent's door: floods, silence, much data, a relay. They harm nobody."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import select
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.brick.agent import callers, wire
+from robot.brick.agent.ports import HardwareError
+from robot.brick.agent.server import Agent
+from robot.brick.handshake import join
+from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
+from robot.errors import DriveError
+from robot.types import Action
+from tests.brick.fake_brick import FakeBrick
+from tests.brick.running_agent import SECRET, RunningAgent
+
+MOST_GROWTH_KB = 2048
+
+
+def host_port(address: str) -> tuple[str, int]:
+    host, port = address.split(":")
+    return host, int(port)
+
+
+def memory_kb(agent: RunningAgent) -> int:
+    status = Path(f"/proc/{agent.process.pid}/status").read_text()
+    return int(status.split("VmRSS:")[1].split()[0])
+
+
+def descriptors(agent: RunningAgent) -> int:
+    return len(list(Path(f"/proc/{agent.process.pid}/fd").iterdir()))
+
+
+def connect(address: str, stack: ExitStack) -> socket.socket:
+    line = stack.enter_context(socket.socket())
+    line.setblocking(False)
+    with suppress(BlockingIOError):
+        line.connect(host_port(address))
+    return line
+
+
+def make_driver(address: str) -> Ev3RemoteDriver:
+    return Ev3RemoteDriver(Ev3RemoteOptions(brick=address, brick_secret=SECRET))
+
+
+def drive_on(driver: Ev3RemoteDriver, brick: FakeBrick) -> None:
+    driver.send_action(Action.FORWARD)
+    brick.wait_until(brick.is_moving)
+
+
+def join_patiently(address: str) -> None:
+    """Join, as often as it takes: a flood from one's own address may push one out."""
+    for _ in range(50):
+        try:
+            join(address, SECRET).close()
+            return
+        except HardwareError:
+            continue
+    raise AssertionError("nobody gets in any more")
+
+
+def test_a_thousand_idle_connections_are_nothing(
+    brick: FakeBrick, running_agent: RunningAgent
+) -> None:
+    with make_driver(running_agent.address) as driver, ExitStack() as stack:
+        drive_on(driver, brick)
+        before_kb, before_fds = memory_kb(running_agent), descriptors(running_agent)
+        for _ in range(1010):
+            connect(running_agent.address, stack)
+        drive_on(driver, brick)
+        assert running_agent.process.poll() is None
+        assert descriptors(running_agent) <= before_fds + callers.MAX_STRANGERS + 1
+        assert memory_kb(running_agent) - before_kb < MOST_GROWTH_KB
+    join_patiently(running_agent.address)
+
+
+def test_twelve_strangers_with_four_megabytes_each_get_no_memory(
+    brick: FakeBrick, running_agent: RunningAgent
+) -> None:
+    body = b"x" * (4 << 20)
+    kinds = (b"J", b"F", b"Q")
+    with make_driver(running_agent.address) as driver:
+        drive_on(driver, brick)
+        before_kb = memory_kb(running_agent)
+
+        def pour(kind: bytes) -> None:
+            with (
+                suppress(OSError),
+                socket.create_connection(host_port(running_agent.address), timeout=5) as line,
+            ):
+                line.sendall(wire.HEAD.pack(kind, len(body)) + body)
+
+        senders = [threading.Thread(target=pour, args=(kinds[n % 3],)) for n in range(12)]
+        for sender in senders:
+            sender.start()
+        most_kb = before_kb
+        while any(sender.is_alive() for sender in senders):
+            most_kb = max(most_kb, memory_kb(running_agent))
+        assert most_kb - before_kb < MOST_GROWTH_KB
+        drive_on(driver, brick)
+
+
+def test_who_does_not_join_at_once_has_to_leave(running_agent: RunningAgent) -> None:
+    with socket.create_connection(host_port(running_agent.address), timeout=5) as line:
+        for byte in wire.pack_json({"do": "join", "nonce": "a" * 32, "proof": "b"})[:8]:
+            line.sendall(bytes([byte]))  # a letter now and then does not help
+        while line.recv(1024):
+            pass
+    join(running_agent.address, SECRET).close()
+
+
+class Line:
+    """A listener whose `accept` fails as often and in the way that a test wants."""
+
+    def __init__(self, *numbers: int) -> None:
+        self.numbers = list(numbers)
+        self.real = socket.create_server(("127.0.0.1", 0))
+
+    def accept(self) -> Any:
+        if self.numbers:
+            number = self.numbers.pop(0)
+            raise OSError(number, os.strerror(number))
+        return self.real.accept()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.real, name)
+
+
+@pytest.mark.parametrize(
+    "name", ["EMFILE", "ENFILE", "ENOBUFS", "ENOMEM", "ECONNABORTED", "EPERM", "EPROTO", "EINTR"]
+)
+def test_no_error_of_accept_ends_the_agent(name: str, tmp_path: Path) -> None:
+    listener = Line(*[getattr(errno, name)] * 3)
+    door = callers.Door(listener)  # type: ignore[arg-type]
+    now_s = 100.0
+    for _ in range(3):
+        assert door.is_open(now_s)
+        leaving, _ = door.accept(now_s)
+        assert leaving is None
+        assert not door.is_open(now_s), "the error would come again at once"
+        now_s += callers.ACCEPT_PAUSE_S
+    with socket.create_connection(listener.getsockname()):
+        assert door.accept(now_s) == (None, "")
+        assert len(door.callers) == 1
+        door.leave(door.callers[0])
+    listener.close()
+
+
+def test_a_flood_pushes_out_itself(tmp_path: Path) -> None:
+    listener = socket.create_server(("127.0.0.1", 0))
+    door = callers.Door(listener)
+    with ExitStack() as stack:
+        for index in range(callers.MAX_STRANGERS + 30):
+            line = stack.enter_context(socket.socket())
+            line.bind(("127.0.0.3" if index == 3 else "127.0.0.2", 0))
+            line.connect(listener.getsockname())
+            leaving, _ = door.accept(float(index))
+            if leaving is not None:
+                assert leaving.name == "127.0.0.2"
+                door.leave(leaving)
+        assert len(door.callers) == callers.MAX_STRANGERS
+        assert "127.0.0.3" in {caller.name for caller in door.callers}
+        for caller in list(door.callers):
+            door.leave(caller)
+    listener.close()
+
+
+def test_a_flood_does_not_fill_the_card(capsys: pytest.CaptureFixture[str]) -> None:
+    log = callers.LimitedLog()
+    for index in range(100_000):
+        log.note(f"{index} left")
+    assert len(capsys.readouterr().out) < 2000
+
+
+class Relay:
+    """An impostor at the brick's address: passes the handshake on, then has ideas of its own."""
+
+    def __init__(self, address: str, idea: str) -> None:
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.address = f"127.0.0.1:{self.listener.getsockname()[1]}"
+        self._target = host_port(address)
+        self._idea = idea
+        self.did = threading.Event()
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        with suppress(OSError):
+            near, _ = self.listener.accept()
+            with near, socket.create_connection(self._target) as far:
+                self._relay(near, far)
+
+    def _relay(self, near: socket.socket, far: socket.socket) -> None:
+        moves: list[bytes] = []
+        while True:
+            for line in select.select([near, far], [], [], 1)[0]:
+                data = line.recv(65536)
+                if not data:
+                    return
+                if line is near and b'"run"' in data:
+                    moves.append(data)
+                    if self._idea == "steal":
+                        forged = {"do": "run", "left": 720, "right": 720, "ms": 500, "after": 0}
+                        data = wire.pack_json(forged) + bytes(wire.MAC_SIZE)
+                    elif self._idea == "change":
+                        data = data.replace(b'"left": ', b'"left":-')
+                    elif self._idea == "swallow and repeat":
+                        data = moves[0] * 5
+                    self.did.set()
+                (far if line is near else near).sendall(data)
+                if line is near and self._idea == "repeat" and moves:
+                    far.sendall(moves[0])
+
+
+def seen_speeds(brick: FakeBrick) -> set[int]:
+    return {command.speed for command in brick.commands if command.command.startswith("run")}
+
+
+@pytest.mark.parametrize("idea", ["steal", "change", "repeat", "swallow and repeat"])
+def test_a_relay_never_drives(brick: FakeBrick, running_agent: RunningAgent, idea: str) -> None:
+    relay = Relay(running_agent.address, idea)
+    with make_driver(relay.address) as driver:
+        with suppress(DriveError):
+            driver.send_action(Action.FORWARD)
+        assert relay.did.wait(5)
+        # The agent hangs up on it, and its motors stand; the owner alone was ever obeyed.
+        brick.wait_until(lambda: not brick.is_moving())
+        brick.catch_up()
+        assert seen_speeds(brick) <= {360}
+    relay.listener.close()
+    with make_driver(running_agent.address) as driver:
+        drive_on(driver, brick)
+
+
+def test_commands_that_a_relay_holds_back_move_nothing(
+    brick: FakeBrick, running_agent: RunningAgent
+) -> None:
+    """Its keys are right and its order is right: only the brick's own clock tells."""
+    connection = join(running_agent.address, SECRET)
+    reports: list[float] = []
+    while not reports:
+        for kind, body in connection.receive():
+            if kind == b"J" and "t" in json.loads(body):
+                reports.append(json.loads(body)["t"])
+    connection.send(
+        {"do": "open", "left": "outB", "right": "outC", "ultrasonic": "auto", "touch": "auto"}
+    )
+    newest = reports[0]
+    while newest - reports[0] < 0.5:
+        connection.send({"do": "ping"})
+        for kind, body in connection.receive():
+            if kind == b"J":
+                newest = json.loads(body).get("t", newest)
+    connection.send({"do": "run", "left": 360, "right": 360, "ms": 400, "after": reports[0]})
+    connection.send({"do": "inspect"})
+    inspected = None
+    while inspected is None:
+        for kind, body in connection.receive():
+            if kind == b"J":
+                inspected = json.loads(body).get("inspected", inspected)
+    assert inspected["late_moves"] == 1
+    brick.catch_up()
+    assert not brick.is_moving()
+    connection.close()
+
+
+@contextmanager
+def impostor() -> Iterator[str]:
+    """Somebody at the brick's address who does not know the secret, but lets everybody in."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            line, _ = listener.accept()
+            with line:
+                line.sendall(wire.pack_json({"hello": wire.PROTOCOL, "nonce": "a" * 32}))
+                line.recv(1024)
+                line.sendall(wire.pack_json({"welcome": wire.PROTOCOL, "proof": "c" * 64}))
+                line.recv(1024)
+
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"127.0.0.1:{listener.getsockname()[1]}"
+
+
+def test_an_impostor_is_found_out() -> None:
+    with impostor() as address, pytest.raises(DriveError, match="does not know the secret"):
+        make_driver(address).connect()
+
+
+def test_a_caller_that_never_reads_is_dropped(brick: FakeBrick) -> None:
+    listener = socket.create_server(("127.0.0.1", 0))
+    agent = Agent(listener, SECRET, str(brick.root))
+    thread_ends = threading.Event()
+
+    def serve() -> None:
+        while not thread_ends.is_set():
+            agent.tick()
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    connection = join(f"127.0.0.1:{listener.getsockname()[1]}", SECRET)
+    connection.line.settimeout(5)
+    deadline_s = time.monotonic() + 30
+    with suppress(OSError):
+        while time.monotonic() < deadline_s:
+            connection.send({"do": "ping", "id": "x" * 8000})
+    assert time.monotonic() < deadline_s, "it was hung up on"
+    thread_ends.set()
+    thread.join()
+    listener.close()
+    connection.close()
