@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from typing import Any
 
 from robot.episodes.recorder import Recorder
-from robot.episodes.recovery import recover_last
 from robot.episodes.store import EpisodeStore
 from robot.lifecycle import StartStop
 from robot.models.autosave import Announce, Autosave, say_nothing
+from robot.models.journal import Journal
+from robot.models.replay import Recovered, newest_boot, recover
 from robot.models.store import ModelStore
 from robot.moves import describe
 from robot.rig.rig import Rig
 from robot.storage.folder import Storage
 from robot.storage.lock import FolderLock
+
+log = logging.getLogger(__name__)
 
 
 class Persistence(StartStop):
@@ -30,11 +34,19 @@ class Persistence(StartStop):
         announce: Announce = say_nothing,
     ) -> None:
         self.storage = storage
-        self._name = name
+        self._announce = announce
         self._lock = FolderLock(storage.root)
         self.models = ModelStore(storage)
+        self.journal = Journal(
+            storage.journal, on_fault=lambda detail: announce("model_not_saved", detail=detail)
+        )
         self.autosave = Autosave(
-            rig.loop, self.models, name=name, moves=rig.driver.moves, announce=announce
+            rig.loop,
+            self.models,
+            name=name,
+            moves=rig.driver.moves,
+            announce=announce,
+            journal=self.journal,
         )
         self.recorder = Recorder(
             rig.loop,
@@ -61,12 +73,30 @@ class Persistence(StartStop):
         """
         self._lock.start()
         self.storage.sweep()
-        recover_last(self.storage.episodes, self.models, self._name)
+        recovered = self._recover()
+        self.journal.start(after=newest_boot(self.models))
         self.autosave.start()
         self.recorder.start()
+        if recovered is not None:
+            self._adopt(recovered)
+
+    def _recover(self) -> Recovered | None:
+        try:
+            return recover(self.storage.journal, self.models)
+        except Exception:  # whatever stands on the disk, the robot starts
+            log.exception("nothing was recovered from the journal")
+            return None
+
+    def _adopt(self, recovered: Recovered) -> None:
+        try:
+            self.autosave.adopt(recovered)
+        except Exception as error:  # the same
+            log.exception("what the last run knew could not be taken over")
+            self._announce("model_not_saved", detail=str(error))
 
     def stop(self) -> None:
         """Finish the recording and save what was learned; the loop must still turn. Idempotent."""
         self.recorder.stop()
         self.autosave.stop()
+        self.journal.stop()
         self._lock.stop()

@@ -11,12 +11,13 @@ import numpy as np
 
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode, FrameEntry, taught_frames
-from robot.episodes.messages import CAMERA, DECISION, LESSON, PREDICTION, describe_event
+from robot.episodes.messages import CAMERA, DECISION, LESSON, PREDICTION
 from robot.episodes.scan import Message, scan
 from robot.episodes.teaching import Step, plan
 from robot.episodes.writer import MODEL_BEFORE, EpisodeWriter, Run
 from robot.errors import ConfigurationError
 from robot.learner.base import Vector
+from robot.models.events import describe_event
 from robot.moves import CLASSIC
 from robot.policy.history import Taught, Undone
 from robot.types import Action, Example

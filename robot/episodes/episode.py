@@ -19,12 +19,12 @@ from robot.episodes.messages import (
     PREDICTION,
     SENSORS,
     Words,
-    read_event,
 )
 from robot.episodes.scan import Attachment, Cut, Message, Metadata, read_chunk, scan
 from robot.episodes.writer import FORMAT, MODEL_AFTER, MODEL_BEFORE, RUN
 from robot.errors import RecordingError
 from robot.learner.base import Vector
+from robot.models.events import read_event
 from robot.models.model import Model, decode_model
 from robot.moves import Move, from_text
 from robot.policy.history import HistoryEvent, Taught

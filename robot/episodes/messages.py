@@ -5,8 +5,6 @@ Times of messages are in MCAP's own log time; what is here needs none of its own
 
 from __future__ import annotations
 
-import base64
-import binascii
 import json
 import math
 from collections.abc import Mapping
@@ -14,10 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from robot.errors import RecordingError
-from robot.learner.base import Vector
-from robot.policy.history import Edited, HistoryEvent, Replaced, Taught, Undone
-from robot.types import Action, Example, PilotCommand, Prediction, Sensors
+from robot.types import PilotCommand, Prediction, Sensors
 
 CAMERA = "/camera"
 COMMAND = "/command"
@@ -156,78 +151,3 @@ def describe_sensors(sensors: Sensors) -> Words:
         "battery": sensors.battery_share,
         "pose": pose and {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad},
     }
-
-
-def describe_event(event: HistoryEvent, *, with_vector: bool = False) -> Words:
-    """Describe one change of the learner; the vector goes along where its frame is not recorded."""
-    if isinstance(event, Taught):
-        lesson = event.lesson
-        return {
-            "event": "taught",
-            "frame": lesson.frame_id,
-            "label": lesson.label,
-            "intervention": lesson.is_intervention,
-            "at_s": event.at_s,
-            "x": _describe_vector(event.x) if with_vector else None,
-        }
-    if isinstance(event, Edited):
-        return {
-            "event": "edited",
-            "verb": event.verb,
-            "node": event.node_id,
-            "value": event.value,
-            "at_s": event.at_s,
-        }
-    if isinstance(event, Undone):
-        return {"event": "undone", "frames": list(event.frame_ids)}
-    return {"event": "replaced", "learner": event.policy_name}
-
-
-def read_event(words: Words) -> tuple[HistoryEvent, Vector | None]:
-    """Read a change of the learner back, and the vector if it was recorded.
-
-    Raises:
-        RecordingError: If the words have another form.
-    """
-    try:
-        kind = words["event"]
-        if kind == "taught":
-            x = _read_vector(words["x"]) if words.get("x") else None
-            lesson = Example(
-                frame_id=int(words["frame"]),
-                label=Action(words["label"]),
-                is_intervention=bool(words["intervention"]),
-            )
-            at_s = float(words["at_s"])
-            return Taught(lesson=lesson, x=np.zeros(0) if x is None else x, at_s=at_s), x
-        if kind == "edited":
-            edited = Edited(
-                verb=str(words["verb"]),
-                node_id=int(words["node"]),
-                value=words["value"],
-                at_s=float(words["at_s"]),
-            )
-            return edited, None
-        if kind == "undone":
-            return Undone(frame_ids=tuple(int(frame) for frame in words["frames"])), None
-        if kind == "replaced":
-            return Replaced(policy_name=str(words["learner"])), None
-        raise ValueError(f"an unknown event {kind!r}")
-    except (KeyError, ValueError, TypeError) as error:
-        raise RecordingError(f"a lesson is damaged: {error}") from error
-
-
-def _describe_vector(x: Vector) -> Words:
-    data = base64.b64encode(np.ascontiguousarray(x).tobytes()).decode()
-    return {"dtype": x.dtype.str, "shape": list(x.shape), "data": data}
-
-
-def _read_vector(words: Words) -> Vector:
-    dtype = np.dtype(str(words["dtype"]))
-    if dtype.kind not in "fiu":
-        raise ValueError(f"a vector of {dtype}")
-    try:
-        raw = base64.b64decode(words["data"], validate=True)
-    except binascii.Error as error:
-        raise ValueError(f"a vector is damaged: {error}") from error
-    return np.frombuffer(raw, dtype).reshape([int(size) for size in words["shape"]])

@@ -29,7 +29,6 @@ from robot.episodes.messages import (
     SENSORS,
     Words,
     describe_command,
-    describe_event,
     describe_prediction,
     describe_sensors,
 )
@@ -38,6 +37,7 @@ from robot.episodes.writer import Run
 from robot.episodes.writer_thread import Close, Open, RecorderConfig, Say, WriterThread
 from robot.errors import MissingExtraError
 from robot.models.autosave import Announce, say_nothing
+from robot.models.events import describe_event
 from robot.models.model import Model, take_model
 from robot.moves import Move
 from robot.policy.history import HistoryEvent, Replaced, Taught, Undone

@@ -10,17 +10,17 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode, ExampleEntry
 from robot.errors import ConfigurationError
-from robot.learner.base import State, Vector
+from robot.learner.base import Vector
+from robot.models.model import same_nodes
 from robot.policy.history import Edited, Taught, Undone
 from robot.policy.policy import Policy
 from robot.types import Action
 
 Mended = tuple[Episode, Notes]
+__all__ = ["Mended", "Report", "Step", "learn_again", "plan", "same_nodes"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -175,20 +175,3 @@ def _edit_again(policy: Policy, edit: Edited, report: Report, is_faithful: bool)
             policy.pin_node(edit.node_id, bool(edit.value))
     except (LookupError, ValueError):
         report.left_out_edits += 1
-
-
-def same_nodes(a: State, b: State) -> bool:
-    """True if two learners hold the same, bit for bit: every array and every label."""
-    return (
-        a.kind == b.kind
-        and [str(label) for label in a.labels] == [str(label) for label in b.labels]
-        and a.arrays.keys() == b.arrays.keys()
-        and all(
-            a.arrays[name].dtype == b.arrays[name].dtype
-            and a.arrays[name].shape == b.arrays[name].shape
-            and np.array_equal(
-                a.arrays[name], b.arrays[name], equal_nan=b.arrays[name].dtype.kind == "f"
-            )
-            for name in a.arrays
-        )
-    )

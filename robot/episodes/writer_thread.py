@@ -8,7 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -183,10 +183,14 @@ class WriterThread:
                     self._waiting_bytes -= size
                 self._flush_if_due()
             self._flush_if_due()
-        except OSError as error:
+        except Exception as error:  # whatever it is: the thread that records must go on
             with self._lock:
                 self._waiting_bytes = sum(size for _, size in self._queue)
-            self._give_up(f"Recording stopped, the disk refused: {error.strerror or error}")
+            if isinstance(error, OSError):
+                self._give_up(f"Recording stopped, the disk refused: {error.strerror or error}")
+            else:
+                log.exception("recording stopped")
+                self._give_up(f"Recording stopped: {error}")
 
     def _write(self, item: Item) -> None:
         if isinstance(item, Open):
@@ -205,12 +209,23 @@ class WriterThread:
         self._check_room()
         if self.fault is not None:
             return
-        path = self._folder / f"{item.run.episode_id}.mcap"
         before = encode_model(item.model) if item.model is not None else None
-        self._writer = EpisodeWriter(self._open_file(path), item.run, before)
-        self.episode_id = item.run.episode_id
+        run, file = self._open_free(item.run)
+        self._writer = EpisodeWriter(file, run, before)
+        self.episode_id = run.episode_id
         self._lost_before = item.lost_before
         self._announce("recording_on", episode=self.episode_id)
+
+    def _open_free(self, run: Run) -> tuple[Run, BinaryIO]:
+        """Open a file of the run's name; a clock that was set back may have given it before."""
+        for number in range(1, 1000):
+            episode_id = run.episode_id if number == 1 else f"{run.episode_id}-{number}"
+            try:
+                file = self._open_file(self._folder / f"{episode_id}.mcap")
+            except FileExistsError:
+                continue
+            return replace(run, episode_id=episode_id), file
+        raise OSError("there are too many recordings of the same moment")
 
     def _flush_if_due(self) -> None:
         now_s = time.monotonic()
@@ -250,7 +265,7 @@ class WriterThread:
         if writer is not None:
             try:
                 writer.abandon()
-            except OSError as error:
+            except Exception as error:
                 log.warning("closing the recording failed: %s", error)
         self.episode_id = None
         log.warning(sentence)

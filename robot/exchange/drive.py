@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from robot.episodes.messages import COMMAND, LESSON, describe_command, describe_event
+from robot.episodes.messages import COMMAND, LESSON, describe_command
 from robot.episodes.writer import EpisodeWriter, Run
 from robot.errors import RecordingError
 from robot.exchange.pictures import Picture
+from robot.models.events import describe_event
 from robot.moves import CLASSIC, Move
 from robot.policy.history import Taught
 from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand

@@ -1,7 +1,8 @@
-"""Keeps what the robot learns: saved by itself, loaded again at the next start.
+"""Saves what the robot learns by itself, and loads it again at the next start.
 
 The loop's thread only takes note; a thread of its own asks the loop for a copy of the learner and
-writes it. Saved are: every change of mode, every ten seconds of teaching, and the end.
+writes it. Saved are: every change of mode, undo and edit, every ten seconds of teaching, and the
+end. What lies between two saves is in the journal.
 """
 
 from __future__ import annotations
@@ -15,15 +16,21 @@ from collections.abc import Callable, Collection
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import ConfigurationError, RobotError
-from robot.models.model import Model, take_model, with_preview
+from robot.models.journal import Journal
+from robot.models.model import JournalPosition, Model, take_model, with_preview
+from robot.models.replay import Recovered
 from robot.models.store import ModelStore
 from robot.moves import CLASSIC
-from robot.policy.registry import make_policy
+from robot.policy.history import Taught
+from robot.policy.registry import make_policy, split_name
 from robot.types import Action, Mode
 
 log = logging.getLogger(__name__)
 
 SAVE_EVERY_S = 10.0
+MOST_NODES = 1024
+"""How many images a model that is begun here may have."""
+_LONGEST_PLACE = 200
 Announce = Callable[..., None]
 """Told that something happened once: a name, and fields of its own."""
 
@@ -37,11 +44,12 @@ class Autosave:
 
     Args:
         loop: Whose learner is kept.
-        shelf: Where it is kept.
+        store: Where it is kept.
         name: What a new model is called, before a person names it.
         moves: What the robot's body can do; a model that wants more is not loaded.
         place: Where the robot is, as far as anybody said.
         announce: Told of what happened: a name and fields; for the page.
+        journal: Where every change is written at once; None where nothing is.
     """
 
     def __init__(
@@ -53,6 +61,7 @@ class Autosave:
         moves: Collection[Action] = tuple(CLASSIC),
         place: str = "",
         announce: Announce = say_nothing,
+        journal: Journal | None = None,
     ) -> None:
         self._loop = loop
         self.store = store
@@ -60,7 +69,9 @@ class Autosave:
         self._moves = frozenset(moves)
         self._place = place
         self.announce = announce
+        self._journal = journal
         self._name: str | None = None
+        self._recovered_name: str | None = None
         self._lock = threading.RLock()
         self._due = threading.Event()
         self._ending = False
@@ -83,11 +94,11 @@ class Autosave:
     def start(self) -> None:
         """Begin to keep."""
         self._unsubscribe = self._loop.subscribe(self.note)
-        self._thread = threading.Thread(target=self._run, name="model-keeper", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="autosave", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """Save once more and end; call it while the loop still turns. Idempotent."""
+        """Save once more and end; call it while the loop still runs. Idempotent."""
         if self._thread is None:
             return
         self._unsubscribe()
@@ -98,10 +109,14 @@ class Autosave:
         self.save_if_changed()
 
     def note(self, tick: Tick) -> None:
-        """Take note of one turn, on the loop's thread."""
+        """Take note of one tick, on the loop's thread."""
+        if self._journal is not None:
+            self._journal.note(tick, self._loop.history, self._name, self._place)
         mode_changed = tick.decision.mode is not self._mode
         self._mode = tick.decision.mode
-        if self.has_unsaved and (mode_changed or tick.now_s - self._saved_s >= SAVE_EVERY_S):
+        is_more_than_teaching = not all(isinstance(e, Taught) for e in tick.history_events)
+        is_due = mode_changed or is_more_than_teaching or tick.now_s - self._saved_s >= SAVE_EVERY_S
+        if is_due and self.has_unsaved:
             self._saved_s = tick.now_s
             self._due.set()
 
@@ -112,29 +127,31 @@ class Autosave:
             self.save_if_changed()
 
     def save_if_changed(self) -> None:
-        """Save if anything was learned since; a disk that refuses is told and tried again."""
-        if self.has_unsaved:
-            try:
-                self.save()
-            except (OSError, RobotError) as error:
-                log.warning("the model was not saved: %s", error)
-                self.announce("model_not_saved", detail=str(error))
+        """Save if anything was learned since. Never raises: a failure is told and tried again."""
+        if not self.has_unsaved:
+            return
+        try:
+            self.save()
+        except Exception as error:  # whatever it is: the thread that keeps must go on
+            expected = isinstance(error, OSError | RobotError)
+            log.warning("the model was not saved: %s", error, exc_info=not expected)
+            self.announce("model_not_saved", detail=str(error) or type(error).__name__)
 
     def save(self) -> str:
         """Save the learner as it is now; return the model's name."""
         with self._lock:
             model, changes = self._take()
-            if self._name is None:
-                self._name = self.store.free_name(self._wanted_name)
-            self.store.save(self._name, model)
-            if self.store.current != self._name:
-                self.store.current = self._name
+            name = self._name or self.store.free_name(self._wanted_name)
+            self.store.save(name, model)
+            self._name = name
             self._saved_changes = changes
-            self.announce("model_saved", model=self._name, lessons=model.card.lessons)
-            return self._name
+            if self.store.current != name:
+                self.store.current = name
+            self.announce("model_saved", model=name, lessons=model.card.lessons)
+            return name
 
     def _take(self) -> tuple[Model, int]:
-        """Copy the learner between two turns; with it the count of changes that it holds."""
+        """Copy the learner between two ticks; with it the count of changes that it holds."""
 
         def take() -> tuple[Model, int]:
             history = self._loop.history
@@ -143,6 +160,7 @@ class Autosave:
                 history.taught,
                 saved_at_s=time.time(),
                 place=self._place,
+                position=self._position(history.changes),
                 with_preview=False,
             )
             return model, history.changes
@@ -150,28 +168,64 @@ class Autosave:
         model, changes = self._loop.submit(take).result(timeout=10.0)
         return with_preview(model), changes
 
+    def _position(self, change: int) -> JournalPosition | None:
+        return None if self._journal is None else self._journal.position(change)
+
+    def _save_first(self) -> None:
+        """Save what is in the robot before it is replaced.
+
+        Raises:
+            OSError: If the disk refuses: then nothing may be replaced.
+        """
+        if self.has_unsaved:
+            self.save()
+
     def load_last(self, learner: str | None = None) -> str | None:
         """Load the model used last, or the newest good one; None if there is none.
+
+        What is in the robot and could not be saved stays there.
 
         Args:
             learner: Only a model of this learner will do; None for any.
         """
-        for name, model in self.store.good_models():
+        if self.has_unsaved:
+            self.save_if_changed()
+            if self.has_unsaved:
+                return self._name
+        for name, model in self.store.good_models(then=self._recovered_name):
             fits = learner in (None, model.card.learner) and self._moves >= set(model.card.moves)
             if fits:
                 self._use(name, model)
                 return name
         return None
 
+    def adopt(self, recovered: Recovered) -> None:
+        """Go on with what the last run knew; save it at once if the disk lets us."""
+        with self._lock:
+            if recovered.is_saved:
+                self._recovered_name = recovered.name
+                return
+            if not self._moves >= set(recovered.model.card.moves):
+                log.warning("what the last run knew wants moves that this robot does not have")
+                name = recovered.name or self.store.free_name(self._wanted_name)
+                self.store.save(name, recovered.model)
+                return
+            self._use(recovered.name, recovered.model)
+            self._saved_changes = -1
+            log.info("recovered changes=%d model=%s", recovered.replayed, recovered.name)
+            self.save_if_changed()
+
     def load(self, name: str) -> None:
         """Save the model in use, and go on with another.
 
         Raises:
-            RecordingError: If there is none, or it cannot be read.
+            NotFoundError: If there is none of this name.
+            RecordingError: If it cannot be read.
             ConfigurationError: If the robot is not stopped.
+            OSError: If the model in use cannot be saved: it then stays in use.
         """
         with self._lock:
-            self.save_if_changed()
+            self._save_first()
             model = self.store.load(name)
             impossible = set(model.card.moves) - self._moves
             if impossible:
@@ -186,32 +240,55 @@ class Autosave:
         place: str | None = None,
         moves: tuple[Action, ...] | None = None,
     ) -> str:
-        """Save the model in use, and begin an empty one; return its name."""
-        with self._lock:
-            self.save_if_changed()
-            policy = make_policy(
-                learner or self._loop.state.learner, moves or self._loop.state.moves
-            )
-            place = self._place if place is None else place
-            model = take_model(policy, Counter(), saved_at_s=time.time(), place=place)
-            new_name = self.store.free_name(name or self._wanted_name)
-            self._use(new_name, model)
-            return self.save()
+        """Save the model in use, and begin an empty one; return its name.
 
-    def _use(self, name: str, model: Model) -> None:
-        """Have the loop go on with this model, between two turns and only while it stands."""
+        Raises:
+            ConfigurationError: If there is no such learner, or the robot is not stopped.
+            OSError: If the disk refuses: the model in use then stays in use.
+        """
+        with self._lock:
+            learner = learner or self._loop.state.learner
+            if split_name(learner)[1] > MOST_NODES:
+                raise ConfigurationError(
+                    f"{learner!r} is too large: a model has at most {MOST_NODES} images"
+                )
+            place = self._place if place is None else _checked_place(place)
+            policy = make_policy(learner, moves or self._loop.state.moves)
+            model = take_model(
+                policy,
+                Counter(),
+                saved_at_s=time.time(),
+                place=place,
+                position=self._position(self._loop.history.changes),
+            )
+            self._check_stopped()
+            self._save_first()
+            new_name = self.store.free_name(name or self._wanted_name)
+            self.store.save(new_name, model)
+            self._use(new_name, model)
+            return new_name
+
+    def _check_stopped(self) -> None:
+        if self._loop.mode is not Mode.STOPPED:
+            raise ConfigurationError("stop the robot before you change its model")
+
+    def _use(self, name: str | None, model: Model) -> None:
+        """Have the loop go on with this model, between two ticks and only while it stands."""
         policy, taught = model.to_policy(), Counter(model.card.taught)
 
         def replace() -> int:
-            if self._loop.mode is not Mode.STOPPED:
-                raise ConfigurationError("stop the robot before you change its model")
+            self._check_stopped()
             self._loop.history.replace_policy(policy, taught)
+            # On the loop's thread, so that the journal names the model that it has from here on.
+            self._name, self._place = name, model.card.place
             return self._loop.history.changes
 
         self._saved_changes = self._loop.submit(replace).result(timeout=10.0)
-        self._name, self._place = name, model.card.place
-        if name in self.store.names():
-            self.store.current = name
+        if name is not None and name in self.store.names():
+            try:
+                self.store.current = name
+            except OSError as error:
+                log.warning("which model is in use was not written down: %s", error)
         self.announce("model_loaded", model=name)
 
     def rename(self, name: str, new_name: str) -> str:
@@ -225,16 +302,38 @@ class Autosave:
     def set_place(self, name: str, place: str) -> None:
         """Write down where a model was taught."""
         with self._lock:
+            place = _checked_place(place)
             if self._name == name:
-                self._place = place.strip()[:200]
-                self.save()
+                before, self._place = self._place, place
+                try:
+                    self.save()
+                except BaseException:
+                    self._place = before
+                    raise
             else:
                 self.store.set_place(name, place)
 
     def delete(self, name: str) -> str:
         """Delete a model; of the one in use the robot keeps what it knows, under a new name."""
         with self._lock:
+            if self._name == name:
+                self._save_first()
             key = self.store.delete(name)
             if self._name == name:
                 self._name, self._saved_changes = None, self._loop.history.changes
+                if self._journal is not None:
+                    self._journal.note_saved(self._saved_changes)
             return key
+
+
+def _checked_place(place: str) -> str:
+    """Return a place in the form in which it can be written.
+
+    Raises:
+        ConfigurationError: If it is no text that any file could hold.
+    """
+    try:
+        place.encode()
+    except UnicodeEncodeError as error:
+        raise ConfigurationError("a place must be whole characters: half of one is not") from error
+    return place.strip()[:_LONGEST_PLACE]

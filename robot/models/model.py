@@ -11,7 +11,7 @@ import io
 import json
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -30,8 +30,24 @@ MAX_BYTES = 256 * 2**20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class JournalPosition:
+    """Up to where a model includes the journal: which start of the program, and which change.
+
+    `run` is a random name of that start and `boot` its number; `change` counts the changes of the
+    learner since then. No clock has a part in it.
+    """
+
+    run: str
+    boot: int
+    change: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ModelSummary:
-    """What a list of models shows. `saved_at_s` is wall-clock time, seconds since 1970."""
+    """What a list of models shows. `saved_at_s` is wall-clock time, seconds since 1970.
+
+    `position` is what the model includes of the journal; None if it did not come of one.
+    """
 
     learner: str
     moves: tuple[Action, ...]
@@ -39,6 +55,7 @@ class ModelSummary:
     n_nodes: int
     saved_at_s: float
     place: str = ""
+    position: JournalPosition | None = None
 
     @property
     def lessons(self) -> int:
@@ -76,6 +93,7 @@ def take_model(
     *,
     saved_at_s: float,
     place: str = "",
+    position: JournalPosition | None = None,
     with_preview: bool = True,
 ) -> Model:
     """Copy what a policy knows. Call it on the thread that the policy belongs to."""
@@ -86,6 +104,7 @@ def take_model(
         n_nodes=policy.n_nodes,
         saved_at_s=saved_at_s,
         place=place,
+        position=position,
     )
     preview = _preview(policy.gallery() if with_preview else [])
     return Model(card=card, state=policy.get_state(), preview=preview)
@@ -115,6 +134,7 @@ def encode_model(model: Model) -> bytes:
         "n_nodes": card.n_nodes,
         "saved_at_s": card.saved_at_s,
         "place": card.place,
+        "journal": asdict(card.position) if card.position else None,
         "state": {
             "kind": model.state.kind,
             "params": model.state.params,
@@ -155,6 +175,23 @@ def stamp(model: Model, *, saved_at_s: float, place: str | None = None) -> Model
     """Return the same model with another time, and another place if one is given."""
     card = replace(model.card, saved_at_s=saved_at_s)
     return replace(model, card=card if place is None else replace(card, place=place))
+
+
+def same_nodes(a: State, b: State) -> bool:
+    """True if two learners hold the same, bit for bit: every array and every label."""
+    return (
+        a.kind == b.kind
+        and [str(label) for label in a.labels] == [str(label) for label in b.labels]
+        and a.arrays.keys() == b.arrays.keys()
+        and all(
+            a.arrays[name].dtype == b.arrays[name].dtype
+            and a.arrays[name].shape == b.arrays[name].shape
+            and np.array_equal(
+                a.arrays[name], b.arrays[name], equal_nan=b.arrays[name].dtype.kind == "f"
+            )
+            for name in a.arrays
+        )
+    )
 
 
 def _label(text: str) -> str:
@@ -216,6 +253,15 @@ def _card(meta: dict[str, Any]) -> ModelSummary:
             n_nodes=int(meta["n_nodes"]),
             saved_at_s=float(meta["saved_at_s"]),
             place=str(meta["place"])[:200],
+            position=_position(meta.get("journal")),
         )
     except (KeyError, ValueError, TypeError, AttributeError) as error:
         raise RecordingError(f"the model's description is damaged: {error}") from error
+
+
+def _position(plain: Any) -> JournalPosition | None:
+    if plain is None:
+        return None
+    return JournalPosition(
+        run=str(plain["run"]), boot=int(plain["boot"]), change=int(plain["change"])
+    )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
+import re
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -20,13 +22,23 @@ from robot.models.model import (
     encode_model,
     stamp,
 )
-from robot.storage.folder import Storage, check_name, free_name, write_whole
+from robot.storage.folder import (
+    Storage,
+    check_name,
+    free_name,
+    is_text,
+    set_aside,
+    size_of,
+    write_whole,
+)
+from robot.storage.records import read_regular
 
 log = logging.getLogger(__name__)
 
 KEEP_VERSIONS = 3
 """How many versions of a model stay: what is saved last may be what a fault spoiled."""
 _DAMAGED = ".damaged"
+_VERSION = re.compile(r"\d{1,9}\.npz", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,8 +67,18 @@ class ModelStore:
 
     def names(self) -> list[str]:
         """List the models' names, sorted."""
-        folders = self._storage.models.iterdir()
-        return sorted((f.name for f in folders if f.is_dir()), key=str.casefold)
+        return sorted(
+            (entry.name for entry in self._entries() if _is_folder(entry)), key=str.casefold
+        )
+
+    def _entries(self) -> list[os.DirEntry[str]]:
+        """List what stands in the folder under names that are text."""
+        try:
+            with os.scandir(self._storage.models) as entries:
+                return [entry for entry in entries if is_text(entry.name)]
+        except OSError as error:
+            log.warning("the folder of models cannot be read: %s", error)
+            return []
 
     def shelved(self) -> list[StoredModel]:
         """List all models, the one saved last first."""
@@ -65,7 +87,6 @@ class ModelStore:
         return sorted(shelved, key=lambda s: -s.card.saved_at_s if s.card else 0.0)
 
     def _look_at(self, name: str, is_current: bool) -> StoredModel:
-        folder = self._storage.models / name
         versions = self._versions(name)
         card = None
         for version in reversed(versions):
@@ -75,16 +96,16 @@ class ModelStore:
         return StoredModel(
             name=name,
             card=card,
-            bytes=versions[-1].stat().st_size if versions else 0,
+            bytes=size_of(versions[-1]) if versions else 0,
             is_current=is_current,
-            damaged=tuple(sorted(path.name for path in folder.glob(f"*{_DAMAGED}"))),
+            damaged=tuple(n for n in self._files(name) if n.endswith(_DAMAGED)),
         )
 
     @property
     def current(self) -> str | None:
         """Name of the model that the robot used last, and uses at the next start."""
         with contextlib.suppress(OSError, UnicodeDecodeError):
-            name = self._marker.read_text(encoding="utf-8").strip()
+            name = read_regular(self._marker, 4096).decode().strip()
             if self._has(name):
                 return name
         return None
@@ -106,7 +127,8 @@ class ModelStore:
         path = self._storage.models / name / f"{number:05d}.npz"
         write_whole(path, encode_model(stamp(model, saved_at_s=self._wall_s())))
         for old in versions[: -(KEEP_VERSIONS - 1)]:
-            old.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                old.unlink()
         return path
 
     def load(self, name: str) -> Model:
@@ -121,9 +143,8 @@ class ModelStore:
                 model = decode_model(_read(version))
                 model.to_policy()
             except RecordingError as error:
-                aside = version.with_name(version.name + _DAMAGED)
-                version.rename(aside)
-                log.warning("model %s set aside as %s: %s", name, aside.name, error)
+                aside = set_aside(version, _DAMAGED)
+                log.warning("model %s: %s set aside as %s: %s", name, version.name, aside, error)
             else:
                 return model
         raise RecordingError(
@@ -131,13 +152,25 @@ class ModelStore:
             f"{self._storage.models / name}"
         )
 
-    def good_models(self) -> Iterator[tuple[str, Model]]:
-        """Yield what can be read: the model used last, then the others, newest first."""
-        current = self.current
-        others = [other.name for other in self.shelved() if other.name != current]
-        for name in ([current] if current else []) + others:
-            with contextlib.suppress(RecordingError):
+    def sound_versions(self, name: str) -> Iterator[Model]:
+        """Yield the versions of a model that can be read, the newest first; only reads."""
+        for version in reversed(self._versions(name)):
+            with contextlib.suppress(RecordingError, OSError):
+                yield decode_model(_read(version))
+
+    def good_models(self, then: str | None = None) -> Iterator[tuple[str, Model]]:
+        """Yield what can be read: the model used last, `then`, and the others, newest first.
+
+        Newest by what they include of the journal, and by their time only where that says nothing.
+        """
+        first = [name for name in (self.current, then) if name is not None]
+        for name in dict.fromkeys(first):
+            with contextlib.suppress(RecordingError, NotFoundError):
                 yield name, self.load(name)
+        for other in sorted(self.shelved(), key=_age_of, reverse=True):
+            if other.name not in first:
+                with contextlib.suppress(RecordingError, NotFoundError):
+                    yield other.name, self.load(other.name)
 
     def read_file(self, name: str) -> bytes:
         """Return the newest version's bytes, for a download."""
@@ -160,7 +193,7 @@ class ModelStore:
 
     def free_name(self, wanted: str) -> str:
         """Return a name like `wanted` that no model has."""
-        return free_name(check_name(wanted), set(self.names()))
+        return free_name(check_name(wanted), {entry.name for entry in self._entries()})
 
     def rename(self, name: str, new_name: str) -> str:
         """Give a model another name; return it in the form in which it is kept."""
@@ -191,8 +224,10 @@ class ModelStore:
     def restore(self, key: str) -> str:
         """Bring a deleted model back; return its name, which differs if it was taken since."""
         place = self._storage.discarded(key)
-        folder = next(iter(place.iterdir()))
-        name = free_name(folder.name, set(self.names()))
+        folder = next((path for path in place.iterdir() if path.is_dir()), None)
+        if folder is None:
+            raise NotFoundError("what was deleted there was no model")
+        name = self.free_name(folder.name)
         folder.rename(self._storage.models / name)
         shutil.rmtree(place, ignore_errors=True)
         return name
@@ -205,12 +240,42 @@ class ModelStore:
     def _has(self, name: str) -> bool:
         return name in self.names()
 
+    def _files(self, name: str) -> list[str]:
+        """List what stands in a model's folder; nothing if it cannot be read."""
+        try:
+            paths = (self._storage.models / name).iterdir()
+            return sorted(path.name for path in paths if is_text(path.name))
+        except OSError:
+            return []
+
     def _versions(self, name: str) -> list[Path]:
-        folder = self._storage.models / name
-        return sorted(p for p in folder.glob("*.npz") if p.stem.isdecimal())
+        """List the versions, the oldest first, whatever stands in their places."""
+        numbered = [(int(n[:-4]), n) for n in self._files(name) if _VERSION.fullmatch(n)]
+        return [self._storage.models / name / n for _, n in sorted(numbered)]
+
+
+def _age_of(stored: StoredModel) -> tuple[int, int, float]:
+    card = stored.card
+    if card is None:
+        return -1, 0, 0.0
+    position = card.position
+    return (position.boot if position else 0), (position.change if position else 0), card.saved_at_s
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir(follow_symlinks=False)
+    except OSError:
+        return False
 
 
 def _read(path: Path) -> bytes:
-    if path.stat().st_size > MAX_BYTES:
-        raise RecordingError(f"{path.name} is too large for a model")
-    return path.read_bytes()
+    """Return a version's bytes.
+
+    Raises:
+        RecordingError: If it is no file that can be read.
+    """
+    try:
+        return read_regular(path, MAX_BYTES)
+    except OSError as error:
+        raise RecordingError(f"{path.name} cannot be read: {error}") from error

@@ -97,11 +97,48 @@ def write_whole(path: Path, data: bytes) -> None:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        temporary.replace(path)
+        try:
+            temporary.replace(path)
+        except IsADirectoryError:  # somebody's folder stands where the file belongs
+            set_aside(path)
+            temporary.replace(path)
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
+
+
+def set_aside(path: Path, ending: str = ".set-aside") -> str:
+    """Give what cannot be used another name beside it, and return that; never raises OSError.
+
+    Where nothing can be renamed it stays, and its own name is returned.
+    """
+    for number in range(1, 1000):
+        aside = path.with_name(f"{path.name}{ending}{'' if number == 1 else f'-{number}'}")
+        if not os.path.lexists(aside):
+            with contextlib.suppress(OSError):
+                path.rename(aside)
+                return aside.name
+            break
+    return path.name
+
+
+def is_text(name: str) -> bool:
+    """True for a file's name that is UTF-8; others cannot be shown, nor sent."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def size_of(path: Path) -> int:
+    """Return the bytes of what stands there, 0 if nothing does."""
+    try:
+        return path.lstat().st_size
+    except OSError:
+        return 0
 
 
 def sync_folder(folder: Path) -> None:
@@ -134,6 +171,7 @@ class Storage:
         self.episodes = self.root / "episodes"
         self.exports = self.root / "exports"
         self.trash = self.root / "trash"
+        self.journal = self.root / "journal"
         try:
             for folder in (self.models, self.episodes, self.exports, self.trash):
                 folder.mkdir(parents=True, exist_ok=True)

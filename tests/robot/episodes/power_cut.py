@@ -15,24 +15,21 @@ import random
 import signal
 import sys
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from robot.clock import RealClock
 from robot.control.state import Tick
 from robot.episodes.episode import open_episode
-from robot.episodes.recorder import Recorder
-from robot.episodes.recovery import recover_last
 from robot.episodes.writer_thread import RecorderConfig
 from robot.errors import RobotError
-from robot.models.autosave import Autosave
-from robot.models.store import ModelStore
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
 from robot.storage.folder import Storage
 from robot.types import Action, Mode, PilotCommand
 from server.bench.robot import NotingDriver, SteadyCamera
+from server.persistence import Persistence
 
 LONGEST_LIFE_S = 1.0
 
@@ -43,49 +40,43 @@ class Life:
 
     life_s: float
     reached: str = "starting"
-    loaded_lessons: int = 0
-    saved_lessons: int = 0
-    found_lessons: int = 0
+    loaded: int | None = None
+    """Lessons that the learner had at the start."""
+    told: list[tuple[float, int]] = field(default_factory=list)
+    """Seconds, and the lessons that the learner had then, after each tick."""
     taught: int = 0
     taught_on_disk: int = 0
     lost_s: float = 0.0
     failure: str | None = None
 
 
-def live(folder: Path, out: int) -> None:
+def live(folder: Path, out: int, wall_s: float) -> None:
     """Be a robot until the power goes. Each line written is something that had happened by then."""
 
     def tell(kind: str, *values: object) -> None:
         os.write(out, (" ".join([kind, *map(str, values)]) + "\n").encode())
 
-    def announce(name: str, **fields: object) -> None:
-        if name == "model_saved":
-            tell("saved", fields["lessons"])
-
     def note(tick: Tick) -> None:
         taught = [e.lesson.frame_id for e in tick.history_events if isinstance(e, Taught)]
-        if tick.decision.mode is not Mode.STOPPED or taught:
-            tell("tick", tick.now_s, *taught)
+        if tick.decision.mode is not Mode.STOPPED or tick.history_events:
+            tell("tick", tick.now_s, rig.loop.history.lessons, *taught)
 
-    storage = Storage(folder)
     clock = RealClock()
     rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
-    autosave = Autosave(rig.loop, ModelStore(storage), name="bench", announce=announce)
-    recover_last(storage.episodes, autosave.store, "bench")
-    recorder = Recorder(
-        rig.loop, storage.episodes, config=RecorderConfig(spare_bytes=0), announce=announce
-    )
+    persistence = Persistence(Storage(folder), rig, name="bench")
+    persistence.models._wall_s = lambda: wall_s
+    persistence.recorder._wall_ns = lambda: round(wall_s * 1e9)
+    persistence.recorder._disk._config = RecorderConfig(spare_bytes=0)
     with rig:
-        autosave.load_last()
+        persistence.start()
+        persistence.autosave.load_last()
         tell("loaded", rig.loop.submit(lambda: rig.loop.history.lessons).result(5))
-        autosave.start()
-        recorder.start()
         rig.loop.subscribe(note)
         drive(rig)
 
 
 def drive(rig: Rig) -> None:
-    """Teach for ever, changing the mode six times a second, which saves the model each time."""
+    """Teach for ever, changing the mode six times a second, and now and then undo the last bit."""
     seq = 0
     while True:
         rig.loop.set_mode((Mode.TRAIN, Mode.AUTONOMOUS)[seq // 8 % 2])
@@ -96,9 +87,11 @@ def drive(rig: Rig) -> None:
             now_s = rig.clock.now_s()
             rig.loop.command(PilotCommand(held=held, frame_id=frame_id, seq=seq, received_s=now_s))
             time.sleep(0.02)
+        if seq % 24 == 0:
+            rig.loop.submit(lambda: rig.loop.history.undo(0.2))
 
 
-def cut(folder: Path, life_s: float) -> Life:
+def cut(folder: Path, life_s: float, wall_s: float) -> Life:
     """Start a robot, kill it after `life_s`, and compare."""
     before = set(folder.glob("episodes/*.mcap"))
     read_end, write_end = os.pipe()
@@ -106,7 +99,7 @@ def cut(folder: Path, life_s: float) -> Life:
     if child == 0:
         os.close(read_end)
         try:
-            live(folder, write_end)
+            live(folder, write_end, wall_s)
         except BaseException as error:  # told to the parent, which counts it
             os.write(write_end, f"failed {error!r}\n".encode())
         os._exit(1)
@@ -125,18 +118,14 @@ def compare(folder: Path, before: set[Path], life: Life, told: list[list[str]]) 
         if kind == "failed":
             life.failure = rest
         elif kind == "loaded":
-            life.loaded_lessons, life.reached = int(rest), "loaded"
-        elif kind == "saved":
-            life.saved_lessons, life.reached = int(rest), "saved"
+            life.loaded, life.reached = int(rest), "loaded"
         else:
-            at_s, *frame_ids = rest.split()
-            last_s = float(at_s)
+            at_s, lessons, *frame_ids = rest.split()
+            last_s, life.reached = float(at_s), "driving"
+            life.told.append((last_s, int(lessons)))
             taught.update(map(int, frame_ids))
     try:
         look_at_episodes(folder, before, life, taught, last_s)
-        store = ModelStore(Storage(folder))
-        if store.current is not None:
-            life.found_lessons = store.load(store.current).card.lessons
     except RobotError as error:
         life.failure = str(error)
     return life
@@ -166,7 +155,10 @@ def look_at_episodes(
 def main() -> None:
     folder, kills, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     rng = random.Random(seed)
-    lives = [cut(folder, rng.uniform(0.0, LONGEST_LIFE_S)) for _ in range(kills)]
+    lives = []
+    for _ in range(kills):
+        wall_s = 1.7e9 + rng.uniform(-60, 60) * 86_400  # a clock that is set anywhere
+        lives.append(cut(folder, rng.uniform(0.0, LONGEST_LIFE_S), wall_s))
     print(json.dumps([asdict(life) for life in lives]))
 
 

@@ -1,0 +1,135 @@
+"""Append-only files of checked records, each written to two files: damage to one costs nothing.
+
+A record is a magic word, the length and the CRC-32 of what follows, and that. A reader that meets
+damage looks for the next magic word: a flipped byte costs one record of one file, a cut its end.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+import struct
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+MAGIC = b"\xd7DL1"
+MAX_FILE_BYTES = 128 * 2**20
+"""A file that is larger is not ours and is not read."""
+_HEAD = struct.Struct("<4sII")
+
+
+def frame_record(payload: bytes) -> bytes:
+    """Return a record as it stands in a file."""
+    return _HEAD.pack(MAGIC, len(payload), zlib.crc32(payload)) + payload
+
+
+def open_new(path: Path) -> BinaryIO:
+    """Open a file that is not there yet, unbuffered; raises OSError if it is there."""
+    return path.open("xb", buffering=0)
+
+
+class RecordWriter:
+    """Writes the same records to several new files; goes on while one of them takes them.
+
+    For one thread.
+
+    Raises:
+        OSError: If no file can be opened or written any more.
+    """
+
+    def __init__(
+        self, paths: Sequence[Path], open_file: Callable[[Path], BinaryIO] = open_new
+    ) -> None:
+        self._files: list[BinaryIO] = []
+        self.written_bytes = 0
+        last: OSError | None = None
+        for path in paths:
+            try:
+                self._files.append(open_file(path))
+            except OSError as error:
+                last = error
+        self._raise_if_none(last)
+
+    def write(self, payloads: Sequence[bytes]) -> None:
+        """Append records and have them reach the disk."""
+        data = b"".join(map(frame_record, payloads))
+        last: OSError | None = None
+        for file in list(self._files):
+            try:
+                _write_all(file, data)
+                os.fsync(file.fileno())
+            except OSError as error:
+                last = error
+                self._files.remove(file)
+                with contextlib.suppress(OSError):
+                    file.close()
+        self.written_bytes += len(data)
+        self._raise_if_none(last)
+
+    def close(self) -> None:
+        """Close what is open; idempotent."""
+        for file in self._files:
+            with contextlib.suppress(OSError):
+                file.close()
+        self._files.clear()
+
+    def _raise_if_none(self, last: OSError | None) -> None:
+        if not self._files:
+            raise last or OSError("the files are closed")
+
+
+def read_records(path: Path) -> Iterator[bytes]:
+    """Yield every sound record of a file, in order; nothing of what is no regular file.
+
+    Raises:
+        OSError: If the file cannot be opened or read.
+    """
+    data = read_regular(path, MAX_FILE_BYTES)
+    at = data.find(MAGIC)
+    while at >= 0:
+        payload = _payload_at(data, at)
+        if payload is None:
+            at = data.find(MAGIC, at + 1)
+        else:
+            yield payload
+            end = at + _HEAD.size + len(payload)
+            at = data.find(MAGIC, end)
+
+
+def read_regular(path: Path, max_bytes: int) -> bytes:
+    """Return the bytes of a regular file, never waiting for a pipe and following no link.
+
+    Raises:
+        OSError: If it is another kind of file, too large, or cannot be read.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    handle = os.open(path, flags | getattr(os, "O_BINARY", 0))
+    with os.fdopen(handle, "rb") as file:
+        status = os.fstat(handle)
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError(f"{path.name} is no regular file")
+        if status.st_size > max_bytes:
+            raise OSError(f"{path.name} has more than {max_bytes >> 20} MB")
+        return file.read(max_bytes + 1)
+
+
+def _payload_at(data: bytes, at: int) -> bytes | None:
+    if at + _HEAD.size > len(data):
+        return None
+    _, length, checksum = _HEAD.unpack_from(data, at)
+    start = at + _HEAD.size
+    payload = data[start : start + length]
+    return payload if len(payload) == length and zlib.crc32(payload) == checksum else None
+
+
+def _write_all(file: BinaryIO, data: bytes) -> None:
+    """Write all of it: an unbuffered file may take less than it is given."""
+    view = memoryview(data)
+    while view:
+        written = file.write(view)
+        if not written:
+            raise OSError("the disk took nothing")
+        view = view[written:]
