@@ -126,7 +126,7 @@ def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:
         b"{",
         b"[" * 100_000,
         b'{"event": "taught", "frame": "x"}',
-        b'{"event": "taught", "frame": 1, "label": "fly", "intervention": false, "at_s": 0}',
+        b'{"event": "taught", "frame": 1, "label": "Fly away", "intervention": false, "at_s": 0}',
         b'{"event": "taught", "frame": 1, "label": "left", "intervention": false, "at_s": 0,'
         b' "x": {"dtype": "O", "shape": [1], "data": ""}}',
         b'{"event": "taught", "frame": 1, "label": "left", "intervention": false, "at_s": 0,'
