@@ -65,7 +65,7 @@ def test_a_second_server_leaves_the_folder_of_the_first_alone(tmp_path: Path) ->
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGINT])
 def test_it_ends_with_everything_saved_and_goes_on_from_there(tmp_path: Path, end: int) -> None:
-    with serving(tmp_path, "--robot", "sim") as (process, address):
+    with serving(tmp_path, "--robot", "sim", "--name", "sim") as (process, address):
         taught = teach(address, 20)
         process.send_signal(end)
         assert process.wait(20) in (0, 130)
