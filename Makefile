@@ -32,8 +32,9 @@ check: $(VENV)/.dev ## Format, lint, types and import contracts, without the tes
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-docs: $(VENV)/.dev ## Write the reference of the command line anew
+docs: $(VENV)/.dev ## Write the references of the command line and of the faults anew
 	$(BIN)/python -m tests.docs.command_line
+	$(BIN)/python -m tests.faults.page
 
 format: $(VENV)/.dev ## Format and mend what can be mended
 	$(BIN)/ruff format .

@@ -263,6 +263,26 @@ class VirtualClock(ManualClock):
         class EventLoop(LoopTimeEventLoop, asyncio.SelectorEventLoop):
             """Asyncio's own, whose time jumps."""
 
+            def __init__(self, **options: Any) -> None:
+                super().__init__(**options)
+                select: Callable[[float | None], Any] = self._selector.select
+
+                def jump(timeout: float | None) -> Any:
+                    """Spare looptime's rounds where tasks are ready, or nothing but time is."""
+                    if timeout == 0:
+                        return []
+                    return select(timeout) or (select(timeout) if timeout else [])
+
+                self._selector.select = jump  # type: ignore[assignment,method-assign]
+
+            def call_soon_threadsafe(  # type: ignore[override]
+                self, callback: Any, *args: Any, context: Any = None
+            ) -> asyncio.Handle:
+                """Spare the self-pipe where the caller is this thread."""
+                is_own = self._thread_id == threading.get_ident()  # type: ignore[attr-defined]
+                call = self.call_soon if is_own else super().call_soon_threadsafe
+                return call(callback, *args, context=context)
+
         event_loop = EventLoop(start=self._now_s, noop_cycles=0, idle_timeout=0)
         self._event_loop = event_loop
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -18,6 +19,8 @@ _PICTURES = 8
 
 class FakeCamera(Camera):
     """Shows patterns. Between `start` and `stop` at a steady rate; can be frozen or broken.
+
+    `pictures` are shown in place of the patterns, as a camera's own JPEG.
 
     Attributes:
         rate_hz: Pictures a second.
@@ -35,13 +38,15 @@ class FakeCamera(Camera):
         width: int = 160,
         height: int = 120,
         age_s: float = 0.0,
+        pictures: Sequence[bytes] = (),
     ) -> None:
         super().__init__(clock)
         self.rate_hz, self.width, self.height, self.age_s = rate_hz, width, height, age_s
         self.is_frozen = False
         self._ending = threading.Event()
         self._thread: Worker | None = None
-        self._pictures = [_pattern(seed, width, height) for seed in range(_PICTURES)]
+        self._encoding = Encoding.JPEG if pictures else Encoding.RGB
+        self._pictures = pictures or [_pattern(seed, width, height) for seed in range(_PICTURES)]
 
     @classmethod
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
@@ -60,7 +65,7 @@ class FakeCamera(Camera):
 
     def take(self) -> Frame:
         """Take one picture now."""
-        return self._show(self._pictures[self._last_frame_id % _PICTURES])
+        return self._show(self._pictures[self._last_frame_id % len(self._pictures)])
 
     def show(self, scene: int) -> Frame:
         """Publish a picture of one of endlessly many scenes: the same number, the same picture."""
@@ -90,7 +95,7 @@ class FakeCamera(Camera):
             data,
             width=self.width,
             height=self.height,
-            encoding=Encoding.RGB,
+            encoding=self._encoding,
             captured_s=self.clock.now_s() - self.age_s,
         )
 

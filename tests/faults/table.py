@@ -3,107 +3,90 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
-from server.bench.proxy import LinkConditions
+from robot.testing import LinkConditions
 
-from .world import Change, Condition, World
+from .scenario import Change, Fault, FaultWorld
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "faults.md"
 MODES = ("train", "intervention", "autonomous")
 LIMIT_S = {"train": 0.5, "intervention": 0.5, "autonomous": 0.5}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fault:
-    """One thing that goes wrong, and comes right again."""
-
-    name: str
-    begin: Change
-    end: Change = lambda world: None
-    reasons: tuple[str, ...]
-    """Why the robot may say that it stands."""
-    counts_from: Condition | None = None
-    """What has to be so before the robot must stand; None: it must from the beginning."""
-    counts_from_last_word: bool = False
-    """Chance lets some words through in time: the robot must stand so long after the last one."""
-    note: str = ""
+def _silence(world: FaultWorld) -> None:
+    world.page.is_silent = True
 
 
-def _silence(world: World) -> None:
-    world.pilot.is_silent = True
+def _speak(world: FaultWorld) -> None:
+    world.page.is_silent = False
 
 
-def _speak(world: World) -> None:
-    world.pilot.is_silent = False
-
-
-def _weather(**fields: object) -> Change:
-    def change(world: World) -> None:
-        world.proxy.conditions = LinkConditions(**fields)  # type: ignore[arg-type]
+def _link(**fields: object) -> Change:
+    def change(world: FaultWorld) -> None:
+        world.link.conditions = LinkConditions(**fields)  # type: ignore[arg-type]
 
     return change
 
 
-def _clear(world: World) -> None:
-    world.proxy.conditions = LinkConditions()
+def _clear(world: FaultWorld) -> None:
+    world.link.conditions = LinkConditions()
 
 
-def _hide(world: World) -> None:
-    world.pilot.hold(None)
-    world.pilot.mode("stopped")
-    world.pilot.is_silent = True
+def _hide(world: FaultWorld) -> None:
+    world.page.hold(None)
+    world.page.mode("stopped")
+    world.page.is_silent = True
 
 
-def _freeze_camera(world: World) -> None:
-    world.server.camera.is_frozen = True
+def _freeze_camera(world: FaultWorld) -> None:
+    world.camera.is_frozen = True
 
 
-def _break_camera(world: World) -> None:
-    world.server.camera.break_down("The camera was unplugged.")
+def _break_camera(world: FaultWorld) -> None:
+    world.camera.break_down("The camera was unplugged.")
 
 
-def _mend_camera(world: World) -> None:
-    world.server.camera.is_frozen = False
+def _mend_camera(world: FaultWorld) -> None:
+    world.camera.is_frozen = False
 
 
-def _break_drive(world: World) -> None:
-    world.server.driver.failure = "The left motor does not answer."
+def _break_drive(world: FaultWorld) -> None:
+    world.driver.failure = "The left motor does not answer."
 
 
-def _mend_drive(world: World) -> None:
-    world.server.driver.failure = None
+def _mend_drive(world: FaultWorld) -> None:
+    world.driver.failure = None
 
 
-def _jump(world: World) -> None:
-    world.clock.ahead_s += 3600.0
+def _jump(world: FaultWorld) -> None:
+    world.clock.advance(3600.0)
 
 
-def _speak_late(world: World) -> None:
-    """A word of the past comes after the robot was told to stop."""
-    world.pilot.is_silent = True
-    world.pilot.hold(None)
-    world.pilot.mode("stopped")
-    world.pilot.send(type="drive", held="forward", frame=None, seq=2)
-    world.pilot.send(type="mode", mode="train", seq=1)
+def _speak_late(world: FaultWorld) -> None:
+    """Messages of the past come after the robot was told to stop."""
+    world.page.is_silent = True
+    world.page.hold(None)
+    world.page.mode("stopped")
+    world.page.send(type="drive", held="forward", frame=None, seq=2)
+    world.page.send(type="mode", mode="train", seq=1)
 
 
-def _is_picture_old(world: World) -> bool:
+def _is_picture_old(world: FaultWorld) -> bool:
     """True once the pilot looks at a picture that is older than what the governor allows."""
-    frame = world.server.hub.video.captured_s(world.pilot.picture or 0)
+    frame = world.hub.video.captured_s(world.page.picture or 0)
     return frame is not None and world.clock.now_s() - frame > 0.5
 
 
 FAULTS = (
     Fault(
         name="the tab is closed",
-        begin=lambda world: world.pilot.close(),
+        begin=lambda world: world.page.close(),
         reasons=("pilot_gone",),
     ),
     Fault(
         name="the browser is killed",
-        begin=lambda world: world.pilot.vanish(),
+        begin=lambda world: world.page.vanish(),
         reasons=("pilot_gone",),
     ),
     Fault(name="the tab is hidden", begin=_hide, end=_speak, reasons=("pilot_asked",)),
@@ -115,39 +98,39 @@ FAULTS = (
     ),
     Fault(
         name="the network falls silent",
-        begin=_weather(is_silent=True),
+        begin=_link(is_silent=True),
         end=_clear,
         reasons=("pilot_silent",),
     ),
     Fault(
         name="every packet is 0.6 s late, both ways",
-        begin=_weather(delay_s=0.6),
+        begin=_link(delay_s=0.6),
         end=_clear,
         reasons=("pilot_silent", "link_slow"),
     ),
     Fault(
         name="packets are up to 2 s late, each as it happens",
-        begin=_weather(delay_s=0.3, jitter_s=2.0),
+        begin=_link(delay_s=0.3, jitter_s=2.0),
         end=_clear,
         reasons=("pilot_silent", "link_slow"),
-        counts_from_last_word=True,
-        note=", counted from the last word that came in time",
+        counts_from_last_message=True,
+        note=", counted from the last message that came in time",
     ),
     Fault(
         name="every packet is lost and sent again after 0.7 s",
-        begin=_weather(stall_share=1.0, stall_s=0.7),
+        begin=_link(stall_share=1.0, stall_s=0.7),
         end=_clear,
         reasons=("pilot_silent", "link_slow"),
     ),
     Fault(
-        name="words of the past come after a stop",
+        name="messages of the past come after a stop",
         begin=_speak_late,
         end=_speak,
         reasons=("pilot_asked",),
     ),
     Fault(
         name="the line narrows to 100 kbit/s",
-        begin=_weather(bytes_per_second=12_500.0),
+        begin=_link(bytes_per_second=12_500.0),
         end=_clear,
         reasons=("link_slow", "pilot_silent"),
         counts_from=_is_picture_old,
@@ -207,10 +190,11 @@ def _cell(fault: Fault, mode: str, measured_ms: dict[tuple[str, str], float]) ->
 _INTRODUCTION = [
     "# Faults",
     "",
-    "What the robot does when something goes wrong, in each mode. Written by the tests",
-    "(`DRIVELESSON_WRITE_DOCS=1 pytest tests/faults`), which check every row in every run: a pilot",
-    "drives a robot through a proxy that makes the weather. In brackets the milliseconds that the",
-    "last such run measured, on two busy cores.",
+    "What the robot does when something goes wrong, in each mode. Written by `make docs`, tested in",
+    "every run. A pilot drives a robot over a link, in virtual time, with the",
+    "server's real hub, protocol, control loop and gate; the fault comes at a random moment, with",
+    "a camera of 10 to 30 pictures a second. In brackets is the worst of 1,000 such drives, in",
+    "milliseconds; it is the same in every run, on every machine.",
 ]
 _CLOSING = [
     "After each of them the robot waits for an explicit start: it never moves by itself when a",

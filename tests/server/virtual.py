@@ -7,16 +7,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import json
 from collections.abc import Callable, Coroutine
 from typing import Any, Self, TypeVar
+
+from fastapi import FastAPI
 
 from robot.clock import VirtualClock
 from robot.testing import Line, Link, World
 from robot.types import Action, Mode
 from server.app import create_app
 from server.config import Config
-from server.protocol import FRAME_HEADER, encode_acknowledgement
+from server.protocol import encode_acknowledgement, parse_picture
 from server.services import make_services
 
 from .live_robot import WEB
@@ -46,7 +49,6 @@ class ServedWorld(World):
     def __init__(self, clock: VirtualClock, config: Config | None = None, **options: Any) -> None:
         super().__init__(clock, **options)
         self.services = make_services(config or Config(web=WEB), self.rig, name="virtual")
-        self.app = create_app(self.services)
         self.hub = self.services.hub
         self.link = Link(self.dice)
         self._stack = contextlib.AsyncExitStack()
@@ -54,8 +56,16 @@ class ServedWorld(World):
 
     async def __aenter__(self) -> Self:
         await super().__aenter__()
-        await self._stack.enter_async_context(self.app.router.lifespan_context(self.app))
+        await self.hub.start()
+        self._stack.push_async_callback(self.hub.stop)
+        self._stack.enter_context(self.services.progress)
+        self._stack.enter_context(self.services.study)
         return self
+
+    @functools.cached_property
+    def app(self) -> FastAPI:
+        """The application; made when it is first needed, for the sake of tests that never do."""
+        return create_app(self.services)
 
     async def __aexit__(self, *error: object) -> None:
         for socket in self._sockets:
@@ -65,9 +75,9 @@ class ServedWorld(World):
         await super().__aexit__(*error)
 
     async def pilot(self, *, sees: bool = False) -> Pilot:
-        """Open a page; it has said hello when this returns."""
+        """Open a page; it knows the state of a robot that sees when this returns."""
         pilot = Pilot(self, sees=sees)
-        await self.until(lambda: bool(pilot.messages), what="hello")
+        await self.until(lambda: bool(pilot.state.get("frame")), what="the first state")
         return pilot
 
     def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> Socket:
@@ -155,9 +165,10 @@ class Pilot:
         self.held: str | None = None
         self.seq = 0
         self.picture: int | None = None
+        self.nonce: int | None = None
         self.is_silent = False
         self.acknowledges = True
-        self._has_ended = False
+        self.has_ended = False
         self.socket = world.connect("/ws/drive", self._hear)
         self._video = world.connect("/ws/video", self._see) if sees else None
         self._event_loop = asyncio.get_running_loop()
@@ -176,7 +187,11 @@ class Pilot:
     def mode(self, mode: str) -> None:
         """Ask for a mode."""
         self.seq += 1
-        self.send(type="mode", mode=mode, seq=self.seq)
+        self.send(type="mode", mode=mode, seq=self.seq, **self.sight())
+
+    def sight(self) -> dict[str, int | None]:
+        """Return what a command must carry: the picture on the screen, the newest nonce."""
+        return {"frame": self.picture or self.state.get("frame"), "nonce": self.nonce}
 
     def send(self, **message: Any) -> None:
         """Send one message, whatever it is."""
@@ -188,13 +203,13 @@ class Pilot:
 
     def close(self) -> None:
         """Close the tab."""
-        self._has_ended = True
+        self.has_ended = True
         for socket in self._open_sockets():
             socket.close()
 
     def vanish(self) -> None:
         """Go as a killed browser goes: the connection ends without a word."""
-        self._has_ended = True
+        self.has_ended = True
         for socket in self._open_sockets():
             socket.cut()
 
@@ -228,15 +243,17 @@ class Pilot:
         self.messages.append(message)
         if message["type"] == "state":
             self.state = message
+            self.nonce = message["nonce"]
 
     def _see(self, message: str | bytes) -> None:
         assert isinstance(message, bytes)
-        self.picture = FRAME_HEADER.unpack_from(message)[5]
-        if self._video is not None and self.acknowledges and not self._has_ended:
+        picture = parse_picture(message)
+        self.picture, self.nonce = picture.frame_id, picture.nonce
+        if self._video is not None and self.acknowledges and not self.has_ended:
             self._video.send(encode_acknowledgement(self.picture))
 
     def _beat(self) -> None:
-        if self._has_ended:
+        if self.has_ended:
             return
         if not self.is_silent:
             self._say_drive()
@@ -244,5 +261,4 @@ class Pilot:
 
     def _say_drive(self) -> None:
         self.seq += 1
-        frame = self.picture or self.state.get("frame")
-        self.send(type="drive", held=self.held, frame=frame, seq=self.seq)
+        self.send(type="drive", held=self.held, seq=self.seq, **self.sight())

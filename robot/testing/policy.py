@@ -1,0 +1,51 @@
+"""A policy that costs nothing: whatever it was taught first, it does everywhere."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robot.learner.base import State, Vector
+from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
+from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
+
+_NOTHING = np.zeros(1, np.uint8)
+
+
+class FakePolicy(Policy):
+    """Looks at no pixel; for tests of the gate, the loop, the link or the server.
+
+    Attributes:
+        first: The label that it learned first.
+    """
+
+    def __init__(self, moves: tuple[Action, ...] = DEFAULT_MOVES) -> None:
+        real = make_policy("published-1", moves)
+        super().__init__("fake-1", 1, real.learner, real.features, moves=moves)
+        self.first: Action | None = None
+
+    def extract(self, frame: Frame) -> Vector:
+        """Return the same vector for every picture."""
+        return _NOTHING
+
+    def propose(self, frame_id: int, x: Vector, **context: Any) -> Prediction:
+        """Propose what was learned first; see `Policy`."""
+        shares = {} if self.first is None else {self.first: 1.0}
+        return Prediction(
+            frame_id=frame_id, action=self.first, confidence=1.0, probabilities=shares
+        )
+
+    def learn(self, x: Vector, label: Action) -> None:
+        """Count, and remember the first label."""
+        self.first = self.first or label
+        self._n_lessons += 1
+
+    def get_state(self) -> State:
+        """Return the label and the number of examples."""
+        return State(kind="fake", params={"first": self.first, "lessons": self._n_lessons})
+
+    def set_state(self, state: State) -> None:
+        """Become the policy that gave `state`."""
+        self.first, self._n_lessons = state.params["first"], state.params["lessons"]

@@ -1,0 +1,238 @@
+"""One fault at a random moment of a drive, in virtual time; a thousand of them on one server."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from robot.clock import VirtualClock
+from robot.testing import FakeCamera, FakePolicy, Line, LinkConditions
+from robot.types import Action, Mode
+from server.clients.client import Client
+from server.clients.video import Viewer
+from server.protocol import parse_acknowledgement
+from server.security.access import Role
+from tests.server.virtual import Pilot, ServedWorld
+
+_PICTURE = bytes(5000)
+"""As heavy as a JPEG of 160x120; nobody looks at it."""
+_WATCHED_S = 0.15
+"""So long after the end of a fault the robot must stand still."""
+
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What came of one fault."""
+
+    stood_after_s: float
+    reason: str | None
+
+
+class FaultWorld(ServedWorld):
+    """A robot that has learned to drive forward, and the page that pilots it."""
+
+    page: Pilot
+
+    def __init__(self, clock: VirtualClock) -> None:
+        camera = FakeCamera(clock, pictures=[_PICTURE])
+        super().__init__(clock, camera=camera, policy=FakePolicy())
+
+    def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> HubSocket:
+        """Open a connection through the link."""
+        socket = HubSocket(self, path, on_message)
+        self._sockets = [*(s for s in self._sockets if not s.task.done()), socket]
+        return socket
+
+    async def teach(self) -> None:
+        """Open the page and teach a few examples."""
+        self.page = await self.pilot(sees=True)
+        self.page.mode("train")
+        self.page.hold("forward")
+        await self.until(lambda: sum(self.loop.state.taught.values()) > 3)
+
+    async def settle(self, seed: int) -> None:
+        """Begin anew: all is well, and chance is that of `seed`."""
+        self.dice.seed(seed)
+        self.camera.rate_hz = self.dice.uniform(10.0, 30.0)
+        self.camera.age_s = self.dice.uniform(0.0, 0.04)
+        self.link.conditions = LinkConditions(delay_s=self.dice.uniform(0.0, 0.02))
+        self.page.vanish()
+        await self.until(lambda: not self.hub.pages)
+        self.page = await self.pilot(sees=True)
+
+    async def drive(self, mode: str) -> None:
+        """Have the robot drive: by hand, by hand in autonomous, or by itself."""
+        await self.until(lambda: self.hub.lease.owner == self.page.hello["client"])
+        self.page.mode("train" if mode == "train" else "autonomous")
+        if mode != "autonomous":
+            self.page.hold("left")
+        wanted = Action.FORWARD if mode == "autonomous" else Action.LEFT
+        await self.until(lambda: self.driver.now is wanted, what="it drives")
+        await self.forward(self.dice.uniform(0.0, 0.2))
+
+    async def live_through(self, fault: Fault, mode: str, seed: int) -> Outcome:
+        """Drive, have a fault begin and end: the robot must stand, and go on standing.
+
+        Raises:
+            AssertionError: If it does not.
+        """
+        what = f"{fault.name}, {mode}, seed {seed}"
+        await self.settle(seed)
+        await self.drive(mode)
+        fault.begin(self)
+        if fault.counts_from is not None:
+            counts_from = fault.counts_from
+            await self.until(lambda: counts_from(self) or self.stands(), 30.0, what)
+        if fault.counts_from_last_message:
+            took_s = await self._stands_after_last_message(what)
+        else:
+            took_s = await self.until(self.stands, 5.0, what)
+        await self.until(lambda: self.mode is Mode.STOPPED, 1.0, f"{what}: stopped")
+        reason = self.loop.state.decision.stop_reason
+        fault.end(self)
+        moved_s = self.driver.moved_s
+        await self.forward(_WATCHED_S)
+        assert self.stands() and self.driver.moved_s == moved_s, f"{what}: moves by itself"
+        assert self.mode is Mode.STOPPED, f"{what}: starts by itself"
+        return Outcome(stood_after_s=took_s, reason=reason)
+
+    async def live_through_many(self, plan: Plan) -> None:
+        """Drive while faults begin one after the other, and end one after the other.
+
+        Raises:
+            AssertionError: If the robot does not stand in time after the first, or moves again.
+        """
+        await self.settle(plan.seed)
+        await self.drive(plan.mode)
+        began_s = asyncio.get_running_loop().time()
+        for fault, then_s in plan.faults:
+            fault.begin(self)
+            await self.forward(then_s)
+        left_s = plan.limit_s - (asyncio.get_running_loop().time() - began_s)
+        await self.until(self.stands, max(0.0, left_s), "stands")
+        await self.until(lambda: self.mode is Mode.STOPPED, 0.1, "stopped")
+        moved_s = self.driver.moved_s
+        for fault, then_s in plan.faults:
+            fault.end(self)
+            await self.forward(_WATCHED_S + then_s)
+        assert self.stands() and self.driver.moved_s == moved_s, "moves by itself"
+        assert self.mode is Mode.STOPPED, "starts by itself"
+
+    async def _stands_after_last_message(self, what: str) -> float:
+        """Wait until the robot stands; return how long after the last message it then received."""
+        received_s = self.last_message_s()
+
+        def stands() -> bool:
+            nonlocal received_s
+            if self.stands():
+                return True
+            received_s = self.last_message_s()
+            return False
+
+        await self.until(stands, 10.0, what)
+        return max(0.0, self.clock.now_s() - received_s)
+
+    def last_message_s(self) -> float:
+        """When the server last received a message of the pilot."""
+        return max((page.last_word_s for page in self.hub.pages.values()), default=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Faults, and how long to wait after each before the next."""
+
+    mode: str
+    seed: int
+    limit_s: float
+    faults: tuple[tuple[Fault, float], ...]
+
+
+class HubSocket:
+    """A `Socket` that ends in the hub itself: a thousand runs a cell want no routes in between."""
+
+    def __init__(self, world: FaultWorld, path: str, on_message: Callable[[str | bytes], None]):
+        self._world, hub = world, world.hub
+        self._down: Line = world.link.line(on_message, throttled=True)
+        if path == "/ws/drive":
+            client = hub.join(Role.PILOT)
+            self._up: Line = world.link.line(lambda text: hub.hear(client, text), throttled=False)
+            self._leave: Callable[[], None] = lambda: hub.leave(client)
+            self.task: asyncio.Future[None] = asyncio.ensure_future(self._pass_on(client))
+        else:
+            viewer = Viewer(lambda shot: self._down.send(shot.message, len(shot.message)))
+            self._up = world.link.line(lambda data: self._draw(viewer, data), throttled=False)
+            self._leave = lambda: hub.video.remove(viewer)
+            self.task = asyncio.get_running_loop().create_future()
+            hub.watch(viewer)
+
+    def send(self, message: str | bytes) -> None:
+        """Send one message to the server."""
+        self._up.send(message, len(message))
+
+    def close(self) -> None:
+        """Say good-bye: the server notices when the link has carried it."""
+        self._goodbye = self._world.link.line(lambda _: self.cut(), throttled=False)
+        self._goodbye.send(None, 8)
+
+    def cut(self) -> None:
+        """End as a killed browser ends."""
+        self._world.link.forget(self._up)
+        self._world.link.forget(self._down)
+        self.task.cancel()
+        self._leave()
+
+    async def _pass_on(self, client: Client) -> None:
+        while True:
+            text = await client.next_text()
+            self._down.send(text, len(text))
+            await self._down.has_room()
+
+    def _draw(self, viewer: Viewer, data: bytes) -> None:
+        hub = self._world.hub
+        hub.video.acknowledge(viewer, parse_acknowledgement(data), hub.clock.now_s())
+
+
+Change = Callable[[FaultWorld], None]
+Condition = Callable[[FaultWorld], bool]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One thing that goes wrong, and comes right again."""
+
+    name: str
+    begin: Change
+    end: Change = lambda world: None
+    reasons: tuple[str, ...]
+    """Why the robot may say that it stands."""
+    counts_from: Condition | None = None
+    """What has to be so before the robot must stand; None: it must from the beginning."""
+    counts_from_last_message: bool = False
+    """Chance lets some messages through in time: the robot must stand so long after the last."""
+    note: str = ""
+
+
+def outcomes(fault: Fault, mode: str, seeds: range) -> list[Outcome]:
+    """Have one fault happen once for each seed."""
+
+    async def drives(world: FaultWorld) -> list[Outcome]:
+        return [await world.live_through(fault, mode, seed) for seed in seeds]
+
+    return in_fault_world(drives)
+
+
+def in_fault_world(scenario: Callable[[FaultWorld], Coroutine[Any, Any, _T]]) -> _T:
+    """Run a scenario on a robot that was taught, in virtual time."""
+    clock = VirtualClock(100.0)
+
+    async def main() -> _T:
+        async with FaultWorld(clock) as world:
+            await world.teach()
+            return await scenario(world)
+
+    return clock.run(main())
