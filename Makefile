@@ -6,13 +6,16 @@ BIN := $(VENV)/bin
 OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run test test-brick test-oldest check docs format screenshots clean
+.PHONY: help run install test test-brick test-oldest check docs format screenshots clean
 
 help: ## Say what there is
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
 
 run: $(VENV)/.demo ## Start the simulated robot and its page (ARGS="--lan" for a phone)
 	$(BIN)/drivelesson $(ARGS)
+
+install: ## Put the command `drivelesson` on your PATH
+	@PYTHON="$(PYTHON)" sh install.sh
 
 test: check ## Check and test everything
 	$(BIN)/python -m pytest $(ARGS)
@@ -52,7 +55,7 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.demo: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --editable '.[demo]'
+	$(BIN)/python -m pip install --quiet --editable .
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml | $(BIN)/python
@@ -65,7 +68,8 @@ $(OLDEST)/.made: tests/oldest/debian-12.txt pyproject.toml Makefile
 	$(OLDEST)/bin/python -m pip install --quiet --no-deps --requirement tests/oldest/debian-12.txt
 	$(OLDEST)/bin/python -m pip install --quiet --constraint tests/oldest/debian-12.txt \
 	  pytest pytest-timeout hypothesis 'httpx>=0.27' 'opencv-python-headless<4.9' python-ev3dev2 vermin \
-	  'cryptography>=42' 'segno>=1.6' 'zeroconf>=0.131' 'panda3d>=1.10.14' 'mcap>=1.1' 'tqdm>=4.65'
+	  'cryptography>=42' 'segno>=1.6' 'zeroconf>=0.131' 'panda3d>=1.10.14' 'mcap>=1.1' 'tqdm>=4.65' \
+	  'protobuf>=4.22' 'imagesize>=1.4' 'shtab>=1.6'
 	$(OLDEST)/bin/python -m pip install --quiet --no-deps --target $(OLDEST)/newer websockets
 	mv $(OLDEST)/newer/websockets $(OLDEST)/lib/python3.11/site-packages/newer_websockets
 	$(OLDEST)/bin/python -m pip install --quiet --no-deps --editable .

@@ -15,9 +15,11 @@ class MissingExtraError(RobotError, ImportError):
     """A library that this feature needs is not installed; the message names the extra."""
 
     def __init__(self, feature: str, extra: str) -> None:
+        from robot.installation import install_command  # slow to import, and seldom needed
+
         super().__init__(
-            f"{feature} needs a library that is not installed; "
-            f"install it with: pip install 'drivelesson[{extra}]'"
+            f"{feature} needs drivelesson[{extra}], which is not installed; "
+            f"install it with: {install_command(extra)}"
         )
         self.extra = extra
 

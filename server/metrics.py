@@ -1,14 +1,18 @@
-"""`/metrics` in Prometheus' text form, written by hand: it is a dozen lines. Pure."""
+"""What is measured for `/metrics`, and its text in Prometheus' form. Pure."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import accumulate
+from typing import Any
 
 from robot.control.state import LoopState
 from robot.types import Mode, StopReason
 from server.protocol import ErrorCode
+
+Values = Mapping[str, float] | float
 
 AGE_BUCKETS_S = (0.025, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
 
@@ -26,15 +30,6 @@ class Histogram:
         self.counts[bisect_left(self.buckets, value)] += 1
         self.total += value
 
-    def lines(self, name: str) -> Iterator[str]:
-        """Yield it as Prometheus wants it: cumulative."""
-        below = 0
-        for bucket, count in zip([*map(str, self.buckets), "+Inf"], self.counts, strict=True):
-            below += count
-            yield f'{name}_bucket{{le="{bucket}"}} {below}'
-        yield f"{name}_sum {self.total:.6f}"
-        yield f"{name}_count {below}"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
@@ -51,80 +46,96 @@ class Measured:
     turned_away: Mapping[str, int] = field(default_factory=dict)
 
 
-def render(measured: Measured) -> str:
-    """Return the whole text."""
-    return "\n".join(_lines(measured)) + "\n"
+CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
 
-def _lines(m: Measured) -> Iterator[str]:
-    state = m.state
-    yield from _family("loop_rate_hz", "gauge", "New frames a second", {"": state.cycle_hz})
-    yield from _family("loop_turns_total", "counter", "Turns of the loop", {"": state.cycles})
-    yield from _family(
-        "loop_late_cycles_total", "counter", "Turns that took too long", {"": state.late_cycles}
-    )
-    yield from _family(
-        "loop_age_seconds", "gauge", "Since the last turn", {"": m.now_s - state.now_s}
-    )
-    yield from _family(
-        "mode",
-        "gauge",
-        "1 for the present mode",
-        {_label("mode", mode): int(state.decision.mode is mode) for mode in Mode},
-    )
-    yield from _family("emergency", "gauge", "1 while latched", {"": int(state.emergency)})
-    yield from _family(
-        "stops_total",
-        "counter",
-        "Stops by reason",
-        {_label("reason", reason): state.stops.get(reason, 0) for reason in StopReason},
-    )
-    yield from _family("pages", "gauge", "Open control sockets", {"": m.pages})
-    yield from _family("viewers", "gauge", "Browsers that see the picture", {"": m.viewers})
-    yield from _family("frames_sent_total", "counter", "Frames to viewers", {"": m.frames_sent})
-    yield from _family(
-        "frames_encoded_total", "counter", "Frames made ready to send", {"": m.frames_encoded}
-    )
-    yield "# HELP drivelesson_frame_age_seconds Capture to acknowledged by a viewer"
-    yield "# TYPE drivelesson_frame_age_seconds histogram"
-    yield from m.frame_ages.lines("drivelesson_frame_age_seconds")
-    if state.pilot_frame_age_s is not None:
-        yield from _family(
-            "pilot_frame_age_seconds",
-            "gauge",
-            "Age of the picture that the pilot acts upon",
-            {"": state.pilot_frame_age_s},
+def render(measured: Measured) -> bytes:
+    """Return the whole text. prometheus-client is imported only here: few ever ask."""
+    from prometheus_client import CollectorRegistry, generate_latest
+
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(_Collector(measured))
+    return bytes(generate_latest(registry))
+
+
+class _Collector:
+    """Hands one set of measurements to prometheus-client."""
+
+    def __init__(self, measured: Measured) -> None:
+        self._measured = measured
+
+    def collect(self) -> Iterator[Any]:
+        """Yield the families of metrics."""
+        m, state = self._measured, self._measured.state
+        yield _gauge("loop_rate_hz", "New frames a second", state.cycle_hz)
+        yield _counter("loop_turns_total", "Ticks of the control loop", state.cycles)
+        yield _counter("loop_late_cycles_total", "Ticks that took too long", state.late_cycles)
+        yield _gauge("loop_age_seconds", "Since the last tick", m.now_s - state.now_s)
+        modes = {mode.value: int(state.decision.mode is mode) for mode in Mode}
+        yield _gauge("mode", "1 for the present mode", modes, "mode")
+        yield _gauge("emergency", "1 while latched", int(state.emergency))
+        stops = {reason.value: state.stops.get(reason, 0) for reason in StopReason}
+        yield _counter("stops_total", "Stops by reason", stops, "reason")
+        yield _gauge("pages", "Open control sockets", m.pages)
+        yield _gauge("viewers", "Browsers that see the picture", m.viewers)
+        yield _counter("frames_sent_total", "Frames to viewers", m.frames_sent)
+        yield _counter("frames_encoded_total", "Frames made ready to send", m.frames_encoded)
+        yield _ages(m.frame_ages)
+        if state.pilot_frame_age_s is not None:
+            yield _gauge(
+                "pilot_frame_age_seconds",
+                "Age of the picture that the pilot acts upon",
+                state.pilot_frame_age_s,
+            )
+        refused = {code.value: m.refused.get(code, 0) for code in ErrorCode}
+        yield _counter("messages_refused_total", "Websocket messages refused", refused, "code")
+        turned_away = dict(sorted(m.turned_away.items()))
+        yield _counter(
+            "requests_refused_total", "Requests and websockets refused", turned_away, "reason"
         )
-    yield from _family(
-        "messages_refused_total",
-        "counter",
-        "Websocket messages refused",
-        {_label("code", code): m.refused.get(code, 0) for code in ErrorCode},
-    )
-    yield from _family(
-        "requests_refused_total",
-        "counter",
-        "Requests and websockets turned away",
-        {_label("reason", reason): count for reason, count in sorted(m.turned_away.items())},
-    )
-    yield from _learner_times(state)
+        yield _learner_times(state)
 
 
-def _learner_times(state: LoopState) -> Iterator[str]:
-    name = "drivelesson_learner_seconds"
-    yield f"# HELP {name} What the learner's work took"
-    yield f"# TYPE {name} summary"
+def _gauge(name: str, text: str, value: Values, label: str | None = None) -> Any:
+    from prometheus_client.core import GaugeMetricFamily
+
+    return _filled(GaugeMetricFamily, name, text, value, label)
+
+
+def _counter(name: str, text: str, value: Values, label: str | None = None) -> Any:
+    from prometheus_client.core import CounterMetricFamily
+
+    return _filled(CounterMetricFamily, name, text, value, label)
+
+
+def _filled(kind: Any, name: str, text: str, value: Values, label: str | None) -> Any:
+    family = kind(f"drivelesson_{name}", text, labels=[label] if label else [])
+    if isinstance(value, Mapping):
+        for key, number in value.items():
+            family.add_metric([key], number)
+    else:
+        family.add_metric([], value)
+    return family
+
+
+def _ages(ages: Histogram) -> Any:
+    from prometheus_client.core import HistogramMetricFamily
+
+    bounds = [*map(str, ages.buckets), "+Inf"]
+    return HistogramMetricFamily(
+        "drivelesson_frame_age_seconds",
+        "Capture to acknowledged by a viewer",
+        buckets=list(zip(bounds, accumulate(ages.counts), strict=True)),
+        sum_value=ages.total,
+    )
+
+
+def _learner_times(state: LoopState) -> Any:
+    from prometheus_client.core import SummaryMetricFamily
+
+    family = SummaryMetricFamily(
+        "drivelesson_learner_seconds", "What the learner's work took", labels=["work"]
+    )
     for work, timing in state.learner_times.items():
-        yield f'{name}_sum{{work="{work}"}} {timing.total_s:.6f}'
-        yield f'{name}_count{{work="{work}"}} {timing.count}'
-
-
-def _family(name: str, kind: str, text: str, values: Mapping[str, float]) -> Iterator[str]:
-    yield f"# HELP drivelesson_{name} {text}"
-    yield f"# TYPE drivelesson_{name} {kind}"
-    for label, value in values.items():
-        yield f"drivelesson_{name}{label} {value:.6g}"
-
-
-def _label(name: str, value: str) -> str:
-    return f'{{{name}="{value}"}}'
+        family.add_metric([work], timing.count, timing.total_s)
+    return family

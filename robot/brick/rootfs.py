@@ -16,6 +16,9 @@ PACKAGES = (
     "python3-fastapi",
     "python3-uvicorn",
     "python3-websockets",
+    "python3-platformdirs",
+    "python3-filelock",
+    "python3-prometheus-client",
 )
 UNUSED = (
     "usr/share/doc",

@@ -101,31 +101,6 @@ def read_chunk(path: Path, offset: int) -> list[Any]:
         return [r for r in _break_up(chunk) if type(r).__name__ == "Message"]
 
 
-def records_from(path: Path, offset: int) -> Iterator[Any]:
-    """Yield raw records from a place in the file on, as the library reads them.
-
-    Raises:
-        RecordingError: Where they end to make sense.
-    """
-    require_mcap()
-    from mcap.exceptions import McapError
-    from mcap.stream_reader import StreamReader
-
-    size = path.stat().st_size
-    if not 0 <= offset < size:
-        raise RecordingError(f"{path.name} points to a place outside of itself")
-    with path.open("rb") as file:
-        file.seek(offset)
-        stream = _Bounded(file, size - offset)
-        reader = StreamReader(
-            stream, skip_magic=True, emit_chunks=True, record_size_limit=MAX_RECORD_BYTES
-        )
-        try:
-            yield from reader.records
-        except (McapError, ValueError, struct.error, MemoryError, OverflowError) as error:
-            raise RecordingError(str(error)) from error
-
-
 def _scan(file: BinaryIO, path: Path) -> Iterator[Record]:
     from mcap.exceptions import InvalidMagic, McapError
     from mcap.stream_reader import StreamReader

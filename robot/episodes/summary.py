@@ -11,13 +11,21 @@ from typing import Any
 
 from robot.episodes.edits import Notes, read_notes
 from robot.episodes.episode import Episode, open_episode, taught_frames
-from robot.episodes.scan import records_from
+from robot.episodes.scan import require_mcap
 from robot.episodes.writer import RUN, SUMMARY
 from robot.errors import RecordingError
 
-_FOOTER = struct.Struct("<BQQQI8s")
-_FOOTER_OPCODE, _FOOTER_LENGTH = 0x02, 20
-_METADATA_INDEX, _MOST_SUMMARY_BYTES = "MetadataIndex", 16 * 2**20
+_MOST_SUMMARY_BYTES = 16 * 2**20
+_UNUSABLE = (
+    RecordingError,
+    KeyError,
+    ValueError,
+    OSError,
+    AttributeError,
+    TypeError,
+    RecursionError,
+)
+"""What reading a damaged summary may raise; the whole file is then read instead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +60,7 @@ def read_card(path: Path) -> EpisodeSummary:
     except RecordingError as error:
         notes, complaint = Notes(), str(error)
     try:
-        found = _read_ends(path, size)
+        found = _read_ends(path)
         facts = found if found is not None else _read_all(open_episode(path))
     except RecordingError as error:
         facts = {"is_readable": False, "damage": str(error)}
@@ -69,10 +77,10 @@ def read_card(path: Path) -> EpisodeSummary:
     )
 
 
-def _read_ends(path: Path, size: int) -> dict[str, Any] | None:
+def _read_ends(path: Path) -> dict[str, Any] | None:
     """Read what the file says of itself at its end; None if it has no such end."""
     try:
-        metadata = _metadata(path, size)
+        metadata = _metadata(path)
         run, summary = metadata[RUN], metadata[SUMMARY]
         return {
             **_facts_of_run(run),
@@ -80,27 +88,32 @@ def _read_ends(path: Path, size: int) -> dict[str, Any] | None:
             "frames": int(summary["frames"]),
             "taught": {str(k): int(v) for k, v in json.loads(summary["taught"]).items()},
         }
-    except (RecordingError, KeyError, ValueError, AttributeError, TypeError, RecursionError):
+    except (
+        RecordingError,
+        KeyError,
+        ValueError,
+        OSError,
+        AttributeError,
+        TypeError,
+        RecursionError,
+    ):
         return None
 
 
-def _metadata(path: Path, size: int) -> dict[str, dict[str, str]]:
-    """Follow the footer to the index, and the index to the metadata records."""
-    if size < _FOOTER.size:
-        raise RecordingError("too short")
+def _metadata(path: Path) -> dict[str, dict[str, str]]:
+    """Return the metadata records that the file's summary lists; {} if it has no summary."""
+    require_mcap()
+    from mcap.exceptions import McapError
+    from mcap.reader import SeekingReader
+
     with path.open("rb") as file:
-        file.seek(size - _FOOTER.size)
-        opcode, length, summary_start, _, _, _ = _FOOTER.unpack(file.read(_FOOTER.size))
-    if (opcode, length) != (_FOOTER_OPCODE, _FOOTER_LENGTH):
-        raise RecordingError("no footer")
-    if not 8 <= summary_start < size or size - summary_start > _MOST_SUMMARY_BYTES:
-        raise RecordingError("no summary")
-    found = {}
-    for record in records_from(path, summary_start):
-        if type(record).__name__ == _METADATA_INDEX and record.name in (RUN, SUMMARY):
-            metadata = next(iter(records_from(path, record.offset)))
-            found[record.name] = dict(metadata.metadata)
-    return found
+        try:
+            reader = SeekingReader(file, record_size_limit=_MOST_SUMMARY_BYTES)
+            if reader.get_summary() is None:
+                return {}
+            return {record.name: dict(record.metadata) for record in reader.iter_metadata()}
+        except (McapError, StopIteration, struct.error, MemoryError, OverflowError) as error:
+            raise RecordingError(f"no summary: {error}") from error
 
 
 def _facts_of_run(run: Mapping[str, str]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,6 @@ MAX_FILE_BYTES = 32 * 2**20
 MAX_SIDE_PX = 4096
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
-_FRAME_MARKERS = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,29 +84,17 @@ def write_picture(frame: Frame, folder: Path, stem: str) -> str:
 
 def _size(data: bytes) -> tuple[int, int] | None:
     """Read width and height from the header alone: before anything is unpacked."""
-    try:
-        if data.startswith(_PNG):
-            width, height = struct.unpack_from(">II", data, 16)
-            return width, height
-        return _jpeg_size(data) if data.startswith(_JPEG) else None
-    except struct.error:
+    if not data.startswith((_PNG, _JPEG)):
         return None
-
-
-def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    at = 2
-    while at + 9 < len(data):
-        if data[at] != 0xFF:
-            return None
-        marker = data[at + 1]
-        if marker in _FRAME_MARKERS:
-            height, width = struct.unpack_from(">HH", data, at + 5)
-            return width, height
-        if marker == 0xFF or 0xD0 <= marker <= 0xD8:
-            at += 1 if marker == 0xFF else 2
-            continue
-        at += 2 + int(struct.unpack_from(">H", data, at + 2)[0])
-    return None
+    try:
+        import imagesize
+    except ImportError as error:
+        raise MissingExtraError("reading pictures", "camera") from error
+    try:
+        width, height = imagesize.get(io.BytesIO(data))
+    except (ValueError, struct.error):
+        return None
+    return (int(width), int(height)) if width > 0 and height > 0 else None
 
 
 def _decode(data: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]] | None:

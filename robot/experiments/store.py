@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 from robot.errors import ConfigurationError
 from robot.experiments.task import Result, Task
+from robot.storage.folder import write_whole
 
 
 class Store:
@@ -32,10 +32,8 @@ class Store:
         """Keep a result: the whole file or none of it, whatever happens meanwhile."""
         path = self._path(task)
         text = json.dumps({"kind": task.kind, "params": dict(task.params), "result": result})
-        new = path.with_suffix(f".{os.getpid()}.new")
         try:
-            new.write_text(text, encoding="utf-8")
-            new.replace(path)
+            write_whole(path, text.encode())
         except OSError as error:
             raise ConfigurationError(f"cannot keep results in {self.folder}: {error}") from error
 

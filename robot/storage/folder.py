@@ -44,17 +44,13 @@ _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 def default_root() -> Path:
     """Return where things are kept unless a person says otherwise.
 
-    DRIVELESSON_DATA if it is set; else the user's data folder as the system has it (platformdirs);
-    else, where platformdirs is not installed, the folder of the XDG standard.
+    DRIVELESSON_DATA if it is set, else the user's data folder as the system has it.
     """
     chosen = os.environ.get("DRIVELESSON_DATA")
     if chosen:
         return Path(chosen).expanduser()
-    try:
-        import platformdirs
-    except ImportError:
-        home = os.environ.get("XDG_DATA_HOME") or "~/.local/share"
-        return Path(home).expanduser() / "drivelesson"
+    import platformdirs
+
     return Path(platformdirs.user_data_dir("drivelesson", appauthor=False))
 
 
@@ -84,8 +80,13 @@ def free_name(wanted: str, taken: set[str]) -> str:
     return candidate
 
 
-def write_whole(path: Path, data: bytes) -> None:
+def write_whole(path: Path, data: bytes, *, mode: int = 0o666) -> None:
     """Put a file in its place all at once: after a power cut it is the old one or the new one.
+
+    Args:
+        path: The file; its folder is made if there is none.
+        data: All that will be in it.
+        mode: Who may read it, before the umask; 0o600 for secrets.
 
     Raises:
         OSError: If the disk refuses; then the old file is untouched.
@@ -93,7 +94,8 @@ def write_whole(path: Path, data: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with temporary.open("wb") as file:
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+        with os.fdopen(os.open(temporary, flags, mode), "wb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())

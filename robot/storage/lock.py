@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 from pathlib import Path
+from typing import Any
 
 from robot.errors import ConfigurationError
 from robot.lifecycle import StartStop
 
-try:
-    import fcntl
-except ImportError:  # a system without it, as Windows: there nothing is locked
-    fcntl = None  # type: ignore[assignment]
+
+_held: list[Any] = []
+"""filelock lets go of what is garbage; here only `stop` and the end of the process do."""
 
 
 class FolderLock(StartStop):
-    """Holds a folder for this process. The system lets go of it however the process ends."""
+    """Holds a folder for this process. The system lets go of it however the process ends.
+
+    Start and stop it on the same thread.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._handle: int | None = None
+        self._holder = folder / ".lock.pid"  # for the sentence alone: filelock empties its file
+        self._lock: Any = None
 
     def start(self) -> None:
         """Take the folder.
@@ -30,34 +33,45 @@ class FolderLock(StartStop):
             ConfigurationError: If another program has it (the sentence has that program's process
                 number), or nothing can be written there.
         """
-        if self._handle is not None or fcntl is None:
+        if self._lock is not None:
             return
+        from filelock import FileLock, Timeout
+
+        lock = FileLock(str(self._folder / ".lock"), timeout=0)
         try:
-            handle = os.open(self._folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
+            if not self._folder.is_dir():  # filelock would make it
+                raise FileNotFoundError("no such folder")
+            lock.acquire()
+        except Timeout as error:
+            raise ConfigurationError(
+                f"another drivelesson (process {self._read_holder()}) keeps its models and "
+                f"recordings in {self._folder}; stop it, or choose another folder with "
+                "--data FOLDER"
+            ) from error
+        except NotImplementedError:
+            return  # a file system that cannot lock, as some in the network
         except OSError as error:
             raise ConfigurationError(
                 f"the data folder {self._folder} cannot be written: {error.strerror or error}; "
                 "choose another with --data FOLDER"
             ) from error
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            holder = os.read(handle, 20).decode("ascii", "replace").strip() or "unknown"
-            os.close(handle)
-            if error.errno not in (errno.EWOULDBLOCK, errno.EACCES):
-                return  # a file system that cannot lock, as some in the network
-            raise ConfigurationError(
-                f"another drivelesson (process {holder}) keeps its lessons in {self._folder}; "
-                "stop it, or choose another folder with --data FOLDER"
-            ) from error
-        os.ftruncate(handle, 0)
-        os.write(handle, f"{os.getpid()}\n".encode())
-        self._handle = handle
+        with contextlib.suppress(OSError):  # a full disk is no reason not to start
+            self._holder.write_text(f"{os.getpid()}\n", encoding="ascii")
+        self._lock = lock
+        _held.append(lock)
 
     def stop(self) -> None:
-        """Let go of the folder; the file stays, so that nobody locks a name that is gone."""
-        handle, self._handle = self._handle, None
-        if handle is not None:
+        """Let go of the folder. Idempotent."""
+        lock, self._lock = self._lock, None
+        if lock is not None:
             with contextlib.suppress(OSError):
-                os.ftruncate(handle, 0)
-            os.close(handle)
+                self._holder.unlink(missing_ok=True)
+            lock.release()
+            _held.remove(lock)
+
+    def _read_holder(self) -> str:
+        try:
+            text = self._holder.read_text(encoding="ascii", errors="replace").strip()
+        except OSError:
+            return "unknown"
+        return text if text.isdecimal() else "unknown"

@@ -16,6 +16,7 @@ from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import ConfigurationError
 from robot.rig.options import make_options, options_of
 from robot.rig.plugins import load_driver
+from robot.storage.folder import write_whole
 from robot.types import Action
 from server.settings import PREFIX, apply_to, read_settings
 
@@ -160,8 +161,6 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
             head, n = re.subn(rf"(?m)^\s*{spelled}\s*=.*$", f"{name} = {value}", head)
             if n == 0:
                 head += ("" if not head or head.endswith("\n") else "\n") + f"{name} = {value}\n"
-        fresh = file.with_name(file.name + ".new")
-        fresh.write_text(head + rest)
-        fresh.replace(file)
+        write_whole(file, (head + rest).encode())
     except OSError as error:
         raise ConfigurationError(f"cannot write {file}: {error.strerror}") from error

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 
+from robot.installation import install_command
 from server.security.access import Role
 
 
@@ -43,7 +44,7 @@ def draw_qr(text: str) -> str:
     try:
         import segno
     except ImportError:
-        return "(for a QR code: pip install 'drivelesson[lan]')"
+        return f"(a QR code needs drivelesson[lan]: {install_command('lan')})"
     out = io.StringIO()
     segno.make(text, error="l", micro=False).terminal(out, compact=True)
     return out.getvalue()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from fastapi import APIRouter, Request
-from fastapi.responses import JSONResponse, PlainTextResponse
+from fastapi.responses import JSONResponse, PlainTextResponse, Response
 
-from server.metrics import Measured, render
+from server.metrics import CONTENT_TYPE, Measured, render
 from server.services import services_of
 
 router = APIRouter()
@@ -28,7 +28,7 @@ async def healthz(request: Request) -> JSONResponse:
 
 
 @router.get("/metrics", response_class=PlainTextResponse)
-async def metrics(request: Request) -> PlainTextResponse:
+async def metrics(request: Request) -> Response:
     """Return what Prometheus collects."""
     hub = services_of(request).hub
     video = hub.video
@@ -43,4 +43,4 @@ async def metrics(request: Request) -> PlainTextResponse:
         refused=hub.refused,
         turned_away=services_of(request).turned_away,
     )
-    return PlainTextResponse(render(measured), media_type="text/plain; version=0.0.4")
+    return Response(render(measured), media_type=CONTENT_TYPE)

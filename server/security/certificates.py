@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import datetime as dt
 import ipaddress
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robot.errors import ConfigurationError, MissingExtraError
+from robot.storage.folder import write_whole
 
 if TYPE_CHECKING:
     from cryptography import x509
@@ -64,8 +64,8 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         authority, authority_key = _load_or_make_authority(folder, names, now)
         key, certificate = _make_server(authority, authority_key, names, now)
-        _write(files.key, key)
-        _write(files.chain, certificate + _pem(authority))
+        write_whole(files.key, key, mode=0o600)
+        write_whole(files.chain, certificate + _pem(authority), mode=0o600)
     except (OSError, ValueError) as error:
         raise ConfigurationError(
             f"the certificates in {folder} cannot be made: {error}; mend or remove that folder"
@@ -98,8 +98,8 @@ def _load_or_make_authority(
         .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
         .sign(key, _sha256())
     )
-    _write(key_file, _key_pem(key))
-    _write(certificate_file, _pem(certificate))
+    write_whole(key_file, _key_pem(key), mode=0o600)
+    write_whole(certificate_file, _pem(certificate), mode=0o600)
     return certificate, key
 
 
@@ -216,9 +216,3 @@ def _key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
         serialization.PrivateFormat.PKCS8,
         serialization.NoEncryption(),
     )
-
-
-def _write(file: Path, data: bytes) -> None:
-    """Write a file that only its owner may read."""
-    with os.fdopen(os.open(file, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600), "wb") as out:
-        out.write(data)
