@@ -10,7 +10,6 @@ from typing import Any
 from robot.errors import ConfigurationError
 from robot.lifecycle import StartStop
 
-
 _held: list[Any] = []
 """filelock lets go of what is garbage; here only `stop` and the end of the process do."""
 
