@@ -196,29 +196,6 @@ _INTRODUCTION = [
     "to 30 pictures a second. In brackets is the worst of 1,000 such drives, in milliseconds; it is",
     "the same in every run, on every machine.",
 ]
-_CLOSING]) + "\n"
-
-
-def without_figures(page: str) -> str:
-    """Return the page without what differs from run to run."""
-    return re.sub(r" \(\d+\)", "", page)
-
-
-def _cell(fault: Fault, mode: str, measured_ms: dict[tuple[str, str], float]) -> str:
-    figure = measured_ms.get((fault.name, mode))
-    limit = f"{1000 * LIMIT_S[mode]:.0f} ms"
-    return f"stands within {limit}" + ("" if figure is None else f" ({figure:.0f})")
-
-
-_INTRODUCTION = [
-    "# Faults",
-    "",
-    "What the robot does when something goes wrong, in each mode. Written by `make docs`, tested in",
-    "every run. A pilot drives a robot over a link, in virtual time, with the",
-    "server's real hub, protocol, control loop and gate; the fault comes at a random moment, with",
-    "a camera of 10 to 30 pictures a second. In brackets is the worst of 1,000 such drives, in",
-    "milliseconds; it is the same in every run, on every machine.",
-]
 _CLOSING = [
     "After each of them the robot waits for an explicit start: it never moves by itself when a",
     "fault ends. In `autonomous` with nothing held, the page's heartbeat is the supervision.",
