@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 from robot.brick.agent.ports import HardwareError
 from robot.brick.link import BrickLink, RemotePicture
 from robot.camera import Camera
-from robot.capture.freshness import STILL_S
+from robot.capture.freshness import Freshness
 from robot.capture.options import UsbCameraOptions
 from robot.clock import Clock
 from robot.driver import Driver
@@ -28,7 +28,7 @@ class Ev3RemoteCamera(Camera):
         super().__init__(clock)
         self.options = options
         self._link = link
-        self._seen_s = 0.0
+        self._freshness = Freshness(0.0)
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -47,7 +47,7 @@ class Ev3RemoteCamera(Camera):
         if self._thread is not None:
             return
         options = self.options
-        self._seen_s = time.monotonic()
+        self._freshness = Freshness(time.monotonic())
         self._link.on_picture = self._take
         try:
             self._link.open("camera")
@@ -83,7 +83,7 @@ class Ev3RemoteCamera(Camera):
         self._link.close("camera")
 
     def _take(self, picture: RemotePicture) -> None:
-        self._seen_s = time.monotonic()
+        self._freshness.is_new(picture.data, time.monotonic())
         self._publish(
             picture.data,
             width=picture.width,
@@ -94,7 +94,7 @@ class Ev3RemoteCamera(Camera):
 
     def _watch(self) -> None:
         while not self._ending.wait(0.05):
-            if time.monotonic() - self._seen_s > STILL_S:
+            if self._freshness.fault(time.monotonic()) is not None:
                 fault = self._link.fault or self._link.camera_fault or "The brick sends no pictures"
                 if fault != self._fault:
                     self._report_fault(fault)

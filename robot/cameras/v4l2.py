@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import select
 import threading
 import time
@@ -48,6 +49,15 @@ class V4l2Camera(Camera):
         reader.poll(time.monotonic())
         if reader.video is None:
             raise CameraError(reader.fault or "the camera cannot be opened")
+        if reader.video.encoding == "jpeg" and importlib.util.find_spec("cv2") is None:
+            path = reader.video.path
+            reader.close()
+            raise CameraError(
+                f"the camera {path} gives MJPEG alone, and nothing here can read it: on a brick "
+                "take a camera with YUYV (a Logitech C270 has it), or run the server on another "
+                "computer (drivelesson brick agent ADDRESS); elsewhere: "
+                "pip install 'drivelesson[camera]'"
+            )
         self._ending.clear()
         self._thread = threading.Thread(
             target=self._watch, args=(reader,), name="v4l2-camera", daemon=True

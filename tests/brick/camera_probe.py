@@ -5,6 +5,7 @@ Commands on standard input: any line ends it.
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import sys
 import threading
@@ -17,6 +18,9 @@ from robot.errors import CameraError
 
 
 def main() -> None:
+    if hidden := sys.argv[3]:  # as if it were not installed
+        find = importlib.util.find_spec
+        importlib.util.find_spec = lambda name, *rest: None if name == hidden else find(name, *rest)
     options = UsbCameraOptions(device=sys.argv[1], encoding=sys.argv[2])
     camera = V4l2Camera(options, RealClock())
     lock = threading.Lock()

@@ -1,11 +1,17 @@
 /* Plays /dev/video9 for an unmodified program: preload it (LD_PRELOAD).
  *
  * FAKE_VIDEO names a file whose first word says how the camera behaves:
- *   run      a new picture each 33 ms
+ *   run      new pictures
  *   repeat   the same picture again and again
  *   freeze   no pictures
  *   gone     unplugged: open fails, and an open one says ENODEV
- * FAKE_VIDEO_FORMAT is YUYV (default) or MJPG: the formats offered, joined by a comma.
+ * The rest is set once, in the environment, as FAKE_VIDEO_*:
+ *   FORMAT     the formats offered, YUYV and MJPG, joined by a comma
+ *   SIZES      the sizes offered, joined by commas; the nearest is taken without a word
+ *   PERIOD_MS, JITTER_MS   a picture each PERIOD, more or less
+ *   AGE_MS, AGE_SPREAD_MS  how long ago it was taken, by its stamp: from AGE to AGE + SPREAD
+ *   BUS_KBS    what the bus carries, in 1000 bytes a second: large pictures come more slowly
+ *   LOSE, REPEAT           each so many-th picture is lost, or comes twice; 0 is never
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -27,7 +33,7 @@
 static int camera = -1, width, height, stride, is_jpeg, queued[4], n_queued;
 static unsigned char *memory[4];
 static size_t size;
-static unsigned sequence;
+static unsigned sequence, shown, ticks_seen;
 
 static const char *behaviour(void) {
     static char word[16];
@@ -47,11 +53,28 @@ static int offers(const char *code) {
     return strstr(formats ? formats : "YUYV", code) != NULL;
 }
 
+static long setting(const char *name, long otherwise) {
+    char full[64];
+    snprintf(full, sizeof full, "FAKE_VIDEO_%s", name);
+    const char *text = getenv(full);
+    return text ? atol(text) : otherwise;
+}
+
+/* A number from 0 to most that looks like chance and is the same in each run. */
+static long chance(long most) { return most ? ticks_seen * 2654435761u % (most + 1) : 0; }
+
+static void set_timer(void) {
+    long bus = setting("BUS_KBS", 0), jitter = setting("JITTER_MS", 0);
+    long ms = setting("PERIOD_MS", 33) + chance(2 * jitter) - jitter;
+    if (bus && ms < (long)size / bus) ms = size / bus;
+    struct itimerspec next = {{0, 0}, {ms / 1000, ms % 1000 * 1000000}};
+    timerfd_settime(camera, 0, &next, NULL);
+}
+
 static int open_camera(void) {
     if (is("gone")) { errno = ENOENT; return -1; }
-    struct itimerspec each = {{0, 33000000}, {0, 33000000}};
     camera = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
-    timerfd_settime(camera, 0, &each, NULL);
+    set_timer();
     n_queued = 0;
     return camera;
 }
@@ -90,7 +113,7 @@ static int fail(int why) { errno = why; return -1; }
 
 /* A grey ramp that moves with the sequence, so that no two pictures are equal. */
 static size_t paint(unsigned char *to) {
-    unsigned step = is("repeat") ? 7 : sequence;
+    unsigned step = is("repeat") ? 7 : shown;
     if (is_jpeg) {
         FILE *file = fopen(getenv("FAKE_VIDEO_JPEG"), "rb");
         size_t n = file ? fread(to, 1, size - 4, file) : 0;
@@ -109,14 +132,21 @@ static size_t paint(unsigned char *to) {
 static int dequeue(struct v4l2_buffer *buffer) {
     uint64_t ticks;
     struct timespec now;
-    if (read(camera, &ticks, 8) != 8 || is("freeze") || n_queued == 0) return fail(EAGAIN);
+    long lose = setting("LOSE", 0), repeat = setting("REPEAT", 0);
+    if (read(camera, &ticks, 8) != 8) return fail(EAGAIN);
+    ticks_seen++;
+    set_timer();
+    if (is("freeze") || n_queued == 0 || (lose && ticks_seen % lose == 0)) return fail(EAGAIN);
     int index = queued[0];
     memmove(queued, queued + 1, --n_queued * sizeof(int));
     clock_gettime(CLOCK_MONOTONIC, &now);
-    now.tv_nsec -= 5000000; /* taken 5 ms ago */
-    if (now.tv_nsec < 0) { now.tv_sec--; now.tv_nsec += 1000000000; }
+    long age_ms = setting("AGE_MS", 5) + chance(setting("AGE_SPREAD_MS", 0));
+    now.tv_nsec -= age_ms * 1000000;
+    while (now.tv_nsec < 0) { now.tv_sec--; now.tv_nsec += 1000000000; }
+    sequence++;
+    if (!repeat || sequence % repeat) shown++;
     buffer->index = index;
-    buffer->sequence = ++sequence;
+    buffer->sequence = sequence;
     buffer->bytesused = paint(memory[index]);
     buffer->flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
     buffer->timestamp.tv_sec = now.tv_sec;
@@ -124,10 +154,26 @@ static int dequeue(struct v4l2_buffer *buffer) {
     return 0;
 }
 
+/* The size with this number among those offered; 0 if there are fewer. */
+static int offered_size(unsigned number, int *w, int *h) {
+    const char *at = getenv("FAKE_VIDEO_SIZES");
+    if (!at) at = "160x120";
+    for (; number && (at = strchr(at, ',')); number--) at++;
+    return at && sscanf(at, "%dx%d", w, h) == 2;
+}
+
 static int set_format(struct v4l2_pix_format *pix) {
+    long wanted = (long)pix->width * pix->height, nearest = -1;
+    int w, h;
     is_jpeg = pix->pixelformat == V4L2_PIX_FMT_MJPEG;
-    width = pix->width = 160;
-    height = pix->height = 120;
+    for (unsigned number = 0; offered_size(number, &w, &h); number++)
+        if (nearest < 0 || labs((long)w * h - wanted) < nearest) {
+            nearest = labs((long)w * h - wanted);
+            width = w;
+            height = h;
+        }
+    pix->width = width;
+    pix->height = height;
     stride = pix->bytesperline = is_jpeg ? 0 : 2 * width + PADDING;
     size = pix->sizeimage = is_jpeg ? 65536 : (size_t)stride * height;
     return 0;
@@ -152,6 +198,15 @@ static int answer(unsigned long request, void *data) {
                 return 0;
             }
         return fail(EINVAL);
+    case VIDIOC_ENUM_FRAMESIZES: {
+        struct v4l2_frmsizeenum *one = data;
+        int w, h;
+        if (!offered_size(one->index, &w, &h)) return fail(EINVAL);
+        one->type = V4L2_FRMSIZE_TYPE_DISCRETE;
+        one->discrete.width = w;
+        one->discrete.height = h;
+        return 0;
+    }
     case VIDIOC_S_FMT:
         return set_format(&((struct v4l2_format *)data)->fmt.pix);
     case VIDIOC_S_PARM:

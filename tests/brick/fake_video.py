@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -14,10 +15,49 @@ import pytest
 DEVICE = "/dev/video9"
 
 
+@dataclass(frozen=True, kw_only=True)
+class CameraTraits:
+    """What a camera is like.
+
+    The defaults are a Logitech C270 on an EV3's USB 1.1 bus: YUYV alone, ten pictures a second,
+    95 to 145 ms old by the kernel's stamp, now and then one lost or sent twice.
+    """
+
+    formats: str = "YUYV"
+    sizes: str = "160x120,176x144,320x176,320x240,352x288,640x480"
+    period_ms: int = 100
+    jitter_ms: int = 10
+    age_ms: int = 95
+    age_spread_ms: int = 50
+    bus_kbs: int = 920
+    lose: int = 47
+    repeat: int = 61
+
+    def environment(self) -> dict[str, str]:
+        return {
+            "FAKE_VIDEO_FORMAT": self.formats,
+            "FAKE_VIDEO_SIZES": self.sizes,
+            "FAKE_VIDEO_PERIOD_MS": str(self.period_ms),
+            "FAKE_VIDEO_JITTER_MS": str(self.jitter_ms),
+            "FAKE_VIDEO_AGE_MS": str(self.age_ms),
+            "FAKE_VIDEO_AGE_SPREAD_MS": str(self.age_spread_ms),
+            "FAKE_VIDEO_BUS_KBS": str(self.bus_kbs),
+            "FAKE_VIDEO_LOSE": str(self.lose),
+            "FAKE_VIDEO_REPEAT": str(self.repeat),
+        }
+
+
+C270_ON_EV3 = CameraTraits()
+QUICK = CameraTraits(
+    period_ms=33, jitter_ms=0, age_ms=5, age_spread_ms=0, bus_kbs=0, lose=0, repeat=0
+)
+"""A webcam on a laptop's bus."""
+
+
 class FakeVideo:
     """Builds the preload library; `env` is the environment for a process that sees the camera."""
 
-    def __init__(self, folder: Path, formats: str = "YUYV") -> None:
+    def __init__(self, folder: Path, traits: CameraTraits = C270_ON_EV3) -> None:
         compiler = shutil.which("gcc") or shutil.which("cc")
         if compiler is None:
             pytest.skip("no C compiler, so no made-up camera")
@@ -36,7 +76,7 @@ class FakeVideo:
             **os.environ,
             "LD_PRELOAD": str(library),
             "FAKE_VIDEO": str(self.control),
-            "FAKE_VIDEO_FORMAT": formats,
+            **traits.environment(),
             "FAKE_VIDEO_JPEG": str(jpeg),
         }
 

@@ -25,7 +25,7 @@ from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.errors import CameraError, ConfigurationError, DriveError
 from robot.types import Action, Frame, Mode
 from tests.brick.fake_brick import FakeBrick
-from tests.brick.fake_video import DEVICE, FakeVideo
+from tests.brick.fake_video import DEVICE, QUICK, FakeVideo
 from tests.brick.running_agent import SECRET, RunningAgent
 
 
@@ -285,7 +285,7 @@ def _is_fresh(frame: Frame | None) -> bool:
 def test_the_camera_comes_newest_first_and_its_faults_are_said(
     brick: FakeBrick, tmp_path: Path
 ) -> None:
-    video = FakeVideo(tmp_path)
+    video = FakeVideo(tmp_path, QUICK)
     options = UsbCameraOptions(device=DEVICE)
     with RunningAgent(brick.root, tmp_path, video.env) as running:
         driver = make_driver(running.address)

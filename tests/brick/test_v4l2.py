@@ -7,14 +7,19 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robot.capture import v4l2
 from robot.capture.freshness import STILL_S, Freshness
-from tests.brick.fake_video import DEVICE, FakeVideo
+from robot.capture.shrink import plan_shrinking, shrink_yuyv
+from tests.brick.fake_video import C270_ON_EV3, DEVICE, QUICK, CameraTraits, FakeVideo
 
 ROOT = Path(__file__).parents[2]
 
@@ -22,9 +27,11 @@ ROOT = Path(__file__).parents[2]
 class Probe:
     """The camera in a process of its own."""
 
-    def __init__(self, video: FakeVideo, encoding: str = "auto", device: str = DEVICE) -> None:
+    def __init__(
+        self, video: FakeVideo, encoding: str = "auto", device: str = DEVICE, hide: str = ""
+    ) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "tests.brick.camera_probe", device, encoding],
+            [sys.executable, "-m", "tests.brick.camera_probe", device, encoding, hide],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -50,7 +57,7 @@ class Probe:
 
 @pytest.fixture
 def video(tmp_path: Path) -> FakeVideo:
-    return FakeVideo(tmp_path)
+    return FakeVideo(tmp_path, QUICK)
 
 
 @pytest.fixture
@@ -75,7 +82,7 @@ def test_frames_are_stamped_by_the_kernel(probe: Probe) -> None:
 
 
 def test_mjpeg_goes_through_untouched(tmp_path: Path) -> None:
-    running = Probe(FakeVideo(tmp_path, "MJPG"))
+    running = Probe(FakeVideo(tmp_path, replace(QUICK, formats="MJPG")))
     said = running.wait_for(lambda said: "frame" in said)
     running.end()
     assert said["encoding"] == "jpeg"
@@ -101,6 +108,63 @@ def test_a_broken_camera_is_noticed_within_500_ms_and_picked_up_again(
     assert again["frame"] > said["frame"]
 
 
+def test_a_c270_on_an_ev3_is_read_as_it_is(tmp_path: Path) -> None:
+    running = Probe(FakeVideo(tmp_path))
+    running.wait_for(lambda said: said.get("frame", 0) >= 3)
+    said = [running.next() for _ in range(10)]
+    running.end()
+    for one in said:
+        assert one["fault"] is None
+        assert one["age_s"] >= C270_ON_EV3.age_ms / 1000 - 1e-3
+        assert one["size"] == [160, 120, 160 * 120 * 2]
+
+
+@pytest.mark.parametrize(
+    ("sizes", "size"),
+    [
+        ("320x240", [160, 120]),  # every second pixel
+        ("640x480,800x600", [160, 120]),
+        ("176x144", [160, 120]),  # the middle
+        ("320x176", [160, 120]),
+        ("352x288", [160, 120]),
+        ("128x96", [128, 96]),  # small as it is
+    ],
+)
+def test_pictures_of_other_sizes_are_shrunk(tmp_path: Path, sizes: str, size: list[int]) -> None:
+    running = Probe(FakeVideo(tmp_path, replace(QUICK, sizes=sizes)))
+    said = running.wait_for(lambda said: "frame" in said)
+    running.end()
+    assert said["size"] == [*size, size[0] * size[1] * 2]
+    first, second = bytes.fromhex(said["first"]), bytes.fromhex(said["second_row"])
+    assert first[1::2] == second[1::2] == b"\x80\x80\x80", "colours stay colours"
+
+
+def test_a_camera_with_mjpeg_alone_is_refused_where_nothing_can_read_it(tmp_path: Path) -> None:
+    video = FakeVideo(tmp_path, replace(QUICK, formats="MJPG"))
+    running = Probe(video, hide="cv2")
+    assert running.next()["error"] == (
+        f"the camera {DEVICE} gives MJPEG alone, and nothing here can read it: on a brick take a "
+        "camera with YUYV (a Logitech C270 has it), or run the server on another computer "
+        "(drivelesson brick agent ADDRESS); elsewhere: pip install 'drivelesson[camera]'"
+    )
+    running.end()
+
+
+def test_what_a_camera_offers_is_described(tmp_path: Path) -> None:
+    traits = CameraTraits(formats="YUYV,MJPG", sizes="160x120,320x240")
+    code = f"from robot.capture.v4l2 import *; print(describe_camera({DEVICE!r}))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=FakeVideo(tmp_path, traits).env,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    sizes = ["160x120", "320x240"]
+    assert done.stdout.strip() == str({"YUYV": sizes, "MJPG": sizes})
+
+
 def test_no_camera_is_one_clear_line(video: FakeVideo) -> None:
     running = Probe(video, device="/dev/video77")
     assert running.next()["error"] == (
@@ -116,7 +180,8 @@ def test_a_format_that_is_not_offered_is_one_clear_line(video: FakeVideo) -> Non
     running.end()
 
 
-def test_it_keeps_the_contract_of_cameras(video: FakeVideo) -> None:
+def test_it_keeps_the_contract_of_cameras(tmp_path: Path) -> None:
+    video = FakeVideo(tmp_path)
     done = subprocess.run(
         [
             sys.executable,
@@ -152,6 +217,7 @@ def test_the_numbers_are_those_of_the_kernel_headers(tmp_path: Path) -> None:
         "STREAMON",
         "STREAMOFF",
         "S_PARM",
+        "ENUM_FRAMESIZES",
     )
     lines = "".join(f'printf("%lu\\n", (unsigned long)VIDIOC_{name});' for name in names)
     source = tmp_path / "numbers.c"
@@ -175,3 +241,43 @@ def test_freshness_tells_silence_from_repetition() -> None:
     assert freshness.fault(10.12 + 2 * still_s) == "gives no pictures"
     assert freshness.is_new(b"b", 11.1)
     assert freshness.fault(11.2) is None
+
+
+@given(st.lists(st.floats(0.02, 0.2), min_size=3, max_size=40), st.integers(2, 20))
+def test_freshness_has_patience_for_the_cameras_own_period(gaps: list[float], lost: int) -> None:
+    freshness = Freshness(0.0)
+    now_s = 0.0
+    for index, gap in enumerate(gaps):
+        now_s += gap
+        assert freshness.is_new(b"%d" % index, now_s)
+        assert freshness.fault(now_s + gap) is None
+    assert freshness.fault(now_s + STILL_S) is None
+    assert freshness.fault(now_s + 0.5 + max(gaps)) == "gives no pictures"
+
+
+@given(
+    st.integers(1, 400).map(lambda n: 2 * n),
+    st.integers(1, 600),
+    st.integers(0, 64),
+    st.sampled_from([(160, 120), (80, 60), (40, 30)]),
+)
+def test_shrinking_takes_pixels_that_were_there(
+    width: int, height: int, padding: int, wanted: tuple[int, int]
+) -> None:
+    plan = plan_shrinking(width, height, *wanted)
+    assert (plan.width <= wanted[0], plan.height <= wanted[1]) == (True, True)
+    if width >= wanted[0] and height >= wanted[1]:
+        assert (plan.width, plan.height) == wanted
+    else:
+        assert plan.step == 1
+    rng = np.random.default_rng(width * 1000 + height)
+    picture = rng.integers(0, 256, (height, width + padding, 2), np.uint8)
+    data = shrink_yuyv(picture.tobytes(), 2 * (width + padding), plan)
+    small = np.frombuffer(data, np.uint8).reshape(plan.height, plan.width, 2)
+    rows = plan.top + plan.step * np.arange(plan.height)
+    columns = plan.left + plan.step * np.arange(plan.width)
+    assert np.array_equal(small[..., 0], picture[rows][:, columns, 0])
+    # The colours of a pair of pixels: U under the first, V under the second.
+    pairs = columns[::2] // 2 * 2
+    assert np.array_equal(small[:, ::2, 1], picture[rows][:, pairs, 1])
+    assert np.array_equal(small[:, 1::2, 1], picture[rows][:, pairs + 1, 1])

@@ -76,6 +76,8 @@ def sim_camera() -> Iterator[CameraCase]:
 def fake_brick() -> Iterator[tuple[FakeBrick, Path]]:
     with tempfile.TemporaryDirectory() as folder, FakeBrick(Path(folder, "brick")) as brick:
         brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
+        for bumper in ("in1", "in2"):
+            brick.add_sensor(bumper, "lego-ev3-touch", 0)
         yield brick, Path(folder)
 
 
