@@ -17,6 +17,7 @@ COMMANDS: dict[str, str] = {
     "bench": "measure this machine",
     "episodes": "see, mend, import and export recorded runs",
     "learn": "learn again from recorded runs",
+    "new-driver": "write a package for a robot of your own",
     "calibrate": "measure an EV3's speed and turning rate by driving",
     "brick": "put the server, or an agent, on an EV3",
 }
@@ -38,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         return 2
     leave_out_unused()
-    module = importlib.import_module(f"server.cli.{name}")
+    module = importlib.import_module(f"server.cli.{name.replace('-', '_')}")
     parser = argparse.ArgumentParser(prog=f"drivelesson {name}", description=module.__doc__)
     try:
         module.configure(parser)

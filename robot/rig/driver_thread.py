@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar
 
-from robot.clock import Clock
+from robot.clock import Clock, Worker
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
 from robot.errors import DriveError, NotConnectedError
 from robot.moves import Move
@@ -58,7 +58,7 @@ class DriverThread(Driver):
         self._threaded = threaded
         self._lock = threading.Lock()
         self._due = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
         self._ending = False
         self._order: _Order | None = None
         self._must_stop = False
@@ -94,8 +94,7 @@ class DriverThread(Driver):
         self.driver.connect()
         if self._thread is None and self._threaded:
             self._ending = False
-            self._thread = threading.Thread(target=self._run, name="driver", daemon=True)
-            self._thread.start()
+            self._thread = self._clock.start_thread(self._run, "driver")
 
     def disconnect(self) -> None:
         """End the thread, stop the body and disconnect it; waits for a request under way."""
@@ -215,7 +214,7 @@ class DriverThread(Driver):
     def _run(self) -> None:
         while not self._ending:
             if not self.step():
-                self._due.wait(SENSE_EVERY_S)
+                self._clock.wait(self._due, SENSE_EVERY_S)
                 self._due.clear()
         with contextlib.suppress(Exception):
             self.driver.stop()

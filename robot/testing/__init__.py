@@ -1,4 +1,4 @@
-"""Fakes for tests: a body, a camera, a link and a robot of them in virtual time (docs/howto)."""
+"""For tests: fakes and a robot of them in virtual time, and the suites for drivers and cameras."""
 
 from robot.testing.camera import FakeCamera
 from robot.testing.driver import FakeDriver

@@ -11,14 +11,12 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from robot.camera import Camera
 from robot.cameras.ev3_remote import Ev3RemoteCamera
 from robot.cameras.opencv import OpencvCamera, OpencvOptions
 from robot.cameras.replay import ReplayCamera, ReplayCameraOptions
@@ -26,32 +24,16 @@ from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.cameras.v4l2 import V4l2Camera
 from robot.capture.options import UsbCameraOptions
 from robot.clock import ManualClock, RealClock
-from robot.driver import Driver
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.drivers.replay import ReplayDriver
 from robot.drivers.sim import SimDriver, SimOptions
+from robot.testing.cases import CameraCase, DriverCase
 from robot.types import Action
 from tests.brick.fake_brick import FakeBrick
 from tests.brick.fake_video import DEVICE, FakeVideo
 from tests.brick.running_agent import SECRET, RunningAgent
 from tests.robot.footage import write_footage
-
-
-@dataclass(frozen=True, slots=True)
-class DriverCase:
-    """A driver, and how a test lets time pass for it and asks whether the body moves."""
-
-    driver: Driver
-    forward: Callable[[float], None]
-    is_moving: Callable[[], bool]
-
-
-@dataclass(frozen=True, slots=True)
-class CameraCase:
-    """A camera, ready to start."""
-
-    camera: Camera
 
 
 @contextmanager

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import importlib
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
+from unittest.mock import patch
 
 from robot.rig.options import Option, options_of
 from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
@@ -22,17 +24,24 @@ Made from the program by `make docs`; do not edit by hand.
 
 
 def render() -> str:
-    """Return the whole page."""
+    """Return the whole page: of this program alone, whatever other plugins are installed."""
+    own_drivers = patch("server.cli.serve.driver_names", partial(driver_names, own_only=True))
+    own_cameras = patch("server.cli.serve.camera_names", partial(camera_names, own_only=True))
+    with own_drivers, own_cameras:
+        return _render()
+
+
+def _render() -> str:
     parts = [_HEAD]
     for name, text in COMMANDS.items():
-        module = importlib.import_module(f"server.cli.{name}")
+        module = importlib.import_module(f"server.cli.{name.replace('-', '_')}")
         parser = argparse.ArgumentParser(prog=f"drivelesson {name}")
         module.configure(parser)
         parts.append(f"## drivelesson {name}\n\n{text[0].upper()}{text[1:]}.\n")
         parts.extend(_options(parser))
     for kind, names, load in (
-        ("robot", driver_names(), load_driver),
-        ("camera", camera_names(), load_camera),
+        ("robot", driver_names(own_only=True), load_driver),
+        ("camera", camera_names(own_only=True), load_camera),
     ):
         for name in names:
             rows = [_plugin_row(option) for option in options_of(load(name).options_type)]

@@ -1,0 +1,97 @@
+"""What every camera must do: a suite to inherit, with a fixture `camera_case`."""
+
+from __future__ import annotations
+
+import threading
+
+from robot.camera import Camera
+from robot.policy.image import to_grey, to_rgb
+from robot.rig.options import options_of
+from robot.rig.plugins import load_camera
+from robot.testing.cases import CameraCase
+from robot.types import Frame
+
+DEADLINE_S = 10.0
+
+
+def take(camera: Camera, count: int) -> list[Frame]:
+    """Wait for `count` different frames; the newest each time the camera calls."""
+    frames: list[Frame] = []
+    enough = threading.Event()
+
+    def note() -> None:
+        frame = camera.latest()
+        if frame is not None and len(frames) < count:
+            frames.append(frame)
+        if len(frames) >= count:
+            enough.set()
+
+    camera.listen(note)
+    assert enough.wait(DEADLINE_S), f"{len(frames)} of {count} frames came; {camera.fault}"
+    camera.listen(None)
+    return frames
+
+
+class CameraContract:
+    """The suite. Each test gets a case whose camera is not started."""
+
+    def test_it_declares_what_it_is(self, camera_case: CameraCase) -> None:
+        """Name and options are there before it starts."""
+        kind = type(camera_case.camera)
+        assert load_camera(kind.name) is kind
+        assert all(option.help for option in options_of(kind.options_type))
+
+    def test_nothing_before_start_and_stop_is_always_safe(self, camera_case: CameraCase) -> None:
+        """A camera that never started can be stopped."""
+        camera_case.camera.stop()
+        assert camera_case.camera.latest() is None
+        camera_case.camera.stop()
+
+    def test_frames_count_up_and_are_stamped_by_the_clock(self, camera_case: CameraCase) -> None:
+        """Ids and stamps grow, and no picture is from the future."""
+        before_s = camera_case.camera.clock.now_s()
+        with camera_case.camera as camera:
+            frames = take(camera, 4)
+            after_s = camera.clock.now_s()
+        ids = [frame.frame_id for frame in frames]
+        stamps = [frame.captured_s for frame in frames]
+        assert ids == sorted(set(ids))
+        assert stamps == sorted(stamps)
+        assert before_s - 1.0 <= stamps[0] <= stamps[-1] <= after_s
+
+    def test_a_frame_is_a_picture_of_its_size(self, camera_case: CameraCase) -> None:
+        """The bytes are what width, height and encoding say."""
+        with camera_case.camera as camera:
+            frame = take(camera, 1)[0]
+        assert to_rgb(frame).shape == (frame.height, frame.width, 3)
+        assert to_grey(frame).shape == (frame.height, frame.width)
+
+    def test_it_starts_again_after_a_stop_and_ids_go_on(self, camera_case: CameraCase) -> None:
+        """Within one run of the program no id is given twice."""
+        with camera_case.camera as camera:
+            first = take(camera, 1)[0]
+        with camera_case.camera as camera:
+            second = take(camera, 1)[0]
+        assert second.frame_id > first.frame_id
+
+    def test_it_leaves_no_thread_behind(self, camera_case: CameraCase) -> None:
+        """`stop` ends the camera's thread."""
+        before = set(threading.enumerate())
+        with camera_case.camera as camera:
+            take(camera, 1)
+        assert set(threading.enumerate()) == before
+
+    def test_a_frozen_source_is_a_fault(self, camera_case: CameraCase) -> None:
+        """A source that gives nothing more is said to, and its last picture is not passed on as
+        a new one."""
+        import pytest
+
+        if camera_case.freeze is None:
+            pytest.skip("this source cannot freeze")
+        with camera_case.camera as camera:
+            take(camera, 2)
+            told = threading.Event()
+            camera.listen(lambda: told.set() if camera.fault else None)
+            camera_case.freeze()
+            assert told.wait(DEADLINE_S) or camera.fault, "it froze, and no fault was said"
+            camera.listen(None)

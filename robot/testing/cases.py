@@ -1,0 +1,40 @@
+"""What the contract suites need to know of a driver or camera under test."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from robot.camera import Camera
+from robot.driver import Driver
+
+
+@dataclass(frozen=True, slots=True)
+class DriverCase:
+    """A driver, and how a test lets time pass for it and asks whether the body moves.
+
+    Attributes:
+        driver: Not connected yet.
+        forward: Lets seconds pass: `time.sleep`, or a virtual clock's `advance`.
+        is_moving: Whether the body moves now; None if nobody can tell, and then what needs it is
+            skipped. It must be the body's own word, not the driver's.
+        cut_link: Has the body, or the line to it, fall silent for good; None if there is no line.
+    """
+
+    driver: Driver
+    forward: Callable[[float], None]
+    is_moving: Callable[[], bool] | None
+    cut_link: Callable[[], None] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraCase:
+    """A camera, ready to start.
+
+    Attributes:
+        camera: Not started yet.
+        freeze: Has the source give no more pictures, without closing; None if it cannot.
+    """
+
+    camera: Camera
+    freeze: Callable[[], None] | None = None

@@ -1,0 +1,219 @@
+"""What every driver must do: a suite to inherit, with a fixture `driver_case`."""
+
+from __future__ import annotations
+
+import gc
+import multiprocessing
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from robot.clock import RealClock
+from robot.driver import ACTION_TIMEOUT_S
+from robot.errors import DriveError, NotConnectedError
+from robot.moves import CLASSIC, describe
+from robot.rig.options import options_of
+from robot.rig.plugins import camera_names, load_driver
+from robot.testing.cases import DriverCase
+from robot.types import Action, Mode, Sensors
+
+LOCAL_BUDGET_S = 0.01
+"""The quickest of some requests must not take longer: the control loop waits for it."""
+REMOTE_BUDGET_S = 0.2
+"""The same for a driver that says `is_remote`; a move must be renewed in time (0.4 s)."""
+STANDS_WITHIN_S = 0.5
+"""When the line to the body is cut, the body stands after so long."""
+_REAL = RealClock()
+_REQUESTS = 20
+_PATIENCE_S = 5.0
+
+
+def moving(case: DriverCase) -> bool:
+    """Return whether the body moves; skips the test where nobody can tell."""
+    if case.is_moving is None:
+        pytest.skip("nobody can tell whether this body moves; give the case an is_moving")
+    return case.is_moving()
+
+
+def is_moving_half_way(case: DriverCase, action: Action) -> bool:
+    """Send an action, and look before its time is over.
+
+    Where time is real, a busy machine may look too late: then once more.
+    """
+    for _ in range(5):
+        case.driver.send_action(action)
+        case.forward(ACTION_TIMEOUT_S / 2)
+        if moving(case):
+            return True
+    return False
+
+
+class DriverContract:
+    """The suite. Each test gets a case whose driver is not connected."""
+
+    def test_it_declares_what_it_is(self, driver_case: DriverCase) -> None:
+        """Name, camera, options and moves are there before anything is connected."""
+        kind = type(driver_case.driver)
+        assert load_driver(kind.name) is kind
+        assert kind.default_camera in camera_names()
+        assert all(option.help for option in options_of(kind.options_type))
+        moves = driver_case.driver.moves
+        assert moves and len(set(moves)) == len(moves) and Action.STOP not in moves
+        for move in describe(moves, driver_case.driver.declared_moves):
+            assert move.name in CLASSIC or move.labels.get("en"), f"{move.name} needs a label"
+
+    def test_stop_and_disconnect_are_safe_before_connect_and_twice(
+        self, driver_case: DriverCase
+    ) -> None:
+        """A half-built driver can be stopped."""
+        for _ in range(2):
+            driver_case.driver.stop()
+            driver_case.driver.disconnect()
+        assert not driver_case.driver.is_connected
+
+    def test_connect_twice_is_one_connection(self, driver_case: DriverCase) -> None:
+        """`connect` is idempotent, and one `disconnect` ends it."""
+        driver_case.driver.connect()
+        driver_case.driver.connect()
+        assert driver_case.driver.is_connected
+        driver_case.driver.disconnect()
+        assert not driver_case.driver.is_connected
+
+    def test_it_refuses_to_move_before_connect(self, driver_case: DriverCase) -> None:
+        """Nothing moves before `connect`."""
+        with pytest.raises(NotConnectedError):
+            driver_case.driver.send_action(driver_case.driver.moves[0])
+
+    def test_every_move_moves_and_stop_stops(self, driver_case: DriverCase) -> None:
+        """Both ways to stop end every move."""
+        with driver_case.driver as driver:
+            for move in driver.moves:
+                assert driver.send_action(move) is move
+                assert moving(driver_case), move
+                assert driver.send_action(Action.STOP) is Action.STOP
+                assert not moving(driver_case), move
+                driver.send_action(move)
+                driver.stop()
+                assert not moving(driver_case), move
+
+    def test_an_action_ends_by_itself(self, driver_case: DriverCase) -> None:
+        """A body that is told nothing more stands after `ACTION_TIMEOUT_S`."""
+        with driver_case.driver as driver:
+            assert is_moving_half_way(driver_case, driver.moves[0])
+            driver_case.forward(ACTION_TIMEOUT_S)
+            assert not moving(driver_case)
+
+    def test_an_action_that_is_renewed_goes_on(self, driver_case: DriverCase) -> None:
+        """Renewing a move in time goes on with it."""
+        with driver_case.driver as driver:
+            move = driver.moves[-1]
+            for _ in range(5):
+                driver.send_action(move)
+                driver_case.forward(ACTION_TIMEOUT_S / 2)
+            assert is_moving_half_way(driver_case, move)
+
+    def test_bad_actions_are_refused(self, driver_case: DriverCase) -> None:
+        """Unknown moves and impossible speeds raise, and move nothing."""
+        with driver_case.driver as driver:
+            for scale in (0.0, -1.0, 1.01, float("nan")):
+                with pytest.raises(ValueError, match="speed_scale"):
+                    driver.send_action(driver.moves[0], speed_scale=scale)
+            for action in (*CLASSIC, Action("no_such_move")):
+                if action not in driver.moves:
+                    with pytest.raises(ValueError, match=action.value):
+                        driver.send_action(action)
+            assert not moving(driver_case)
+
+    def test_it_senses(self, driver_case: DriverCase) -> None:
+        """Sensors are in their units, or None."""
+        with driver_case.driver as driver:
+            sensors = driver.sense()
+            driver.show(Mode.TRAIN)
+            driver.take_button()
+        assert isinstance(sensors, Sensors)
+        assert sensors.distance_m is None or 0.0 <= sensors.distance_m <= 10.0
+        assert sensors.battery_share is None or 0.0 <= sensors.battery_share <= 1.0
+
+    def test_leaving_the_context_stops_the_body(self, driver_case: DriverCase) -> None:
+        """`disconnect` stops the body."""
+        with driver_case.driver as driver:
+            driver.send_action(driver.moves[0])
+        assert not moving(driver_case)
+
+    def test_it_connects_again(self, driver_case: DriverCase) -> None:
+        """After `disconnect` the same driver can be used again."""
+        for _ in range(2):
+            with driver_case.driver as driver:
+                assert driver.send_action(driver.moves[0]) is driver.moves[0]
+
+    def test_requests_are_quick_enough(self, driver_case: DriverCase) -> None:
+        """The latency budget. A driver that cannot keep to it must say `is_remote`."""
+        is_remote = type(driver_case.driver).is_remote
+        budget_s = REMOTE_BUDGET_S if is_remote else LOCAL_BUDGET_S
+        with driver_case.driver as driver:
+            for request in (lambda: driver.send_action(driver.moves[0]), driver.sense, driver.stop):
+                took_s = _quickest_s(request)
+                assert took_s <= budget_s, (
+                    f"{1000 * took_s:.0f} ms a request; {1000 * budget_s:.0f} ms are allowed"
+                    + ("" if is_remote else " unless the driver says is_remote = True")
+                )
+
+    def test_it_leaves_nothing_behind(self, driver_case: DriverCase) -> None:
+        """No thread, no open file or socket, and no process stays after `disconnect`."""
+        for _ in range(2):  # the first time, imports may open what stays
+            before = _leftovers()
+            with driver_case.driver as driver:
+                driver.send_action(driver.moves[0])
+                driver.sense()
+        end_s = _REAL.now_s() + _PATIENCE_S
+        while (left := _leftovers() - before) and _REAL.now_s() < end_s:
+            _REAL.sleep(0.02)  # what ends on another thread may take a moment
+        assert not left
+
+    def test_a_body_whose_line_is_cut_stands_and_the_driver_says_so(
+        self, driver_case: DriverCase
+    ) -> None:
+        """Nothing is silently lost: the body stands in time, and a request raises DriveError."""
+        if driver_case.cut_link is None:
+            pytest.skip("there is no line to cut")
+        with driver_case.driver as driver:
+            driver.send_action(driver.moves[0])
+            driver_case.cut_link()
+            said = False
+            for _ in range(10):
+                try:
+                    driver.send_action(driver.moves[0])
+                    driver.sense()
+                except DriveError:
+                    said = True
+                    break
+                driver_case.forward(STANDS_WITHIN_S / 10)
+            driver_case.forward(STANDS_WITHIN_S)
+            assert not moving(driver_case)
+            assert said, "half a second of requests to a body that is gone, and no DriveError"
+
+
+def _quickest_s(request: Callable[[], object]) -> float:
+    """Return the shortest of some requests: a machine that is busy makes none of them shorter."""
+    taken_s = []
+    for _ in range(_REQUESTS):
+        start_s = _REAL.now_s()
+        request()
+        taken_s.append(_REAL.now_s() - start_s)
+    return min(taken_s)
+
+
+def _leftovers() -> set[object]:
+    """Return the threads, processes and open files there are."""
+    gc.collect()
+    found: set[object] = {*threading.enumerate(), *multiprocessing.active_children()}
+    folder = Path("/proc/self/fd")
+    if folder.is_dir():
+        for entry in folder.iterdir():
+            try:
+                found.add((entry.name, entry.readlink()))
+            except OSError:  # it was the listing's own
+                continue
+    return found

@@ -1,0 +1,114 @@
+"""A pytest plugin for whoever writes a driver or camera.
+
+    pytest --drivelesson-driver NAME --drivelesson-camera NAME [--drivelesson-option KEY=VALUE]
+
+runs the contract suites on the installed plugin of that name, beside the package's own tests. How
+the suite sees whether a body moves, the package's conftest.py says in `pytest_drivelesson_driver`;
+without it the suite drives whatever the options lead to, a real robot as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+import pytest
+
+from robot.clock import RealClock
+from robot.errors import RobotError
+from robot.rig.options import make_options
+from robot.rig.plugins import load_camera, load_driver
+from robot.testing.cases import CameraCase, DriverCase
+
+pytest.register_assert_rewrite("robot.testing.driver_contract", "robot.testing.camera_contract")
+_HERE = Path(__file__).parent
+
+
+class DriverKitHooks:
+    """Hooks that a package's conftest.py may implement."""
+
+    @pytest.hookspec(firstresult=True)
+    def pytest_drivelesson_driver(self, name: str) -> AbstractContextManager[DriverCase] | None:
+        """Return a context manager that yields the case for the driver of this name."""
+
+    @pytest.hookspec(firstresult=True)
+    def pytest_drivelesson_camera(self, name: str) -> AbstractContextManager[CameraCase] | None:
+        """Return a context manager that yields the case for the camera of this name."""
+
+
+def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
+    """Declare the hooks."""
+    pluginmanager.add_hookspecs(DriverKitHooks)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Declare the options."""
+    group = parser.getgroup("drivelesson", "contract suites of robots")
+    for kind in ("driver", "camera"):
+        group.addoption(f"--drivelesson-{kind}", metavar="NAME", help=f"test this {kind}")
+    group.addoption(
+        "--drivelesson-option",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="an option of the driver or camera, where no conftest.py builds it",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Have the suites collected beside what was asked for."""
+    for kind in ("driver", "camera"):
+        if config.getoption(f"--drivelesson-{kind}"):
+            config.args.append(str(_HERE / f"run_{kind}.py"))
+
+
+@pytest.fixture
+def driver_case(request: pytest.FixtureRequest) -> Iterator[DriverCase]:
+    """Yield a new driver of the name that was asked for."""
+    config = request.config
+    name = config.getoption("--drivelesson-driver")
+    made = config.hook.pytest_drivelesson_driver(name=name) or _plain_driver(config, name)
+    with made as case:
+        yield case
+        case.driver.disconnect()
+
+
+@pytest.fixture
+def camera_case(request: pytest.FixtureRequest) -> Iterator[CameraCase]:
+    """Yield a new camera of the name that was asked for."""
+    config = request.config
+    name = config.getoption("--drivelesson-camera")
+    made = config.hook.pytest_drivelesson_camera(name=name) or _plain_camera(config, name)
+    with made as case:
+        yield case
+        case.camera.stop()
+
+
+@contextmanager
+def _plain_driver(config: pytest.Config, name: str) -> Iterator[DriverCase]:
+    kind = _loaded(load_driver, name)
+    yield DriverCase(
+        kind(make_options(kind.options_type, _options(config))), RealClock().sleep, None
+    )
+
+
+@contextmanager
+def _plain_camera(config: pytest.Config, name: str) -> Iterator[CameraCase]:
+    kind = _loaded(load_camera, name)
+    driver = _loaded(load_driver, config.getoption("--drivelesson-driver") or "replay")
+    given = _options(config)
+    body = driver(make_options(driver.options_type, given))
+    yield CameraCase(kind.for_driver(body, make_options(kind.options_type, given), RealClock()))
+
+
+def _loaded(load, name: str):  # type: ignore[no-untyped-def]
+    try:
+        return load(name)
+    except RobotError as error:
+        raise pytest.UsageError(str(error)) from error
+
+
+def _options(config: pytest.Config) -> dict[str, str]:
+    pairs = (text.partition("=") for text in config.getoption("--drivelesson-option"))
+    return {key.replace("-", "_"): value for key, _, value in pairs}

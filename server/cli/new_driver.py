@@ -1,0 +1,51 @@
+"""Write a package of three files for a robot of your own, which passes the contract as it is."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from importlib.resources import files
+from pathlib import Path
+
+from robot.errors import ConfigurationError
+from robot.rig.plugins import driver_names
+
+_FILES = ("pyproject.toml", "drivelesson_mybot.py", "conftest.py")
+_NAME = re.compile(r"[a-z][a-z0-9]{1,20}")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the name, and where the package goes."""
+    parser.add_argument("name", metavar="NAME", help="the robot's name: small letters and digits")
+    parser.add_argument(
+        "--out", type=Path, default=None, help="new folder (default: drivelesson-NAME)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the files."""
+    name: str = args.name
+    if _NAME.fullmatch(name) is None:
+        raise ConfigurationError(
+            f"{name!r} is no name for a robot: use a small letter, then 1 to 20 small letters or "
+            "digits, as in: drivelesson new-driver wheely"
+        )
+    if name in driver_names():
+        raise ConfigurationError(f"there is a robot {name!r} already; choose another name")
+    folder: Path = args.out or Path(f"drivelesson-{name}")
+    template = files("robot.testing.template")
+    try:
+        folder.mkdir(parents=True)
+        for file in _FILES:
+            text = template.joinpath(file).read_text(encoding="utf-8")
+            text = text.replace("mybot", name).replace("Mybot", name.capitalize())
+            (folder / file.replace("mybot", name)).write_text(text, encoding="utf-8")
+    except FileExistsError as error:
+        raise ConfigurationError(f"{folder} is there already; choose another with --out") from error
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {folder}: {error.strerror or error}") from error
+    print(f"{folder} has a driver for {name!r}. Try it:")
+    print(f"  pip install -e {folder}")
+    print(f"  cd {folder} && pytest --drivelesson-driver {name}")
+    print(f"  drivelesson serve --robot {name} --{name}-address HOST:PORT")
+    return 0

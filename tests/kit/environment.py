@@ -1,0 +1,52 @@
+"""An environment in which a stranger's package is installed, as pip does it, beside the project."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+COMMANDS = {
+    "drivelesson": "from server.__main__ import main; sys.exit(main())",
+    "pytest": "import pytest; sys.exit(pytest.main())",
+}
+# A stranger has none of our own pytest plugins.
+_QUIET = {
+    "PIP_DISABLE_PIP_VERSION_CHECK": "1",
+    "PYTEST_ADDOPTS": "-p no:looptime_plugin -p no:anyio",
+}
+
+
+class OwnEnvironment:
+    """A virtual environment that also sees what this one has, so that little is installed."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True, timeout=100)
+        self.python = folder / "bin" / "python"
+        version = f"python{sys.version_info.major}.{sys.version_info.minor}"
+        site = folder / "lib" / version / "site-packages"
+        parent = sysconfig.get_path("purelib")
+        (site / "parent.pth").write_text(f"import site; site.addsitedir({parent!r})\n")
+        for name, code in COMMANDS.items():
+            script = folder / "bin" / name
+            script.write_text(f"#!{self.python}\nimport sys\n{code}\n")
+            script.chmod(0o755)
+
+    def run(self, command: str, cwd: Path) -> str:
+        """Run a line of shell with this environment's commands; return what it printed."""
+        path = f"{self.folder / 'bin'}{os.pathsep}{os.environ['PATH']}"
+        done = subprocess.run(
+            command,
+            shell=True,
+            cwd=cwd,
+            env={**os.environ, **_QUIET, "PATH": path},
+            capture_output=True,
+            text=True,
+            timeout=110,
+            check=False,
+        )
+        assert done.returncode == 0, f"{command}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
+        return done.stdout
