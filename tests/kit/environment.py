@@ -45,7 +45,7 @@ class OwnEnvironment:
             env={**os.environ, **_QUIET, "PATH": path},
             capture_output=True,
             text=True,
-            timeout=110,
+            timeout=280,
             check=False,
         )
         assert done.returncode == 0, f"{command}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"

@@ -11,6 +11,7 @@ from server.__main__ import main
 from tests.kit.environment import OwnEnvironment
 
 ROOT = Path(__file__).parents[2]
+pytestmark = pytest.mark.timeout(600)  # virtual environments on a busy machine
 HOWTO = ROOT / "docs/howto/write-a-driver.md"
 
 
