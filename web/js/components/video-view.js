@@ -23,10 +23,10 @@ export class VideoView extends HTMLElement {
     const { like, likeLink } = this;
     like.addEventListener('error', () => likeLink.classList.add('missing'));
     like.addEventListener('load', () => likeLink.classList.remove('missing'));
-        this.notice = h('div', { class: 'notice', role: 'status', hidden: true });
+    this.notice = h('div', { class: 'notice', role: 'status', hidden: true });
     this.votes = h('div', { class: 'votes', role: 'group', 'aria-label': t('would_do') });
     this.drawnMs = performance.now();
-    append(this, [this.canvas, this.who, this.facts, this.likeLink, this.notice, this.votes]);
+    append(this, [h('div', { class: 'picture' }, this.canvas, h('div', { class: 'corner' }, this.who, this.facts), this.likeLink, this.votes), this.notice]);
     const { store } = page;
     store.watch(['robot', 'link', 'held', 'localStop', 'wheelAsked', 'wheelWaiting', 'notice', 'hint', 'lesson', 'moves'], (state) => this.render(state));
     page.connection.addEventListener('picture', (event) =>

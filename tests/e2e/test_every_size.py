@@ -1,0 +1,69 @@
+"""Every screen at every size and in every language: nothing is cut, nothing overlaps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from .boxes import drive_faults, faults, speak_longer
+from .test_mending import drive
+from .world import World, finish_recording, open_page
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+SIZES = [
+    (280, 653),  # a foldable phone, closed
+    (320, 225),  # 400 % zoom of 1280x900
+    (320, 480),
+    (360, 225),
+    (360, 640),
+    (390, 844),
+    (480, 320),
+    (653, 280),
+    (844, 390),
+    (768, 1024),
+    (1024, 600),
+    (1280, 800),
+    (1920, 1080),
+    (3840, 2160),
+]
+SCREENS = ("gallery", "teaching", "undo", "lesson", "home", "settings")
+
+
+@pytest.mark.parametrize("language", ["en", "es", "zh", "longer"])
+def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, world: World, language: str) -> None:
+    drive(world, 3.0)
+    finish_recording(world)
+    locale = "en" if language == "longer" else language
+    context = chromium.new_context(locale=locale, has_touch=True, service_workers="block")
+    if language == "longer":
+        speak_longer(context)
+    page = open_page(context, world.address)
+    wrong = [f"drive {size}: {fault}" for size in _sizes(page) for fault in drive_faults(page)]
+    page.locator("app-bar [aria-controls=menu]").click()
+    wrong += [f"menu {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
+    for screen in SCREENS:
+        page.evaluate(f"location.hash = '{screen}'")
+        page.wait_for_selector(f"{screen}-screen")
+        page.wait_for_timeout(400)
+        _open_all(page)
+        wrong += [f"{screen} {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
+    context.close()
+    assert wrong == []
+
+
+def _sizes(page: Any) -> Any:
+    for width, height in SIZES:
+        page.set_viewport_size({"width": width, "height": height})
+        page.wait_for_timeout(60)
+        yield f"{width}x{height}"
+
+
+def _open_all(page: Any) -> None:
+    """Open what a screen shows on a touch: a card's detail, the tools of a model or recording."""
+    for opener in ("[aria-expanded=false].quiet", ".gallery .card"):
+        shown = page.locator(f"#other {opener}")
+        for i in range(min(shown.count(), 3) - 1, -1, -1):
+            shown.nth(i).click(timeout=2000)
+            page.wait_for_timeout(300)
