@@ -7,9 +7,10 @@ costs nothing, because the clock jumps to the moment at which something happens 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import threading
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from concurrent.futures import Future
 from typing import Any, Protocol, TypeVar
 
@@ -57,6 +58,10 @@ class Clock(Protocol):
         """
         ...
 
+    def lock(self) -> contextlib.AbstractContextManager[Any]:
+        """Return a reentrant lock whose holder may wait through this clock."""
+        ...
+
     def start_thread(self, target: Callable[[], None], name: str) -> Worker:
         """Run `target` on a daemon thread of its own, which may wait through this clock."""
         ...
@@ -88,6 +93,10 @@ class RealClock:
     def result(self, future: Future[_T], timeout_s: float | None = None) -> _T:
         """Hold up this thread until `future` is done; see `Clock`."""
         return future.result(timeout_s)
+
+    def lock(self) -> contextlib.AbstractContextManager[Any]:
+        """Return a `threading.RLock`."""
+        return threading.RLock()
 
     def start_thread(self, target: Callable[[], None], name: str) -> Worker:
         """Start a daemon thread; see `Clock`."""
@@ -156,6 +165,10 @@ class ManualClock:
             raise TimeoutError(f"not done within {timeout_s} s")
         return future.result(0)
 
+    def lock(self) -> contextlib.AbstractContextManager[Any]:
+        """Return a lock that is waited for through this clock; see `Clock`."""
+        return _Lock(self)
+
     def start_thread(self, target: Callable[[], None], name: str) -> Worker:
         """Refuse: `VirtualClock` can wait for threads."""
         raise RuntimeError(f"the thread {name!r} needs a VirtualClock or the real one")
@@ -183,21 +196,26 @@ class VirtualClock(ManualClock):
     """Discrete events: as soon as everybody waits, the clock jumps to whoever waits shortest.
 
     Threads that it started run one at a time and change only where they wait, so a run is the
-    same each time. An asyncio program runs on `run`, whose event loop has this clock's time;
-    one of the two, threads or `run`, at a time.
+    same each time. An asyncio program runs on `run` or a `runner`, whose event loop has this
+    clock's time and takes turns with the threads.
     """
 
     def __init__(self, start_s: float = 0.0, wall_start_s: float = _WALL_START_S) -> None:
         super().__init__(start_s, wall_start_s)
         self._ahead_s = 0.0
         self._event_loop: asyncio.AbstractEventLoop | None = None
+        self._event_loop_woken = threading.Event()
         self._waiting: list[_Waiting] = []
         self._deadlock: str | None = None
 
     def now_s(self) -> float:
         """Return the present virtual time in seconds."""
-        base_s = self._now_s if self._event_loop is None else self._event_loop.time()
-        return base_s + self._ahead_s
+        return self._base_s() + self._ahead_s
+
+    def _base_s(self) -> float:
+        """Return the time without jumps; the event loop's falls behind while threads run."""
+        event_loop = self._event_loop
+        return self._now_s if event_loop is None else max(self._now_s, event_loop.time())
 
     def advance(self, seconds: float) -> None:
         """Jump ahead without anybody having waited, as when a computer was asleep."""
@@ -209,8 +227,6 @@ class VirtualClock(ManualClock):
 
     def start_thread(self, target: Callable[[], None], name: str) -> Worker:
         """Start a thread that runs while all others wait; see `Clock`."""
-        if self._event_loop is not None:
-            raise RuntimeError(f"the thread {name!r} cannot run beside a virtual event loop")
         return _VirtualThread(self, target, name)
 
     def sleep(self, seconds: float) -> None:
@@ -220,21 +236,24 @@ class VirtualClock(ManualClock):
     def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
         """Hold up this thread while others run; see `Clock`.
 
+        On the event loop's own thread it holds up the whole loop, as it would in real time.
+
         Raises:
-            RuntimeError: If every thread waits for ever, or an event loop runs on this clock.
+            RuntimeError: If every thread waits for ever.
         """
-        if event.is_set():
-            return True
-        if self._event_loop is not None:
-            raise RuntimeError("a wait would hold up the virtual event loop; await pause()")
-        due_s = None if timeout_s is None else self.now_s() + max(0.0, timeout_s)
+        if not event.is_set():
+            self._let_others_run(event, timeout_s)
+        return event.is_set()
+
+    def _let_others_run(self, event: threading.Event, timeout_s: float | None) -> None:
+        self._now_s = self._base_s()
+        due_s = None if timeout_s is None else self._now_s + max(0.0, timeout_s)
         me = _Waiting(event, due_s)
         self._waiting.append(me)
         self._hand_over()
         me.turn.acquire()
         if self._deadlock is not None:
             raise RuntimeError(self._deadlock)
-        return event.is_set()
 
     def _hand_over(self) -> None:
         """Wake the next thread: one whose event is set, or else whose time comes first."""
@@ -247,50 +266,68 @@ class VirtualClock(ManualClock):
                     other.turn.release()
                 return
             following = min(timed, key=lambda other: other.due_s or 0.0)
-            self._now_s += max(0.0, (following.due_s or 0.0) - self.now_s())
+            self._now_s = max(self._now_s, following.due_s or 0.0)
         self._waiting.remove(following)
         following.turn.release()
 
     # Tasks -------------------------------------------------------------------------------------
 
     def run(self, main: Coroutine[Any, Any, _T]) -> _T:
-        """Run an asyncio program in virtual time, and return what comes of it.
+        """Run an asyncio program in virtual time, and return what comes of it."""
+        with self.runner() as runner:
+            return runner.run(main)
 
-        Every `asyncio` wait within it is virtual too. Needs the extra `testing`.
+    @contextlib.contextmanager
+    def runner(self) -> Iterator[asyncio.Runner]:
+        """Give a runner of asyncio programs, whose event loop stands still in between.
+
+        Every `asyncio` wait within it is virtual. Needs the library `looptime`.
         """
+        if self._event_loop is not None:
+            raise RuntimeError("an event loop runs on this clock already")
+        event_loop = self._event_loop = self._make_event_loop()
+        try:
+            with asyncio.Runner(loop_factory=lambda: event_loop) as runner:
+                yield runner
+        finally:
+            self._now_s = self._base_s()
+            self._event_loop = None
+
+    def _make_event_loop(self) -> asyncio.AbstractEventLoop:
         from looptime import LoopTimeEventLoop
+
+        clock = self
 
         class EventLoop(LoopTimeEventLoop, asyncio.SelectorEventLoop):
             """Asyncio's own, whose time jumps."""
 
             def __init__(self, **options: Any) -> None:
                 super().__init__(**options)
-                select: Callable[[float | None], Any] = self._selector.select
+                self._jump: Callable[[float | None], Any] = self._selector.select
+                self._selector.select = self._wait  # type: ignore[assignment,method-assign]
 
-                def jump(timeout: float | None) -> Any:
-                    """Spare looptime's rounds where tasks are ready, or nothing but time is."""
+            def _wait(self, timeout: float | None) -> Any:
+                """Let time pass up to the next timer, or to what a thread has asked for."""
+                if timeout == 0:
+                    return []  # tasks are ready; there is nothing to poll but ourselves
+                if clock._waiting:
+                    woken = clock._event_loop_woken
+                    clock._let_others_run(woken, timeout)
+                    woken.clear()
+                    timeout = max(0.0, clock._now_s - self.time())
                     if timeout == 0:
                         return []
-                    return select(timeout) or (select(timeout) if timeout else [])
-
-                self._selector.select = jump  # type: ignore[assignment,method-assign]
+                # looptime's first round only makes sure that nothing is ready.
+                return self._jump(timeout) or (self._jump(timeout) if timeout else [])
 
             def call_soon_threadsafe(  # type: ignore[override]
                 self, callback: Any, *args: Any, context: Any = None
             ) -> asyncio.Handle:
-                """Spare the self-pipe where the caller is this thread."""
-                is_own = self._thread_id == threading.get_ident()  # type: ignore[attr-defined]
-                call = self.call_soon if is_own else super().call_soon_threadsafe
-                return call(callback, *args, context=context)
+                """Spare the self-pipe: whoever calls this holds up the loop already."""
+                clock._event_loop_woken.set()
+                return self.call_soon(callback, *args, context=context)
 
-        event_loop = EventLoop(start=self._now_s, noop_cycles=0, idle_timeout=0)
-        self._event_loop = event_loop
-        try:
-            with asyncio.Runner(loop_factory=lambda: event_loop) as runner:
-                return runner.run(main)
-        finally:
-            self._now_s = event_loop.time()
-            self._event_loop = None
+        return EventLoop(start=self._now_s, noop_cycles=0, idle_timeout=0)
 
     async def pause(self, seconds: float) -> None:
         """Hold up this task for `seconds` of virtual time."""
@@ -303,7 +340,7 @@ class _VirtualThread(threading.Thread):
     def __init__(self, clock: VirtualClock, target: Callable[[], None], name: str) -> None:
         super().__init__(name=name, daemon=True)
         self._clock, self._body = clock, target
-        self._first = _Waiting(None, clock.now_s())
+        self._first = _Waiting(None, clock._base_s())
         self._ended = threading.Event()
         clock._waiting.append(self._first)
         self.start()
@@ -322,3 +359,27 @@ class _VirtualThread(threading.Thread):
 
     def is_alive(self) -> bool:
         return not self._ended.is_set()
+
+
+class _Lock:
+    """A reentrant lock whose holder may wait through the clock while others want it."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        self._clock = clock
+        self._holder: int | None = None
+        self._depth = 0
+        self._free = threading.Event()
+
+    def __enter__(self) -> None:
+        me = threading.get_ident()
+        while self._holder not in (None, me):
+            self._free.clear()
+            self._clock.wait(self._free)
+        self._holder = me
+        self._depth += 1
+
+    def __exit__(self, *error: object) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self._holder = None
+            self._free.set()

@@ -36,9 +36,11 @@ class Persistence(StartStop):
         self.storage = storage
         self._announce = announce
         self._lock = FolderLock(storage.root)
-        self.models = ModelStore(storage)
+        self.models = ModelStore(storage, rig.clock.wall_s)
         self.journal = Journal(
-            storage.journal, on_fault=lambda detail: announce("model_not_saved", detail=detail)
+            storage.journal,
+            on_fault=lambda detail: announce("model_not_saved", detail=detail),
+            clock=rig.clock,
         )
         self.autosave = Autosave(
             rig.loop,

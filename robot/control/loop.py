@@ -102,6 +102,11 @@ class ControlLoop:
         return self._mailbox.wake
 
     @property
+    def clock(self) -> Clock:
+        """The clock of the loop, and of whatever runs beside it."""
+        return self._clock
+
+    @property
     def history(self) -> TrainingHistory:
         """Where the policy is taught; only to be touched through `submit`."""
         return self._online_learning.history

@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import re
 import secrets
-import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
@@ -70,16 +69,16 @@ class Recorder:
         announce: Announce = say_nothing,
         config: RecorderConfig | None = None,
         open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
-        wall_ns: Callable[[], int] = time.time_ns,
+        wall_ns: Callable[[], int] | None = None,
     ) -> None:
         self._loop = loop
         self._robot = robot
         self._declared_moves = declared_moves
         self._options = dict(options or {})
         self._config = config or RecorderConfig()
-        self._wall_ns = wall_ns
+        self._wall_ns = wall_ns or (lambda: round(1e9 * loop.clock.wall_s()))
         self._run_id = secrets.token_hex(8)
-        self._disk = WriterThread(folder, self._config, open_file, announce)
+        self._disk = WriterThread(folder, self._config, open_file, announce, loop.clock)
         self._unsubscribe: Callable[[], None] = lambda: None
         self._base: Model | None = None
         self._is_open = False
@@ -118,7 +117,7 @@ class Recorder:
         """Finish the recording, best while the loop still turns; idempotent."""
         if self._is_open:
             with contextlib.suppress(TimeoutError):
-                self._loop.submit(self._end).result(timeout=2.0)
+                self._loop.clock.result(self._loop.submit(self._end), 2.0)
         self._unsubscribe()
         self._disk.stop()
 
@@ -270,7 +269,10 @@ class Recorder:
     def _take(self) -> Model:
         history = self._loop.history
         return take_model(
-            history.policy, Counter(history.taught), saved_at_s=time.time(), with_preview=False
+            history.policy,
+            Counter(history.taught),
+            saved_at_s=self._loop.clock.wall_s(),
+            with_preview=False,
         )
 
 

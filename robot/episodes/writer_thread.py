@@ -5,13 +5,13 @@ from __future__ import annotations
 import logging
 import shutil
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
+from robot.clock import Clock, Worker
 from robot.episodes.messages import Words
 from robot.episodes.writer import EpisodeWriter, Run
 from robot.models.autosave import Announce
@@ -87,17 +87,19 @@ class WriterThread:
         config: RecorderConfig,
         open_file: Callable[[Path], BinaryIO],
         announce: Announce,
+        clock: Clock,
     ) -> None:
         self._folder = folder
         self._config = config
         self._open_file = open_file
         self._announce = announce
+        self._clock = clock
         self._lock = threading.Lock()
         self._queue: deque[tuple[Item, int]] = deque()
         self._waiting_bytes = 0
         self._wake = threading.Event()
         self._ending = False
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
         self._writer: EpisodeWriter | None = None
         self._flushed_s = 0.0
         self._checked_s = 0.0
@@ -148,8 +150,7 @@ class WriterThread:
     def start(self) -> None:
         """Begin to write what comes."""
         self._ending = False
-        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
-        self._thread.start()
+        self._thread = self._clock.start_thread(self._run, "recorder")
 
     def stop(self) -> None:
         """Write what still waits, and end; a disk that hangs is left behind after ten seconds."""
@@ -163,7 +164,7 @@ class WriterThread:
 
     def _run(self) -> None:
         while True:
-            self._wake.wait(self._config.flush_every_s)
+            self._clock.wait(self._wake, self._config.flush_every_s)
             self._wake.clear()
             is_last = self._ending
             self._write_what_waits()
@@ -228,11 +229,11 @@ class WriterThread:
         raise OSError("there are too many recordings of the same moment")
 
     def _flush_if_due(self) -> None:
-        now_s = time.monotonic()
+        now_s = self._clock.now_s()
         if self._writer is None or now_s - self._flushed_s < self._config.flush_every_s:
             return
         self._writer.flush()
-        self._flushed_s = time.monotonic()
+        self._flushed_s = self._clock.now_s()
         if now_s - self._checked_s > 2.0:
             self._checked_s = now_s
             self._check_room()

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections import Counter
 from collections.abc import Callable, Collection
 
+from robot.clock import Worker
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import ConfigurationError, RobotError
@@ -64,6 +64,7 @@ class Autosave:
         journal: Journal | None = None,
     ) -> None:
         self._loop = loop
+        self._clock = loop.clock
         self.store = store
         self._wanted_name = name
         self._moves = frozenset(moves)
@@ -72,10 +73,10 @@ class Autosave:
         self._journal = journal
         self._name: str | None = None
         self._recovered_name: str | None = None
-        self._lock = threading.RLock()
+        self._lock = self._clock.lock()
         self._due = threading.Event()
         self._ending = False
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
         self._mode = Mode.STOPPED
         self._saved_changes = loop.history.changes
@@ -94,8 +95,7 @@ class Autosave:
     def start(self) -> None:
         """Begin to keep."""
         self._unsubscribe = self._loop.subscribe(self.note)
-        self._thread = threading.Thread(target=self._run, name="autosave", daemon=True)
-        self._thread.start()
+        self._thread = self._clock.start_thread(self._run, "autosave")
 
     def stop(self) -> None:
         """Save once more and end; call it while the loop still runs. Idempotent."""
@@ -122,7 +122,7 @@ class Autosave:
 
     def _run(self) -> None:
         while not self._ending:
-            self._due.wait()
+            self._clock.wait(self._due)
             self._due.clear()
             self.save_if_changed()
 
@@ -158,14 +158,14 @@ class Autosave:
             model = take_model(
                 history.policy,
                 history.taught,
-                saved_at_s=time.time(),
+                saved_at_s=self._clock.wall_s(),
                 place=self._place,
                 position=self._position(history.changes),
                 with_preview=False,
             )
             return model, history.changes
 
-        model, changes = self._loop.submit(take).result(timeout=10.0)
+        model, changes = self._clock.result(self._loop.submit(take), 10.0)
         return with_preview(model), changes
 
     def _position(self, change: int) -> JournalPosition | None:
@@ -257,7 +257,7 @@ class Autosave:
             model = take_model(
                 policy,
                 Counter(),
-                saved_at_s=time.time(),
+                saved_at_s=self._clock.wall_s(),
                 place=place,
                 position=self._position(self._loop.history.changes),
             )
@@ -283,7 +283,7 @@ class Autosave:
             self._name, self._place = name, model.card.place
             return self._loop.history.changes
 
-        self._saved_changes = self._loop.submit(replace).result(timeout=10.0)
+        self._saved_changes = self._clock.result(self._loop.submit(replace), 10.0)
         if name is not None and name in self.store.names():
             try:
                 self.store.current = name

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from robot.clock import Clock, RealClock, Worker
 from robot.control.state import Tick
 from robot.models.events import describe_event
 from robot.models.model import JournalPosition, Model, encode_model, take_model
@@ -105,17 +106,19 @@ class Journal:
         folder: Path,
         on_fault: Callable[[str], None] = lambda sentence: None,
         open_file: Callable[[Path], BinaryIO] = open_new,
+        clock: Clock | None = None,
     ) -> None:
         self.run = secrets.token_hex(8)
         self.boot = 0
         self._folder = folder
         self._on_fault = on_fault
         self._open_file = open_file
+        self._clock = clock or RealClock()
         self._lock = threading.Lock()
         self._queue: deque[_Entry | _Checkpoint | _AllSaved] = deque()
         self._wake = threading.Event()
         self._ending = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
         self._writer: RecordWriter | None = None
         self._part = 0
         self._needs_checkpoint = True
@@ -140,8 +143,7 @@ class Journal:
         """
         self.open_boot(after)
         self._ending.clear()
-        self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
-        self._thread.start()
+        self._thread = self._clock.start_thread(self._run, "journal")
 
     def open_boot(self, after: int = 0) -> None:
         """Take the next number; `write_waiting` may then be called on any one thread."""
@@ -220,8 +222,8 @@ class Journal:
 
     def _run(self) -> None:
         while not self._ending.is_set():
-            self._wake.wait()
-            self._ending.wait(WRITE_EVERY_S)
+            self._clock.wait(self._wake)
+            self._clock.wait(self._ending, WRITE_EVERY_S)
             self._wake.clear()
             self.write_waiting()
         self.write_waiting()

@@ -190,11 +190,11 @@ def _cell(fault: Fault, mode: str, measured_ms: dict[tuple[str, str], float]) ->
 _INTRODUCTION = [
     "# Faults",
     "",
-    "What the robot does when something goes wrong, in each mode. Written by `make docs`, and tested",
-    "in every run. A pilot drives a robot over a link, in virtual time, with the server's real",
-    "hub, protocol, control loop and gate; the fault comes at a random moment, with a camera of 10",
-    "to 30 pictures a second. In brackets is the worst of 1,000 such drives, in milliseconds; it is",
-    "the same in every run, on every machine.",
+    "What the robot does when something goes wrong, in each mode. Written by `make docs`, and",
+    "tested in every run. A pilot drives a robot over a link, in virtual time, with the server's",
+    "real hub, protocol, control loop and gate; the fault comes at a random moment, with a camera",
+    "of 10 to 30 pictures a second. In brackets is the worst of 1,000 such drives, in",
+    "milliseconds; it is the same in every run, on every machine.",
 ]
 _CLOSING = [
     "After each of them the robot waits for an explicit start: it never moves by itself when a",

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from robot.camera import Camera
-from robot.clock import Clock, ManualClock
+from robot.clock import Clock, VirtualClock
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.control.state import Tick
 from robot.driver import Driver
@@ -106,7 +106,7 @@ class BenchRobot:
     """Loop, camera and body on a clock that the test moves, with a pilot's hand on the pad."""
 
     def __init__(self, learner: str = "published-8", config: LoopConfig | None = None) -> None:
-        self.clock = ManualClock(100.0)
+        self.clock = VirtualClock(100.0)
         self.camera = BenchCamera(self.clock)
         self.driver = BenchDriver()
         self.loop = ControlLoop(self.driver, self.camera, make_policy(learner), self.clock, config)
@@ -133,7 +133,7 @@ class BenchRobot:
 
     def step(self, scene: int, held: Action | None, seconds: float = 0.05) -> Tick:
         """Time passes, a new picture comes, the pilot holds something, the loop turns."""
-        self.clock.advance(seconds)
+        self.clock.sleep(seconds)
         self.camera.show(scene)
         self.tick()
         self.hold(held)

@@ -109,3 +109,47 @@ def test_tasks_that_wait_for_ever_end_with_an_error() -> None:
 
     with pytest.raises(TimeoutError):
         VirtualClock().run(main())
+
+
+def test_threads_and_an_event_loop_take_turns() -> None:
+    clock, seen, ending = VirtualClock(), [], threading.Event()
+
+    with clock.runner() as runner:
+        event_loop, arrived = runner.get_loop(), asyncio.Event()
+
+        def beat() -> None:
+            while not clock.wait(ending, 1.0):
+                seen.append(("thread", clock.now_s()))
+                if len(seen) == 5:
+                    event_loop.call_soon_threadsafe(arrived.set)
+
+        async def main() -> None:
+            for _ in range(2):
+                await clock.pause(0.75)
+                seen.append(("task", clock.now_s()))
+            await arrived.wait()
+            seen.append(("told", clock.now_s()))
+
+        worker = clock.start_thread(beat, "beat")
+        runner.run(main())
+        ending.set()
+        worker.join()
+    assert seen == [
+        ("task", 0.75), ("thread", 1.0), ("task", 1.5),
+        ("thread", 2.0), ("thread", 3.0), ("told", 3.0),
+    ]  # fmt: skip
+
+
+def test_who_holds_a_lock_may_wait_while_another_wants_it() -> None:
+    clock, seen = VirtualClock(), []
+    lock = clock.lock()
+
+    def work(name: str) -> None:
+        with lock, lock:
+            clock.sleep(1.0)
+            seen.append((name, clock.now_s()))
+
+    workers = [clock.start_thread(lambda name=name: work(name), name) for name in ("one", "two")]
+    for worker in workers:
+        worker.join()
+    assert seen == [("one", 1.0), ("two", 2.0)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,10 @@ from robot.types import Action, Mode
 from tests.robot.bench_robot import BenchRobot
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
+
+
+_BEGINNINGS_S = itertools.count(1_700_000_000, 60)
+"""Each drive begins a minute after the one before."""
 
 
 class RecordedBench(BenchRobot):
@@ -25,6 +30,7 @@ class RecordedBench(BenchRobot):
         **more: Any,
     ) -> None:
         super().__init__(learner)
+        self.clock.set_wall(next(_BEGINNINGS_S))
         self.folder = folder
         self.told: list[tuple[str, dict[str, Any]]] = []
         self.recorder = Recorder(
@@ -53,7 +59,7 @@ class RecordedBench(BenchRobot):
     def stand(self, seconds: float) -> None:
         """Let time pass without driving."""
         for _ in range(int(seconds / 0.5)):
-            self.clock.advance(0.5)
+            self.clock.sleep(0.5)
             self.camera.show(0)
             self.tick()
 

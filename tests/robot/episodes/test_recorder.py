@@ -13,6 +13,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, un
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
+from robot.clock import Clock, VirtualClock
 from robot.episodes.episode import open_episode, taught_frames
 from robot.episodes.messages import COMMAND, DECISION, MODE, PREDICTION, SENSORS
 from robot.episodes.writer_thread import RecorderConfig
@@ -142,10 +143,11 @@ class SlowFile(io.BytesIO):
 
     def __init__(self) -> None:
         super().__init__()
+        self.clock: Clock = VirtualClock()
         self.awake = threading.Event()
 
     def write(self, data: Any) -> int:
-        assert self.awake.wait(20)
+        assert self.clock.wait(self.awake, 20)
         return super().write(data)
 
     def close(self) -> None:
@@ -157,7 +159,7 @@ def test_a_disk_that_crawls_costs_pictures_and_neither_memory_nor_lessons(tmp_pa
     file = SlowFile()
     config = RecorderConfig(queue_bytes=1_000_000, spare_bytes=0)
     robot = RecordedBench(tmp_path, config=config, open_file=lambda path: file)
-    disk = robot.recorder._disk
+    disk, file.clock = robot.recorder._disk, robot.clock
     robot.start(Mode.TRAIN)
     most = 0
     for scene in range(100):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robot.cameras.sim import SimCamera, SimCameraOptions
-from robot.clock import ManualClock
+from robot.clock import VirtualClock
 from robot.control.loop import ControlLoop
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.episodes.recorder import Recorder
@@ -29,7 +29,7 @@ class Driven:
 
 def drive_in_simulator(folder: Path, learner: str, steps: int = 200, undo_s: float = 0.0) -> Driven:
     """Teach for some seconds, then correct the robot now and then while it drives alone."""
-    clock = ManualClock(50.0)
+    clock = VirtualClock(50.0)
     driver = SimDriver(SimOptions())
     camera = SimCamera(driver, SimCameraOptions(), clock)
     loop = ControlLoop(driver, camera, make_policy(learner), clock)
@@ -56,12 +56,12 @@ def drive_in_simulator(folder: Path, learner: str, steps: int = 200, undo_s: flo
 
 
 def _teach(
-    loop: ControlLoop, driver: SimDriver, camera: SimCamera, clock: ManualClock, steps: range
+    loop: ControlLoop, driver: SimDriver, camera: SimCamera, clock: VirtualClock, steps: range
 ) -> None:
     for step in steps:
         if step in (1, len(steps) // 2):
             loop.set_mode(Mode.TRAIN if step == 1 else Mode.AUTONOMOUS)
-        clock.advance(STEP_S)
+        clock.sleep(STEP_S)
         driver.advance(STEP_S)
         frame = camera.capture()
         loop.tick(clock.now_s())

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from robot.clock import RealClock
 from robot.control.state import Tick
 from robot.control.thread import LoopThread
 from robot.models.autosave import Autosave
@@ -27,7 +26,7 @@ class KeptRobot(BenchRobot):
         super().__init__()
         self.store = ModelStore(Storage(folder))
         self.told: list[str] = []
-        self.thread = LoopThread(self.loop, RealClock())
+        self.thread = LoopThread(self.loop, self.clock)
         self.new_keeper()
 
     def new_keeper(self) -> None:
@@ -37,7 +36,7 @@ class KeptRobot(BenchRobot):
         self.autosave.start()
 
     def teach(self, scene: int) -> None:
-        self.ask_to_teach(scene).result(5)
+        self.clock.result(self.ask_to_teach(scene), 5)
 
     def ask_to_teach(self, scene: int) -> Future[None]:
         frame = self.camera.show(scene)
@@ -69,16 +68,15 @@ def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
     def hold_up(tick: Tick) -> None:
         if tick.history_events:
             taught.set()
-            go_on.wait(5)
+            robot.clock.wait(go_on, 5)
 
     listeners = robot.loop._board._listeners
     listeners.insert(0, hold_up)
     robot.ask_to_teach(1)
-    assert taught.wait(5) and robot.autosave.has_unsaved
-    ending = threading.Thread(target=robot.autosave.stop)
-    ending.start()
+    assert robot.clock.wait(taught, 5) and robot.autosave.has_unsaved
+    ending = robot.clock.start_thread(robot.autosave.stop, "ending")
     while robot.autosave.note in robot.loop._board._listeners:
-        pass
+        robot.clock.sleep(0.01)
     go_on.set()
     ending.join(10)
     assert robot.kept_lessons() == [1]
@@ -108,7 +106,7 @@ def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot: KeptRo
 def test_a_taken_back_lesson_is_something_to_save(robot: KeptRobot) -> None:
     robot.teach(1)
     robot.autosave.save()
-    robot.loop.submit(lambda: robot.loop.history.undo(5.0)).result(5)
+    robot.clock.result(robot.loop.submit(lambda: robot.loop.history.undo(5.0)), 5)
     robot.autosave.stop()
     assert robot.kept_lessons() == [0]
 
