@@ -71,6 +71,16 @@ DEFAULT_MOVES: tuple[Action, ...] = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 """The paper's three moves, in the order in which the page and the tables show them."""
 
 
+OPPOSITE: Mapping[Action, Action] = {
+    Action.LEFT: Action.RIGHT,
+    Action.RIGHT: Action.LEFT,
+    Action.SPIN_LEFT: Action.SPIN_RIGHT,
+    Action.SPIN_RIGHT: Action.SPIN_LEFT,
+}
+"""For each turn the one that takes it back."""
+TURNS = frozenset(OPPOSITE)
+
+
 class Mode(StrEnum):
     """What the pilot has asked for. Only an explicit request leaves STOPPED."""
 
@@ -100,6 +110,7 @@ class StopReason(StrEnum):
     LOOP_FAULT = "loop_fault"
     EMERGENCY = "emergency"
     BUTTON = "button"
+    NEEDS_HELP = "needs_help"  # the robot tried, got nowhere, and waits for the pilot's hand
 
 
 class Encoding(StrEnum):
@@ -188,6 +199,8 @@ class Prediction:
     node: int | None = None
     distance: float = 0.0
     novelty: float = 0.0
+    needs_help: bool = False
+    """True if nothing that the robot tried led anywhere: it stands and waits for the pilot."""
 
     @property
     def is_novel(self) -> bool:

@@ -12,9 +12,10 @@ The rules, in their order:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from robot.types import (
+    TURNS,
     Action,
     Decision,
     DrivenBy,
@@ -40,7 +41,7 @@ class GateConfig:
     """How old the newest picture may be while the robot may move. A slower camera is given more:
     see `robot.control.camera_timing`."""
     novel_speed_scale: float = 0.5
-    """Share of full speed on a view unlike all that was learned."""
+    """Share of full speed while driving straight on a view unlike all that was learned."""
 
 
 class Gate:
@@ -187,7 +188,13 @@ class Gate:
     def _robot_drives(self, prediction: Prediction | None) -> Decision:
         if prediction is None or prediction.action is None:
             return self._stand(DrivenBy.ROBOT, asks_pilot=True)
-        scale = self.config.novel_speed_scale if prediction.is_novel else 1.0
+        if prediction.needs_help:  # not a trip: the pilot's hand is all that it takes to go on
+            return replace(
+                self._stand(DrivenBy.ROBOT, asks_pilot=True), stop_reason=StopReason.NEEDS_HELP
+            )
+        # Turning away is the way out of a view that is not known: never slower.
+        is_slow = prediction.is_novel and prediction.action not in TURNS
+        scale = self.config.novel_speed_scale if is_slow else 1.0
         return Decision(
             action=prediction.action,
             driven_by=DrivenBy.ROBOT,

@@ -11,12 +11,13 @@ from robot.experiments.figure5 import Figure5
 from robot.experiments.figure6 import Figure6
 from robot.experiments.figure7 import Figure7
 from robot.experiments.figure8 import Figure8
+from robot.experiments.habits import Habits
 
 EXPERIMENTS: dict[str, Experiment] = {
     experiment.name: experiment
     for experiment in (
         *(Figure3(), Figure5(), Figure6(), Figure7(), Figure8()),
-        *(Delay(), MoreMoves(), Behaviours(), Ablation()),
+        *(Delay(), MoreMoves(), Behaviours(), Ablation(), Habits()),
     )
 }
 """In the order in which `all` runs them."""

@@ -9,6 +9,7 @@ from typing import Any
 from robot.experiments.cycles import run_cycles
 from robot.experiments.episodes import run_episodes
 from robot.experiments.footage import run_recorded_footage, run_simulated_footage
+from robot.experiments.habit_run import run_habit
 from robot.experiments.ideas import make_learner
 from robot.experiments.metrics import driving
 from robot.experiments.metrics.log import DriveLog
@@ -99,5 +100,6 @@ RUNNERS: dict[str, Callable[[Mapping[str, Any]], Result]] = {
     "recorded_footage": run_recorded_footage,
     "cycles": run_cycles,
     "episodes": run_episodes,
+    "habit": run_habit,
 }
 """Every kind of task."""

@@ -42,6 +42,14 @@ class Trial:
     """A simulated robot, its loop and its pilot, on a clock that goes as fast as it can.
 
     Use it as a context manager: it holds a renderer, which belongs to this thread.
+
+    Args:
+        place: Where it drives.
+        policy: What learns.
+        pilot: Who teaches.
+        governor: How patient the robot is with the link.
+        rate_hz: Frames, ticks and heartbeats a second.
+        drift: How far the wheels drift apart while the pilot teaches (`Simulation.drift_share`).
     """
 
     def __init__(
@@ -51,8 +59,12 @@ class Trial:
         pilot: SimulatedPilot,
         *,
         governor: LinkGovernorConfig = PATIENT_LINK,
+        rate_hz: float = FRAME_RATE_HZ,
+        drift: float = 0.0,
     ) -> None:
         self.clock = ManualClock()
+        self.rate_hz = rate_hz
+        self.drift = drift
         self.driver = SimDriver(SimOptions(world=place.world, seed=place.seed))
         self.camera = SimCamera(self.driver, SimCameraOptions(), self.clock)
         self.policy = policy
@@ -83,9 +95,10 @@ class Trial:
             RobotError: If the loop stopped by itself: an experiment must not go on then.
         """
         log = DriveLog()
+        self.driver.simulation.drift_share = self.drift if mode is Mode.TRAIN else 0.0
         self.pilot.change_mode(mode if supervised else Mode.STOPPED)
         self._start(mode)
-        for _ in range(round(seconds * FRAME_RATE_HZ)):
+        for _ in range(round(seconds * self.rate_hz)):
             log.add(self._turn())
             if self.loop.state.decision.mode is Mode.STOPPED:
                 raise RobotError(f"the robot stopped at {self.clock.now_s():.1f} s: {self._why()}")
@@ -96,14 +109,14 @@ class Trial:
     def _start(self, mode: Mode) -> None:
         """Wait, standing, until pictures and words are under way on the link; then start."""
         self.loop.set_mode(Mode.STOPPED)
-        for _ in range(math.ceil(self.pilot.link_delay_s * FRAME_RATE_HZ) + 1):
+        for _ in range(math.ceil(self.pilot.link_delay_s * self.rate_hz) + 1):
             self._turn()
         self.loop.set_mode(mode)
 
     def _turn(self) -> DriveSample:
         """Let a frame's time pass, show it to the pilot, and turn the loop once."""
-        self.clock.advance(1 / FRAME_RATE_HZ)
-        self.driver.advance(1 / FRAME_RATE_HZ)
+        self.clock.advance(1 / self.rate_hz)
+        self.driver.advance(1 / self.rate_hz)
         frame = self.camera.capture()
         self.frames += 1
         now_s = self.clock.now_s()

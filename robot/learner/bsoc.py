@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from robot.learner.base import State, Vector
 from robot.learner.edges import Edges
 from robot.learner.images import FloatImages, Images, IntegerImages
+from robot.learner.novelty import HELD_OUT
 
 Floats = NDArray[np.float32]
-_ARRAYS = ("ids", "groups", "pinned", "distances")
+_ARRAYS = ("ids", "touched", "groups", "pinned", "distances")
 
 
 class Merge(NamedTuple):
@@ -46,8 +47,9 @@ class BSOC:
         ids_: A name for each node that survives: a merged node keeps that of its heavier parent.
         last_merge_: What the latest `train` merged; None if the frame became a node without a
             merge, or was itself merged into the node that `train` returned.
-        last_distance_: Squared distance of the latest frame from the nearest node before it;
-            None for the first.
+        last_distance_: Squared distance of the latest frame from the nearest node before it that
+            none of the `HELD_OUT` frames before it went into (of all, if there is no such node);
+            None for the first frames.
     """
 
     measures_novelty = True
@@ -70,6 +72,7 @@ class BSOC:
         self._counts = [0] * max_nodes
         self._masses = np.zeros(max_nodes, np.float32)
         self._ids = np.zeros(max_nodes, np.int64)
+        self._touched = np.zeros(max_nodes, np.int64)
         self._groups = np.zeros(max_nodes, np.int64)
         self._pinned = np.zeros(max_nodes, np.bool_)
         self._distances = np.zeros((max_nodes, max_nodes), np.float32)
@@ -140,7 +143,7 @@ class BSOC:
         size = self._size
         distances = self._images.measure(x, size)  # halved, here and in all that follows
         self.last_merge_ = None
-        self.last_distance_ = 2.0 * self._images.least if size else None
+        self.last_distance_ = self._held_out(distances)
         name = self._next_id
         self._next_id = name + 1
         if size < self.max_nodes:
@@ -160,8 +163,17 @@ class BSOC:
             self._absorb(nearest, distances)
         return int(distances.argmin())
 
+    def _held_out(self, distances: Floats) -> float | None:
+        """Return the least of the (halved) distances to nodes not touched of late, doubled."""
+        if self._next_id <= HELD_OUT:
+            return None
+        held = distances[self._touched[: distances.size] < self._next_id - HELD_OUT]
+        # Few nodes are all touched all the time; then the nearest has to do.
+        return 2.0 * float((held if held.size else distances).min()) if distances.size else None
+
     def _absorb(self, node: int, distances: Floats) -> None:
         """Merge the measured frame into a node; `distances` become those after it."""
+        self._touched[node] = self._next_id
         count = self._counts[node]
         share = 1.0 / (count + 1)
         row = self._blended(self._distances[node], distances, share, float(distances[node]))
@@ -184,6 +196,7 @@ class BSOC:
         if other > count:
             self._ids[kept] = self._ids[removed]
             self._groups[kept] = self._groups[removed]
+        self._touched[kept] = max(self._touched[kept], self._touched[removed])
         self._set_row(kept, row)
         self.last_merge_ = Merge(kept=kept, removed=removed)
 
@@ -201,6 +214,7 @@ class BSOC:
         self._counts[node] = self._masses[node] = 1
         self._groups[node] = group
         self._ids[node] = name
+        self._touched[node] = self._next_id
         self._pinned[node] = False
         self._set_row(node, distances)
 
@@ -256,7 +270,7 @@ class BSOC:
         if node != last:
             self._images.move(last, node)
             self._counts[node] = self._counts[last]
-            for array in (self._masses, self._ids, self._groups, self._pinned):
+            for array in (self._masses, self._ids, self._touched, self._groups, self._pinned):
                 array[node] = array[last]
             row = self._distances[last, :last].copy()
             row[node] = 0.0
@@ -289,8 +303,9 @@ class BSOC:
         self.group_cost = float(state.params["group_cost"])
         self._size = int(state.params["size"])
         self._next_id = int(state.params["next_id"])
+        untouched = np.zeros(self.max_nodes, np.int64)  # models of version 0.1 do not say
         for name in _ARRAYS:
-            setattr(self, f"_{name}", state.arrays[name].copy())
+            setattr(self, f"_{name}", state.arrays.get(name, untouched).copy())
         self._counts = state.arrays["counts"].tolist()
         self._masses = state.arrays["counts"].astype(np.float32)
         self._n_pinned = int(self._pinned.sum())

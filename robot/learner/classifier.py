@@ -205,7 +205,7 @@ class BSOCClassifier:
         arrays = {f"cluster_{name}": array for name, array in inner.arrays.items()}
         arrays["histograms"] = self._histograms.copy()
         novelty = self.novelty_
-        params["novelty"] = [novelty.n, novelty.mean, novelty.variance]
+        arrays["novelty"] = novelty.get_array()
         if self.linear is not None:
             arrays.update(self.linear.get_arrays())
         return State(
@@ -230,7 +230,10 @@ class BSOCClassifier:
         self.labels_ = list(state.labels)
         self._histograms = state.arrays["histograms"].copy()
         novelty = self.novelty_
-        novelty.n, novelty.mean, novelty.variance = state.params["novelty"]
+        if "novelty" in state.arrays:
+            novelty.set_array(state.arrays["novelty"])
+        else:
+            novelty.set_moments(*state.params["novelty"])
         if self.linear is not None:
             self.linear.set_arrays(state.arrays)
 

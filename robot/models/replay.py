@@ -196,7 +196,7 @@ def _learn_on(model: Model, events: list[HistoryEvent], position: JournalPositio
     for event in events:
         try:
             if isinstance(event, Taught):
-                history.teach(event.lesson, event.x, event.at_s)
+                history.teach_again(event)
             elif isinstance(event, Edited):
                 history.edit(event.verb, event.node_id, event.value)
         except (ValueError, LookupError) as error:

@@ -1,8 +1,17 @@
-"""From frame-by-frame votes to steady driving: a running average, and commitment to a move."""
+"""From frame-by-frame votes to steady driving: smoothing, hysteresis, and ways out.
+
+Every constant is a time or a share of votes, never a number of frames.
+
+1. Votes are averaged over time.
+2. A move under way goes on until another clearly exceeds it.
+3. A straight move without effect is given up (`stall_detector.py`).
+4. A turn that has gone on for longer than the pilot's own longest loses votes, and its opposite is
+   barred until it has been paid back by driving straight (`progress_clock.py`).
+5. When nothing of that helps, the robot stands and asks for help.
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
@@ -10,17 +19,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.policy.progress_clock import ProgressClock
 from robot.policy.stall_detector import StallDetector
-from robot.types import Action
+from robot.types import OPPOSITE, TURNS, Action
 
-OPPOSITE: dict[Action, Action] = {
-    Action.LEFT: Action.RIGHT,
-    Action.RIGHT: Action.LEFT,
-    Action.SPIN_LEFT: Action.SPIN_RIGHT,
-    Action.SPIN_RIGHT: Action.SPIN_LEFT,
-}
 VOTES_KEPT = 0.4
-"""Share of the running average of votes that stays at each frame."""
+"""Share of the running average of votes that is left after a tenth of a second."""
 TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
 """By how much the votes for another move must exceed those for the turn, or other move, under way.
 
@@ -28,16 +32,22 @@ People begin a turn late and end it late: between the two, the same view means g
 Votes alone cannot tell, and a robot without inertia ends its turns too early. A turn begun too late
 costs more than one ended too late, so a turn has more of it (docs/explanation/learner.md).
 """
-UNFAMILIAR = 0.3
-"""Novelty from which a robot that pushes without effect tries something else. On a view that was
-taught it goes on: there the pilot meant to push."""
+STRAIGHT_S = 0.3
+"""After a turn its opposite is barred until the robot drove straight for so long."""
+ALLOWANCE = 1.3
+"""The robot may come to so many times the pilot's longest debt before its turns lose votes."""
+HELPLESS_S = 10.0
+"""After so long beyond that it stands and asks,"""
+ASKING_S = 5.0
+"""and if nobody takes the wheel, tries again after so long."""
+_USUAL_STEP_S = 0.1
 
 
 class RunningVotes:
     """Exponential average of the votes: one odd frame does not turn the wheels.
 
     Args:
-        keep: Share of the old average that stays at each frame, in [0, 1).
+        keep: Share of the old average that is left after a tenth of a second, in [0, 1).
     """
 
     def __init__(self, keep: float) -> None:
@@ -45,28 +55,44 @@ class RunningVotes:
             raise ValueError(f"keep must be in [0, 1), not {keep}")
         self.keep = keep
         self._average: dict[Action, float] = {}
+        self._at_s: float | None = None
 
-    def update(self, shares: Mapping[Action, float]) -> dict[Action, float]:
-        """Take in one frame's shares and return the average; it sums to 1."""
+    def update(
+        self, shares: Mapping[Action, float], at_s: float | None = None
+    ) -> dict[Action, float]:
+        """Take in one frame's shares and return the average; it sums to 1.
+
+        Args:
+            shares: The votes for each move.
+            at_s: When the frame was taken; None: a tenth of a second after the last.
+        """
+        keep = self.keep ** (self._step_s(at_s) / _USUAL_STEP_S) if self.keep else 0.0
         old = self._average or shares
         mixed = {
-            action: self.keep * old.get(action, 0.0) + (1.0 - self.keep) * share
+            action: keep * old.get(action, 0.0) + (1.0 - keep) * share
             for action, share in shares.items()
         }
         total = sum(mixed.values())
         self._average = {action: share / total for action, share in mixed.items()}
         return dict(self._average)
 
+    def _step_s(self, at_s: float | None) -> float:
+        before_s, self._at_s = self._at_s, at_s
+        if at_s is None or before_s is None:
+            return _USUAL_STEP_S
+        return max(at_s - before_s, 0.0)
+
     def reset(self) -> None:
         """Forget the past: a new drive begins."""
         self._average = {}
+        self._at_s = None
 
 
 class Commitment:
     """A robot goes on with the move under way unless the votes for another clearly exceed it.
 
-    And once turning, it does not turn the other way until it has chosen to drive straight: LEFT
-    and RIGHT in turn lead nowhere.
+    And after a turn it does not turn the other way until it has paid it back by driving straight:
+    LEFT and RIGHT in turn lead nowhere.
 
     Args:
         turn_inertia: By how much the votes for another move must exceed those for a turn under way.
@@ -91,6 +117,8 @@ class Commitment:
         shares: Mapping[Action, float],
         under_way: Action | None = None,
         futile: Action | None = None,
+        *,
+        urge: float = 0.0,
     ) -> Action:
         """Return the action of most votes that the turn begun allows; the first on a tie.
 
@@ -99,30 +127,34 @@ class Commitment:
             under_way: What the robot is doing by its own choice; None if it is not: what the
                 pilot does must not weigh in a judgement that is compared with the pilot's.
             futile: A move that leads nowhere now: taken only if there are no votes for another.
+            urge: What is taken off the votes of all turns.
         """
         barred = OPPOSITE.get(self._turn) if self._turn is not None else None
         allowed = [action for action in shares if action is not barred] or list(shares)
         fruitful = [action for action in allowed if action is not futile and shares[action] > 0]
-        inertia = self.turn_inertia if under_way in OPPOSITE else self.straight_inertia
+        inertia = self.turn_inertia if under_way in TURNS else self.straight_inertia
         chosen = max(
             fruitful or allowed,
-            key=lambda action: shares[action] + (inertia if action is under_way else 0.0),
+            key=lambda action: (
+                shares[action]
+                + (inertia if action is under_way else 0.0)
+                - (urge if action in TURNS else 0.0)
+            ),
         )
-        self._turn = chosen if self.bars_opposite and chosen in OPPOSITE else None
+        if self.bars_opposite and chosen in TURNS:
+            self._turn = chosen
         return chosen
 
-    def reset(self) -> None:
-        """Forget the turn begun: a new drive begins."""
+    def free(self) -> None:
+        """Let any turn follow: the last one is paid back."""
         self._turn = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """One frame, as far as steadiness goes: in grey, how new it is, when it was taken, and if a
-    bumper was pressed."""
+    """One frame, as far as the filter goes: in grey, when it was taken, if a bumper was pressed."""
 
     picture: NDArray[np.uint8]
-    novelty: float
     at_s: float
     bumped: bool
 
@@ -131,46 +163,95 @@ class ActionFilter:
     """All that lies between the votes on one frame and a steady drive.
 
     Args:
-        votes_kept: Share of the running average of votes that stays at each frame.
+        votes_kept: Share of the running average of votes that is left after a tenth of a second.
         commitment: To the move under way, and to a turn begun.
-        unfamiliar: Novelty from which a move that gains no way is given up; inf: never.
+        gives_up: False: nothing that leads nowhere is given up, as in the paper.
+
+    Attributes:
+        needs_help: True while the robot stands and asks, because nothing led anywhere.
     """
 
     def __init__(
         self,
         votes_kept: float = VOTES_KEPT,
         commitment: Commitment | None = None,
-        unfamiliar: float = UNFAMILIAR,
+        *,
+        gives_up: bool = True,
     ) -> None:
+        self.needs_help = False
         self._average = RunningVotes(votes_kept)
         self._commitment = commitment or Commitment()
         self._stall_detector = StallDetector()
-        self.unfamiliar = unfamiliar
+        self._clock = ProgressClock()
+        self._gives_up = gives_up
+        self._asks_until_s = 0.0
 
     @classmethod
     def none(cls) -> Self:
         """Return none at all: each frame's own votes decide, as in the paper."""
-        return cls(0.0, Commitment(0.0, 0.0, bars_opposite=False), math.inf)
+        return cls(0.0, Commitment(0.0, 0.0, bars_opposite=False), gives_up=False)
 
-    def average(self, shares: Mapping[Action, float]) -> dict[Action, float]:
+    def average(
+        self, shares: Mapping[Action, float], at_s: float | None = None
+    ) -> dict[Action, float]:
         """Take in the votes on one more frame, and return their running average."""
-        return self._average.update(shares)
+        return self._average.update(shares, at_s)
 
     def choose(
-        self, shares: Mapping[Action, float], view: View, under_way: Action | None
+        self,
+        shares: Mapping[Action, float],
+        view: View,
+        under_way: Action | None,
+        *,
+        longest_debt_s: float,
+        patience_s: float,
     ) -> Action:
-        """Return what to do; `under_way` as `Commitment.choose` has it."""
-        return self._commitment.choose(shares, under_way, self._futile(view, under_way))
+        """Return what to do.
 
-    def _futile(self, view: View, under_way: Action | None) -> Action | None:
-        """Return the move that gains no way on a view that was not taught."""
-        if math.isinf(self.unfamiliar):  # on an EV3 each comparison of pictures counts
-            return None
-        barred = self._stall_detector.barred(view.picture, under_way, view.at_s, bumped=view.bumped)
-        return barred if view.novelty >= self.unfamiliar else None
+        Args:
+            shares: The averaged votes.
+            view: The frame.
+            under_way: As `Commitment.choose` has it.
+            longest_debt_s: The pilot's longest debt (`PilotPace`).
+            patience_s: How long a straight move may be without effect.
+        """
+        if not self._gives_up:  # on an EV3 each comparison of pictures counts
+            if under_way not in TURNS:
+                self._commitment.free()
+            return self._commitment.choose(shares, under_way)
+        self._stall_detector.patience_s = patience_s
+        futile = self._stall_detector.barred(view.picture, under_way, view.at_s, bumped=view.bumped)
+        urge = self._watch(under_way, view.at_s, ALLOWANCE * longest_debt_s)
+        if futile is not None and not any(
+            share > 0.0 for action, share in shares.items() if action is not futile
+        ):
+            self._ask(view.at_s)  # it was taught no other move
+        return self._commitment.choose(shares, under_way, futile, urge=urge)
+
+    def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
+        """Keep the clock; return what to take off the votes of turns, and set `needs_help`."""
+        clock = self._clock
+        if under_way is None:  # the pilot drives, and knows the way out
+            clock.reset()
+        clock.note(under_way, at_s, is_stalled=self._stall_detector.is_stalled)
+        if under_way is None or (clock.debt_s == 0.0 and clock.straight_s >= STRAIGHT_S):
+            self._commitment.free()
+        if under_way is None or (self.needs_help and at_s >= self._asks_until_s):
+            self.needs_help = False
+            clock.reset()
+            self._commitment.free()
+        elif clock.debt_s > allowed_s + HELPLESS_S:
+            self._ask(at_s)
+        return float(np.clip((clock.debt_s - allowed_s) / (0.5 * allowed_s), 0.0, 2.0))
+
+    def _ask(self, at_s: float) -> None:
+        if not self.needs_help:
+            self.needs_help, self._asks_until_s = True, at_s + ASKING_S
 
     def reset(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
         self._average.reset()
-        self._commitment.reset()
+        self._commitment.free()
         self._stall_detector.reset()
+        self._clock.reset()
+        self.needs_help = False

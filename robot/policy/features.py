@@ -29,6 +29,10 @@ class Features(Protocol):
         """Return the picture of a vector (of a node's, say), shape (30, 40) or (30, 40, 3)."""
         ...
 
+    def grey(self, x: Vector) -> NDArray[np.uint8]:
+        """Return the vector's part that is a grey picture, at any contrast: to compare frames."""
+        ...
+
 
 class GreyFeatures:
     """Grey, 40x30, area average: 1200 bytes."""
@@ -42,6 +46,10 @@ class GreyFeatures:
     def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
         """Return shape (30, 40)."""
         return _as_picture(np.asarray(x))
+
+    def grey(self, x: Vector) -> NDArray[np.uint8]:
+        """Return shape (1200,)."""
+        return x
 
 
 class GradientFeatures:
@@ -72,6 +80,10 @@ class GradientFeatures:
     def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
         """Return shape (30, 40)."""
         return _as_picture(np.asarray(x)[self.n_gradients :] * 2.0)
+
+    def grey(self, x: Vector) -> NDArray[np.uint8]:
+        """Return shape (1200,), at half contrast."""
+        return x[self.n_gradients :]
 
     def _histograms(self, grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
         across, down = self._gradients(grey.astype(np.int16))

@@ -119,13 +119,17 @@ class TrainingHistory:
 
     def teach(self, lesson: Example, x: Vector, captured_s: float) -> None:
         """Have the policy learn one labelled frame that was taken at `captured_s`."""
-        self.policy.learn(x, lesson.label)
-        if self._last_lesson_s is not None:
-            step_s = captured_s - self._last_lesson_s
-            self._teaching_s += min(max(step_s, 0.0), _LONGEST_STEP_S)
+        step_s = captured_s - self._last_lesson_s if self._last_lesson_s is not None else 0.0
+        teaching_s = self._teaching_s + min(max(step_s, 0.0), _LONGEST_STEP_S)
+        self.teach_again(Taught(lesson=lesson, x=x, at_s=teaching_s))
         self._last_lesson_s = captured_s
-        self.taught[lesson.label] += 1
-        self._record(Taught(lesson=lesson, x=x, at_s=self._teaching_s))
+
+    def teach_again(self, event: Taught) -> None:
+        """Have the policy learn what was taught once, at the same teaching time."""
+        self.policy.learn(event.x, event.lesson.label, event.at_s)
+        self._teaching_s = event.at_s
+        self.taught[event.lesson.label] += 1
+        self._record(event)
         if self._teaching_s - self._snapshots[-1].at_s >= SNAPSHOT_EVERY_S:
             self._take_snapshot()
 
@@ -200,7 +204,7 @@ class TrainingHistory:
         self.policy.restore(snapshot.state)
         for event in self._events[snapshot.position - self._forgotten :]:
             if isinstance(event, Taught):
-                self.policy.learn(event.x, event.lesson.label)
+                self.policy.learn(event.x, event.lesson.label, event.at_s)
             elif isinstance(event, _DriveBegun):
                 self.policy.reset()
             else:

@@ -12,7 +12,14 @@ from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.policy.action_filter import ActionFilter, View
 from robot.policy.features import Features
+from robot.policy.pilot_pace import PilotPace
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
+
+STEP_S = 0.1
+"""Time between two frames that carry none."""
+_THINNED_S = 0.099
+_LEAST = 1e-6
+"""Votes for a move that was taught: more than for one that never was."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +72,9 @@ class Policy:
         self._action_filter = action_filter or ActionFilter()
         self._n_lessons = 0
         self._n_proposals = 0
+        self._pace = PilotPace()
+        self._last_learned: tuple[float, str] | None = None
+        self._now_s = 0.0
         self._last_used: dict[int, int] = {}
         self._last_taught: dict[int, int] = {}
 
@@ -88,7 +98,7 @@ class Policy:
         x: Vector,
         *,
         under_way: Action | None = None,
-        at_s: float = 0.0,
+        at_s: float | None = None,
         bumped: bool = False,
     ) -> Prediction:
         """Return what to do on this frame. Call it once a frame, in order.
@@ -99,7 +109,7 @@ class Policy:
             frame_id: The frame.
             x: Its vector.
             under_way: The move that the robot is making by its own choice, if it drives.
-            at_s: When the frame was taken.
+            at_s: When the frame was taken; None: a tenth of a second after the one before.
             bumped: True if a bumper is pressed.
         """
         self._n_proposals += 1
@@ -107,15 +117,18 @@ class Policy:
             evidence = self.learner.explain_one(x)
         except NotFittedError:
             return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
-        shares = {move: evidence.probabilities.get(move, 0.0) for move in self.moves}
-        steady = self._action_filter.average(shares)
-        view = View(
-            picture=self.features.thumbnail(x),
-            novelty=evidence.novelty,
-            at_s=at_s,
-            bumped=bumped,
+        known = evidence.probabilities
+        shares = {move: max(known[move], _LEAST) if move in known else 0.0 for move in self.moves}
+        steady = self._action_filter.average(shares, at_s)
+        self._now_s = self._now_s + STEP_S if at_s is None else at_s
+        view = View(picture=self.features.grey(x), at_s=self._now_s, bumped=bumped)
+        action = self._action_filter.choose(
+            steady,
+            view,
+            under_way,
+            longest_debt_s=self._pace.longest_debt_s,
+            patience_s=self._pace.patience_s,
         )
-        action = self._action_filter.choose(steady, view, under_way)
         self._note(self._last_used, evidence.node, self._n_proposals)
         return Prediction(
             frame_id=frame_id,
@@ -125,19 +138,39 @@ class Policy:
             node=evidence.node,
             distance=evidence.distance,
             novelty=evidence.novelty,
+            needs_help=self._action_filter.needs_help,
         )
 
-    def learn(self, x: Vector, label: Action) -> None:
-        """Learn one lesson.
+    def learn(self, x: Vector, label: Action, at_s: float | None = None) -> None:
+        """Learn one example.
+
+        Given times, examples less than a tenth of a second after the last are counted but not
+        learned, unless their label is another: they show next to nothing new.
+
+        Args:
+            x: The frame's vector.
+            label: The move.
+            at_s: The frame's teaching time; None: it stands for itself.
 
         Raises:
             ValueError: If the label is none of `moves`, or `x` cannot be learned; nothing changes.
         """
         if label not in self.moves:
             raise ValueError(f"{label!r} is none of the moves {', '.join(self.moves)}")
-        self.learner.learn_one(x, Action(label))
+        if self._is_needed(label, at_s):
+            self.learner.learn_one(x, Action(label))
+        if at_s is not None:
+            self._pace.learn(label, self.features.grey(x), at_s)
         self._n_lessons += 1
         self._note(self._last_taught, self.learner.last_node_, self._n_lessons)
+
+    def _is_needed(self, label: Action, at_s: float | None) -> bool:
+        last, self._last_learned = self._last_learned, None
+        if at_s is None:
+            return True
+        is_needed = last is None or label != last[1] or not 0 <= at_s - last[0] < _THINNED_S
+        self._last_learned = (at_s, str(label)) if is_needed else last
+        return is_needed
 
     def reset(self) -> None:
         """Forget what belongs to one drive: a new drive begins."""
@@ -152,10 +185,11 @@ class Policy:
             "lessons": self._n_lessons,
             "last_taught": {str(node): at for node, at in self._last_taught.items()},
             "name": self.name,
+            "last_learned": self._last_learned,
         }
-        return State(
-            kind=f"policy:{state.kind}", params=params, arrays=state.arrays, labels=state.labels
-        )
+        params["pace"], pace_arrays = self._pace.get_state()
+        arrays = {**state.arrays, **pace_arrays}
+        return State(kind=f"policy:{state.kind}", params=params, arrays=arrays, labels=state.labels)
 
     def set_state(self, state: State) -> None:
         """Become the policy that gave `state`, at the beginning of a drive.
@@ -178,6 +212,11 @@ class Policy:
             State(kind=kind, params=inner, arrays=state.arrays, labels=state.labels)
         )
         self._n_lessons = int(state.params["lessons"])
+        last = state.params.get("last_learned")
+        self._last_learned = None if last is None else (float(last[0]), str(last[1]))
+        self._pace = PilotPace()
+        if "pace" in state.params:  # models of version 0.1 have none
+            self._pace.set_state(state.params["pace"], state.arrays)
         self._n_proposals = 0
         self._last_used = {}
         self._last_taught = {int(k): int(v) for k, v in state.params["last_taught"].items()}

@@ -6,7 +6,6 @@ in closed loop.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -71,7 +70,7 @@ VARIANTS: dict[str, Maker] = {
         "without-inertia": Design(
             action_filter=lambda: ActionFilter(commitment=Commitment(0.0, 0.0))
         ),
-        "without-reflex": Design(action_filter=lambda: ActionFilter(unfamiliar=math.inf)),
+        "without-reflex": Design(action_filter=lambda: ActionFilter(gives_up=False)),
         "grey-alone": Design(features=GreyFeatures, is_linear=False),
         "whole-numbers": Design(is_integer=True),
     }.items()

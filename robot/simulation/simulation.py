@@ -19,6 +19,8 @@ from robot.simulation.world import World
 from robot.types import Action, Pose, Sensors
 
 _LONGEST_STEP_S = 0.02
+DRIFT_S = 1.0
+"""For about so long the wheels drift to one side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +44,10 @@ class Simulation:
         world: Where it is.
         seed: Decides start pose, floor pattern and noise.
         noise: How imperfect it is.
+
+    Attributes:
+        drift_share: Standard deviation of a slow drift of the wheels on straight moves, as a share
+            of their speed: one turns faster, the other slower. 0: none.
     """
 
     def __init__(self, world: World, seed: int = 0, noise: Noise | None = None) -> None:
@@ -51,6 +57,9 @@ class Simulation:
         self._motion_rng, self._sonar_rng, self._pixel_rng = (
             np.random.default_rng((seed, stream)) for stream in range(3)
         )
+        self._drift_rng = np.random.default_rng((seed, 4))
+        self._drift = 0.0
+        self.drift_share = 0.0
         self._renderer: Renderer | None = None
         self._grain: NDArray[np.int16] | None = None
         self._contacts: list[Contact] = []
@@ -126,11 +135,20 @@ class Simulation:
         if self.noise.wheel_share and (left_mps or right_mps):
             slips = self._motion_rng.normal(1.0, self.noise.wheel_share, 2).tolist()
             left_mps, right_mps = left_mps * slips[0], right_mps * slips[1]
+        if self.drift_share and self.action in (Action.FORWARD, Action.BACKWARD):
+            self._drift_on(dt_s)
+            left_mps, right_mps = left_mps * (1 - self._drift), right_mps * (1 + self._drift)
         scale = self.speed_scale
         moved = move(self.pose, left_mps * scale, right_mps * scale, dt_s)
         self.world = move_things(self.world, moved, dt_s)
         self.pose, self._contacts = push_out(self.world, moved)
         self.time_s += dt_s
+
+    def _drift_on(self, dt_s: float) -> None:
+        """Let the drift wander: an Ornstein-Uhlenbeck process of deviation `drift_share`."""
+        share = dt_s / DRIFT_S
+        step = self._drift_rng.normal(0.0, self.drift_share * math.sqrt(2 * share))
+        self._drift += float(step) - share * self._drift
 
     def _start_pose(self) -> Pose:
         start, world = self.world.start, self.world

@@ -83,6 +83,8 @@ test('the most urgent is said first', () => {
   assert.equal(key(page({}, { mode: 'stopped', stop_reason: 'pilot_silent' })), 'stop.pilot_silent');
   assert.equal(key(page({}, { mode: 'stopped', stop_reason: 'pilot_asked' })), null);
   assert.equal(key(page({}, { mode: 'autonomous', asks_pilot: true })), 'asks');
+  const helpless = { mode: 'autonomous', asks_pilot: true, stop_reason: 'needs_help' };
+  assert.equal(key(page({}, helpless)), 'asks_help');
   assert.equal(key(page({}, { link: 'capped' })), 'link.capped');
   assert.equal(key(page({ hint: 'bars', notice: 'choose_first' })), 'choose_first');
   assert.equal(key(page({ hint: 'bars' })), 'hint.bars');

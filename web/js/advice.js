@@ -63,6 +63,7 @@ export function urgentAdvice(page) {
     return { key: `stop.${robot.stop_reason}`, level: 'stop' };
   }
   if (robot.asks_pilot && robot.mode === 'autonomous') {
+    if (robot.stop_reason === 'needs_help') return { key: 'asks_help', level: 'ask' };
     return { key: robot.lessons ? 'asks' : 'asks_empty', level: 'ask' };
   }
   if (robot.mode !== 'stopped' && robot.link !== 'good' && robot.link) return { key: `link.${robot.link}`, level: 'info' };

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from itertools import pairwise
 
 from robot.experiments.metrics.log import DriveLog, DriveSample
 
+STAY_M, STUCK_S = 0.15, 20.0
+"""A robot is stuck that stays within so little for so long: a full turn about one wheel takes
+19.5 s."""
 CELL_M = 0.1
 """Side of the squares in which covered floor is counted."""
 
@@ -56,6 +60,36 @@ def covered_m2(log: DriveLog) -> float:
         for moment in log.moments
     }
     return len(cells) * CELL_M**2
+
+
+def longest_stay_s(log: DriveLog) -> float:
+    """Return the longest time for which the robot's middle stayed within a square of `STAY_M`."""
+    longest_s, start = 0.0, 0
+    xs = [moment.pose.x_m for moment in log.moments]
+    ys = [moment.pose.y_m for moment in log.moments]
+    low_x, high_x, low_y, high_y = (deque[int]() for _ in range(4))
+    for i, moment in enumerate(log.moments):
+        for ends, values, sign in (
+            (low_x, xs, 1),
+            (high_x, xs, -1),
+            (low_y, ys, 1),
+            (high_y, ys, -1),
+        ):
+            while ends and sign * values[ends[-1]] >= sign * values[i]:
+                ends.pop()
+            ends.append(i)
+        while xs[high_x[0]] - xs[low_x[0]] > STAY_M or ys[high_y[0]] - ys[low_y[0]] > STAY_M:
+            start += 1
+            for ends in (low_x, high_x, low_y, high_y):
+                if ends[0] < start:
+                    ends.popleft()
+        longest_s = max(longest_s, moment.now_s - log.moments[start].now_s)
+    return longest_s
+
+
+def is_stuck(log: DriveLog) -> bool:
+    """Return True if the robot stayed in one spot for `STUCK_S` or longer."""
+    return longest_stay_s(log) >= STUCK_S
 
 
 def interventions_per_minute(log: DriveLog) -> float:

@@ -65,6 +65,10 @@ class DriveLog:
         since_s = self.moments[-1].now_s - seconds + 1e-9
         return DriveLog([moment for moment in self.moments if moment.now_s > since_s])
 
+    def actions(self) -> list[Action]:
+        """Return the action of each tick."""
+        return [moment.action for moment in self.moments]
+
     def profile(self) -> Profile:
         """Return the Behavior Profile of the drive."""
         return behavior_profile(

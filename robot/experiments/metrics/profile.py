@@ -10,6 +10,7 @@ moves are named, and `made` gives the same sum over the moves that both made.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -77,3 +78,22 @@ def compare(teacher: Profile, robot: Profile, moves: Sequence[Action]) -> Differ
         never_by_teacher=tuple(move for move in moves if move not in teacher),
         never_by_robot=tuple(move for move in moves if move not in robot),
     )
+
+
+RARE_SHARE = 0.05
+"""A move on fewer of the ticks is rare: a slip taught once and never repeated costs up to 200."""
+
+
+def move_shares(moves: Sequence[Action]) -> dict[Action, float]:
+    """Return each move's share of the ticks on which the robot moved."""
+    counts = Counter(move for move in moves if move is not Action.STOP)
+    return {move: count / counts.total() for move, count in counts.items()}
+
+
+def rare_moves(teacher: Mapping[Action, float], robot: Mapping[Action, float]) -> set[Action]:
+    """Return the moves that both make on less than `RARE_SHARE` of their ticks: told apart."""
+    return {
+        move
+        for move in {*teacher, *robot}
+        if max(teacher.get(move, 0.0), robot.get(move, 0.0)) < RARE_SHARE
+    }

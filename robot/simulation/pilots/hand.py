@@ -7,6 +7,7 @@ the robot after the other half of the delay.
 
 from __future__ import annotations
 
+import math
 import random
 from collections import deque
 from collections.abc import Sequence
@@ -28,13 +29,21 @@ class HumanDelayConfig:
     lapses_per_min: float = 1.0
     """How often the pilot looks away and goes on holding what it held."""
     lapse_s: float = 0.8
+    looks_hz: float = 10.0
+    """How often a second the pilot judges what is on the screen. People see to it 5 to 10 times a
+    second, however many pictures there are."""
+    pauses_per_min: float = 0.0
+    """How often the pilot lets go and thinks; the robot then stands."""
+    pause_s: float = 1.0
     link_delay_s: float = 0.0
     """From picture to screen and from button to robot, together."""
     names_frame: bool = True
     """False: the command names no frame of the screen, but the newest there is."""
 
 
-STEADY = HumanDelayConfig(reaction_s=0.0, tremors_per_min=0.0, lapses_per_min=0.0)
+STEADY = HumanDelayConfig(
+    reaction_s=0.0, tremors_per_min=0.0, lapses_per_min=0.0, looks_hz=math.inf
+)
 """No hand at all: a program on the robot itself."""
 
 
@@ -54,7 +63,7 @@ class HumanDelayModel:
         self._wishes: deque[tuple[float, Action | None]] = deque()
         self._under_way: deque[tuple[float, PilotCommand]] = deque()
         self._held: Action | None = None
-        self._slips_until_s = self._away_until_s = -1.0
+        self._slips_until_s = self._away_until_s = self._pauses_until_s = -1.0
         self._slip: Action | None = None
         self._last_s: float | None = None
         self._seq = 0
@@ -97,6 +106,8 @@ class HumanDelayModel:
         if now_s >= self._away_until_s:
             while self._wishes and self._wishes[0][0] <= now_s + _EPSILON_S:
                 self._held = self._wishes.popleft()[1]
+        if now_s < self._pauses_until_s:
+            return None
         if self._held is not None and now_s < self._slips_until_s:
             return self._slip
         return self._held
@@ -110,3 +121,5 @@ class HumanDelayModel:
             self._slips_until_s, self._slip = now_s + config.tremor_s, other
         if lapse < config.lapses_per_min / 60 * dt_s:
             self._away_until_s = now_s + config.lapse_s
+        if config.pauses_per_min and self._chance.random() < config.pauses_per_min / 60 * dt_s:
+            self._pauses_until_s = now_s + config.pause_s

@@ -57,6 +57,7 @@ class SimulatedPilot:
         self._chance = random.Random(f"{seed} manners")
         self._coming: deque[tuple[Situation, Action | None]] = deque()
         self._screen: Situation | None = None
+        self._looks_at_s = 0.0
         self._holds_since_s: float | None = None
         self._annoyed_since_s: float | None = None
         self._content_since_s: float | None = None
@@ -88,7 +89,9 @@ class SimulatedPilot:
         while self._coming and self._coming[0][0].at_s + half_s <= now_s + _EPSILON_S:
             situation, proposed = self._coming.popleft()
             self._screen = situation
-            self._hand.wish(self._judge(situation, proposed, now_s), now_s)
+            if now_s >= self._looks_at_s - _EPSILON_S:
+                self._looks_at_s = now_s + 1 / self._hand.config.looks_hz
+                self._hand.wish(self._judge(situation, proposed, now_s), now_s)
         if self._screen is not None:
             self._hand.say(self._screen.frame_id, now_s - self._screen.at_s, now_s)
         commands = self._hand.arrived(now_s)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from robot.control.gate import Gate, GateConfig
@@ -162,9 +164,24 @@ def test_a_robot_that_learned_nothing_stands_and_asks() -> None:
     assert (decision.action, decision.asks_pilot) == (Action.STOP, True)
 
 
-def test_a_novel_view_slows_the_robot_and_asks() -> None:
+def test_a_novel_view_slows_a_robot_that_drives_straight_and_asks() -> None:
     gate = started(Mode.AUTONOMOUS)
-    decision = select(gate, 0.1, NOVEL)
-    assert decision.action is Action.LEFT
+    decision = select(gate, 0.1, replace(NOVEL, action=Action.FORWARD))
+    assert decision.action is Action.FORWARD
     assert decision.speed_scale == GateConfig().novel_speed_scale
     assert decision.asks_pilot
+
+
+def test_turning_away_from_a_novel_view_is_never_slow() -> None:
+    gate = started(Mode.AUTONOMOUS)
+    decision = select(gate, 0.1, NOVEL)
+    assert (decision.action, decision.speed_scale) == (Action.LEFT, 1.0)
+    assert decision.asks_pilot
+
+
+def test_a_robot_that_got_nowhere_stands_and_says_so_and_a_hand_is_enough() -> None:
+    gate = started(Mode.AUTONOMOUS)
+    decision = select(gate, 0.1, replace(NOVEL, needs_help=True))
+    assert (decision.action, decision.asks_pilot) == (Action.STOP, True)
+    assert (decision.stop_reason, decision.mode) == (StopReason.NEEDS_HELP, Mode.AUTONOMOUS)
+    assert gate.stop_reason is None

@@ -85,12 +85,20 @@ def test_it_drives_alone_what_it_was_taught_and_a_touch_is_a_lesson() -> None:
     assert robot.step(1, None).decision.driven_by is DrivenBy.ROBOT
 
 
-def robot_that_drives() -> BenchRobot:
-    """A robot that was taught four views, LEFT at the first, and now drives by itself."""
+def robot_that_drives(pushes_s: float = 0.0) -> BenchRobot:
+    """A robot that was taught four views, LEFT at the first, and now drives by itself.
+
+    Three times its pilot drove on for `pushes_s` although the picture stood still.
+    """
     robot = BenchRobot("default-8")
     robot.start(Mode.TRAIN)
     for step in range(40):
         robot.step(step % 4, L if step % 4 == 0 else F)
+    for _ in range(3 if pushes_s else 0):
+        for _ in range(round(pushes_s / 0.05)):
+            robot.step(1, F)
+        for step in range(8):
+            robot.step(step % 4, L if step % 4 == 0 else F)
     robot.start(Mode.AUTONOMOUS, scene=1)
     for step in range(40):
         robot.step(step % 4, None)
@@ -105,10 +113,27 @@ def test_a_robot_that_gains_no_way_tries_another_move_before_a_second_is_over() 
     assert L in sent[5:20]
 
 
-def test_a_robot_that_was_taught_to_push_goes_on_pushing() -> None:
+def test_a_robot_whose_pilot_pushes_goes_on_pushing() -> None:
+    robot = robot_that_drives(pushes_s=2.2)
+    assert {robot.step(1, None).sent for _ in range(60)} == {F}
+
+
+def test_a_robot_gives_up_pushing_on_the_most_familiar_view_if_its_pilot_never_pushed() -> None:
     robot = robot_that_drives()
-    taught_view = 1
-    assert {robot.step(taught_view, None).sent for _ in range(60)} == {F}
+    assert L in {robot.step(1, None).sent for _ in range(20)}
+
+
+def test_a_robot_that_gets_nowhere_asks_and_a_hand_sets_it_going_again() -> None:
+    robot = robot_that_drives()
+    ticks = [robot.step(1, None) for _ in range(round(40 / 0.05))]
+    asking = [tick for tick in ticks if tick.decision.stop_reason is StopReason.NEEDS_HELP]
+    assert asking and all(tick.sent is Action.STOP for tick in asking)
+    assert all(tick.decision.mode is Mode.AUTONOMOUS for tick in ticks)
+    while robot.step(1, None).decision.stop_reason is not StopReason.NEEDS_HELP:
+        pass
+    assert robot.step(2, L).decision.driven_by is DrivenBy.PILOT
+    assert robot.step(2, None).decision.stop_reason is None
+    assert robot.driver.sent[-1][0] in (F, L)
 
 
 @pytest.mark.parametrize("where", ["propose", "send_action"])

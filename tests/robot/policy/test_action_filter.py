@@ -22,6 +22,8 @@ def test_left_and_right_never_follow_each_other():
     assert commitment.choose({F: 0.1, L: 0.5, R: 0.4}) is L
     assert commitment.choose({F: 0.1, L: 0.2, R: 0.7}) is L
     assert commitment.choose({F: 0.5, L: 0.1, R: 0.4}) is F
+    assert commitment.choose({F: 0.1, L: 0.2, R: 0.7}) is L, "one frame straight pays nothing back"
+    commitment.free()
     assert commitment.choose({F: 0.1, L: 0.2, R: 0.7}) is R
 
 

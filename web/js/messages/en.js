@@ -65,6 +65,7 @@ export default {
   emergency: 'Emergency stop. The robot stands until you release it.',
   fault: '{fault}',
   asks: "I don't know this view. Show me.",
+  asks_help: 'I tried and got nowhere. Show me the way out.',
   asks_empty: 'I have learned nothing yet. Hold a direction and show me.',
   viewer: 'You are watching. Somebody else drives.',
   wheel_free: 'Nobody has the wheel.',

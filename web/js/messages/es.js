@@ -65,6 +65,7 @@ export default {
   emergency: 'Parada de emergencia. El robot no se mueve hasta que lo liberes.',
   fault: '{fault}',
   asks: 'No conozco esta vista. Enséñame.',
+  asks_help: 'Lo he intentado y no avanzo. Enséñame la salida.',
   asks_empty: 'Aún no he aprendido nada. Mantén una dirección y enséñame.',
   viewer: 'Estás mirando. Conduce otra persona.',
   wheel_free: 'Nadie tiene el volante.',

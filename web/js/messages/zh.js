@@ -65,6 +65,7 @@ export default {
   emergency: '已急停。解除之前机器人不会动。',
   fault: '{fault}',
   asks: '我不认识这个画面。请教我。',
+  asks_help: '我试过了，走不出去。请带我出去。',
   asks_empty: '我还什么都没学。按住一个方向教我。',
   viewer: '你在观看。别人在驾驶。',
   wheel_free: '现在没有人驾驶。',

@@ -1,0 +1,93 @@
+"""How long the pilot turns and pushes: the measure for how long the robot may.
+
+Learned from the labelled frames and their teaching time alone, so that it is the same again when
+examples are learned again after an undo.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.policy.progress_clock import ProgressClock
+from robot.policy.stall_detector import STRAIGHT, STUCK_S, StillnessMeter
+from robot.types import Action
+
+SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 12.0
+"""Bounds of the debt (`ProgressClock`) that a pilot is taken to allow himself, in seconds."""
+_MEANT = 3
+"""A pilot who pushed so often for so long meant it: once may be a slip."""
+_PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
+_PAUSE_S = 0.45
+"""A longer gap of teaching time between two examples ends a manoeuvre."""
+
+
+class PilotPace:
+    """What a pilot's manoeuvres are like.
+
+    Attributes:
+        longest_debt_s: The largest debt that the pilot's own driving came to, within bounds.
+    """
+
+    def __init__(self) -> None:
+        self.longest_debt_s = SHORTEST_DEBT_S
+        self._pushes_s = [0.0] * _MEANT
+        self._push_s = 0.0
+        self._last_s = 0.0
+        self._clock = ProgressClock()
+        self._stillness = StillnessMeter()
+
+    @property
+    def patience_s(self) -> float:
+        """How long the robot may push: 1.5 times what the pilot did three times or more."""
+        return min(max(STUCK_S, _PATIENCE * min(self._pushes_s)), _LONGEST_PATIENCE_S)
+
+    def learn(self, label: Action, picture: NDArray[np.uint8], at_s: float) -> None:
+        """Take note of one labelled frame.
+
+        Args:
+            label: What the pilot did.
+            picture: The frame in grey, of any one shape.
+            at_s: Its teaching time.
+        """
+        step_s, self._last_s = at_s - self._last_s, at_s
+        if not 0.0 <= step_s <= _PAUSE_S:
+            step_s = 0.0
+            self._end_push()
+            self._clock.reset()
+            self._stillness.reset()
+        is_still = self._stillness.is_still(picture, at_s)
+        if label not in STRAIGHT or is_still is False:
+            self._end_push()
+        elif is_still or self._push_s > 0.0:  # None: too soon to tell
+            self._push_s += step_s
+        self._clock.note(label, at_s, is_stalled=self._push_s > 0.0)
+        debt_s = min(self._clock.debt_s, LONGEST_DEBT_S)
+        self.longest_debt_s = max(self.longest_debt_s, debt_s)
+
+    def _end_push(self) -> None:
+        self._pushes_s = sorted([*self._pushes_s, self._push_s])[-_MEANT:]
+        self._push_s = 0.0
+
+    def get_state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Return all of it as plain values and arrays."""
+        values = {
+            "longest_debt_s": self.longest_debt_s,
+            "pushes_s": list(self._pushes_s),
+            "push_s": self._push_s,
+            "last_s": self._last_s,
+            "clock": self._clock.get_state(),
+            "stillness": self._stillness.get_state(),
+        }
+        before = self._stillness.before
+        return values, {} if before is None else {"pace_picture": before.copy()}
+
+    def set_state(self, values: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
+        """Become the pace that gave these."""
+        self.longest_debt_s = float(values["longest_debt_s"])
+        self._pushes_s = [float(push_s) for push_s in values["pushes_s"]]
+        self._push_s, self._last_s = float(values["push_s"]), float(values["last_s"])
+        self._clock.set_state(values["clock"])
+        self._stillness.set_state(values["stillness"], arrays.get("pace_picture"))

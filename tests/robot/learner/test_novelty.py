@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot.learner.bsoc import BSOC
+from robot.learner.novelty import HELD_OUT, Novelty
+
+
+def filled(lengths):
+    novelty = Novelty()
+    for length in lengths:
+        novelty.learn(length**2)
+    return novelty
+
+
+def test_the_median_is_0_and_about_one_in_fifty_is_1_whatever_the_scale():
+    lengths = np.random.default_rng(0).gamma(3.0, 1.0, 600)
+    for scale in (0.01, 1.0, 1000.0):
+        novelty = filled(scale * lengths)
+        scores = np.array([novelty.score((scale * length) ** 2) for length in lengths])
+        assert np.median(scores) == pytest.approx(0.0, abs=0.02)
+        assert (scores >= 1.0).mean() == pytest.approx(0.018, abs=0.008)
+        assert novelty.score((10 * scale * lengths.max()) ** 2) > 3
+
+
+def test_a_learner_that_has_seen_little_calls_nothing_novel():
+    assert filled([1.0, 2.0, 3.0]).score(1e6) == 0.0
+
+
+def test_its_scale_follows_the_last_examples_alone():
+    novelty = filled([1.0 + 0.01 * (i % 10) for i in range(600)])
+    assert novelty.score(9.0) > 1
+    for i in range(600):
+        novelty.learn((5.0 + 0.1 * (i % 10)) ** 2)
+    assert novelty.score(9.0) == 0.0
+
+
+def test_state_gives_the_same_scores_and_goes_on_the_same():
+    rng = np.random.default_rng(2)
+    one = filled(rng.gamma(3.0, 1.0, 333))
+    other = Novelty()
+    other.set_array(one.get_array())
+    for length in rng.gamma(3.0, 1.0, 50):
+        assert one.score(length**2) == other.score(length**2)
+        one.learn(length**2)
+        other.learn(length**2)
+    assert one.get_array().tolist() == other.get_array().tolist()
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_neighbouring_frames_do_not_count_as_familiar(repeats):
+    """A slow pan: each frame is near the last one, and far from all that lies further back."""
+    cluster = BSOC(64)
+    held, plain = [], []
+    for i in range(200):
+        x = np.zeros(400, np.float32)
+        x[2 * i // repeats : 2 * i // repeats + 40] = 1.0
+        if len(cluster) > 1:
+            plain.append(cluster.lookup(x)[1])
+        cluster.train(x)
+        if i > 2 * HELD_OUT and cluster.last_distance_ is not None:
+            held.append(cluster.last_distance_)
+    assert min(held) > 2 * np.median(plain)

@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot.policy.pilot_pace import LONGEST_DEBT_S, SHORTEST_DEBT_S, PilotPace
+from robot.policy.stall_detector import STUCK_S
+from robot.types import Action
+
+F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
+
+
+class Pilot:
+    """Labelled frames at some rate; pictures of a stripe that moves or stands."""
+
+    def __init__(self, rate_hz=10.0):
+        self.pace, self.dt_s = PilotPace(), 1 / rate_hz
+        self.now_s, self.shift = 0.0, 0.0
+        self.rng = np.random.default_rng(3)
+
+    def drive(self, label, seconds, is_moving=True):
+        for _ in range(round(seconds / self.dt_s)):
+            self.now_s += self.dt_s
+            self.shift += is_moving * 20 * self.dt_s
+            at = int(self.shift) % 30
+            picture = np.full((30, 40), 60, np.uint8)
+            picture[:, at : at + 10] = 180
+            picture += self.rng.integers(0, 4, (30, 40), np.uint8)
+            self.pace.learn(label, picture.ravel(), self.now_s)
+        return self
+
+
+@pytest.mark.parametrize("rate_hz", [5, 10, 15, 30])
+def test_the_longest_manoeuvre_sets_the_measure_at_any_frame_rate(rate_hz):
+    pilot = Pilot(rate_hz).drive(F, 3).drive(L, 5).drive(F, 3).drive(R, 2).drive(F, 2)
+    assert pilot.pace.longest_debt_s == pytest.approx(5.0, abs=0.3)
+
+
+def test_turning_to_and_fro_is_one_manoeuvre_until_it_is_paid_back():
+    pilot = Pilot().drive(F, 2).drive(L, 2).drive(F, 0.6).drive(R, 2)
+    assert pilot.pace.longest_debt_s == pytest.approx(2 - 4 * 0.4 + 2, abs=0.5)
+
+
+def test_the_measure_has_bounds():
+    assert PilotPace().longest_debt_s == SHORTEST_DEBT_S
+    assert Pilot().drive(L, 60).pace.longest_debt_s == LONGEST_DEBT_S
+
+
+def test_one_push_is_a_slip_and_three_are_meant():
+    pilot = Pilot().drive(F, 4)
+    for n_pushes in range(1, 4):
+        pilot.drive(F, 2.0, is_moving=False).drive(L, 1).drive(F, 2)
+        if n_pushes < 3:
+            assert pilot.pace.patience_s == STUCK_S
+    assert pilot.pace.patience_s == pytest.approx(3.0, abs=0.5)
+
+
+def test_corrections_with_pauses_between_them_are_manoeuvres_of_their_own():
+    pilot = Pilot()
+    for _ in range(10):
+        pilot.drive(L, 2.0)
+        pilot.now_s += 0.5  # the most that a pause counts in teaching time
+    assert pilot.pace.longest_debt_s == pytest.approx(2.0, abs=0.3)
+
+
+def test_its_state_goes_on_as_if_nothing_had_been():
+    one, other = Pilot().drive(F, 2).drive(L, 1.3), Pilot()
+    other.pace.set_state(*one.pace.get_state())
+    other.now_s, other.shift, other.rng = one.now_s, one.shift, np.random.default_rng(9)
+    one.rng = np.random.default_rng(9)
+    for pilot in (one, other):
+        pilot.drive(L, 2).drive(F, 2, is_moving=False).drive(R, 4)
+    values, arrays = one.pace.get_state()
+    values_too, arrays_too = other.pace.get_state()
+    assert values == values_too
+    assert arrays.keys() == arrays_too.keys()

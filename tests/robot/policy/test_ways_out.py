@@ -1,0 +1,161 @@
+"""Whatever the votes are, at whatever frame rate: the filter gets somewhere, or asks."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+
+from robot.policy.action_filter import (
+    ALLOWANCE,
+    ASKING_S,
+    HELPLESS_S,
+    STRAIGHT_S,
+    ActionFilter,
+    View,
+)
+from robot.policy.stall_detector import AWAY_S, STUCK_S
+from robot.types import TURNS, Action
+
+F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
+MOVES = (F, L, R)
+
+
+class Body:
+    """A robot of which only this is known: does driving straight have an effect?"""
+
+    def __init__(self, rate_hz: float, longest_debt_s: float = 4.0, patience_s: float = STUCK_S):
+        self.filter = ActionFilter()
+        self.dt_s = 1 / rate_hz
+        self.now_s = 100.0
+        self.shift = 0.0
+        self.doing: Action | None = Action.STOP
+        self.longest_debt_s, self.patience_s = longest_debt_s, patience_s
+        self.sent: list[tuple[Action, bool]] = []
+        self._rng = np.random.default_rng(1)
+        self._wall = self._rng.integers(0, 200, 400, np.uint8)
+
+    def step(self, votes: dict[Action, float], *, is_free: bool = True) -> Action:
+        """Let a frame's time pass under the last move, and choose the next."""
+        self.now_s += self.dt_s
+        if self.doing in TURNS or (self.doing is F and is_free):
+            self.shift += 40 * self.dt_s
+        at = int(self.shift) % 300
+        noise = self._rng.integers(0, 4, (30, 40), np.uint8)
+        picture = np.tile(self._wall[at : at + 40], (30, 1)) + noise
+        action = self.filter.choose(
+            self.filter.average(votes, self.now_s),
+            View(picture=picture, at_s=self.now_s, bumped=False),
+            self.doing,
+            longest_debt_s=self.longest_debt_s,
+            patience_s=self.patience_s,
+        )
+        self.doing = Action.STOP if self.filter.needs_help else action
+        self.sent.append((self.doing, is_free))
+        return self.doing
+
+    def run(self, seconds: float, votes, *, is_free: bool = True) -> list[Action]:
+        """Go on for a while; `votes` is a dict or a function of the time in seconds."""
+        start_s = self.now_s
+        return [
+            self.step(votes(self.now_s - start_s) if callable(votes) else votes, is_free=is_free)
+            for _ in range(round(seconds / self.dt_s))
+        ]
+
+
+def voted(action: Action, share: float = 1.0) -> dict[Action, float]:
+    return {move: share if move is action else (1 - share) / 2 for move in MOVES}
+
+
+@pytest.mark.parametrize("rate_hz", [5, 10, 15, 30, 60])
+@pytest.mark.parametrize("is_free", [True, False])
+@pytest.mark.parametrize("seed", range(12))
+def test_no_votes_keep_it_in_one_place_for_ever(rate_hz, is_free, seed):
+    chance = random.Random(f"{seed} {is_free}")
+    period_s = 0.05 * 160 ** chance.random()
+    pattern = [
+        (chance.choice(MOVES), chance.uniform(0.34, 1.0)) for _ in range(chance.randint(1, 6))
+    ]
+    body = Body(rate_hz)
+    body.run(90.0, lambda t: voted(*pattern[int(t / period_s) % len(pattern)]), is_free=is_free)
+    idle_s = longest_s = 0.0
+    for action, free in body.sent:
+        is_way = action is F and free
+        idle_s = 0.0 if is_way or action is Action.STOP else idle_s + body.dt_s
+        longest_s = max(longest_s, idle_s)
+    bound_s = 2 * (2 * ALLOWANCE * body.longest_debt_s + HELPLESS_S + ASKING_S)
+    assert longest_s < bound_s
+    asked = any(action is Action.STOP for action, _ in body.sent)
+    assert asked or is_free, "behind a wall nothing helps but a hand"
+
+
+@pytest.mark.parametrize("rate_hz", [5, 10, 15, 30, 60])
+def test_a_turn_that_the_votes_would_never_end_ends_by_the_pilots_own_measure(rate_hz):
+    body = Body(rate_hz, longest_debt_s=4.0)
+    sent = body.run(30.0, voted(L, 0.8))
+    first_straight_s = sent.index(F) / rate_hz
+    assert 4.0 * ALLOWANCE < first_straight_s < 4.0 * ALLOWANCE * 2.1
+
+
+@pytest.mark.parametrize("rate_hz", [10, 30])
+def test_a_pilot_of_long_turns_is_given_more_time(rate_hz):
+    patient, hasty = Body(rate_hz, longest_debt_s=10.0), Body(rate_hz, longest_debt_s=2.0)
+    ends = [body.run(40.0, voted(L, 0.8)).index(F) for body in (patient, hasty)]
+    assert ends[0] > 3 * ends[1]
+
+
+@pytest.mark.parametrize("rate_hz", [10, 15, 30])
+def test_the_opposite_turn_waits_until_the_turn_is_paid_back(rate_hz):
+    body = Body(rate_hz)
+    body.run(3.0, voted(L))
+    sent = body.run(6.0, lambda t: voted(F) if t % 0.5 < 0.12 else voted(R))
+    first = sent.index(R)
+    straight_s = sum(action is F for action in sent[:first]) / rate_hz
+    assert straight_s >= STRAIGHT_S - 2 / rate_hz
+
+
+@pytest.mark.parametrize("rate_hz", [10, 15, 30])
+@pytest.mark.parametrize("share", [0.5, 0.7, 0.9, 0.999])
+def test_no_push_is_longer_than_the_pilot_ever_pushed(rate_hz, share):
+    body = Body(rate_hz)
+    body.run(3.0, voted(F))
+    sent = body.run(10.0, voted(F, share), is_free=False)
+    longest = max(len(run) for run in "".join("F" if a is F else " " for a in sent).split())
+    assert longest / rate_hz <= STUCK_S + 0.4
+    assert AWAY_S > STUCK_S
+
+
+def test_a_robot_that_was_taught_no_other_move_asks_rather_than_push():
+    body = Body(10.0)
+    body.run(3.0, {F: 1.0, L: 0.0, R: 0.0})
+    sent = body.run(3.0, {F: 1.0, L: 0.0, R: 0.0}, is_free=False)
+    assert sent.index(Action.STOP) / 10 <= STUCK_S + 0.4
+
+
+def test_a_pilot_who_pushes_is_understood():
+    body = Body(10.0, patience_s=3.0)
+    body.run(3.0, voted(F))
+    sent = body.run(2.8, voted(F, 0.9), is_free=False)
+    assert set(sent) == {F}
+
+
+def test_after_a_while_without_a_hand_it_tries_again():
+    body = Body(10.0)
+    sent = body.run(80.0, voted(L), is_free=False)
+    asking = [i for i, action in enumerate(sent) if action is Action.STOP]
+    assert asking
+    after = sent[asking[0] :]
+    again = next(i for i, action in enumerate(after) if action is not Action.STOP)
+    assert again / 10 == pytest.approx(ASKING_S, abs=0.3)
+
+
+def test_what_the_pilot_does_is_not_judged():
+    body = Body(10.0)
+    for _ in range(600):
+        body.doing = None
+        assert body.step(voted(L)) is L
+    assert not body.filter.needs_help
+    body.doing = None
+    body.step(voted(R))
+    assert body.step(voted(R)) is R
