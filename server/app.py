@@ -55,6 +55,7 @@ def create_app(services: Services) -> FastAPI:
         limits=config.limits,
         access=access,
         refused=services.turned_away,
+        door=services.door,
         clock=services.robot.clock,
     )
     return app

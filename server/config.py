@@ -33,7 +33,14 @@ class Limits:
     idle_s: float = 30.0
     """A client that says nothing for so long is shown out."""
     pairing_failures: int = 10
-    """Wrong tokens in a minute, of all addresses together, before pairing pauses."""
+    """Wrong tokens of one address in a minute before it is told to wait. The right token is
+    admitted even then."""
+    strangers: int = 128
+    """Connections of all that were not admitted yet."""
+    strangers_per_address: int = 32
+    """The same of one address: of IPv6, of one network of 64 bits."""
+    stranger_s: float = 5.0
+    """Such a connection is closed so long after its last whole request."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,9 +12,11 @@ from robot.rig.rig import Rig
 from server.clients.hub import Hub
 from server.config import Config
 from server.events import EventBus
+from server.hosting.listener import connection_capacity
 from server.identity import IdentityFile
 from server.persistence import Persistence
 from server.progress import Progress
+from server.security.door import Door
 from server.security.pairing import Pairing
 from server.study import Study
 
@@ -33,6 +35,7 @@ class Services:
         study: The guided study.
         persistence: Models and recordings; None where nothing is kept.
         pairing: Who was let in; None lets in whoever can reach the port.
+        door: Which connections may stay before they are admitted.
         turned_away: How many requests the guard refused, by reason.
     """
 
@@ -45,6 +48,7 @@ class Services:
     study: Study
     persistence: Persistence | None = None
     pairing: Pairing | None = None
+    door: Door
     turned_away: Counter[str] = field(default_factory=Counter)
 
 
@@ -85,6 +89,7 @@ def make_services(
         study=Study(robot.loop, robot.clock, events.publish, recording),
         persistence=persistence,
         pairing=pairing,
+        door=Door(config.limits, connection_capacity()),
     )
 
 

@@ -175,8 +175,7 @@ class Hub:
                 protocol.encode_words("pong", client_ms=word.client_ms, server_ms=self.now_ms())
             )
         elif isinstance(word, protocol.Stop):
-            loop.latch_emergency()
-            log.warning("emergency client=%s", page.client)
+            self.stop_at_once(page.client)
         elif isinstance(word, protocol.Release):
             self._require_wheel(page)
             loop.release_emergency()
@@ -185,6 +184,11 @@ class Hub:
             self._obey_take(page, now_s)
         elif self.lease.give_up(page.client, now_s):
             self._change_hands()
+
+    def stop_at_once(self, client: str) -> None:
+        """Latch the emergency stop, whoever asks."""
+        self.robot.loop.latch_emergency()
+        log.warning("emergency client=%s", client)
 
     def _obey_mode(self, page: Client, word: protocol.ModeMessage, now_s: float) -> None:
         page.order.check(word.seq)

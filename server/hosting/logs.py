@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import logging
 import time
+from collections import OrderedDict
+
+_KINDS = 256
+"""Of how many kinds of line the pace is remembered."""
 
 
 class OneLine(logging.Formatter):
@@ -17,10 +21,40 @@ class OneLine(logging.Formatter):
         return super().format(record).replace("\r", "\\r").replace("\n", "\\n")
 
 
+class RepeatFilter(logging.Filter):
+    """Lets through a few lines of one kind a minute, and says how many it left out.
+
+    A kind is a logger, a level and a message before its values are filled in. A stranger can
+    cause any number of some lines; they must not fill the disk of the robot.
+    """
+
+    def __init__(self, most: int = 5, window_s: float = 60.0) -> None:
+        super().__init__()
+        self._most, self._window_s = most, window_s
+        self._seen: OrderedDict[tuple[str, int, str], tuple[float, int]] = OrderedDict()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return False for a line too many; see `logging.Filter`."""
+        if record.levelno < logging.WARNING:
+            return True
+        kind = (record.name, record.levelno, str(record.msg)[:80])
+        began_s, count = self._seen.pop(kind, (record.created, 0))
+        left_out = 0
+        if not 0 <= record.created - began_s < self._window_s:
+            left_out, began_s, count = max(0, count - self._most), record.created, 0
+        self._seen[kind] = (began_s, count + 1)
+        while len(self._seen) > _KINDS:
+            self._seen.popitem(last=False)
+        if left_out:
+            record.msg = f"{record.msg} (and {left_out} more like it)"
+        return count < self._most
+
+
 def start_logging(*, verbose: bool) -> None:
     """Log to standard error, which leaves standard output to the person."""
     handler = logging.StreamHandler()
     handler.setFormatter(OneLine("%(asctime)sZ %(levelname)s %(name)s %(message)s"))
+    handler.addFilter(RepeatFilter())
     logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, handlers=[handler])
     for noisy in ("asyncio", "zeroconf", "websockets", "uvicorn"):
         logging.getLogger(noisy).setLevel(logging.WARNING)

@@ -10,6 +10,7 @@ from typing import Any
 
 from robot.errors import ConfigurationError
 from server.config import Config
+from server.hosting.listener import DoorListener
 from server.security.certificates import Certificates
 
 MAX_MESSAGE_BYTES = 65_536
@@ -58,6 +59,8 @@ def uvicorn_settings(certificates: Certificates | None = None) -> dict[str, Any]
         "ws_ping_timeout": 20.0,
         "http": "h11",
         "access_log": False,
+        # Who sends X-Forwarded-For could say that it comes from anywhere.
+        "proxy_headers": False,
         "log_config": None,
         "log_level": "warning",
         "server_header": False,
@@ -71,8 +74,13 @@ def serve(app: Any, listener: socket.socket, certificates: Certificates | None =
     import uvicorn
 
     server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(certificates)))
-    with contextlib.closing(listener):
-        asyncio.run(server.serve(sockets=[listener]))
+    with contextlib.closing(_behind_door(app, listener)) as guarded:
+        asyncio.run(server.serve(sockets=[guarded]))
+
+
+def _behind_door(app: Any, listener: socket.socket) -> DoorListener:
+    services = app.state.services
+    return DoorListener.behind(services.door, listener, services.robot.clock)
 
 
 @contextlib.contextmanager
@@ -82,7 +90,7 @@ def served(app: Any, config: Config, certificates: Certificates | None = None) -
 
     import uvicorn
 
-    listener = open_socket(config.host, config.port)
+    listener = _behind_door(app, open_socket(config.host, config.port))
     server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(certificates)))
     thread = threading.Thread(
         target=lambda: asyncio.run(server.serve(sockets=[listener])), name="server"

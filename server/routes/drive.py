@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, WebSocket
+from fastapi import APIRouter, Depends, WebSocket
+from starlette.requests import Request
 
 from robot.clock import Clock
 from server.clients.client import Client
 from server.clients.hub import Hub
 from server.protocol import ErrorCode, ProtocolError
 from server.routes.sockets import end_with_either, received
-from server.security.guard import role_of
+from server.security.guard import STOP_PATH, require_viewer, role_of
 from server.services import services_of
 
 router = APIRouter()
+
+
+@router.post(STOP_PATH, dependencies=[Depends(require_viewer)])
+async def stop(request: Request) -> dict[str, bool]:
+    """Latch the emergency stop: for a page whose websocket is away. Whoever was let in may."""
+    services_of(request).hub.stop_at_once("http")
+    return {"emergency": True}
 
 
 @router.websocket("/ws/drive")

@@ -8,6 +8,7 @@ from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import FileResponse, JSONResponse, Response
 
 from server.security.access import Refusal, session_of
+from server.security.guard import address_of
 from server.security.pairing import Pairing, cookie_name
 from server.services import services_of
 
@@ -33,7 +34,7 @@ async def pair(request: Request) -> JSONResponse:
         raise HTTPException(400, 'The body must be {"token": "..."}.') from error
     if not isinstance(token, str):
         raise HTTPException(400, "The token must be text.")
-    result = pairing.redeem(token, services_of(request).robot.clock.now_s())
+    result = pairing.redeem(token, services_of(request).robot.clock.now_s(), address_of(request))
     if isinstance(result, Refusal):
         return JSONResponse(
             {"error": result.reason, "detail": result.sentence}, status_code=result.status

@@ -49,6 +49,14 @@ class Refusal:
     """Where to go instead."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Session:
+    """Who was let in: what it may do, and a name to count it by; "" where nobody is paired."""
+
+    role: Role
+    name: str = ""
+
+
 class Sessions(Protocol):
     """What knows the sessions: `server.security.pairing.Pairing`."""
 
@@ -82,11 +90,13 @@ class Access:
             status=421, reason="host", sentence="This robot does not answer to that name."
         )
 
-    def check_origin(self, headers: Mapping[str, str], scheme: str) -> Refusal | None:
+    def check_origin(
+        self, headers: Mapping[str, str], scheme: str, method: str | None
+    ) -> Refusal | None:
         """Refuse what a page of another site has sent.
 
         Browsers cannot be made to lie about it; programs send neither header, and can send what
-        they like anyway.
+        they like anyway. `method` is the request's, None for a websocket.
         """
         origin = headers.get("origin")
         if origin is not None:
@@ -95,13 +105,21 @@ class Access:
             is_ours = (
                 headers.get("sec-fetch-site", "none") in ("none", "same-origin")
                 # A person followed a link: the page may be opened so, but not framed.
-                or headers.get("sec-fetch-mode") == "navigate"
+                or (method in ("GET", "HEAD") and headers.get("sec-fetch-mode") == "navigate")
             )
         if is_ours:
             return None
         return Refusal(
             status=403, reason="origin", sentence="This was asked by a page of another site."
         )
+
+    def session_of(self, headers: Mapping[str, str]) -> Session | None:
+        """Return who sends this; None for a browser that was not paired."""
+        if self.sessions is None:
+            return Session(role=Role.PILOT)
+        secret = session_of(headers, self.cookie)
+        role = self.sessions.role_of(secret)
+        return None if role is None else Session(role=role, name=f"session {secret}")
 
     def admit(self, path: str, headers: Mapping[str, str], address: str) -> Role | Refusal:
         """Return what the browser may do, or why it stays outside."""

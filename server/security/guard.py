@@ -6,6 +6,7 @@ headers that keep the page to itself. Routes that change something also ask `req
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import re
@@ -14,12 +15,13 @@ from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any
 
 from fastapi import HTTPException
-from starlette.requests import HTTPConnection, Request
+from starlette.requests import ClientDisconnect, HTTPConnection, Request
 
 from robot.clock import Clock
 from server.clients.flow_control import Pace
 from server.config import Limits
 from server.security.access import Access, Refusal, Role
+from server.security.door import Door, address_key
 
 log = logging.getLogger(__name__)
 
@@ -29,6 +31,8 @@ Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
+STOP_PATH = "/api/stop"
+"""The emergency stop for a page whose websocket is away."""
 _ROLE = "drivelesson.role"
 _UPLOADS = re.compile(r"/api/models/[^/]+/file")
 """Paths whose bodies may be as large as a model."""
@@ -40,6 +44,11 @@ def role_of(connection: HTTPConnection) -> Role:
     """Return what the browser behind a request or websocket may do."""
     role = connection.scope.get(_ROLE)
     return role if isinstance(role, Role) else Role.VIEWER
+
+
+def address_of(connection: HTTPConnection) -> str:
+    """Return the address of the other side; empty if it is not known."""
+    return connection.client.host if connection.client else ""
 
 
 def require_viewer(request: Request) -> Role:
@@ -58,10 +67,17 @@ class Guard:
     """ASGI middleware around the whole application."""
 
     def __init__(
-        self, app: App, limits: Limits, access: Access, refused: Counter[str], clock: Clock
+        self,
+        app: App,
+        limits: Limits,
+        access: Access,
+        refused: Counter[str],
+        clock: Clock,
+        door: Door,
     ) -> None:
         self._app = app
         self._clock = clock
+        self._door = door
         self._limits = limits
         self._access = access
         self._refused = refused
@@ -89,17 +105,28 @@ class Guard:
     def _judge(self, scope: Scope, headers: dict[str, str]) -> Role | Refusal:
         scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
         address = scope["client"][0] if scope.get("client") else ""
-        access = self._access
-        refusal = access.check_host(headers) or access.check_origin(headers, scheme)
-        refusal = refusal or self._check_limits(scope, headers, address)
+        access, method = self._access, scope.get("method")
+        if scope.get("client"):
+            self._door.asked(tuple(scope["client"]), self._clock.now_s())
+        refusal = access.check_host(headers) or access.check_origin(headers, scheme, method)
+        if refusal is not None:
+            return refusal
+        session = access.session_of(headers)
+        if session is not None and scope.get("client"):
+            self._door.admit(tuple(scope["client"]))
+        if scope["path"] == STOP_PATH and session is not None:
+            return session.role  # a stop passes before all limits
+        # Who was paired has a pace of its own: strangers at the same address use up none of it.
+        payer = session.name if session is not None and session.name else address_key(address)
+        refusal = self._check_limits(scope, headers, payer)
         return refusal or access.admit(scope["path"], headers, address)
 
-    def _check_limits(self, scope: Scope, headers: dict[str, str], address: str) -> Refusal | None:
+    def _check_limits(self, scope: Scope, headers: dict[str, str], payer: str) -> Refusal | None:
         if "\0" in scope["path"]:
             return Refusal(status=400, reason="path", sentence="No page has such an address.")
         if scope["type"] == "websocket" and self._open_sockets >= self._limits.clients:
             return Refusal(status=503, reason="clients", sentence="Too many pages are open.")
-        if not self._pace(address).allows(self._clock.now_s()):
+        if not self._pace(payer).allows(self._clock.now_s()):
             return Refusal(status=429, reason="rate", sentence="Too many requests; wait a little.")
         length = headers.get("content-length", "0")
         if not length.isdecimal() or int(length[:20]) > self._most_bytes(scope):
@@ -110,11 +137,11 @@ class Guard:
         is_upload = scope["type"] == "http" and _UPLOADS.fullmatch(scope["path"])
         return self._limits.upload_bytes if is_upload else self._limits.body_bytes
 
-    def _pace(self, address: str) -> Pace:
-        pace = self._paces.pop(address, None) or Pace(
+    def _pace(self, payer: str) -> Pace:
+        pace = self._paces.pop(payer, None) or Pace(
             per_second=self._limits.requests_per_second, burst=self._limits.requests_burst
         )
-        self._paces[address] = pace
+        self._paces[payer] = pace
         if len(self._paces) > _ADDRESSES:
             self._paces.popitem(last=False)
         return pace
@@ -138,7 +165,8 @@ class Guard:
                 message["headers"] = [*message.get("headers", []), *added]
             await send(message)
 
-        await self._app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
+        with contextlib.suppress(ClientDisconnect):  # gone in the middle of its body
+            await self._app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
 
 
 def _limited(receive: Receive, most: int) -> Receive:

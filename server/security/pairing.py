@@ -12,13 +12,14 @@ import json
 import logging
 import os
 import secrets
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from server.config import Config
 from server.security.access import Refusal, Role
+from server.security.door import address_key
 
 log = logging.getLogger(__name__)
 
@@ -26,6 +27,8 @@ _ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """No letter or digit that could be taken for another."""
 _TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
 _SESSIONS = 64
+_ADDRESSES = 1024
+"""Of how many addresses failures are remembered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +51,7 @@ class Pairing:
     """The tokens that may be redeemed now, and the sessions that were.
 
     Args:
-        failures_a_minute: Wrong tokens, of everybody together, before redeeming pauses.
+        failures_a_minute: Wrong tokens of one address before it is told to wait.
         file: Where sessions outlive a restart; None for nowhere.
         on_token: Told of each new token, with its role: for the terminal.
     """
@@ -60,25 +63,28 @@ class Pairing:
         on_token: Callable[[Role, str], None] = lambda role, token: None,
     ) -> None:
         self._failures_a_minute = failures_a_minute
-        self._failed_s: deque[float] = deque(maxlen=failures_a_minute)
+        self._failed_s: OrderedDict[str, deque[float]] = OrderedDict()
         self._file = file
         self._on_token = on_token
         self._sessions: dict[str, Role] = _load(file) if file else {}
         self.tokens: dict[Role, str] = {role: _new_token() for role in Role}
 
-    def redeem(self, token: str, now_s: float) -> Paired | Refusal:
-        """Turn a token into a session. Each token works once; then there is another."""
-        if self._must_wait(now_s):
+    def redeem(self, token: str, now_s: float, address: str = "") -> Paired | Refusal:
+        """Turn a token into a session. Each token works once; then there is another.
+
+        The right token is admitted whatever came before: a stranger who tries wrong ones keeps
+        nobody out, and 78 bits are not guessed at any pace that the guard allows.
+        """
+        given = "".join(letter for letter in token.upper()[:64] if letter in _ALPHABET)
+        for role, wanted in self.tokens.items():
+            if hmac.compare_digest(given.encode(), wanted.replace("-", "").encode()):
+                return self._let_in(role)
+        if self._must_wait(now_s, address_key(address)):
             return Refusal(
                 status=429,
                 reason="pairing_rate",
                 sentence="Too many wrong tokens. Wait a minute and try again.",
             )
-        given = "".join(letter for letter in token.upper()[:64] if letter in _ALPHABET)
-        for role, wanted in self.tokens.items():
-            if hmac.compare_digest(given.encode(), wanted.replace("-", "").encode()):
-                return self._let_in(role)
-        self._failed_s.append(now_s)
         log.warning("pairing refused")
         return Refusal(
             status=403,
@@ -95,10 +101,20 @@ class Pairing:
         if self._sessions.pop(_hash(secret), None) is not None:
             self._save()
 
-    def _must_wait(self, now_s: float) -> bool:
-        while self._failed_s and now_s - self._failed_s[0] > 60:
-            self._failed_s.popleft()
-        return len(self._failed_s) >= self._failures_a_minute
+    def _must_wait(self, now_s: float, address: str) -> bool:
+        """Take note of a wrong token; True if there were too many from this address before."""
+        failed_s = self._failed_s.pop(address, None)
+        if failed_s is None:
+            failed_s = deque(maxlen=self._failures_a_minute)
+        self._failed_s[address] = failed_s
+        while len(self._failed_s) > _ADDRESSES:
+            self._failed_s.popitem(last=False)
+        while failed_s and now_s - failed_s[0] > 60:
+            failed_s.popleft()
+        if len(failed_s) >= self._failures_a_minute:
+            return True
+        failed_s.append(now_s)
+        return False
 
     def _let_in(self, role: Role) -> Paired:
         secret = secrets.token_urlsafe(32)

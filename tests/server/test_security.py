@@ -259,7 +259,7 @@ def test_guessing_tokens_is_soon_refused(lan: LiveServer) -> None:
     statuses = [httpx.post(lan.address + "/api/pair", json=guess).status_code for _ in range(4)]
     assert statuses == [403, 403, 403, 429]
     right = {"token": _pairing(lan).tokens[Role.PILOT]}
-    assert httpx.post(lan.address + "/api/pair", json=right).status_code == 429
+    assert httpx.post(lan.address + "/api/pair", json=right).status_code == 200
 
 
 @pytest.mark.parametrize("body", [b"", b"[]", b'{"token": 1}', b"\xff", b"[" * 100_000])

@@ -1,0 +1,139 @@
+"""A listening socket with a door: connections are counted where they are accepted.
+
+It works below TLS and HTTP, so a handshake that never ends is counted too, and with every version
+of uvicorn and asyncio.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import os
+import socket
+import struct
+from typing import Any
+
+from robot.clock import Clock
+from server.security.door import Door, Peer
+
+_AT_ONCE = 64
+"""Connections accepted before other work gets its turn."""
+_KEPT_BACK = 128
+"""Descriptors that connections never take: for files, cameras and the brick."""
+_MOST_CONNECTIONS = 512
+_SWEEP_S = 1.0
+_RESET = struct.pack("ii", 1, 0)
+_EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+
+
+def connection_capacity() -> int:
+    """Return how many connections this process may have, by the descriptors it may open."""
+    try:
+        import resource
+    except ImportError:  # Windows counts handles, and allows many
+        return _MOST_CONNECTIONS
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return max(32, min(_MOST_CONNECTIONS, soft - _KEPT_BACK))
+
+
+class DoorListener(socket.socket):
+    """Asks the door about each connection that it accepts. Made by `behind`."""
+
+    door: Door
+    clock: Clock
+
+    @classmethod
+    def behind(cls, door: Door, listener: socket.socket, clock: Clock) -> DoorListener:
+        """Return a listener in place of `listener`, which is used up."""
+        own = cls(listener.family, listener.type, listener.proto, fileno=listener.detach())
+        own.door, own.clock = door, clock
+        own._left_now = _AT_ONCE
+        own._spare = os.open(os.devnull, os.O_RDONLY)
+        own._is_sweeping = False
+        return own
+
+    _left_now: int
+    _spare: int | None
+    _is_sweeping: bool
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """Accept the next connection that may come in; see `socket.socket.accept`.
+
+        Raises:
+            BlockingIOError: If there is none, or enough were accepted for now.
+        """
+        self._start_sweeping()
+        while self._left_now > 0:
+            self._left_now -= 1
+            try:
+                plain, address = super().accept()
+            except OSError as error:
+                if error.errno in _EXHAUSTED:
+                    self._turn_one_away()
+                    continue
+                self._left_now = _AT_ONCE
+                raise
+            peer = (str(address[0]), int(address[1]))
+            connection = _Connection(plain.family, plain.type, plain.proto, fileno=plain.detach())
+            if self.door.arrive(peer, self.clock.now_s(), connection.abort):
+                connection.door, connection.peer = self.door, peer
+                return connection, address
+            connection.abort()
+            connection.close()
+        self._left_now = _AT_ONCE
+        raise BlockingIOError(errno.EAGAIN, "enough for now")
+
+    def close(self) -> None:
+        """Stop listening."""
+        super().close()
+        if self._spare is not None:
+            os.close(self._spare)
+            self._spare = None
+
+    def _turn_one_away(self) -> None:
+        """Take the next connection off the queue with the spare descriptor, and end it: left in
+        the queue it would wake this process without end."""
+        if self._spare is not None:
+            os.close(self._spare)
+            self._spare = None
+        with contextlib.suppress(OSError):
+            super().accept()[0].close()
+        with contextlib.suppress(OSError):
+            self._spare = os.open(os.devnull, os.O_RDONLY)
+
+    def _start_sweeping(self) -> None:
+        if self._is_sweeping:
+            return
+        self._is_sweeping = True
+        event_loop = asyncio.get_running_loop()
+
+        def sweep() -> None:
+            self.door.expire(self.clock.now_s())
+            if self.door.open and self.fileno() >= 0:
+                event_loop.call_later(_SWEEP_S / 2, sweep)
+            else:
+                self._is_sweeping = False
+
+        event_loop.call_later(_SWEEP_S / 2, sweep)
+
+
+class _Connection(socket.socket):
+    """An accepted socket that says when it is closed."""
+
+    door: Door | None = None
+    peer: Peer = ("", 0)
+
+    def abort(self) -> None:
+        """Have both sides see the end at once; whoever owns this socket closes it then."""
+        with contextlib.suppress(OSError):
+            self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
+        with contextlib.suppress(OSError):
+            self.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        """Close it."""
+        super().close()
+        if self.door is not None:
+            door, self.door = self.door, None
+            door.left(self.peer)

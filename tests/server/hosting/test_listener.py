@@ -1,0 +1,113 @@
+"""The listening socket: counts, back-off, and what happens when descriptors run out."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+from typing import Any
+
+import pytest
+
+from robot.clock import ManualClock
+from server.config import Limits
+from server.hosting.listener import DoorListener
+from server.hosting.serving import open_socket
+from server.security.door import Door
+
+
+def _listener(door: Door) -> DoorListener:
+    listener = DoorListener.behind(door, open_socket("127.0.0.1", 0), ManualClock())
+    listener.setblocking(False)
+    return listener
+
+
+async def _accept_all(listener: DoorListener) -> list[socket.socket]:
+    accepted = []
+    while True:
+        try:
+            accepted.append(listener.accept()[0])
+        except BlockingIOError:
+            return accepted
+
+
+def test_a_connection_is_counted_from_accept_to_close() -> None:
+    door = Door(Limits(), 10)
+
+    async def scenario() -> None:
+        listener = _listener(door)
+        with socket.create_connection(listener.getsockname()):
+            (connection,) = await _accept_all(listener)
+            assert door.open == 1
+            connection.close()
+            assert door.open == 0
+        listener.close()
+
+    asyncio.run(scenario())
+
+
+def test_a_stranger_that_is_pushed_out_sees_the_end() -> None:
+    door = Door(Limits(strangers_per_address=1), 10)
+
+    async def scenario() -> None:
+        listener = _listener(door)
+        address = listener.getsockname()
+        with socket.create_connection(address) as first, socket.create_connection(address):
+            accepted = await _accept_all(listener)
+            assert len(accepted) == 2 and door.open == 1
+            first.settimeout(5)
+            accepted[0].close()
+            try:
+                end = first.recv(1)
+            except ConnectionResetError:
+                end = b""
+            assert end == b""
+            accepted[1].close()
+        listener.close()
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.parametrize("number", [errno.EMFILE, errno.ENFILE])
+def test_without_descriptors_it_turns_away_and_does_not_spin(
+    number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    door = Door(Limits(), 10)
+    real = socket.socket.accept
+    failures = iter([True, False, True, False])
+
+    def failing(self: socket.socket) -> Any:
+        if next(failures, False):
+            raise OSError(number, "too many")
+        return real(self)
+
+    async def scenario() -> None:
+        listener = _listener(door)
+        address = listener.getsockname()
+        with socket.create_connection(address) as one, socket.create_connection(address) as two:
+            monkeypatch.setattr(socket.socket, "accept", failing)
+            assert await _accept_all(listener) == []
+            monkeypatch.undo()
+            for client in (one, two):
+                client.settimeout(5)
+                assert client.recv(1) == b"", "it was turned away, not left waiting"
+        listener.close()
+
+    asyncio.run(scenario())
+
+
+def test_after_many_it_lets_others_work() -> None:
+    door = Door(Limits(strangers_per_address=500, strangers=500), 500)
+
+    async def scenario() -> None:
+        listener = _listener(door)
+        clients = [socket.create_connection(listener.getsockname()) for _ in range(100)]
+        first = await _accept_all(listener)
+        second = await _accept_all(listener)
+        assert 0 < len(first) < 100 and len(first) + len(second) == 100
+        for one in [*clients, *first, *second]:
+            one.close()
+        assert door.open == 0
+        listener.close()
+
+    asyncio.run(scenario())

@@ -1,0 +1,90 @@
+"""Whatever strangers do: bounds hold, and who was admitted stays."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from server.config import Limits
+from server.security.door import Door, Peer, address_key
+
+LIMITS = Limits(strangers=6, strangers_per_address=3, stranger_s=5.0)
+ADDRESSES = ("10.0.0.1", "10.0.0.2", "fe80::1", "fe80::2", "2001:db8::1")
+STEPS = st.lists(
+    st.tuples(
+        st.sampled_from(["arrive", "asked", "admit", "leave", "wait"]),
+        st.sampled_from(ADDRESSES),
+        st.integers(1, 8),
+    ),
+    max_size=120,
+)
+
+
+@given(STEPS, st.integers(1, 12))
+def test_bounds_hold_and_the_admitted_stay(
+    steps: list[tuple[str, str, int]], capacity: int
+) -> None:
+    door, now_s = Door(LIMITS, capacity), 0.0
+    strangers: dict[Peer, float] = {}
+    admitted: set[Peer] = set()
+
+    for what, address, port in steps:
+        peer = (address, port)
+        if what == "arrive" and peer not in strangers and peer not in admitted:
+
+            def close(peer: Peer = peer) -> None:
+                assert peer not in admitted, "who was admitted is shown out"
+                del strangers[peer]
+
+            strangers[peer] = now_s
+            if not door.arrive(peer, now_s, close):
+                del strangers[peer]
+                assert len(admitted) == capacity, "turned away although there is room"
+        elif what == "asked":
+            door.asked(peer, now_s)
+            if peer in strangers:
+                strangers[peer] = now_s
+        elif what == "admit" and peer in strangers:
+            door.admit(peer)
+            del strangers[peer]
+            admitted.add(peer)
+        elif what == "leave":
+            door.left(peer)
+            strangers.pop(peer, None)
+            admitted.discard(peer)
+        elif what == "wait":
+            now_s += port
+            door.expire(now_s)
+            assert all(now_s - since_s < LIMITS.stranger_s for since_s in strangers.values())
+        assert door.open == len(strangers) + len(admitted) <= capacity
+        assert len(strangers) <= LIMITS.strangers
+        for one in ADDRESSES:
+            mine = [p for p in strangers if address_key(p[0]) == address_key(one)]
+            assert len(mine) <= LIMITS.strangers_per_address
+
+
+def test_a_newcomer_has_a_moment_in_the_middle_of_a_flood() -> None:
+    door, gone = Door(LIMITS, 100), list[int]()
+    for port in range(1, 6000):
+        door.arrive(("10.0.0.1", port), 0.0, lambda port=port: gone.append(port))
+    door.arrive(("10.0.0.2", 1), 0.0, lambda: gone.append(0))
+    for port in range(6000, 6100):
+        door.arrive(("10.0.0.1", port), 0.0, lambda port=port: gone.append(port))
+    assert 0 not in gone, "a flood pushes out itself, not others"
+    assert gone == sorted(gone), "the oldest first"
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        ("10.0.0.1", "10.0.0.2", False),
+        ("2001:db8::1", "2001:db8::ffff:1", True),
+        ("2001:db8::1", "2001:db8:0:1::1", False),
+        ("::ffff:10.0.0.1", "10.0.0.1", True),
+        ("fe80::1%eth0", "fe80::1", True),
+        ("", "", True),
+    ],
+)
+def test_what_counts_as_one_address(one: str, other: str, same: bool) -> None:
+    assert (address_key(one) == address_key(other)) == same

@@ -1,0 +1,307 @@
+"""Nothing moves without a fresh message: every fault at every moment of every message.
+
+Each run is drawn from a seed: (freeze | stall up | stall down | cut | reorder) x (before | while |
+after each message) x (client gone | silent | back) x every message of the protocol, over the real
+app, hub and loop in virtual time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import json
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import pytest
+
+from robot.control.state import Tick
+from robot.types import Action, Mode, StopReason
+from server.protocol import encode_acknowledgement, parse_picture
+from tests.robot.bench_robot import BenchRobot
+
+from .virtual import ServedWorld, Socket, virtually
+
+FAULTS = ("freeze", "stall up", "stall down", "cut", "reorder")
+MOMENTS = ("before", "while", "after")
+CLIENTS = ("gone", "silent", "back")
+MESSAGES = ("drive", "mode", "stop", "release", "take", "yield", "ping")
+CASES = list(itertools.product(FAULTS, MOMENTS, CLIENTS, MESSAGES))
+RUNS = 1_000
+CHUNKS = 20
+OLDEST_S = 0.3
+STANDS_WITHIN_S = 0.5
+_EPSILON_S = 1e-6
+
+
+class Sent(NamedTuple):
+    """A message that a page has sent."""
+
+    at_s: float
+    kind: str
+    seq: int | None
+
+
+class Page:
+    """A page without a screen, whose way to the robot can be held up, cut or put out of order.
+
+    What it sends is noted with the time at which it was sent.
+    """
+
+    def __init__(self, world: ServedWorld) -> None:
+        self.world = world
+        self.state: dict[str, Any] = {}
+        self.errors: list[str] = []
+        self.sight: dict[str, int | None] = {"frame": None, "nonce": None}
+        self.held: str | None = None
+        self.seq = 0
+        self.is_beating = True
+        self.is_blind = False
+        self.stalls_up = self.stalls_down = self.reorders = False
+        self.sent: list[Sent] = []
+        self._late_up: list[str | bytes] = []
+        self._late_down: list[Callable[[], None]] = []
+        self.drive = world.connect("/ws/drive", self._later(self._hear))
+        self.video = world.connect("/ws/video", self._later(self._see))
+        asyncio.get_running_loop().call_later(0.05, self._beat)
+
+    def _later(self, act: Callable[[str | bytes], None]) -> Callable[[str | bytes], None]:
+        def arrive(message: str | bytes) -> None:
+            if self.stalls_down:
+                self._late_down.append(lambda: act(message))
+            else:
+                act(message)
+
+        return arrive
+
+    def _hear(self, text: str | bytes) -> None:
+        message = json.loads(text)
+        if message["type"] == "state":
+            self.state = message
+            self.sight["nonce"] = message["nonce"]
+        elif message["type"] == "error":
+            self.errors.append(message["code"])
+
+    def _see(self, data: str | bytes) -> None:
+        assert isinstance(data, bytes)
+        if self.is_blind:
+            return
+        picture = parse_picture(data)
+        self.sight = {"frame": picture.frame_id, "nonce": picture.nonce}
+        self._up(self.video, encode_acknowledgement(picture.frame_id))
+
+    def _up(self, socket: Socket, message: str | bytes) -> None:
+        if self.stalls_up or (self.reorders and self.world.dice.random() < 0.5):
+            self._late_up.append(message)
+        else:
+            socket.send(message)
+
+    def release_up(self) -> None:
+        """Let what was held up go on its way; out of order if the fault is that."""
+        late, self._late_up = self._late_up, []
+        if self.reorders:
+            self.world.dice.shuffle(late)
+        self.stalls_up = self.reorders = False
+        for message in late:
+            (self.drive if isinstance(message, str) else self.video).send(message)
+
+    def release_down(self) -> None:
+        """Let what was held up arrive."""
+        late, self._late_down = self._late_down, []
+        self.stalls_down = False
+        for act in late:
+            act()
+
+    def say(self, kind: str, mode: str = "autonomous") -> None:
+        """Send one message of a kind, as a page would."""
+        fields: dict[str, Any] = {}
+        if kind in ("drive", "mode"):
+            self.seq += 1
+            fields = {"seq": self.seq, **self.sight}
+            fields |= {"held": self.held} if kind == "drive" else {"mode": mode}
+        elif kind == "ping":
+            fields = {"client_ms": 1.0}
+        self.sent.append(Sent(self.world.clock.now_s(), kind, fields.get("seq")))
+        self._up(self.drive, json.dumps({"type": kind, **fields}))
+
+    def _beat(self) -> None:
+        if self.is_beating:
+            self.say("drive")
+        asyncio.get_running_loop().call_later(0.1, self._beat)
+
+    def cut(self) -> None:
+        """Lose both sockets, as when the browser is killed."""
+        self.is_beating = False
+        self.drive.cut()
+        self.video.cut()
+
+
+class Watch:
+    """Holds every tick against what was sent, and when: nothing is asked of the robot itself."""
+
+    def __init__(self, world: ServedWorld, page: Page) -> None:
+        self._world, self._page = world, page
+        self._mode = world.mode
+        self.moves_s: list[float] = []
+        self.faults: list[str] = []
+        world.loop.subscribe(self._note)
+
+    def _note(self, tick: Tick) -> None:
+        now_s = self._world.clock.now_s()
+        mode, before, self._mode = tick.decision.mode, self._mode, tick.decision.mode
+        if tick.sent is not Action.STOP:
+            self.moves_s.append(now_s)
+        if mode is not Mode.STOPPED and before is not mode:
+            asked_s = [sent.at_s for sent in self._page.sent if sent.kind == "mode"]
+            self._check(now_s - max(asked_s, default=-1.0), OLDEST_S, f"{mode} was chosen")
+        if mode is not Mode.STOPPED:
+            sent_s = {sent.seq: sent.at_s for sent in self._page.sent}
+            for command in tick.commands:
+                self._check(now_s - sent_s[command.seq], OLDEST_S, "a command was sent")
+            anything_s = max(sent.at_s for sent in self._page.sent)
+            if tick.sent is not Action.STOP:
+                self._check(now_s - anything_s, STANDS_WITHIN_S, "the page last sent anything")
+
+    def _check(self, age_s: float, most_s: float, what: str) -> None:
+        if age_s > most_s + _EPSILON_S:
+            self.faults.append(f"{what} {1000 * age_s:.0f} ms before the robot acted upon it")
+
+
+def _break(page: Page, fault: str, lasts_s: float) -> None:
+    """Let the fault begin. A freeze is over at once, for all but the clock."""
+    if fault == "freeze":
+        page.world.clock.advance(lasts_s)
+    elif fault == "stall up":
+        page.stalls_up = True
+    elif fault == "stall down":
+        page.stalls_down = True
+    elif fault == "reorder":
+        page.reorders = True
+    else:
+        page.cut()
+
+
+async def play(world: ServedWorld, case: tuple[str, str, str, str]) -> list[str]:
+    """Drive, let the fault happen about the message, and watch; return what was wrong."""
+    fault, moment, client, kind = case
+    dice, page = world.dice, Page(world)
+    await world.until(lambda: page.sight["frame"] is not None and "nonce" in page.state)
+    await world.forward(dice.uniform(0.0, 0.2))
+    watch = Watch(world, page)
+    if dice.random() < 0.7:
+        page.say("mode", dice.choice(["train", "autonomous"]))
+        page.held = dice.choice([None, "forward", "left"])
+        await world.forward(dice.uniform(0.15, 0.6))
+    lasts_s = dice.choice([0.1, 0.31, 0.6, 1.0, 3.0]) * dice.uniform(0.9, 1.1)
+
+    if moment == "before":
+        _break(page, fault, lasts_s)
+    page.say(kind)
+    if moment == "after":
+        await world.forward(dice.uniform(0.01, 0.1))
+    if moment != "before":
+        _break(page, fault, lasts_s)
+    if client != "back":
+        page.is_beating = False
+    await world.forward(lasts_s)
+    page.release_up()
+    page.release_down()
+    released_s = world.clock.now_s()
+    if client == "gone":
+        page.drive.close()
+        page.video.close()
+    await world.forward(1.2)
+
+    if kind == "stop" and (fault != "cut" or moment == "after"):
+        if not world.loop.state.emergency:
+            watch.faults.append("the stop was not obeyed")
+        if any(at_s > released_s + 0.06 for at_s in watch.moves_s):
+            watch.faults.append("it moved on after the stop had come")
+    if client == "back" and fault != "cut" and not page.state["you_are_pilot"] and kind != "yield":
+        watch.faults.append("the page lost the wheel for nothing")
+    return watch.faults
+
+
+@pytest.mark.parametrize("chunk", range(CHUNKS))
+def test_nothing_moves_without_a_fresh_message(chunk: int) -> None:
+    for number in range(chunk, RUNS, CHUNKS):
+        case = CASES[number % len(CASES)]
+        faults = virtually(lambda world, case=case: play(world, case), seed=number)
+        assert faults == [], f"run {number}: {case}"
+
+
+def test_the_runs_take_every_case() -> None:
+    assert len(CASES) == 315
+    assert {CASES[number % len(CASES)] for number in range(RUNS)} == set(CASES)
+
+
+def test_a_stop_passes_whatever_was_sent_before_it() -> None:
+    async def scenario(world: ServedWorld) -> None:
+        pilot = await world.pilot(sees=True)
+        pilot.mode("autonomous")
+        await world.until(lambda: world.mode is Mode.AUTONOMOUS)
+        for _ in range(400):
+            pilot.send(type="ping", client_ms=1.0)
+        pilot.send(type="stop")
+        await world.until(lambda: world.loop.state.emergency, 0.1)
+        assert "too_fast" in pilot.errors()
+
+    virtually(scenario)
+
+
+def test_a_stop_overtakes_what_is_queued_and_undoes_what_was_asked_before_it() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.loop.latch_emergency()
+    robot.tick()
+    robot.loop.release_emergency()
+    started = robot.loop.set_mode(Mode.TRAIN)
+    robot.loop.latch_emergency()
+    robot.tick()
+    assert robot.loop.state.emergency
+    assert not started.result(0)
+    assert robot.loop.mode is Mode.STOPPED
+
+
+@pytest.mark.parametrize("kind", ["drive", "mode"])
+@pytest.mark.parametrize("lie", ["no nonce", "another nonce", "no frame"])
+def test_what_proves_nothing_moves_nothing(kind: str, lie: str) -> None:
+    async def scenario(world: ServedWorld) -> None:
+        pilot = await world.pilot(sees=True)
+        if kind == "drive":
+            pilot.mode("train")
+            await world.until(lambda: world.mode is Mode.TRAIN)
+        pilot.is_silent = True
+        await world.forward(0.1)
+        moved_s = world.driver.moved_s
+        for _ in range(20):
+            sight = pilot.sight() | {"seq": pilot.seq + 1}
+            pilot.seq += 1
+            sight |= {"no nonce": {"nonce": None}, "no frame": {"frame": None}}.get(
+                lie, {"nonce": world.dice.randrange(1, 2**32)}
+            )
+            what = {"held": "forward"} if kind == "drive" else {"mode": "autonomous"}
+            pilot.send(type=kind, **what, **sight)
+            await world.forward(0.05)
+        assert world.driver.moved_s == moved_s, "it moved"
+        assert world.mode is Mode.STOPPED
+        assert set(pilot.errors()) == {"no_picture" if lie == "no frame" else "stale"}
+        if kind == "drive":
+            assert world.loop.state.decision.stop_reason is StopReason.LINK_SLOW
+
+    virtually(scenario)
+
+
+def test_pictures_that_stop_while_the_heartbeat_goes_on_stop_the_robot() -> None:
+    async def scenario(world: ServedWorld) -> None:
+        page = Page(world)
+        await world.until(lambda: page.sight["frame"] is not None and "nonce" in page.state)
+        page.say("mode", "train")
+        page.held = "forward"
+        await world.until(lambda: not world.stands())
+        page.is_blind = True
+        took_s = await world.until(world.stands)
+        assert took_s < 0.55
+        assert world.loop.state.decision.stop_reason is StopReason.LINK_SLOW
+
+    virtually(scenario)

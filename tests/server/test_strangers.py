@@ -1,0 +1,183 @@
+"""No stranger shuts the door: a flood from an unpaired program while a paired pilot drives."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+
+from server.protocol import encode_acknowledgement, parse_picture
+
+from .live_robot import WEB
+from .stranger import HALF_REQUESTS, IDLE, PATIENCE_S, WRONG_TOKENS
+
+MOST_LOG_BYTES = 100_000
+
+
+class Process:
+    """The server, and what it says of itself."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+        self.address = str(json.loads(self._line())["address"])
+        self.port = int(self.address.rsplit(":", 1)[1])
+
+    def ask(self) -> dict[str, Any]:
+        assert self._process.stdin is not None
+        self._process.stdin.write("\n")
+        self._process.stdin.flush()
+        notes: dict[str, Any] = json.loads(self._line())
+        return notes
+
+    def _line(self) -> str:
+        assert self._process.stdout is not None
+        return self._process.stdout.readline()
+
+
+@pytest.fixture
+def lan(tmp_path: Path) -> Iterator[tuple[Process, Path]]:
+    log = tmp_path / "log"
+    words = [sys.executable, "-m", "tests.server.lan_process", str(WEB)]
+    with log.open("w") as errors:
+        process = subprocess.Popen(
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, text=True
+        )
+        try:
+            yield Process(process), log
+        finally:
+            process.communicate(timeout=30)
+
+
+def pair(server: Process) -> str:
+    """Pair a browser; return its cookie."""
+    token = server.ask()["tokens"]["pilot"]
+    answer = httpx.post(server.address + "/api/pair", json={"token": token}, timeout=PATIENCE_S)
+    assert answer.status_code == 200, answer.text
+    return answer.headers["set-cookie"].split(";")[0]
+
+
+class Phone:
+    """A paired pilot that holds forward and starts again whenever the robot stands."""
+
+    def __init__(self, server: Process, cookie: str) -> None:
+        self._server, self._cookie = server, cookie
+        self.seq = self.states = self.connections = 0
+        self.sight: dict[str, int] = {}
+        self.mode = ""
+
+    async def drive(self) -> None:
+        """Drive until cancelled; connect again when the line is lost."""
+        while True:
+            with contextlib.suppress(OSError, EOFError, Exception):
+                await self._drive_once()
+            await asyncio.sleep(0.25)
+
+    async def _open(self, path: str) -> ClientConnection:
+        return await connect(
+            f"ws://127.0.0.1:{self._server.port}{path}",
+            additional_headers={"Cookie": self._cookie},
+            compression=None,
+        )
+
+    async def _drive_once(self) -> None:
+        drive, video = await self._open("/ws/drive"), await self._open("/ws/video")
+        self.connections += 1
+        self.seq = 0
+        parts = [
+            asyncio.create_task(part)
+            for part in (self._hear(drive), self._see(video), self._beat(drive))
+        ]
+        try:
+            await asyncio.wait(parts, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for part in parts:
+                part.cancel()
+            await asyncio.gather(*parts, return_exceptions=True)
+            await drive.close()
+            await video.close()
+
+    async def _hear(self, drive: ClientConnection) -> None:
+        async for text in drive:
+            message = json.loads(text)
+            if message["type"] == "state":
+                self.states += 1
+                self.mode = message["mode"]
+
+    async def _see(self, video: ClientConnection) -> None:
+        async for message in video:
+            assert isinstance(message, bytes)
+            picture = parse_picture(message)
+            self.sight = {"frame": picture.frame_id, "nonce": picture.nonce}
+            await video.send(encode_acknowledgement(picture.frame_id))
+
+    async def _beat(self, drive: ClientConnection) -> None:
+        while True:
+            await asyncio.sleep(0.1)
+            self.seq += 1
+            command = {"type": "drive", "held": "forward", **self.sight, "seq": self.seq}
+            await drive.send(json.dumps(command))
+            if self.mode == "stopped" and self.sight:
+                self.seq += 1
+                again = {"type": "mode", "mode": "train", **self.sight, "seq": self.seq}
+                await drive.send(json.dumps(again))
+
+
+def test_a_stranger_neither_stops_the_pilot_nor_keeps_a_new_phone_out(
+    lan: tuple[Process, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    server, log = lan
+
+    async def scenario() -> tuple[Phone, int]:
+        phone = Phone(server, await asyncio.to_thread(pair, server))
+        driving = asyncio.create_task(phone.drive())
+        while phone.mode != "train":
+            await asyncio.sleep(0.05)
+        attack = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "tests.server.stranger", server.address, stdout=subprocess.PIPE
+        )
+        attacking = asyncio.create_task(attack.communicate())
+        while server.ask()["pushed_out"] < 100:
+            await asyncio.sleep(0.05)
+        second = Phone(server, await asyncio.to_thread(pair, server))  # new, in the middle of it
+        coming = asyncio.create_task(second.drive())
+        while not second.states:
+            await asyncio.sleep(0.05)
+        coming.cancel()
+        await asyncio.gather(coming, return_exceptions=True)
+        assert not attacking.done(), "the attack was over before it mattered"
+        ended = int((await attacking)[0])
+        before = phone.states
+        while phone.states < before + 20 or phone.mode != "train":
+            await asyncio.sleep(0.05)
+        driving.cancel()
+        await asyncio.gather(driving, return_exceptions=True)
+        return phone, ended
+
+    phone, ended = asyncio.run(asyncio.wait_for(scenario(), 10 * PATIENCE_S))
+    notes = server.ask()
+    with capsys.disabled():
+        print(f"\nstrangers: {notes}, log {log.stat().st_size} B, lines {phone.connections}")
+    assert notes["longest_stand_s"] < 5.0
+    assert phone.connections == 1, "the pilot's line was cut"
+    assert ended > 0.9 * (HALF_REQUESTS + IDLE), "strangers are not shown out"
+    assert notes["pushed_out"] > 0
+    assert log.stat().st_size < MOST_LOG_BYTES, log.read_text()[-2000:]
+
+
+def test_the_right_token_is_admitted_whoever_tried_wrong_ones(lan: tuple[Process, Path]) -> None:
+    server, _ = lan
+    wrong = [
+        httpx.post(server.address + "/api/pair", json={"token": "WRONG"}).status_code
+        for _ in range(WRONG_TOKENS)
+    ]
+    assert wrong[0] == 403 and wrong[-1] == 429
+    assert pair(server)
