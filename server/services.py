@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import Any
 
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection
@@ -91,6 +92,12 @@ def make_services(
         pairing=pairing,
         door=Door(config.limits, connection_capacity()),
     )
+
+
+def services_behind(app: Any) -> Services:
+    """Return the services of an application made by `create_app`."""
+    services: Services = app.state.services
+    return services
 
 
 def services_of(connection: HTTPConnection) -> Services:
