@@ -55,7 +55,7 @@ class Config:
     """The robot answers to this name with `.local` behind it."""
     data: Path = field(default_factory=default_root)
     web: Path | None = None
-    jpeg_quality: int = 80
+    jpeg_quality: int = 75
     lease_lapse_s: float = 1.5
     limits: Limits = field(default_factory=Limits)
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, Self, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from robot.camera import Camera
 from robot.clock import Clock
@@ -34,10 +38,16 @@ class SimCameraOptions:
     """What a person may choose."""
 
     frame_rate_hz: float = field(default=30.0, metadata={"help": "simulated pictures a second"})
+    jpeg_quality: int = field(default=75, metadata={"help": "of simulated pictures"})
 
 
 class SimCamera(Camera):
-    """Renders what the simulated robot sees."""
+    """Renders what the simulated robot sees.
+
+    In real time it gives JPEG, as a webcam does: encoded once for page, recording and learner.
+    `capture`, which experiments call as fast as they can, gives the pixels themselves: what they
+    measure does not depend on a codec. Without OpenCV both give pixels.
+    """
 
     name: ClassVar[str] = "sim"
     options_type: ClassVar[type[Any]] = SimCameraOptions
@@ -48,7 +58,12 @@ class SimCamera(Camera):
             raise ConfigurationError(
                 f"--frame-rate-hz must lie between 1 and 120, not {options.frame_rate_hz:g}"
             )
+        if not 1 <= options.jpeg_quality <= 100:
+            raise ConfigurationError(
+                f"--jpeg-quality must be between 1 and 100, not {options.jpeg_quality}"
+            )
         self._body = body
+        self._compress = _make_compressor(options.jpeg_quality)
         self._period_s = 1.0 / options.frame_rate_hz
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
@@ -99,9 +114,22 @@ class SimCamera(Camera):
             captured_s=self.clock.now_s(),
         )
 
+    def _capture_jpeg(self) -> Frame:
+        """Take one picture as a webcam gives it."""
+        if self._compress is None:
+            return self.capture()
+        captured_s = self.clock.now_s()
+        return self._publish(
+            self._compress(self._body.simulation.render()),
+            width=WIDTH_PX,
+            height=HEIGHT_PX,
+            encoding=Encoding.JPEG,
+            captured_s=captured_s,
+        )
+
     def _run(self, first: threading.Event) -> None:
         try:
-            self.capture()
+            self._capture_jpeg()
             first.set()
             self._run_in_real_time()
         except RobotError as error:
@@ -118,5 +146,20 @@ class SimCamera(Camera):
             now_s = self.clock.now_s()
             self._body.advance(min(now_s - last_s, _LONGEST_GAP_S))
             last_s = now_s
-            self.capture()
+            self._capture_jpeg()
             due_s = max(due_s + self._period_s, now_s)
+
+
+def _make_compressor(quality: int) -> Callable[[NDArray[np.uint8]], bytes] | None:
+    """Return what makes a JPEG of pixels, shape (height, width, 3); None without OpenCV."""
+    try:
+        import cv2
+    except ImportError:
+        return None
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
+
+    def compress(rgb: NDArray[np.uint8]) -> bytes:
+        _, jpeg = cv2.imencode(".jpg", np.ascontiguousarray(rgb[:, :, ::-1]), options)
+        return bytes(jpeg)
+
+    return compress

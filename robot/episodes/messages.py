@@ -116,7 +116,8 @@ def _plain(value: Any) -> Any:
 
 
 def _finite(number: float) -> float:
-    return float(number) if math.isfinite(number) else 1e300
+    """Return five digits of a number: what was measured has no more, and they fill the disk."""
+    return float(f"{number:.5g}") if math.isfinite(number) else 1e300
 
 
 def describe_command(command: PilotCommand) -> Words:
@@ -149,5 +150,10 @@ def describe_sensors(sensors: Sensors) -> Words:
         "distance_m": None if sensors.distance_m is None else _finite(sensors.distance_m),
         "bumped": sensors.bumped,
         "battery": sensors.battery_share,
-        "pose": pose and {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad},
+        "pose": pose
+        and {
+            "x_m": _finite(pose.x_m),
+            "y_m": _finite(pose.y_m),
+            "heading_rad": _finite(pose.heading_rad),
+        },
     }

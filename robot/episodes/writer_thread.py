@@ -210,7 +210,7 @@ class WriterThread:
         self._check_room()
         if self.fault is not None:
             return
-        before = encode_model(item.model) if item.model is not None else None
+        before = encode_model(item.model, is_packed=True) if item.model is not None else None
         run, file = self._open_free(item.run)
         self._writer = EpisodeWriter(file, run, before)
         self.episode_id = run.episode_id
@@ -248,7 +248,7 @@ class WriterThread:
         writer, self._writer = self._writer, None
         if writer is None:
             return
-        after = encode_model(model) if model is not None else None
+        after = encode_model(model, is_packed=True) if model is not None else None
         frames = self.lost.frames - self._lost_before.frames
         words = self.lost.words - self._lost_before.words
         summary = {"dropped_frames": str(frames), "lost_words": str(words)}

@@ -300,8 +300,8 @@ def _encode(item: _Entry | _Checkpoint | _AllSaved) -> bytes:
     if isinstance(item, _AllSaved):
         return json.dumps({"kind": "saved", **head}).encode() + HEAD
     if isinstance(item, _Checkpoint):
-        body = encode_model(item.model)
         head = {"kind": "checkpoint", **head, "name": item.name}
+        body = encode_model(item.model)
     else:
         body = json.dumps(describe_event(item.event, with_vector=True), default=_plain).encode()
         head = {"kind": "event", **head}

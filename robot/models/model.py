@@ -121,8 +121,8 @@ def _preview(gallery: list[LearnedImage]) -> NDArray[np.uint8]:
     return max(gallery, key=lambda image: image.frames).thumbnail.astype(np.uint8)
 
 
-def encode_model(model: Model) -> bytes:
-    """Return the model as the bytes of an `.npz` file."""
+def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
+    """Return the model as the bytes of an `.npz` file; small but slower to make if `is_packed`."""
     arrays = {f"state.{name}": array for name, array in model.state.arrays.items()}
     arrays["preview"] = model.preview
     card = model.card
@@ -143,7 +143,7 @@ def encode_model(model: Model) -> bytes:
     }
     meta["sha256"] = _checksum(meta, arrays)
     text = json.dumps(meta, ensure_ascii=False, default=_plain).encode()
-    return write_arrays({"meta": np.frombuffer(text, np.uint8), **arrays})
+    return write_arrays({"meta": np.frombuffer(text, np.uint8), **arrays}, is_packed=is_packed)
 
 
 def decode_model(data: bytes) -> Model:

@@ -48,14 +48,15 @@ def read_arrays(
         raise RecordingError(f"it is damaged: {error}") from error
 
 
-def write_arrays(arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Return the bytes of an `.npz` with these arrays, never pickled.
+def write_arrays(arrays: Mapping[str, NDArray[Any]], *, is_packed: bool = False) -> bytes:
+    """Return the bytes of an `.npz` with these arrays, never pickled; deflated if `is_packed`.
 
     Raises:
         ValueError: If an array holds objects.
     """
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+    packing = zipfile.ZIP_DEFLATED if is_packed else zipfile.ZIP_STORED
+    with zipfile.ZipFile(file, "w", packing, compresslevel=1) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w") as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)

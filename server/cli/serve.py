@@ -68,7 +68,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--name", default=None, help="what people call this robot (default: one that it keeps)"
     )
     parser.add_argument(
-        "--jpeg-quality", type=int, default=80, help="of simulated pictures (default: %(default)s)"
+        "--jpeg-quality", type=int, default=75, help="of simulated pictures (default: %(default)s)"
     )
     parser.add_argument("--config", type=Path, default=None, help="TOML file of settings")
     parser.add_argument("-v", "--verbose", action="store_true", help="log more")
@@ -100,7 +100,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
     driver_type = load_driver(chosen.robot or settings.get("robot", DEFAULT_ROBOT))
     camera_name = chosen.camera or settings.get("camera") or driver_type.default_camera
     camera_type = load_camera(camera_name)
-    declared: set[str] = set()
+    declared = {"jpeg_quality"}  # the server's own, which the simulated camera takes as well
     for title, kind in (("robot", driver_type), ("camera", camera_type)):
         group = parser.add_argument_group(f"options of the {title} {kind.name}")
         for option in options_of(kind.options_type):
