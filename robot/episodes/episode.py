@@ -77,6 +77,12 @@ class Episode:
         return int(self.run.get("origin_ns", "0"))
 
     @property
+    def started_at_s(self) -> float:
+        """Seconds since 1970 at which the recording began; where its clock began says nothing."""
+        started = float(self.run.get("started_at_s", "0"))
+        return started if started > 0 else self.origin_ns / 1e9 + self.start_s
+
+    @property
     def moves(self) -> tuple[Action, ...]:
         """What the robot could be taught."""
         return tuple(Action(move) for move in self.run.get("moves", "").split(",") if move)

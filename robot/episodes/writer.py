@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
 from robot.episodes.images import encode_image, image_schema, schema_name
-from robot.episodes.messages import CAMERA, LESSON, SCHEMAS, Words, to_json
+from robot.episodes.messages import CAMERA, DECISION, LESSON, SCHEMAS, Words, to_json
 from robot.episodes.scan import Message, require_mcap
 from robot.moves import Move, to_text
-from robot.types import Frame
+from robot.types import Action, Frame
 
 FORMAT = 1
 RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
@@ -68,7 +68,9 @@ class EpisodeWriter:
         self._schemas: dict[str, int] = {}
         self._channels: dict[tuple[Any, ...], int] = {}
         self.frames = 0
-        self.taught: Counter[str] = Counter()
+        self.has_content = False
+        """Whether anything was driven or changed the learner: else nobody will want to see it."""
+        self._labels: dict[int, str] = {}
         self._first_ns: int | None = None
         self._last_ns = 0
         self._writer.start(profile="", library="drivelesson")
@@ -107,9 +109,24 @@ class EpisodeWriter:
 
     def write_words(self, topic: str, now_s: float, words: Words) -> None:
         """Add one message of a topic of `words.SCHEMAS`."""
-        if topic == LESSON and words["event"] == "taught":
-            self.taught[str(words["label"])] += 1
+        if topic == LESSON:
+            self._note_event(words)
+        elif topic == DECISION and words["sent"] != Action.STOP:
+            self.has_content = True
         self._add(self._words_channel(topic), self._run.to_ns(now_s), to_json(words), 0)
+
+    def _note_event(self, words: Words) -> None:
+        self.has_content = True
+        if words["event"] == "taught":
+            self._labels[int(words["frame"])] = str(words["label"])
+        elif words["event"] == "undone":
+            for frame_id in words["frames"]:
+                self._labels.pop(int(frame_id), None)
+
+    @property
+    def taught(self) -> Counter[str]:
+        """How many frames were taught each move, without those that were undone."""
+        return Counter(self._labels.values())
 
     def write_copy(self, message: Message) -> None:
         """Add a message of another recording, byte for byte."""
@@ -153,7 +170,7 @@ class EpisodeWriter:
         self._file.close()
 
     def _attach(self, name: str, data: bytes) -> None:
-        stamp_ns = self._last_ns or self._run.origin_ns
+        stamp_ns = self._last_ns or round(self._run.started_at_s * 1e9)
         self._writer.add_attachment(stamp_ns, stamp_ns, name, "application/zip", data)
 
     def _add(self, channel: int, stamp_ns: int, data: bytes, sequence: int) -> None:

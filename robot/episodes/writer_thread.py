@@ -252,13 +252,18 @@ class WriterThread:
         frames = self.lost.frames - self._lost_before.frames
         words = self.lost.words - self._lost_before.words
         summary = {"dropped_frames": str(frames), "lost_words": str(words)}
+        episode_id, self.episode_id = self.episode_id, None
+        if not writer.has_content:
+            writer.abandon()
+            (self._folder / f"{episode_id}.mcap").unlink(missing_ok=True)
+            self._announce("recording_done", episode=None)
+            return
         try:
             writer.close(summary, after)
         finally:
             if frames or words:
                 self._announce("recording_lossy", dropped_frames=frames)
-            self._announce("recording_done", episode=self.episode_id)
-            self.episode_id = None
+            self._announce("recording_done", episode=episode_id)
 
     def _give_up(self, sentence: str) -> None:
         """Stop recording until the robot starts again; it drives on."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,13 @@ import numpy as np
 from robot.episodes.editing import EpisodeFrame, moments
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode
-from robot.errors import MissingExtraError, RecordingError
+from robot.errors import ConfigurationError, MissingExtraError, RecordingError
 from robot.policy.image import Pixels, to_rgb
 
 _SMALLEST_HEIGHT_PX = 480
 _BAR_PX = 56
+SUFFIXES = (".mp4", ".mov", ".mkv")
+"""How a film's name may end: containers that hold H.264."""
 
 
 def require_av() -> Any:
@@ -67,6 +69,18 @@ def write_film(
     return count
 
 
+def check_suffix(path: Path) -> None:
+    """Refuse a name by which no film can be written.
+
+    Raises:
+        ConfigurationError: If it ends otherwise; says how it may end.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise ConfigurationError(
+            f"a film's name must end in {' or '.join(SUFFIXES)}, not in {path.suffix!r}: {path}"
+        )
+
+
 def write_look(
     episode: Episode,
     notes: Notes,
@@ -77,19 +91,56 @@ def write_look(
 ) -> int:
     """Write an episode as a film to look at: large, with label and prediction below the picture.
 
+    It takes as long as the drive, but for what was deleted: where the camera gave no picture the
+    one before stays. Returns how many pictures the film has.
+
     Raises:
+        ConfigurationError: If the file's name is none of a film.
         MissingExtraError: If `av` or OpenCV is not installed.
     """
+    check_suffix(path)
+    kept, times_s = _shown(moments(episode, notes))
+    rate = fps or frame_rate(times_s)
 
     def pictures() -> Iterable[Pixels]:
-        for moment in kept:
+        for moment, count in zip(kept, repeats(times_s, rate), strict=True):
             on_frame()
-            yield _caption(to_rgb(episode.frame(moment.frame_id)), moment)
+            if count:
+                picture = _caption(to_rgb(episode.frame(moment.frame_id)), moment)
+                for _ in range(count):
+                    yield picture
 
-    kept = [moment for moment in moments(episode, notes) if not moment.is_deleted]
-    return write_film(
-        pictures(), path, fps or frame_rate([m.at_s for m in kept]), crf=23, preset="ultrafast"
-    )
+    return write_film(pictures(), path, rate, crf=23, preset="ultrafast")
+
+
+def _shown(found: list[EpisodeFrame]) -> tuple[list[EpisodeFrame], list[float]]:
+    """Return what nobody deleted, with times from which the deleted stretches are taken out."""
+    kept: list[EpisodeFrame] = []
+    times_s: list[float] = []
+    cut_s, deleted_from_s = 0.0, None
+    for moment in found:
+        if moment.is_deleted:
+            deleted_from_s = moment.at_s if deleted_from_s is None else deleted_from_s
+            continue
+        if deleted_from_s is not None:
+            cut_s += moment.at_s - deleted_from_s
+            deleted_from_s = None
+        kept.append(moment)
+        times_s.append(moment.at_s - cut_s)
+    return kept, times_s
+
+
+def repeats(times_s: Sequence[float], rate: int) -> list[int]:
+    """Return how often each picture stands in a film of this rate, so that it lasts as long.
+
+    The last picture stays as long as pictures usually do.
+    """
+    if not times_s:
+        return []
+    starts = [round((at_s - times_s[0]) * rate) for at_s in times_s]
+    usual_s = 1.0 / frame_rate(list(times_s))
+    ends = [*starts[1:], max(round((times_s[-1] - times_s[0] + usual_s) * rate), starts[-1] + 1)]
+    return [end - start for start, end in zip(starts, ends, strict=True)]
 
 
 def frame_rate(times_s: list[float]) -> int:

@@ -231,7 +231,7 @@ def write_tub(
 def _write_catalogs(
     folder: Path, records: list[Record], episode: Episode, inputs: dict[str, str]
 ) -> None:
-    created_s = episode.origin_ns / 1e9
+    created_s = episode.started_at_s
     names = []
     for start in range(0, max(len(records), 1), _CATALOG_RECORDS):
         stem = f"catalog_{start // _CATALOG_RECORDS}"

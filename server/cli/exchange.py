@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 from robot.episodes.store import EpisodeStore
 from robot.episodes.teaching import Mended
 from robot.errors import ConfigurationError, MissingExtraError
+from robot.exchange.film import check_suffix
 from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
 from robot.storage.folder import Storage
 from server.cli.kept import EPISODE_HELP, find_episodes
@@ -58,6 +60,8 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
     if len(mended) > 1 and args.form != "lerobot":
         raise ConfigurationError(f"--as {args.form} takes one episode at a time")
     out = args.out or _free_path(storage.exports, mended[0][0].id, args.form)
+    if args.form == "film":
+        check_suffix(out)
     if out.exists():
         raise ConfigurationError(f"{out} is there already; choose another with --out")
     total = sum(len(episode.frames) for episode, _ in mended)
@@ -94,7 +98,8 @@ def _export(
 def _free_path(folder: Path, episode_id: str, form: str) -> Path:
     ending = ".mp4" if form == "film" else ""
     for number in itertools.count(1):
-        path = folder / f"{episode_id} {form}{'' if number == 1 else f' ({number})'}{ending}"
+        name = re.sub(r"\s+", "-", f"{episode_id}-{form}")
+        path = folder / f"{name}{'' if number == 1 else f'-{number}'}{ending}"
         if not path.exists():
             return path
     raise AssertionError

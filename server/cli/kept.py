@@ -26,12 +26,25 @@ def find_id(store: EpisodeStore, word: str) -> str:
         NotFoundError: If there is none, or more than one begins so.
     """
     ids = store.ids()
-    found = ids[:1] if word == "last" else [i for i in ids if i == word]
-    found = found or [i for i in ids if i.startswith(word)]
+    if word == "last" and word not in ids:
+        return find_last(store)
+    found = [i for i in ids if i == word] or [i for i in ids if i.startswith(word)]
     if len(found) != 1:
         what = "no episode" if not found else f"{len(found)} episodes"
         raise NotFoundError(f"{what} of this name: {word!r}; see: drivelesson episodes list")
     return found[0]
+
+
+def find_last(store: EpisodeStore) -> str:
+    """Return the episode that was recorded last, by its time and never by its name.
+
+    Raises:
+        NotFoundError: If there is none.
+    """
+    summaries = store.cards()
+    if not summaries:
+        raise NotFoundError("there is no episode yet")
+    return summaries[0].id
 
 
 def find_episodes(store: EpisodeStore, words: list[str]) -> list[Mended]:

@@ -9,6 +9,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from robot.episodes.episode import Episode
 from robot.episodes.store import EpisodeStore
 from robot.episodes.teaching import Mended, Report, learn_again, plan, same_nodes
 from robot.errors import ConfigurationError, MissingExtraError
@@ -56,10 +57,14 @@ def run(args: argparse.Namespace) -> int:
         report = learn_again(policy, mended, on_step=bar.update)
     taught += report.taught
     _say(report, policy, mended, time.monotonic() - started_s)
-    is_same = _compare(policy, mended, args.check)
+    is_same = _compare(policy, mended, args)
+    if args.check and not is_same:
+        if args.out:
+            print(f"nothing was saved as {args.out}")
+        return 1
     if args.out:
         _save(args.out, storage, policy, taught)
-    return 0 if is_same or not args.check else 1
+    return 0
 
 
 def _begin(args: argparse.Namespace, mended: list[Mended]) -> tuple[Policy, Counter[Action]]:
@@ -90,18 +95,26 @@ def _say(report: Report, policy: Policy, mended: list[Mended], seconds: float) -
         print(f"{report.left_out_edits} edits of learned images were left out: other images now")
 
 
-def _compare(policy: Policy, mended: list[Mended], must: bool) -> bool:
+def _compare(policy: Policy, mended: list[Mended], args: argparse.Namespace) -> bool:
     """Say whether driving made the same nodes, where the recording can tell."""
     last, notes = mended[-1]
     after = last.model_after()
     comparable = after is not None and after.card.learner == policy.name and not notes.edits
     if not comparable or after is None:
-        if must:
+        if args.check:
             raise ConfigurationError(f"{last.id} does not tell what driving made of {policy.name}")
         return False
     is_same = same_nodes(policy.get_state(), after.state)
     print("the same nodes as driving made" if is_same else "not the nodes that driving made")
+    first = mended[0][0]
+    if not is_same and not args.goes_on and _knew_something(first):
+        print(f"{first.id} went on from a model that knew something already: add --continue")
     return is_same
+
+
+def _knew_something(episode: Episode) -> bool:
+    before = episode.model_before()
+    return before is not None and before.card.n_nodes > 0
 
 
 def _save(out: str, storage: Storage, policy: Policy, taught: Counter[Action]) -> None:

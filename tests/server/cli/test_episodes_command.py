@@ -100,7 +100,7 @@ def test_films_and_datasets_go_to_the_exports(
     say("episodes export last --as film", capsys)
     say("episodes export last --as lerobot --fps 10", capsys)
     names = sorted(path.name for path in (data / "exports").iterdir())
-    assert names == [f"{episode_id} film.mp4", f"{episode_id} lerobot"]
+    assert names == [f"{episode_id}-film.mp4", f"{episode_id}-lerobot"]
 
 
 @pytest.mark.parametrize(
