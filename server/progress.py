@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 from bisect import bisect_left
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,6 +23,8 @@ from robot.policy.policy import LearnedImage
 MARK_EVERY = 10
 """Lessons between two marks of the curve."""
 _MARKS = 2000
+_REMEMBERED = 512
+"""So many images are remembered, also those that are no longer there."""
 _REFRESH_S = 0.4
 """The gallery of a robot that learns is fetched no more often than so."""
 
@@ -50,6 +53,7 @@ class Progress(StartStop):
         self._episode = episode
         self._marks: list[Mark] = []
         self._gallery: list[LearnedImage] = []
+        self._seen: OrderedDict[int, LearnedImage] = OrderedDict()
         self._is_stale = True
         self._fetched_s = -math.inf
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -71,6 +75,7 @@ class Progress(StartStop):
         for event in tick.history_events:
             if isinstance(event, Replaced):
                 self._marks = []
+                self._seen = OrderedDict()  # its images have the same numbers as others
             elif isinstance(event, Undone):
                 self._marks = [mark for mark in self._marks if mark.lessons <= lessons]
             elif isinstance(event, Taught):
@@ -112,4 +117,23 @@ class Progress(StartStop):
             history = self._loop.history
             request = self._loop.submit(lambda: history.policy.gallery())
             self._gallery = await asyncio.wrap_future(request)
+            self._remember(self._gallery)
         return self._gallery
+
+    async def image(self, node: int) -> LearnedImage | None:
+        """Return a learned image, as it was last seen if it has been merged since.
+
+        A page asks for what it was told a moment ago, and an image may be merged with every
+        example: what it was is then still the best answer. None for one never seen.
+        """
+        await self.gallery()
+        if node not in self._seen:
+            await self.gallery(fresh=True)
+        return self._seen.get(node)
+
+    def _remember(self, images: list[LearnedImage]) -> None:
+        for image in images:
+            self._seen[image.node_id] = image
+            self._seen.move_to_end(image.node_id)
+        while len(self._seen) > max(_REMEMBERED, 2 * len(images)):
+            self._seen.popitem(last=False)

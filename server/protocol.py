@@ -100,13 +100,24 @@ class Yield:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Idle:
+    """This page shows no picture: states may be few."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watch:
+    """This page shows the picture again: states ten times a second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Ping:
     """Answered by a pong at once; `client_ms` goes back as it came."""
 
     client_ms: float
 
 
-ClientMessage = DriveMessage | ModeMessage | Stop | Release | Take | Yield | Ping
+BareMessage = Stop | Release | Take | Yield | Idle | Watch
+ClientMessage = DriveMessage | ModeMessage | BareMessage | Ping
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,11 +166,13 @@ def parse_message(text: str, moves: Collection[Action]) -> ClientMessage:
     raise ProtocolError(ErrorCode.UNKNOWN_TYPE, f"there is no such type; there are {known}", seq)
 
 
-_BARE_WORDS: Mapping[str, type[Stop] | type[Release] | type[Take] | type[Yield]] = {
+_BARE_WORDS: Mapping[str, type[BareMessage]] = {
     "stop": Stop,
     "release": Release,
     "take": Take,
     "yield": Yield,
+    "idle": Idle,
+    "watch": Watch,
 }
 
 

@@ -1,10 +1,12 @@
-// Keeps the page's own files, so that it opens without the robot and says so. What the robot
-// serves is always asked of the robot first: an update is never hidden by an old copy.
+// Keeps the page's own files, all of them from the first visit on, so that it opens without the
+// robot and says so. What the robot serves is asked of the robot first: an update is never hidden
+// by an old copy. A robot that does not answer in time counts as away.
 
 const SHELL = 'shell';
+const PATIENCE_MS = 2500;
 
 self.addEventListener('install', (event) => {
-  event.waitUntil(caches.open(SHELL).then((cache) => cache.add('/')));
+  event.waitUntil(keepAll());
   self.skipWaiting();
 });
 
@@ -18,15 +20,20 @@ self.addEventListener('fetch', (event) => {
   }
 });
 
+async function keepAll() {
+  const cache = await caches.open(SHELL);
+  const files = await (await fetch('/shell.json')).json();
+  await cache.addAll(files);
+}
+
 async function fromRobot(request) {
   const cache = await caches.open(SHELL);
-  try {
-    const answer = await fetch(request);
+  const kept = await cache.match(request, { ignoreSearch: true });
+  const fresh = fetch(request).then(async (answer) => {
     if (answer.ok) await cache.put(request, answer.clone());
     return answer;
-  } catch (error) {
-    const kept = await cache.match(request, { ignoreSearch: true });
-    if (kept) return kept;
-    throw error;
-  }
+  });
+  if (!kept) return fresh;
+  const late = new Promise((done) => setTimeout(() => done(kept), PATIENCE_MS));
+  return Promise.race([fresh.catch(() => kept), late]);
 }

@@ -13,6 +13,10 @@ _OUTBOX = 64
 """Answers that may wait for one page; a page that reads so slowly loses the oldest."""
 
 
+IDLE_STATE_EVERY_S = 5.0
+"""A page that shows no picture is told the state so often, and whenever it changes."""
+
+
 class Client:
     """One open `/ws/drive`: its order and pace, and what it is still to be told.
 
@@ -26,6 +30,9 @@ class Client:
         self.order = Order()
         self.pace = Pace(per_second=limits.words_per_second, burst=limits.words_burst)
         self.refused = 0
+        self.is_idle = False
+        self._told: object = None
+        self._told_s = now_s
         self.last_word_s = now_s
         self._answers: deque[str] = deque(maxlen=_OUTBOX)
         self._state: str | None = None
@@ -40,6 +47,18 @@ class Client:
         """Have a state sent, in place of any that still waits."""
         self._state = text
         self._waiting.set()
+
+    def wants_state(self, gist: object, now_s: float) -> bool:
+        """True if a state is to be sent now; an idle page hears of changes, and of no more.
+
+        Args:
+            gist: What a page must hear of at once.
+            now_s: The time.
+        """
+        if self.is_idle and gist == self._told and now_s - self._told_s < IDLE_STATE_EVERY_S:
+            return False
+        self._told, self._told_s = gist, now_s
+        return True
 
     async def next_text(self) -> str:
         """Wait for what is to be sent next."""

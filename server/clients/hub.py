@@ -182,6 +182,10 @@ class Hub:
             log.info("release client=%s", page.client)
         elif isinstance(word, protocol.Take):
             self._obey_take(page, now_s)
+        elif isinstance(word, protocol.Idle | protocol.Watch):
+            page.is_idle = isinstance(word, protocol.Idle)
+            if not page.is_idle:
+                self.publish_state()  # with a fresh nonce
         elif self.lease.give_up(page.client, now_s):
             self._change_hands()
 
@@ -291,6 +295,8 @@ class Hub:
         state["viewers"] = len(self.pages) - (owner in self.pages)
         others = protocol.encode_words("state", you_are_pilot=False, **state)
         for page in self.pages.values():
+            if not page.wants_state(self._told, self._told_s):
+                continue
             if page.client == owner:
                 page.tell_state(protocol.encode_words("state", you_are_pilot=True, **state))
             else:

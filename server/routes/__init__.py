@@ -15,6 +15,7 @@ MODULES = (
     "drive",
     "video",
     "health",
+    "shell",
     "mjpeg",
     "pairing",
     "models",

@@ -35,15 +35,14 @@ async def list_images(request: Request) -> dict[str, Any]:
 @router.get("/{node}.png", dependencies=[VIEWER])
 async def show_image(request: Request, node: int) -> Response:
     """Return one learned image as a small PNG."""
-    images = await services_of(request).progress.gallery()
-    for image in images:
-        if image.node_id == node:
-            return Response(
-                encode_png(image.thumbnail),
-                media_type="image/png",
-                headers={"cache-control": "private, max-age=600"},
-            )
-    raise HTTPException(404, "That image is no longer there; it may have been merged.")
+    image = await services_of(request).progress.image(node)
+    if image is None:
+        raise HTTPException(404, "There never was such an image.")
+    return Response(
+        encode_png(image.thumbnail),
+        media_type="image/png",
+        headers={"cache-control": "private, max-age=600"},
+    )
 
 
 @router.post("/undo", dependencies=[PILOT])

@@ -13,6 +13,7 @@ const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 2000;
 const PING_EVERY_MS = 1000;
 const CLOCK_SAMPLES = 8;
+const IDLE_SILENCE_MS = 4000; // an idle page hears the answer to its ping each second, and little else
 
 /**
  * Events: `open`, `lost`, and `words` and `picture` with the message as `detail`.
@@ -46,6 +47,7 @@ export class Connection extends EventTarget {
     this.samples = [];
     /** @type {number | null} the newest nonce: commands carry it back */
     this.nonce = null;
+    this.showsPictures = true;
     /** @type {Record<string, number>} */
     this.timers = {};
   }
@@ -98,7 +100,7 @@ export class Connection extends EventTarget {
     return true;
   }
 
-  /** Send a word without fields. @param {'stop' | 'release' | 'take' | 'yield'} type */
+  /** Send a word without fields. @param {import('./protocol.js').Word} type */
   say(type) {
     return this.send(encodeWord(type));
   }
@@ -114,12 +116,33 @@ export class Connection extends EventTarget {
   }
 
   opened() {
-    this.openVideo();
+    if (this.showsPictures) this.openVideo();
+    else this.say('idle');
     this.ping();
     this.dispatchEvent(new Event('open'));
   }
 
+  /** Pictures cross the link only while they are shown. @param {boolean} wanted */
+  showPictures(wanted) {
+    if (wanted === this.showsPictures) return;
+    this.showsPictures = wanted;
+    if (!this.isOpen) return;
+    this.say(wanted ? 'watch' : 'idle');
+    if (wanted) this.openVideo();
+    else this.dropVideo();
+  }
+
+  dropVideo() {
+    const { video } = this;
+    this.video = null;
+    this.cancel('video');
+    if (!video) return;
+    video.onmessage = video.onclose = null;
+    video.close();
+  }
+
   openVideo() {
+    this.dropVideo();
     const video = (this.video = new this.env.WebSocket(`${this.base}/ws/video`));
     video.binaryType = 'arraybuffer';
     video.onmessage = ({ data }) => {
@@ -129,14 +152,14 @@ export class Connection extends EventTarget {
     };
     video.onclose = () => {
       if (this.video === video && this.isOpen) {
-        this.after('video', FIRST_RETRY_MS, () => this.isOpen && this.openVideo());
+        this.after('video', FIRST_RETRY_MS, () => this.isOpen && this.showsPictures && this.openVideo());
       }
     };
   }
 
   /** @param {string} text */
   heard(text) {
-    this.expectWord(SILENCE_MS);
+    this.expectWord(this.showsPictures ? SILENCE_MS : IDLE_SILENCE_MS);
     this.retryMs = FIRST_RETRY_MS;
     const words = parseWords(text);
     this.nonce = words.nonce ?? this.nonce;

@@ -6,6 +6,7 @@
 import { encodeDrive, encodeMode } from './protocol.js';
 
 export const HEARTBEAT_MS = 100;
+const IDLE_BEATS = 5; // of so many beats an idle page sends one: enough to keep the wheel
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 
@@ -26,6 +27,9 @@ export class Helm extends EventTarget {
     this.hasWheel = false;
     /** @type {Mode} */
     this.mode = 'stopped';
+    /** True where no picture is shown: nothing can be held, and the wheel alone is kept. */
+    this.isIdle = false;
+    this.beats = 0;
   }
 
   /** The one move that counts: the newest that is still held. */
@@ -71,7 +75,8 @@ export class Helm extends EventTarget {
 
   /** Say what is held. Called by every change, and by a timer every `HEARTBEAT_MS`. */
   beat() {
-    if (!this.hasWheel) return;
+    this.beats += 1;
+    if (!this.hasWheel || (this.isIdle && this.beats % IDLE_BEATS)) return;
     const seq = this.connection.nextSeq();
     this.connection.send(encodeDrive({ held: this.held, seq, ...this.lookingAt() }));
   }

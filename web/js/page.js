@@ -10,6 +10,7 @@ const AGREEMENT_EVERY = 5; // lessons between two points of the curve
 const CURVE_POINTS = 160;
 const NOTICE_MS = 3500;
 const LESSON_MS = 1000;
+const SHOWING = ['drive', 'gallery']; // screens with the robot's picture
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 /** @typedef {import('./protocol.js').RobotState} RobotState */
@@ -51,9 +52,10 @@ export class Page {
     helm.addEventListener('held', () => store.set({ held: helm.held }));
     helm.addEventListener('refused', () => helm.hasWheel && this.mention('choose_first'));
     addEventListener('blur', () => helm.releaseAll());
-    addEventListener('pagehide', () => this.hide());
+    addEventListener('pagehide', () => this.hide('hidden'));
     addEventListener('pageshow', (event) => event.persisted && connection.reconnect());
-    document.addEventListener('visibilitychange', () => document.hidden && this.hide());
+    document.addEventListener('visibilitychange', () => (document.hidden ? this.hide('hidden') : this.followScreen()));
+    store.watch(['screen'], () => this.followScreen());
   }
 
   get lastAgeMs() {
@@ -150,7 +152,7 @@ export class Page {
 
   /** True while the pad is on the screen, so that keys and sticks may drive. */
   isDriving() {
-    return ['drive', 'lesson'].includes(this.store.state.screen);
+    return this.store.state.screen === 'drive';
   }
 
   /** @param {Mode} mode */
@@ -194,12 +196,23 @@ export class Page {
     this.store.set({ hint: null });
   }
 
-  /** The page goes out of sight: nobody supervises the robot any more. */
-  hide() {
+  /** The picture is fetched where it is shown, and only who sees it may have a robot drive. */
+  followScreen() {
+    const shows = SHOWING.includes(this.store.state.screen) && !document.hidden;
+    if (!shows && !document.hidden) this.hide('elsewhere');
+    this.connection.showPictures(shows);
+    this.helm.isIdle = !shows;
+    if (!shows) this.looking = null;
+  }
+
+  /** The picture goes out of sight: nobody supervises the robot any more. @param {'hidden' | 'elsewhere'} why */
+  hide(why) {
     const { robot } = this.store.state;
     this.helm.releaseAll();
-    if (!robot?.you_are_pilot || robot.mode === 'stopped') return;
-    this.helm.choose('stopped');
-    this.store.set({ localStop: 'hidden' });
+    if (robot?.you_are_pilot && robot.mode !== 'stopped') {
+      this.helm.choose('stopped');
+      this.store.set({ localStop: why });
+    }
+    if (document.hidden) this.followScreen();
   }
 }

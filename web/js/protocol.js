@@ -169,7 +169,8 @@ export function encodeMode(mode, seq, { frame, nonce } = { frame: null }) {
   return JSON.stringify({ type: 'mode', mode, seq, frame: frame ?? undefined, nonce: nonce ?? undefined });
 }
 
-/** @param {'stop' | 'release' | 'take' | 'yield'} type */
+/** @typedef {'stop' | 'release' | 'take' | 'yield' | 'idle' | 'watch'} Word */
+/** @param {Word} type */
 export function encodeWord(type) {
   return JSON.stringify({ type });
 }

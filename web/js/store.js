@@ -18,7 +18,7 @@
  * @property {number | null} delayMs  round trip of a word
  * @property {string | null} held  what the pilot holds here
  * @property {string} screen
- * @property {'hidden' | null} localStop  a stop that this page asked for by itself
+ * @property {'hidden' | 'elsewhere' | null} localStop  a stop that this page asked for by itself
  * @property {number[]} agreement  newest last, one for each ten lessons or so
  * @property {boolean} wheelAsked  somebody else asks for the wheel
  * @property {boolean} wheelWaiting  this page asked for it

@@ -12,6 +12,8 @@ const HEIGHT = 190;
 
 export class TeachingScreen extends Screen {
   build() {
+    /** @type {number | undefined} */
+    this.drawn = undefined;
     this.advice = h('p', { class: 'lead', role: 'status' });
     this.chart = h('figure', { class: 'panel chart' });
     this.moves = h('div', { class: 'panel bars', role: 'list' });
@@ -23,8 +25,16 @@ export class TeachingScreen extends Screen {
         h('a', { class: 'button', href: '#undo' }, icon('undo'), t('screen.undo')),
         h('a', { class: 'button', href: '#gallery' }, t('screen.gallery'))),
     ]);
-    this.every(2000, () => this.refresh());
+    this.every(2000, () => this.refreshIfTaught());
     this.watch(['robot'], ({ robot }) => robot && this.render(robot));
+  }
+
+  /** The curve grows with what is taught: without a new example there is nothing to ask for. */
+  refreshIfTaught() {
+    const lessons = this.page?.store.state.robot?.lessons;
+    if (this.drawn === lessons && lessons !== undefined) return;
+    this.drawn = lessons;
+    this.refresh();
   }
 
   async refresh() {

@@ -76,6 +76,7 @@ export default {
   'step.take': 'Ask for the wheel',
   'step.yield': 'Give it',
   'local.hidden': 'Stopped, because the page was out of sight. Choose Teach or Drive itself to go on.',
+  'local.elsewhere': 'Stopped, because you left the picture. Choose Teach or Drive itself to go on.',
   'stop.pilot_silent': 'Stopped: the robot no longer heard you. Choose a mode to go on.',
   'stop.pilot_gone': 'Stopped: the driver left. Choose a mode to start.',
   'stop.frame_stale': 'Stopped: the picture was too old. Choose a mode to go on.',

@@ -76,6 +76,7 @@ export default {
   'step.take': 'Pedir el volante',
   'step.yield': 'Cederlo',
   'local.hidden': 'Parado, porque la página no se veía. Elige Enseñar o Autónomo para seguir.',
+  'local.elsewhere': 'Parado, porque dejaste la imagen. Elige Enseñar o Autónomo para seguir.',
   'stop.pilot_silent': 'Parado: el robot dejó de oírte. Elige un modo para seguir.',
   'stop.pilot_gone': 'Parado: quien conducía se fue. Elige un modo para empezar.',
   'stop.frame_stale': 'Parado: la imagen era demasiado vieja. Elige un modo para seguir.',

@@ -76,6 +76,7 @@ export default {
   'step.take': '请求驾驶',
   'step.yield': '让出',
   'local.hidden': '页面不可见，已停止。选择“教学”或“自己开”继续。',
+  'local.elsewhere': '你离开了画面，已停止。选择“教学”或“自己开”继续。',
   'stop.pilot_silent': '已停止：机器人听不到你了。选择一个模式继续。',
   'stop.pilot_gone': '已停止：驾驶者离开了。选择一个模式开始。',
   'stop.frame_stale': '已停止：画面太旧。选择一个模式继续。',

@@ -1,0 +1,27 @@
+"""`/shell.json`: the page's own files, so that a browser keeps them all on its first visit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fastapi import APIRouter, Depends, Request
+
+from server.security.guard import require_viewer
+from server.services import services_of
+
+router = APIRouter()
+_KEPT = {".css", ".js", ".png", ".svg", ".webmanifest"}
+_APART = {"sw.js", "js/pair.js", "css/pair.css"}
+"""The keeper itself, and the page that lets a browser in: of no use without the robot."""
+
+
+def shell_files(folder: Path) -> list[str]:
+    """List the addresses of the page's files."""
+    paths = (path.relative_to(folder) for path in folder.rglob("*") if path.suffix in _KEPT)
+    return ["/", *sorted(f"/{path.as_posix()}" for path in paths if path.as_posix() not in _APART)]
+
+
+@router.get("/shell.json", dependencies=[Depends(require_viewer)], include_in_schema=False)
+def list_shell(request: Request) -> list[str]:
+    """List what the page needs to open without the robot."""
+    return shell_files(services_of(request).config.web_folder)

@@ -1,0 +1,143 @@
+"""Nothing crosses the link that is not shown, and what was kept is enough to come back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from robot.types import Action, Mode
+from server.config import Config
+
+from .world import PHONE, Fingers, World, choose, hold_until, open_page, running_world, wait_for
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+COUNT_SOCKETS = """
+  window.crossed = { bytes: 0 };
+  const size = (data) => data.byteLength ?? new Blob([data]).size;
+  window.WebSocket = class extends WebSocket {
+    constructor(...args) {
+      super(...args);
+      this.addEventListener('message', ({ data }) => { window.crossed.bytes += size(data); });
+    }
+    send(data) { window.crossed.bytes += size(data); super.send(data); }
+  };
+"""
+WATCHED_S = 6
+MOST_BYTES_PER_S = 1000
+ELSEWHERE = ("teaching", "undo", "lesson", "home", "settings")
+
+
+def hide(page: Any, *, hidden: bool) -> None:
+    """Do to the page what a browser does when another tab is chosen."""
+    page.evaluate(
+        """(hidden) => {
+          Object.defineProperty(document, 'hidden', { configurable: true, get: () => hidden });
+          Object.defineProperty(document, 'visibilityState',
+            { configurable: true, get: () => (hidden ? 'hidden' : 'visible') });
+          document.dispatchEvent(new Event('visibilitychange'));
+        }""",
+        hidden,
+    )
+
+
+def bytes_per_s(page: Any, http_bytes: list[int]) -> float:
+    page.wait_for_timeout(1500)
+    page.evaluate("window.crossed.bytes = 0")
+    http_bytes.clear()
+    page.wait_for_timeout(1000 * WATCHED_S)
+    return float(page.evaluate("window.crossed.bytes") + sum(http_bytes)) / WATCHED_S
+
+
+def test_no_pictures_cross_to_a_page_that_does_not_show_them(chromium: Any, world: World) -> None:
+    context = chromium.new_context(viewport=PHONE, service_workers="block")
+    context.add_init_script(COUNT_SOCKETS)
+    page = open_page(context, world.address)
+    http_bytes: list[int] = []
+    page.on("response", lambda answer: http_bytes.append(len(answer.body())))
+    spent = {"drive": bytes_per_s(page, http_bytes)}
+    assert spent["drive"] > MOST_BYTES_PER_S, "the meter does not count"
+    for screen in ELSEWHERE:
+        page.evaluate(f"location.hash = '{screen}'")
+        spent[screen] = bytes_per_s(page, http_bytes)
+    page.evaluate("location.hash = 'drive'")
+    drawn = page.locator("video-view").get_attribute("data-frames")
+    page.wait_for_function(f"document.querySelector('video-view').dataset.frames > {drawn}")
+    hide(page, hidden=True)
+    spent["hidden"] = bytes_per_s(page, http_bytes)
+    frames = page.evaluate("document.querySelector('video-view').dataset.frames")
+    back_ms = page.evaluate(
+        """async () => {
+          const { dataset } = document.querySelector('video-view');
+          const before = dataset.frames;
+          const start = performance.now();
+          delete document.hidden;
+          delete document.visibilityState;
+          document.dispatchEvent(new Event('visibilitychange'));
+          while (dataset.frames === before) await new Promise((done) => setTimeout(done, 2));
+          return performance.now() - start;
+        }"""
+    )
+    assert page.evaluate("document.querySelector('video-view').dataset.frames") > frames
+    print("bytes a second:", {k: round(v) for k, v in spent.items()}, f"back in {back_ms:.0f} ms")
+    del spent["drive"]
+    assert {screen for screen, rate in spent.items() if rate > MOST_BYTES_PER_S} == set()
+    wait_for(lambda: world.services.hub.lease.owner is not None, "the page still has the wheel")
+    context.close()
+
+
+def test_who_leaves_the_picture_leaves_no_robot_driving(phone: Any, world: World) -> None:
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    hold_until(world, fingers, "left", lambda: world.lessons > 40)
+    fingers.lift()
+    choose(phone, world, Mode.AUTONOMOUS)
+    phone.evaluate("location.hash = 'settings'")
+    wait_for(lambda: world.mode is Mode.STOPPED, "the robot stops")
+    assert world.action is Action.STOP
+    phone.evaluate("location.hash = 'drive'")
+    phone.locator(".notice", has_text="you left the picture").wait_for()
+    choose(phone, world, Mode.TRAIN)
+
+
+def test_the_first_visit_is_enough_to_come_back(chromium: Any, tmp_path: Path) -> None:
+    context = chromium.new_context(viewport=PHONE)
+    with running_world(tmp_path) as world:
+        page = open_page(context, world.address)
+        page.evaluate("navigator.serviceWorker.ready.then(() => true)")
+        page.wait_for_function("navigator.serviceWorker.controller !== null")
+        address, port = world.address, int(world.address.rsplit(":", 1)[1])
+    page.goto(address)
+    page.locator(".notice", has_text="out of reach").wait_for(timeout=10_000)
+    for screen in ("gallery", *ELSEWHERE):
+        page.evaluate(f"location.hash = '{screen}'")
+        page.wait_for_selector(f"{screen}-screen", state="attached")
+    page.evaluate("location.hash = 'drive'")
+    with running_world(tmp_path, config=Config(port=port, data=tmp_path)):
+        page.wait_for_selector("video-view:not(.away)[data-frames]", timeout=20_000)
+    context.close()
+
+
+def test_nothing_that_the_page_asks_for_is_missing(phone: Any, world: World) -> None:
+    missing: list[str] = []
+    phone.on("response", lambda r: missing.append(r.url) if r.status >= 400 else None)
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    hold_until(world, fingers, "left", lambda: world.lessons > 150)
+    fingers.lift()
+    choose(phone, world, Mode.AUTONOMOUS)
+    for screen in ("gallery", "drive", "gallery", "home", "teaching", "undo"):
+        phone.evaluate(f"location.hash = '{screen}'")
+        phone.wait_for_timeout(1500)
+    assert missing == []
+
+
+def test_every_file_of_the_page_is_listed(world: World) -> None:
+    files = httpx.get(f"{world.address}/shell.json").json()
+    assert "/" in files
+    assert {"/js/main.js", "/css/base.css", "/js/messages/zh.js"} < set(files)
+    statuses = {httpx.get(world.address + file).status_code for file in files}
+    assert statuses == {200}
