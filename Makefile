@@ -29,11 +29,12 @@ test-oldest: $(OLDEST)/.made ## Test the server on the versions of Debian 12
 	  --ignore tests/server/test_bench.py --ignore tests/server/test_fuzz.py \
 	  -k "not browser and not films_and_datasets" $(ARGS)
 
-check: $(VENV)/.dev ## Format, lint, types and import contracts, without the tests
+check: $(VENV)/.dev ## Format, lint, types, import contracts, layout and docs, without the other tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m pytest -q -m 'not slow' tests/architecture tests/docs
 
 docs: $(VENV)/.dev ## Write the references of the command line and of the faults anew
 	$(BIN)/python -m tests.docs.command_line

@@ -1,0 +1,28 @@
+"""Drivelesson: all that works without a network. Importing it imports no hardware library.
+
+Example:
+    >>> from robot.learner import BSOCClassifier
+"""
+
+from pathlib import Path as _Path
+from typing import Any as _Any
+
+PROJECT = "drivelesson"
+"""Robot Framework has a package of the same name; this tells whose it is (docs/adr/0008)."""
+
+_CLASH = (
+    "Robot Framework and Drivelesson are installed in the same environment, and both have a "
+    "package called 'robot': neither works so. Make a new environment for each, for example with "
+    "'uv tool install' or 'pipx install', and remove both from this one."
+)
+
+if (_Path(__file__).parent / "running").is_dir():  # a folder of Robot Framework's
+    raise ImportError(_CLASH)
+
+
+def __getattr__(name: str) -> _Any:
+    if name == "__version__":
+        from robot.installation import version
+
+        return version()
+    raise AttributeError(f"module 'robot' has no attribute {name!r}")

@@ -1,65 +1,29 @@
-"""The command line: `drivelesson COMMAND ...`; without a command it serves the simulated robot."""
+"""`python -m server`, and the command `drivelesson`."""
 
 from __future__ import annotations
 
-import argparse
-import importlib
 import sys
 from collections.abc import Sequence
 
-from robot.errors import RobotError
-from server.hosting.low_memory import leave_out_unused
-
-COMMANDS: dict[str, str] = {
-    "serve": "drive a robot from the browser",
-    "evaluate": "compare learners on recorded footage",
-    "experiment": "repeat the paper's experiments in simulation",
-    "bench": "measure this machine",
-    "episodes": "see, mend, import and export recorded runs",
-    "learn": "learn again from recorded runs",
-    "new-driver": "write a package for a robot of your own",
-    "calibrate": "measure an EV3's speed and turning rate by driving",
-    "brick": "put the server, or an agent, on an EV3",
-}
-"""Name to one line of help. Each is a module of `server.cli` with `configure(parser)` and
-`run(args) -> int`, imported only when asked for: on an EV3 every import costs seconds. Where
-options depend on other options, `extend(parser, words)` declares those."""
-
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit status: 0 done, 1 failed, 2 wrongly called."""
-    words = list(sys.argv[1:] if argv is None else argv)
-    if words[:1] in (["-h"], ["--help"], ["help"]):
-        _print_overview()
-        return 0
-    name = words.pop(0) if words and not words[0].startswith("-") else "serve"
-    if name not in COMMANDS:
-        print(
-            f"drivelesson: no command {name!r}; there are: {', '.join(COMMANDS)}", file=sys.stderr
-        )
-        return 2
-    leave_out_unused()
-    module = importlib.import_module(f"server.cli.{name.replace('-', '_')}")
-    parser = argparse.ArgumentParser(prog=f"drivelesson {name}", description=module.__doc__)
+    """Run the command line; in an environment with Robot Framework, say why that cannot be."""
     try:
-        module.configure(parser)
-        if hasattr(module, "extend"):
-            module.extend(parser, words)
-        return int(module.run(parser.parse_args(words)))
-    except RobotError as error:
+        import robot
+    except ImportError as error:
         print(f"drivelesson: {error}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        return 130
+    if getattr(robot, "PROJECT", None) != "drivelesson":
+        print(
+            f"drivelesson: the package 'robot' in {robot.__path__[0]} is another project's, as a "
+            "rule Robot Framework's; install drivelesson in an environment of its own, for example "
+            "with 'uv tool install' or 'pipx install'",
+            file=sys.stderr,
+        )
+        return 1
+    from server.cli.main import main as run
 
-
-def _print_overview() -> None:
-    print("usage: drivelesson [COMMAND] [OPTION ...]\n\nTeach a small robot to drive by example.\n")
-    for name, text in COMMANDS.items():
-        print(f"  {name:12} {text}")
-    print(
-        "\nWithout a command: serve --robot sim. Options of a command: drivelesson COMMAND --help"
-    )
+    return run(argv)
 
 
 if __name__ == "__main__":

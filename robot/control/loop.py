@@ -1,8 +1,11 @@
 """The control loop: newest frame, features, policy, gate, drive; and only then learning.
 
-`ControlLoop.tick` is one turn of it, with time as an argument, and does no waiting: experiments
-call it directly, as fast as they can. `robot.control.thread` calls it in real time. Nothing here
-ever waits for a network: other threads leave what they want in a mailbox.
+`ControlLoop.tick` runs one tick, with time as an argument, and does not wait: experiments call it
+directly, as fast as they can. `robot.control.thread` calls it in real time. Nothing here waits for
+a network: other threads put their requests into a mailbox.
+
+One file because the order of the steps in a tick is what keeps the robot safe: whoever changes one
+must see the others.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ _SENSORS = ("distance_m", "bumped", "battery")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class DatasetPart:
     """One LeRobot episode: moments of a recording at even distances in time."""
 
     episode: Episode
@@ -113,7 +113,7 @@ def write_lerobot(
     return len(parts)
 
 
-def _split(episode: Episode, found: list[EpisodeFrame], fps: int) -> list[Part]:
+def _split(episode: Episode, found: list[EpisodeFrame], fps: int) -> list[DatasetPart]:
     """Cut where time is missing, and take the nearest picture at each tick of the rate."""
     kept = [moment for moment in found if not moment.is_deleted]
     runs: list[list[EpisodeFrame]] = [kept[:1]] if kept else []
@@ -121,7 +121,7 @@ def _split(episode: Episode, found: list[EpisodeFrame], fps: int) -> list[Part]:
         if moment.at_s - before.at_s > _LONGEST_GAP_S:
             runs.append([])
         runs[-1].append(moment)
-    return [Part(episode=episode, moments=_resample(run, fps)) for run in runs]
+    return [DatasetPart(episode=episode, moments=_resample(run, fps)) for run in runs]
 
 
 def _resample(run: list[EpisodeFrame], fps: int) -> list[EpisodeFrame]:
@@ -133,7 +133,7 @@ def _resample(run: list[EpisodeFrame], fps: int) -> list[EpisodeFrame]:
     return [run[int(i)] for i in np.where(is_before_nearer, before, after)]
 
 
-def _action_names(parts: list[Part]) -> tuple[str, ...]:
+def _action_names(parts: list[DatasetPart]) -> tuple[str, ...]:
     """Return what an action's numbers are: angle and throttle, or else one place for each move."""
     done = [(_done(moment), part.episode) for part in parts for moment in part.moments]
     found = {(action, episode.declared_moves) for action, episode in done}
@@ -149,7 +149,7 @@ def _numbers(action: Action, episode: Episode, names: tuple[str, ...]) -> tuple[
 
 
 def _columns(
-    part: Part, index: int, start: int, fps: int, sensors: list[str], names: tuple[str, ...]
+    part: DatasetPart, index: int, start: int, fps: int, sensors: list[str], names: tuple[str, ...]
 ) -> Columns:
     count = len(part.moments)
     done = [_done(moment) for moment in part.moments]
@@ -190,7 +190,7 @@ def _sensor_series(episode: Episode) -> dict[str, tuple[NDArray[Any], NDArray[An
     return found
 
 
-def _at(series: tuple[NDArray[Any], NDArray[Any]] | None, part: Part) -> NDArray[Any]:
+def _at(series: tuple[NDArray[Any], NDArray[Any]] | None, part: DatasetPart) -> NDArray[Any]:
     """Return a sensor's last value at each picture; before the first, the first; else 0."""
     if series is None:
         return np.zeros(len(part.moments), np.float32)
@@ -208,7 +208,7 @@ def _video_file(index: int) -> tuple[int, int, str]:
 
 
 def _write_video(
-    part: Part, folder: Path, index: int, fps: int, on_frame: Callable[[], None]
+    part: DatasetPart, folder: Path, index: int, fps: int, on_frame: Callable[[], None]
 ) -> dict[str, list[Any]]:
     """Write the film of one episode, and return the statistics of its pictures."""
     path = folder / _video_file(index)[2]

@@ -22,14 +22,12 @@ from robot.models.replay import Recovered
 from robot.models.store import ModelStore
 from robot.moves import CLASSIC
 from robot.policy.history import Taught
-from robot.policy.registry import make_policy, split_name
+from robot.policy.registry import MOST_NODES, make_policy, split_name
 from robot.types import Action, Mode
 
 log = logging.getLogger(__name__)
 
 SAVE_EVERY_S = 10.0
-MOST_NODES = 1024
-"""How many images a model that is begun here may have."""
 _LONGEST_PLACE = 200
 Announce = Callable[..., None]
 """Told that something happened once: a name, and fields of its own."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, did_you_mean
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.places import BinaryFeatures, MultiPlace
 from robot.policy.action_filter import ActionFilter
@@ -13,6 +13,9 @@ from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GradientFea
 from robot.policy.policy import Policy
 from robot.policy.variants import DEFAULT, VARIANTS, Maker
 from robot.types import DEFAULT_MOVES, Action
+
+MOST_NODES = 1024
+"""A learner of more images is refused: its table of distances grows with their square."""
 
 
 def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
@@ -76,8 +79,8 @@ def make_policy(
     kind, number = split_name(name)
     if kind not in MAKERS:
         raise ConfigurationError(
-            f"no learner is called {name!r}; there are "
-            f"{', '.join(f'{kind}-NUMBER' for kind in MAKERS)}"
+            f"no learner is called {name!r}{did_you_mean(kind, MAKERS)}; there are "
+            f"{', '.join(f'{kind}-NUMBER' for kind in MAKERS if kind not in VARIANTS)}"
         )
     if integer is None:
         integer = os.uname().machine.startswith("armv5")  # the EV3's processor
@@ -93,7 +96,8 @@ def split_name(name: str) -> tuple[str, int]:
     match = re.fullmatch(r"(.+)-([1-9]\d{0,5})", name)
     if match is None:
         raise ConfigurationError(
-            f"a learner is called KIND-NUMBER, as in default-32, not {name!r}; kinds: "
-            f"{', '.join(MAKERS)}"
+            f"a learner is called KIND-NUMBER, as in default-32, with a number from 1 to "
+            f"{MOST_NODES}, not {name!r}; kinds: "
+            f"{', '.join(kind for kind in MAKERS if kind not in VARIANTS)}"
         )
     return match[1], int(match[2])

@@ -7,7 +7,7 @@ from typing import Any
 
 from robot.camera import Camera
 from robot.driver import Driver
-from robot.errors import MissingExtraError, PluginError
+from robot.errors import MissingExtraError, PluginError, did_you_mean
 
 DRIVERS = "drivelesson.drivers"
 CAMERAS = "drivelesson.cameras"
@@ -58,7 +58,10 @@ def load_camera(name: str) -> type[Camera]:
 def _load(group: str, name: str, kind: str) -> type[Any]:
     points = {point.name: point for point in entry_points(group=group)}
     if name not in points:
-        raise PluginError(f"no {kind} is called {name!r}; installed: {', '.join(sorted(points))}")
+        raise PluginError(
+            f"no {kind} is called {name!r}{did_you_mean(name, points)}; "
+            f"installed: {', '.join(sorted(points))}"
+        )
     try:
         found = points[name].load()
     except MissingExtraError:

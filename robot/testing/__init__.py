@@ -4,6 +4,14 @@ from robot.testing.camera import FakeCamera
 from robot.testing.driver import FakeDriver
 from robot.testing.link import Line, Link, LinkConditions
 from robot.testing.policy import FakePolicy
-from robot.testing.world import World
+from robot.testing.world import VirtualRobot
 
-__all__ = ["FakeCamera", "FakeDriver", "FakePolicy", "Line", "Link", "LinkConditions", "World"]
+__all__ = [
+    "FakeCamera",
+    "FakeDriver",
+    "FakePolicy",
+    "Line",
+    "Link",
+    "LinkConditions",
+    "VirtualRobot",
+]

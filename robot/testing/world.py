@@ -17,13 +17,13 @@ from robot.testing.camera import FakeCamera
 from robot.testing.driver import FakeDriver
 
 
-class World:
+class VirtualRobot:
     """The parts that `Rig.start` would run on threads, here as events of one event loop.
 
     Use it inside of `VirtualClock.run`, as an async context manager::
 
         async def main() -> None:
-            async with World(clock) as world:
+            async with VirtualRobot(clock) as world:
                 await world.until(lambda: world.driver.now is Action.STOP)
 
         clock = VirtualClock()

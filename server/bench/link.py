@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError
-from server.bench.proxy import LinkConditions, Proxy
+from server.bench.proxy import LineConditions, Proxy
 from server.bench.subject import KINDS
 from server.bench.viewers import Watched, watch
+from server.cli.parser import number
 
 SLOW_LINE = 62_500.0  # 500 kbit/s
 _SETTLE_S = 0.7
@@ -26,11 +27,18 @@ _SLOW_VIEWERS, _ALL_VIEWERS = 4, 16
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("--viewers", default="1,4,16", help="numbers of viewers (%(default)s)")
-    parser.add_argument("--seconds", type=float, default=5.0, help="for each (%(default)s)")
     parser.add_argument(
-        "--slow-seconds", type=float, default=60.0, help="behind a slow line (%(default)s; 0: skip)"
+        "--seconds", type=number(above=0), default=5.0, help="for each (%(default)s)"
     )
-    parser.add_argument("--rate", type=float, default=30.0, help="frames a second (%(default)s)")
+    parser.add_argument(
+        "--slow-seconds",
+        type=number(least=0),
+        default=60.0,
+        help="behind a slow line (%(default)s; 0: skip)",
+    )
+    parser.add_argument(
+        "--rate", type=number(above=0), default=30.0, help="frames a second (%(default)s)"
+    )
     parser.add_argument(
         "--json", nargs="?", const="-", default=None, metavar="FILE", help="write the figures"
     )
@@ -217,7 +225,7 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
         # Before and after, so that what else the machine does falls upon both sides alike.
         without = await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, before")
         for proxy in proxies:
-            proxy.conditions = LinkConditions(bytes_per_second=SLOW_LINE)
+            proxy.conditions = LineConditions(bytes_per_second=SLOW_LINE)
         _progress(f"{size}, four at 500 kbit/s")
         async with _watching("drivelesson", ports) as viewers:
             await asyncio.sleep(2 * _SETTLE_S)
@@ -232,7 +240,7 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
                 for part in range(3)
             ]
         for proxy in proxies:
-            proxy.conditions = LinkConditions()
+            proxy.conditions = LineConditions()
         without += await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, after")
         for proxy in proxies:
             await proxy.stop()

@@ -12,12 +12,13 @@ import numpy as np
 from robot.errors import MissingExtraError
 from robot.experiments import evaluation
 from robot.policy.registry import make_policy
+from server.cli.parser import whole
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folder", type=Path, help="folder of recordings PLACE_A.npz, PLACE_B.npz")
-    parser.add_argument("--nodes", type=int, default=32, help="of each network (%(default)s)")
+    parser.add_argument("--nodes", type=whole(1), default=32, help="of each network (%(default)s)")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -16,7 +16,7 @@ _CHUNK_BYTES = 1460
 
 
 @dataclass(slots=True, kw_only=True)
-class LinkConditions:
+class LineConditions:
     """What the link is like. May be changed while it is used; counts for what comes after."""
 
     delay_s: float = 0.0
@@ -34,8 +34,8 @@ class LinkConditions:
 class Proxy:
     """Listens on a free port and passes all on to the server, through the weather."""
 
-    def __init__(self, port: int, conditions: LinkConditions | None = None) -> None:
-        self.conditions = conditions or LinkConditions()
+    def __init__(self, port: int, conditions: LineConditions | None = None) -> None:
+        self.conditions = conditions or LineConditions()
         self.port = 0
         self._to_port = port
         self._server: asyncio.Server | None = None

@@ -24,6 +24,7 @@ from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand
 from server.bench.robot import NotingDriver, SteadyCamera
+from server.cli.parser import number, whole
 
 _COMMAND_EVERY_S = 0.1
 
@@ -72,9 +73,13 @@ class PhotoCamera(SteadyCamera):
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("--seconds", type=float, default=8.0, help="of each run (%(default)s)")
-    parser.add_argument("--repeats", type=int, default=3, help="runs of a kind (%(default)s)")
-    parser.add_argument("--rate", type=float, default=30.0, help="pictures a second (%(default)s)")
+    parser.add_argument(
+        "--seconds", type=number(above=0), default=8.0, help="of each run (%(default)s)"
+    )
+    parser.add_argument("--repeats", type=whole(1), default=3, help="runs of a kind (%(default)s)")
+    parser.add_argument(
+        "--rate", type=number(above=0), default=30.0, help="pictures a second (%(default)s)"
+    )
     parser.add_argument("--size", default="640x480", help="of a picture (%(default)s)")
     parser.add_argument("--learner", default="default-32", help="what learns (%(default)s)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the results here")

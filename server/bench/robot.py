@@ -19,7 +19,7 @@ _PICTURES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NoOptions:
+class _NoOptions:
     """Nothing to choose."""
 
 
@@ -27,7 +27,7 @@ class SteadyCamera(Camera):
     """Shows patterns at a steady rate, as heavy as JPEGs of a room. Can be frozen or broken."""
 
     name: ClassVar[str] = "steady"
-    options_type: ClassVar[type[Any]] = NoOptions
+    options_type: ClassVar[type[Any]] = _NoOptions
 
     def __init__(
         self, clock: Clock, rate_hz: float = 30.0, width: int = 160, height: int = 120
@@ -83,7 +83,7 @@ class NotingDriver(Driver):
 
     name: ClassVar[str] = "noting"
     default_camera: ClassVar[str] = "steady"
-    options_type: ClassVar[type[Any]] = NoOptions
+    options_type: ClassVar[type[Any]] = _NoOptions
 
     def __init__(self, options: Any = None) -> None:
         self.now = Action.STOP

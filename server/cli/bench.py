@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import importlib.util
 from collections.abc import Sequence
 from types import ModuleType
 
@@ -36,9 +37,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _load(name: str) -> ModuleType:
-    try:
-        return importlib.import_module(BENCHMARKS[name])
-    except KeyError as error:
+    if importlib.util.find_spec("server.bench") is None:
         raise ConfigurationError(
-            f"no benchmark {name!r}; there are: {', '.join(BENCHMARKS)}"
-        ) from error
+            "the benchmarks measure the source code and are not part of an installed drivelesson; "
+            f"run them in a clone of the repository, with: .venv/bin/drivelesson bench {name}"
+        )
+    return importlib.import_module(BENCHMARKS[name])

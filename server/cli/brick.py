@@ -15,6 +15,7 @@ from robot.brick.handshake import secret_path
 from robot.brick.rootfs import build_userland, precompile
 from robot.errors import ConfigurationError
 from robot.storage.folder import default_root
+from server.cli.parser import whole
 from server.config import Config
 
 PYTHON_FOLDERS = ("usr/lib/python3.11", "usr/lib/python3/dist-packages")
@@ -27,7 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "address", nargs="?", help="the brick: robot@ev3dev.local, or root@... to install"
     )
     parser.add_argument(
-        "--port", type=int, default=PORT, help="the agent's port (default: %(default)s)"
+        "--port", type=whole(1, 65535), default=PORT, help="the agent's port (default: %(default)s)"
     )
     parser.add_argument(
         "--keep",

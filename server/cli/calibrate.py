@@ -18,7 +18,8 @@ from robot.rig.options import make_options, options_of
 from robot.rig.plugins import load_driver
 from robot.storage.folder import write_whole
 from robot.types import Action
-from server.settings import PREFIX, apply_to, read_settings
+from server.cli.parser import number
+from server.cli.settings import PREFIX, apply_to, read_settings
 
 ROBOTS = ("ev3", "ev3-remote")
 _TABLE = re.compile(r"^\s*\[", re.MULTILINE)
@@ -34,10 +35,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="TOML file of settings that is read and written (default: %(default)s)",
     )
     parser.add_argument(
-        "--straight-s", type=float, default=4.0, help="seconds of driving (default: %(default)s)"
+        "--straight-s",
+        type=number(above=0),
+        default=4.0,
+        help="seconds of driving (default: %(default)s)",
     )
     parser.add_argument(
-        "--turn-s", type=float, default=9.75, help="seconds of turning (default: %(default)s)"
+        "--turn-s",
+        type=number(above=0),
+        default=9.75,
+        help="seconds of turning (default: %(default)s)",
     )
 
 

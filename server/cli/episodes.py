@@ -17,6 +17,7 @@ from robot.errors import ConfigurationError
 from robot.storage.folder import Storage, default_root
 from server.cli import exchange
 from server.cli.kept import EPISODE_HELP, add_data, find_episodes, find_id
+from server.cli.parser import number
 
 _LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": "."}
 _AXIS = 96
@@ -46,7 +47,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     exchange.configure_export(_add(commands, "export", exchange.export_episodes, _EXPORT))
     exchange.configure_import(_add(commands, "import", exchange.import_episode, _IMPORT))
     budget = _add(commands, "budget", show_budget, "what is kept, and what could go")
-    budget.add_argument("--gigabytes", type=float, default=None, help="space for episodes")
+    budget.add_argument(
+        "--gigabytes", type=number(above=0), default=None, help="space for episodes"
+    )
     _add(commands, "empty-trash", empty_trash, "delete for good what was deleted")
 
 
@@ -70,7 +73,12 @@ def _add_range(parser: argparse.ArgumentParser, verb: str) -> None:
     needed = verb != "delete"
     for flag, dest in (("--from", "first_s"), ("--to", "last_s")):
         parser.add_argument(
-            flag, dest=dest, type=float, default=None, metavar="S", help="seconds from the start"
+            flag,
+            dest=dest,
+            type=number(least=0),
+            default=None,
+            metavar="S",
+            help="seconds from the start",
         )
     parser.set_defaults(needs_range=needed)
     if verb == "relabel":
@@ -137,8 +145,8 @@ def show(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> Non
     print(f"{len(found)} pictures in {episode.duration_s:.1f} s; taught {taught or 'nothing'}")
     if episode.damage:
         print(f"damaged: {episode.damage}")
-    for number, edit in enumerate(notes.edits, start=1):
-        print(f"edit {number}: {edit.verb} {edit.label or ''} {list(edit.ranges)}")
+    for n, edit in enumerate(notes.edits, start=1):
+        print(f"edit {n}: {edit.verb} {edit.label or ''} {list(edit.ranges)}")
     _print_axis(choose(found, _AXIS))
 
 
@@ -161,7 +169,7 @@ def _letter(move: str | None) -> str:
 
 def play_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int:
     """Serve the page with the episode in place of a robot."""
-    from server.__main__ import main
+    from server.cli.main import main
 
     path = Path(args.episode)
     if not path.is_file():

@@ -17,6 +17,7 @@ from robot.exchange.film import check_suffix
 from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
 from robot.storage.folder import Storage
 from server.cli.kept import EPISODE_HELP, find_episodes
+from server.cli.parser import whole
 
 EXPORTS = ("tub", "lerobot", "folder", "film")
 
@@ -26,7 +27,9 @@ def configure_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("episodes", nargs="+", metavar="EPISODE", help=EPISODE_HELP)
     parser.add_argument("--as", dest="form", required=True, choices=EXPORTS)
     parser.add_argument("--out", type=Path, default=None, help="new folder or file")
-    parser.add_argument("--fps", type=int, default=None, help="pictures a second, of films")
+    parser.add_argument(
+        "--fps", type=whole(1, 240), default=None, help="pictures a second, of films"
+    )
     parser.add_argument("--all", action="store_true", help="tub: also pictures nobody taught")
 
 

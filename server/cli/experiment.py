@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot.errors import ConfigurationError, MissingExtraError
+from server.cli.parser import whole
 
 if TYPE_CHECKING:
     from robot.experiments.experiment import Experiment, ExperimentSettings
@@ -33,7 +34,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="EXPERIMENT",
         help=f"{', '.join(NAMES)}, all",
     )
-    parser.add_argument("--seeds", type=int, default=10, help="runs of each (default: %(default)s)")
+    parser.add_argument(
+        "--seeds", type=whole(1), default=10, help="runs of each (default: %(default)s)"
+    )
     parser.add_argument("--quick", action="store_true", help="one run of each: a first look")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write every result here")
     parser.add_argument(
@@ -62,7 +65,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="where finished runs are kept (default: ./%(default)s)",
     )
     parser.add_argument(
-        "--jobs", type=int, metavar="N", help="runs at a time (default: one a processor)"
+        "--jobs", type=whole(1), metavar="N", help="runs at a time (default: one a processor)"
     )
     parser.add_argument(
         "--backend", choices=("processes", "dask"), default="processes", help="where runs run"

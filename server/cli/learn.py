@@ -16,10 +16,11 @@ from robot.errors import ConfigurationError, MissingExtraError
 from robot.models.model import encode_model, take_model
 from robot.models.store import ModelStore
 from robot.policy.policy import Policy
-from robot.policy.registry import make_policy
+from robot.policy.registry import MOST_NODES, make_policy
 from robot.storage.folder import Storage, default_root, write_whole
 from robot.types import DEFAULT_MOVES, Action
 from server.cli.kept import add_data, find_episodes
+from server.cli.parser import whole
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +30,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--learner", default=None, help="kind of learner (default: as driven)")
     parser.add_argument(
-        "--max-nodes", default=None, metavar="N", help="images it remembers (default: as driven)"
+        "--max-nodes",
+        type=whole(1, MOST_NODES),
+        metavar="N",
+        help="images it remembers (default: as driven)",
     )
     parser.add_argument(
         "--continue",

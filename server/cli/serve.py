@@ -17,15 +17,17 @@ from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
 from robot.errors import ConfigurationError, MissingExtraError
+from robot.policy.registry import MOST_NODES
 from robot.rig.options import Option, options_of
 from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.storage.folder import Storage, default_root
+from server.cli.parser import host_name, number, whole
+from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config, Limits
 from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address
 from server.hosting.logs import start_logging
 from server.hosting.network import host_names, lan_addresses
 from server.security.access import Role
-from server.settings import PREFIX, Settings, apply_to, build, read_settings
 
 if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
@@ -44,12 +46,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-nodes",
         default=None,
+        type=whole(1, MOST_NODES, or_word="auto"),
         metavar="N",
         help="how many images it remembers (default: 32); auto: as many as --rate allows here",
     )
     parser.add_argument(
         "--rate",
-        type=float,
+        type=number(above=0),
         default=14.0,
         metavar="HZ",
         help="frames a second that --max-nodes auto keeps to (default: %(default)s)",
@@ -68,7 +71,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--name", default=None, help="what people call this robot (default: one that it keeps)"
     )
     parser.add_argument(
-        "--jpeg-quality", type=int, default=75, help="of simulated pictures (default: %(default)s)"
+        "--jpeg-quality",
+        type=whole(1, 100),
+        default=75,
+        help="of simulated pictures (default: %(default)s)",
     )
     parser.add_argument("--config", type=Path, default=None, help="TOML file of settings")
     parser.add_argument("-v", "--verbose", action="store_true", help="log more")
@@ -77,13 +83,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def _add_network(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("network")
     group.add_argument("--host", default=None, help="address to serve on (default: 127.0.0.1)")
-    group.add_argument("--port", type=int, default=8000, help="port (default: %(default)s)")
+    group.add_argument(
+        "--port", type=whole(0, 65535), default=8000, help="port (default: %(default)s)"
+    )
     group.add_argument(
         "--lan", action="store_true", help="serve the local network, to paired browsers only"
     )
     group.add_argument("--tls", action="store_true", help="serve https, with a certificate of ours")
     group.add_argument(
         "--hostname",
+        type=host_name,
         default="drivelesson",
         help="with --lan, answer to this name with .local behind it (default: %(default)s)",
     )

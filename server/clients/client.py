@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 
-from server.clients.flow_control import Order, Pace
+from server.clients.flow_control import Order
 from server.config import Config
 from server.security.access import Role
+from server.security.pace import Pace
 
 _OUTBOX = 64
 """Answers that may wait for one page; a page that reads so slowly loses the oldest."""

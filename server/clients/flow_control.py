@@ -30,27 +30,6 @@ class Order:
         self._last = seq
 
 
-class Pace:
-    """A token bucket: so many messages a second in the long run, so many in one burst."""
-
-    def __init__(self, *, per_second: float, burst: float) -> None:
-        self._per_second = per_second
-        self._burst = burst
-        self._tokens = burst
-        self._last_s: float | None = None
-
-    def allows(self, now_s: float) -> bool:
-        """Take one token; False if there is none."""
-        if self._last_s is not None:
-            earned = max(now_s - self._last_s, 0.0) * self._per_second
-            self._tokens = min(self._burst, self._tokens + earned)
-        self._last_s = now_s
-        if self._tokens < 1.0:
-            return False
-        self._tokens -= 1.0
-        return True
-
-
 class _Sent(NamedTuple):
     at_s: float
     size: int

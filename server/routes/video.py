@@ -7,12 +7,12 @@ from typing import Any
 
 from fastapi import APIRouter, WebSocket
 
-from server.clients.flow_control import Pace
 from server.clients.hub import Hub
 from server.clients.video import EncodedFrame, Viewer
 from server.hosting.uvicorn_fastpath import EXTENSION, FastPath
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.sockets import end_with_either
+from server.security.pace import Pace
 from server.services import services_of
 
 router = APIRouter()

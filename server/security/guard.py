@@ -18,10 +18,10 @@ from fastapi import HTTPException
 from starlette.requests import ClientDisconnect, HTTPConnection, Request
 
 from robot.clock import Clock
-from server.clients.flow_control import Pace
 from server.config import Limits
 from server.security.access import Access, Refusal, Role
 from server.security.door import Door, address_key
+from server.security.pace import Pace
 
 log = logging.getLogger(__name__)
 

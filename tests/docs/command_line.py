@@ -11,7 +11,7 @@ from unittest.mock import patch
 
 from robot.rig.options import Option, options_of
 from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
-from server.__main__ import COMMANDS
+from server.cli.main import COMMANDS
 
 PAGE = Path(__file__).parents[2] / "docs/reference/command-line.md"
 _HEAD = """# The command line

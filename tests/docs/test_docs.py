@@ -11,7 +11,7 @@ from robot.control.link_governor import LinkLevel
 from robot.moves import CLASSIC
 from robot.types import Action, Mode, StopReason
 from server.protocol import ErrorCode
-from tests.docs import command_line
+from tests.docs import command_line, commands
 
 ROOT = Path(__file__).parents[2]
 WORDS = [Action.STOP, *CLASSIC, *Mode, *StopReason, *ErrorCode, *LinkLevel]
@@ -36,3 +36,36 @@ def test_the_command_line_is_described_as_it_is() -> None:
 @pytest.mark.parametrize("word", WORDS)
 def test_every_word_of_the_wire_is_written_down(word: str) -> None:
     assert f"`{word}`" in (ROOT / "docs/reference/protocol.md").read_text("utf-8")
+
+
+CURRENT = [page for page in PAGES if page.name != "CHANGELOG.md" and "adr" not in page.parts]
+"""Pages about the program as it is now; decisions and changes tell of earlier ones too."""
+
+
+@pytest.mark.parametrize("page", CURRENT, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_command_that_a_page_names_exists(page: Path) -> None:
+    assert commands.unknown(page.read_text("utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("`drivelesson dance`", "drivelesson dance"),
+        ("    drivelesson serve --robot sim --fly 3", "drivelesson serve --fly"),
+        ("```sh\ndrivelesson evaluate FOLDER \\\n  --port 3\n```", "drivelesson evaluate --port"),
+        ("`drivelesson episodes juggle`", "drivelesson episodes juggle"),
+        ("`--teleport`", "--teleport"),
+        ('`make run ARGS="--teleport"`', "drivelesson serve --teleport"),
+        ("`make coffee`", "make coffee"),
+        ("`pip install 'drivelesson[wings]'`", "drivelesson[wings]"),
+    ],
+)
+def test_a_command_that_does_not_exist_is_found(text: str, fault: str) -> None:
+    assert commands.unknown(f"Do this:\n\n{text}\n") == [fault]
+
+
+def test_commands_that_exist_pass() -> None:
+    page = (
+        "`drivelesson`, `drivelesson --lan`, `drivelesson bench link --rate 9`, `make run`, `ls -l`"
+    )
+    assert commands.unknown(page) == []

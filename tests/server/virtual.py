@@ -15,7 +15,7 @@ from typing import Any, Self, TypeVar
 from fastapi import FastAPI
 
 from robot.clock import VirtualClock
-from robot.testing import Line, Link, World
+from robot.testing import Line, Link, VirtualRobot
 from robot.types import Action, Mode
 from server.app import create_app
 from server.config import Config
@@ -33,7 +33,7 @@ def virtually(
     config: Config | None = None,
     **options: Any,
 ) -> _T:
-    """Run a scenario on a served robot in virtual time; `options` are those of `World`."""
+    """Run a scenario on a served robot in virtual time; `options` are those of `VirtualRobot`."""
     clock = VirtualClock(100.0)
 
     async def main() -> _T:
@@ -43,8 +43,8 @@ def virtually(
     return clock.run(main())
 
 
-class ServedWorld(World):
-    """A `World` with a server around it, and links to it."""
+class ServedWorld(VirtualRobot):
+    """A `VirtualRobot` with a server around it, and links to it."""
 
     def __init__(self, clock: VirtualClock, config: Config | None = None, **options: Any) -> None:
         super().__init__(clock, **options)

@@ -6,9 +6,10 @@ import heapq
 
 import pytest
 
-from server.clients.flow_control import Order, Pace, VideoWindow
+from server.clients.flow_control import Order, VideoWindow
 from server.clients.lease import Lease
 from server.protocol import ProtocolError
+from server.security.pace import Pace
 
 
 def test_order_must_grow() -> None:

@@ -14,11 +14,11 @@ from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
 from robot.errors import ConfigurationError
 from server.cli import serve
+from server.cli.settings import apply_to, build, read_settings
 from server.config import Limits
 from server.routes import routers
-from server.settings import apply_to, build, read_settings
 
-REFERENCE = Path(__file__).resolve().parents[2] / "docs" / "reference"
+REFERENCE = Path(__file__).resolve().parents[3] / "docs" / "reference"
 
 
 def _parse(file: Path | None, environ: dict[str, str], *words: str) -> argparse.Namespace:

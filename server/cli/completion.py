@@ -1,0 +1,36 @@
+"""Print a script that completes commands, options and choices with the tab key."""
+
+from __future__ import annotations
+
+import argparse
+
+from robot.errors import MissingExtraError
+
+_SHELLS = ("bash", "zsh", "tcsh")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the shell."""
+    parser.add_argument("shell", choices=_SHELLS, help="whose script")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the script."""
+    try:
+        import shtab
+    except ImportError as error:
+        raise MissingExtraError("tab completion", "sim") from error
+    print(shtab.complete(_whole_parser(), args.shell))
+    return 0
+
+
+def _whole_parser() -> argparse.ArgumentParser:
+    """Return one parser with every command in it, as shtab reads it."""
+    from server.cli.main import COMMANDS, make_parser
+
+    whole = argparse.ArgumentParser(prog="drivelesson")
+    whole.add_argument("--version", action="store_true", help="print the version")
+    commands = whole.add_subparsers()
+    for name, text in COMMANDS.items():
+        commands.add_parser(name, help=text, parents=[make_parser(name)], add_help=False)
+    return whole

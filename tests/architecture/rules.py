@@ -1,0 +1,67 @@
+"""Rules for the source code as a whole; each reads a folder and returns what breaks it."""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from collections import defaultdict
+from pathlib import Path
+
+PACKAGES = ("robot", "server")
+LONGEST = 350
+REASON = "One file because"
+"""A module longer than that says so in its docstring."""
+
+
+def modules(root: Path) -> list[Path]:
+    """Return the modules of the product."""
+    return sorted(file for package in PACKAGES for file in (root / package).rglob("*.py"))
+
+
+def classes_used_twice(root: Path) -> dict[str, list[str]]:
+    """Return public class names that mean several things, and where."""
+    places = defaultdict(list)
+    for file in modules(root):
+        for node in ast.parse(file.read_text("utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places[node.name].append(file.relative_to(root).as_posix())
+    return {name: files for name, files in places.items() if len(files) > 1}
+
+
+def rooms(root: Path, package: str) -> set[str]:
+    """Return what lies directly in a package: its folders and modules."""
+    return {
+        path.stem
+        for path in (root / package).iterdir()
+        if (path.suffix == ".py" and path.stem != "__init__") or (path / "__init__.py").is_file()
+    }
+
+
+def drawn_floors(root: Path, package: str) -> list[set[str]]:
+    """Return the floors of a package as the architecture page draws them, top first."""
+    page = (root / "docs/explanation/architecture.md").read_text("utf-8")
+    found = re.search(rf"```floors {package}\n(.*?)```", page, re.DOTALL)
+    assert found, f"the page has no map of {package}"
+    return [set(line.split("  ")[0].split(" | ")) for line in found[1].splitlines() if line.strip()]
+
+
+def contracted_floors(root: Path, package: str) -> list[set[str]]:
+    """Return the floors of a package as the contract in pyproject.toml has them, top first."""
+    settings = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))
+    [layers] = [
+        contract["layers"]
+        for contract in settings["tool"]["importlinter"]["contracts"]
+        if contract.get("containers") == [package]
+    ]
+    return [set(layer.split(" | ")) for layer in layers]
+
+
+def too_long(root: Path) -> list[str]:
+    """Return modules that are longer than they may be and do not say why."""
+    return [
+        f"{file.relative_to(root)}: {text.count(chr(10))} lines"
+        for file in modules(root)
+        if (text := file.read_text("utf-8")).count("\n") > LONGEST
+        and REASON not in (ast.get_docstring(ast.parse(text)) or "")
+    ]

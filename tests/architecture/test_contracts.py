@@ -1,0 +1,43 @@
+"""The import contracts can fail: each is broken once, in a copy of the source code."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+BREACHES = {
+    "a library in the learner": ("robot/learner/votes.py", "import cv2"),
+    "our own code in the learner": ("robot/learner/votes.py", "import robot.storage.png"),
+    "up in robot": ("robot/policy/policy.py", "import robot.control.gate"),
+    "sideways in robot": ("robot/models/store.py", "import robot.rig.plugins"),
+    "up in server": ("server/clients/hub.py", "import server.routes.drive"),
+    "from robot to server": ("robot/errors.py", "import server.protocol"),
+    "one driver to another": ("robot/drivers/sim.py", "import robot.drivers.replay"),
+}
+
+
+def lint(folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [str(Path(sys.executable).parent / "lint-imports"), "--no-cache"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.slow
+def test_each_breach_is_found(tmp_path: Path) -> None:
+    for folder in ("robot", "server", "tests/architecture"):
+        unneeded = shutil.ignore_patterns("__pycache__", "*.toml")
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=unneeded)
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    whole = lint(tmp_path)
+    assert whole.returncode == 0, whole.stdout
+    for name, (module, line) in BREACHES.items():
+        file = tmp_path / module
+        before = file.read_text("utf-8")
+        file.write_text(f"{before}\n{line}\n")
+        broken = lint(tmp_path)
+        assert (broken.returncode, "BROKEN" in broken.stdout) == (1, True), name
+        file.write_text(before)

@@ -1,0 +1,77 @@
+"""How the program was installed, what it advises then, and who else is called `robot`."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import robot
+from robot import installation
+from robot.errors import MissingExtraError
+
+ROOT = Path(__file__).parents[2]
+
+
+def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-S", *words]  # without site-packages: only what lies in the folder
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def copy_of_packages(folder: Path) -> Path:
+    for package in ("robot", "server"):
+        shutil.copytree(ROOT / package, folder / package)
+    return folder
+
+
+def test_the_version_is_that_of_the_distribution() -> None:
+    assert robot.__version__ == installation.version() != "unknown"
+
+
+def test_in_a_clone_the_advice_installs_from_the_clone() -> None:
+    command = installation.install_command("ev3")
+    assert command == f"{sys.executable} -m pip install --editable '{ROOT}[ev3]'"
+
+
+@pytest.mark.parametrize(
+    ("prefix", "begins"),
+    [
+        ("/home/me/.local/share/uv/tools/drivelesson", "uv tool install --force '"),
+        ("/home/me/.cache/uv/archive-v0/x1", "uvx --from '"),
+        ("/home/me/.local/share/pipx/venvs/drivelesson", "pipx install --force '"),
+        ("/home/me/venv", f"{sys.executable} -m pip install '"),
+    ],
+)
+@pytest.mark.parametrize("source", [None, "file:///tmp/drivelesson-0.1.0-py3-none-any.whl"])
+def test_elsewhere_it_is_for_the_tool_that_installed_it(
+    monkeypatch: pytest.MonkeyPatch, prefix: str, begins: str, source: str | None
+) -> None:
+    monkeypatch.setattr(sys, "prefix", prefix)
+    monkeypatch.setattr(installation, "_clone", lambda: None)
+    monkeypatch.setattr(installation, "_source", lambda: source)
+    wanted = "drivelesson[ev3]" + (f" @ {source}" if source else "")
+    command = installation.install_command("ev3")
+    assert command.startswith(f"{begins}{wanted}'")
+    assert command in str(MissingExtraError("driving", "ev3"))
+
+
+def test_beside_robot_framework_importing_ends_in_a_sentence(tmp_path: Path) -> None:
+    folder = copy_of_packages(tmp_path)
+    (folder / "robot/running").mkdir()  # as Robot Framework has it
+    done = run(folder, "-c", "import robot")
+    assert "ImportError: Robot Framework and Drivelesson" in done.stderr.splitlines()[-1]
+    done = run(folder, "-m", "server")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert done.stderr.startswith("drivelesson: Robot Framework and Drivelesson")
+
+
+def test_where_robot_framework_came_last_the_command_says_so(tmp_path: Path) -> None:
+    folder = copy_of_packages(tmp_path)
+    (folder / "robot/__init__.py").write_text("__version__ = '7.0'\n")
+    (folder / "robot/errors.py").write_text("")
+    done = run(folder, "-m", "server")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert "is another project's" in done.stderr and "pipx" in done.stderr

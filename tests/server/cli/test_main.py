@@ -1,0 +1,72 @@
+"""Manners of the command line: version, suggestions, limits, completion."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+from robot.installation import version
+from server.cli.main import COMMANDS, main
+
+WRONG = [
+    (["serv"], "no command 'serv' (did you mean 'serve'?)"),
+    (["serve", "--lerner", "x"], "(did you mean '--learner'?)"),
+    (["serve", "--robot", "smi"], "(did you mean 'sim'?)"),
+    (["serve", "--learner", "defualt"], "(did you mean 'default'?)"),
+    (["bench", "lnk"], "(did you mean 'link'?)"),
+    (["serve", "--rate", "0"], "--rate: must be a number above 0, not '0'"),
+    (["serve", "--rate", "nan"], "--rate: must be a number above 0, not 'nan'"),
+    (
+        ["serve", "--max-nodes", "-3"],
+        "--max-nodes: must be a whole number from 1 to 1024, or 'auto'",
+    ),
+    (["serve", "--max-nodes", "many"], "--max-nodes: must be a whole number from 1 to 1024"),
+    (["serve", "--hostname", "bad name"], "--hostname: must be letters, digits and hyphens"),
+    (["serve", "--port", "70000"], "--port: must be a whole number from 0 to 65535, not '70000'"),
+    (["serve", "--jpeg-quality", "0"], "--jpeg-quality: must be a whole number from 1 to 100"),
+    (["experiment", "figure3", "--seeds", "0"], "--seeds: must be a whole number of at least 1"),
+]
+INTERNAL = ("_published", "without-linear", "linear-alone", "Namespace", "Traceback", "<class")
+
+
+@pytest.mark.parametrize(("words", "sentence"), WRONG, ids=lambda value: " ".join(value)[:30])
+def test_a_wrong_call_is_told_what_would_be_right(
+    words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        status = main(words)
+    except SystemExit as left:
+        status = int(left.code or 0)
+    said = capsys.readouterr().err
+    assert status in (1, 2)
+    assert sentence in said
+    assert not [name for name in INTERNAL if name in said]
+
+
+def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"drivelesson {version()}\n"
+
+
+def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    said = capsys.readouterr().out
+    assert all(f"  {name} " in said for name in COMMANDS)
+
+
+def test_bash_completes_commands_options_and_choices(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["completion", "bash"]) == 0
+    script = capsys.readouterr().out
+    ask = """
+COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _shtab_drivelesson; echo "${COMPREPLY[@]}"
+"""
+    for words, wanted in (
+        (["drivelesson", "ev"], "evaluate"),
+        (["drivelesson", "serve", "--hostn"], "--hostname"),
+        (["drivelesson", "completion", "zs"], "zsh"),
+    ):
+        done = subprocess.run(
+            ["bash", "-c", script + ask, "bash", *words], capture_output=True, text=True, check=True
+        )
+        assert done.stdout.split() == [wanted]
