@@ -2,6 +2,8 @@
 
 Whatever waits does so through its clock. In real time that is a plain wait; in virtual time it
 costs nothing, because the clock jumps to the moment at which something happens next.
+
+One file because the clocks are one interface in three forms: what one can do, all must.
 """
 
 from __future__ import annotations

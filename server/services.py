@@ -13,11 +13,11 @@ from robot.rig.rig import Rig
 from server.clients.hub import Hub
 from server.config import Config
 from server.events import EventBus
-from server.hosting.listener import connection_capacity
 from server.identity import IdentityFile
 from server.persistence import Persistence
 from server.progress import Progress
 from server.security.door import Door
+from server.security.listener import connection_capacity
 from server.security.pairing import Pairing
 from server.study import Study
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from robot.errors import ConfigurationError
 from server.config import Config
-from server.hosting.listener import DoorListener
 from server.security.certificates import Certificates
+from server.security.listener import DoorListener
 from server.services import services_behind
 
 MAX_MESSAGE_BYTES = 65_536

@@ -143,7 +143,7 @@ class Line:
 )
 def test_no_error_of_accept_ends_the_agent(name: str, tmp_path: Path) -> None:
     listener = Line(*[getattr(errno, name)] * 3)
-    door = callers.Door(listener)  # type: ignore[arg-type]
+    door = callers.CallerDoor(listener)  # type: ignore[arg-type]
     now_s = 100.0
     for _ in range(3):
         assert door.is_open(now_s)
@@ -160,7 +160,7 @@ def test_no_error_of_accept_ends_the_agent(name: str, tmp_path: Path) -> None:
 
 def test_a_flood_pushes_out_itself(tmp_path: Path) -> None:
     listener = socket.create_server(("127.0.0.1", 0))
-    door = callers.Door(listener)
+    door = callers.CallerDoor(listener)
     with ExitStack() as stack:
         for index in range(callers.MAX_STRANGERS + 30):
             line = stack.enter_context(socket.socket())

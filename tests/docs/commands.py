@@ -56,6 +56,9 @@ def _wrong_words(text: str) -> Iterator[str]:
         yield f"drivelesson {command}"
         return
     known, verbs = _options_of(command)
+    robot = words[words.index("--robot") + 1] if "--robot" in words[:-1] else "sim"
+    if robot not in driver_names():  # somebody's own, with options of its own
+        known = {*known, *(o for o in _OPTION.findall(text) if o.startswith(f"--{robot}-"))}
     if verbs and words and words[0].islower() and words[0] not in verbs:
         yield f"drivelesson {command} {words[0]}"
     for option in _OPTION.findall(" ".join(words)):

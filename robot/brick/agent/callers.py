@@ -98,7 +98,7 @@ class Caller:
             self.outbox = self.outbox[sent:]
 
 
-class Door:
+class CallerDoor:
     """Lets callers in, never more than it can feed; an error of the network never ends it."""
 
     def __init__(self, listener: socket.socket) -> None:

@@ -6,7 +6,7 @@ import time
 from typing import Any, Dict, List, Optional
 
 from robot.brick.agent.body import BrickBody, use_devices_of
-from robot.brick.agent.callers import JOIN_S, Caller, Door, LimitedLog
+from robot.brick.agent.callers import JOIN_S, Caller, CallerDoor, LimitedLog
 from robot.brick.agent.inspection import inspect_brick
 from robot.brick.agent.ports import HardwareError
 from robot.brick.agent.wire import ENCODINGS, PICTURE
@@ -27,7 +27,7 @@ class Agent:
     """Serves one controller at a time on one thread; nothing in it ever waits for the network."""
 
     def __init__(self, listener: socket.socket, secret: str, root: str = "/") -> None:
-        self._door = Door(listener)
+        self._door = CallerDoor(listener)
         self._secret = secret
         self._root = root
         self._log = LimitedLog()

@@ -11,9 +11,9 @@ import pytest
 
 from robot.clock import ManualClock
 from server.config import Limits
-from server.hosting.listener import DoorListener
 from server.hosting.serving import open_socket
 from server.security.door import Door
+from server.security.listener import DoorListener
 
 
 def _listener(door: Door) -> DoorListener:
