@@ -97,6 +97,18 @@ def _size(data: bytes) -> tuple[int, int] | None:
     return (int(width), int(height)) if width > 0 and height > 0 else None
 
 
+def jpeg_size(data: bytes) -> tuple[int, int]:
+    """Return width and height of a JPEG, as its header has them; nothing is unpacked.
+
+    Raises:
+        RecordingError: If it is none.
+    """
+    size = _size(data) if data.startswith(_JPEG) else None
+    if size is None:
+        raise RecordingError("this is no JPEG")
+    return size
+
+
 def _decode(data: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]] | None:
     try:
         import cv2

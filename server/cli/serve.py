@@ -140,6 +140,11 @@ def run(args: argparse.Namespace) -> int:
         options=vars(args),
         config=_make_loop_config(args.settings),
     )
+    with_eye = rig.camera.name == "phone"
+    if with_eye and config.lan and not config.tls:
+        raise ConfigurationError(
+            "a phone gives its camera to pages over https only; add --tls to --camera phone --lan"
+        )
     listener = open_socket(config.host, config.port)
     config = dataclasses.replace(config, port=listener.getsockname()[1])
     certificates = _make_certificates(config) if config.tls else None
@@ -165,9 +170,10 @@ def run(args: argparse.Namespace) -> int:
     with rig, persistence, _announced(config):
         _choose_model(persistence.autosave, args, learner)
         if pairing is None:
-            print(greet_here(addresses[0]), flush=True)
+            print(greet_here(addresses[0], with_eye=with_eye), flush=True)
         else:
-            print(greet_phones(addresses, pairing.tokens), flush=True)
+            tokens = {r: t for r, t in pairing.tokens.items() if with_eye or r is not Role.EYE}
+            print(greet_phones(addresses, tokens), flush=True)
         serve(create_app(services), listener, certificates)
     return 0
 

@@ -9,9 +9,10 @@ from robot.installation import install_command
 from server.security.access import Role
 
 
-def greet_here(address: str) -> str:
+def greet_here(address: str, *, with_eye: bool = False) -> str:
     """Say where the page is, for a browser on this machine."""
-    return f"Drivelesson is ready: open {address}\n"
+    eye = f"The robot's eye: open {address}/eye\n" if with_eye else ""
+    return f"Drivelesson is ready: open {address}\n{eye}"
 
 
 def greet_phones(addresses: Sequence[str], tokens: dict[Role, str]) -> str:
@@ -22,13 +23,17 @@ def greet_phones(addresses: Sequence[str], tokens: dict[Role, str]) -> str:
     lines += [f"  or open   {pilot}"]
     lines += [f"  at one of {' '.join(addresses)}"] if len(addresses) > 1 else []
     lines += [f"  To watch: {pairing_address(addresses[0], tokens[Role.VIEWER])}", ""]
+    if Role.EYE in tokens:
+        eye = pairing_address(addresses[0], tokens[Role.EYE])
+        lines += ["The phone on the robot, its eye, scans this:", "", *draw_qr(eye).splitlines()]
+        lines += ["", f"  or opens  {eye}", ""]
     lines += ["Each address works once; the next is shown when it was used."]
     return "\n".join(lines) + "\n"
 
 
 def greet_next(address: str, role: Role, token: str) -> str:
     """Say how the next browser gets in."""
-    verb = "drive" if role is Role.PILOT else "watch"
+    verb = {Role.PILOT: "drive", Role.VIEWER: "watch", Role.EYE: "be the robot's eye"}[role]
     return (
         f"A browser was paired. The next one that is to {verb}: {pairing_address(address, token)}"
     )

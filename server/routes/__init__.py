@@ -14,6 +14,7 @@ from fastapi import APIRouter
 MODULES = (
     "drive",
     "video",
+    "eye",
     "health",
     "shell",
     "mjpeg",

@@ -8,6 +8,7 @@ websockets or by DNS rebinding. On a local network only paired browsers are let 
 from __future__ import annotations
 
 import ipaddress
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -29,11 +30,16 @@ PUBLIC_PATHS = frozenset(
 """What a browser needs before it is paired; nothing here says anything about the robot."""
 
 
+EYE_PATHS = re.compile(r"/eye|/ws/eye|/api/unpair|/(js|css|icons)/.*")
+"""All that a phone needs which is the robot's eye: it lies on the robot, unattended."""
+
+
 class Role(StrEnum):
     """What a browser may become."""
 
     VIEWER = "viewer"
     PILOT = "pilot"
+    EYE = "eye"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,6 +132,13 @@ class Access:
         if self.sessions is None:
             return Role.PILOT
         role = self.sessions.role_of(session_of(headers, self.cookie))
+        if role is Role.EYE and not EYE_PATHS.fullmatch(path) and path not in PUBLIC_PATHS:
+            return Refusal(
+                status=303 if "text/html" in headers.get("accept", "") else 403,
+                reason="role",
+                sentence="This phone is the robot's eye; it may see and stop, not drive.",
+                location="/eye",
+            )
         if role is not None:
             return role
         if path in PUBLIC_PATHS or (path == "/metrics" and _is_loopback(address)):

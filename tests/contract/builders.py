@@ -6,8 +6,10 @@ A plugin without an entry fails the suite: nothing joins the registry untested.
 
 from __future__ import annotations
 
+import itertools
 import os
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -18,7 +20,9 @@ import numpy as np
 import pytest
 
 from robot.cameras.ev3_remote import Ev3RemoteCamera
+from robot.cameras.mjpeg import MjpegCamera, MjpegOptions
 from robot.cameras.opencv import OpencvCamera, OpencvOptions
+from robot.cameras.phone import PhoneCamera, PhoneOptions
 from robot.cameras.replay import ReplayCamera, ReplayCameraOptions
 from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.cameras.v4l2 import V4l2Camera
@@ -34,6 +38,7 @@ from tests.brick.fake_brick import FakeBrick
 from tests.brick.fake_video import DEVICE, FakeVideo
 from tests.brick.running_agent import SECRET, RunningAgent
 from tests.robot.footage import write_footage
+from tests.standins.mjpeg import MjpegServer
 
 
 @contextmanager
@@ -147,6 +152,36 @@ def write_film(path: Path, frames: int = 30) -> None:
 
 
 @contextmanager
+def phone_camera() -> Iterator[CameraCase]:
+    """A phone whose pictures come on a thread, each another grey, as from its socket."""
+    clock = RealClock()
+    camera = PhoneCamera(PhoneOptions(), clock)
+    ending, frozen = threading.Event(), threading.Event()
+
+    def send() -> None:
+        for index in itertools.count():
+            if ending.wait(0.03):
+                return
+            if not frozen.is_set():
+                grey = np.full((24, 32, 3), 7 * index % 256, np.uint8)
+                jpeg = cv2.imencode(".jpg", grey)[1].tobytes()
+                camera.offer(jpeg, width=32, height=24, captured_s=clock.now_s())
+
+    phone = threading.Thread(target=send, daemon=True)
+    phone.start()
+    yield CameraCase(camera, frozen.set)
+    ending.set()
+    phone.join()
+
+
+@contextmanager
+def mjpeg_camera() -> Iterator[CameraCase]:
+    with MjpegServer() as server:
+        camera = MjpegCamera(MjpegOptions(source=server.address), RealClock())
+        yield CameraCase(camera, server.frozen.set)
+
+
+@contextmanager
 def replay_driver() -> Iterator[DriverCase]:
     clock = ManualClock()
     driver = ReplayDriver(clock=clock)
@@ -172,4 +207,6 @@ CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "ev3-remote": ev3_remote_camera,
     "v4l2": v4l2_camera,
     "opencv": opencv_camera,
+    "phone": phone_camera,
+    "mjpeg": mjpeg_camera,
 }

@@ -44,7 +44,7 @@ async function redeem(token) {
       body: JSON.stringify({ token }),
     });
     if (answer.ok) {
-      location.replace('/');
+      location.replace((await answer.json()).role === 'eye' ? '/eye' : '/');
       return;
     }
     said.textContent = answer.status === 429 ? words.later : words.wrong;

@@ -1,0 +1,116 @@
+"""The phone that is the robot's eye: its messages, and its clock beside ours. Pure.
+
+Up go pictures as bytes (a header of 16, then the JPEG) and words as text; down go acknowledgements
+as on `/ws/video`, and words. See docs/reference/protocol.md.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+from robot.errors import RecordingError
+from robot.exchange.pictures import MAX_SIDE_PX, jpeg_size
+from server.protocol import ErrorCode, ProtocolError
+
+HEADER = struct.Struct("<BBHId")
+_EYE_FRAME, _COVERED = 3, 1
+CLOCK_SAMPLES = 8
+"""Round trips that are kept: phones' clocks drift by milliseconds a minute."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EyeFrame:
+    """One picture of the phone, with its own count and the time on its own clock."""
+
+    seq: int
+    taken_ms: float
+    is_covered: bool
+    width: int
+    height: int
+    jpeg: bytes = field(repr=False)
+
+
+class EyeClock:
+    """Maps the phone's clock onto the robot's: by the quickest of the last round trips.
+
+    The robot asks, so that no phone can claim a quicker way than there is: its answer came between
+    our question and its arrival, and half way between is off by half the round trip at most.
+    """
+
+    def __init__(self) -> None:
+        self._samples: deque[tuple[float, float]] = deque(maxlen=CLOCK_SAMPLES)
+
+    def note(self, asked_ms: float, eye_ms: float, now_ms: float) -> None:
+        """Take note that a question of `asked_ms` was answered at the phone's `eye_ms`."""
+        if asked_ms <= now_ms:
+            self._samples.append((now_ms - asked_ms, (asked_ms + now_ms) / 2 - eye_ms))
+
+    def to_ours(self, eye_ms: float) -> float | None:
+        """Return the moment on our clock, in milliseconds; None before the first answer."""
+        if not self._samples:
+            return None
+        return eye_ms + min(self._samples)[1]
+
+
+def parse_frame(message: bytes) -> EyeFrame:
+    """Read one picture.
+
+    Raises:
+        ProtocolError: If it is none; says why.
+    """
+    if len(message) <= HEADER.size:
+        raise ProtocolError(ErrorCode.MALFORMED, "a picture has a header of 16 bytes, and more")
+    kind, flags, _, seq, taken_ms = HEADER.unpack_from(message)
+    if kind != _EYE_FRAME:
+        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "only pictures go up as bytes")
+    if not math.isfinite(taken_ms):
+        raise ProtocolError(ErrorCode.BAD_FIELD, "a picture was taken at some moment")
+    jpeg = message[HEADER.size :]
+    try:
+        width, height = jpeg_size(jpeg)
+    except RecordingError as error:
+        raise ProtocolError(ErrorCode.MALFORMED, str(error)) from error
+    if not (0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX):
+        raise ProtocolError(ErrorCode.TOO_LARGE, f"a picture of {width}x{height} pixels")
+    return EyeFrame(
+        seq=seq,
+        taken_ms=taken_ms,
+        is_covered=bool(flags & _COVERED),
+        width=width,
+        height=height,
+        jpeg=jpeg,
+    )
+
+
+def encode_frame(seq: int, taken_ms: float, jpeg: bytes, *, is_covered: bool = False) -> bytes:
+    """Write one picture, as the page does."""
+    return HEADER.pack(_EYE_FRAME, _COVERED if is_covered else 0, 0, seq, taken_ms) + jpeg
+
+
+def parse_words(text: str) -> dict[str, Any]:
+    """Read one message of text: `stop`, or `pong` with two finite numbers.
+
+    Raises:
+        ProtocolError: If it is neither.
+    """
+    try:
+        message = json.loads(text) if len(text) < 500 else None
+    except (ValueError, RecursionError):
+        message = None
+    if not isinstance(message, dict):
+        raise ProtocolError(ErrorCode.MALFORMED, "a message is one short JSON object")
+    kind = message.get("type")
+    if kind == "pong":
+        for name in ("server_ms", "eye_ms"):
+            value = message.get(name)
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not is_number or value is None or not abs(value) < 1e15:
+                raise ProtocolError(ErrorCode.BAD_FIELD, f"{name!r} must be a number")
+    elif kind != "stop":
+        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "there is no such type; there are stop, pong")
+    return message

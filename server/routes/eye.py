@@ -1,0 +1,133 @@
+"""`/eye` and `/ws/eye`: the page by which a phone is the robot's eye. A thin shell."""
+
+from __future__ import annotations
+
+import logging
+
+from fastapi import APIRouter, Request, WebSocket
+from fastapi.responses import FileResponse, Response
+
+from robot.cameras.phone import PhoneCamera
+from robot.clock import Clock
+from server.clients.eye import EyeClock, parse_frame, parse_words
+from server.clients.flow_control import Pace
+from server.clients.hub import Hub
+from server.clients.telemetry import describe
+from server.protocol import ProtocolError, encode_acknowledgement, encode_words
+from server.routes.sockets import end_with_either, received
+from server.security.access import Role
+from server.security.guard import role_of
+from server.services import services_of
+
+log = logging.getLogger(__name__)
+router = APIRouter()
+STATE_EVERY_S = 0.2
+_TOLD = ("mode", "driven_by", "action", "stop_reason", "emergency", "fault", "frame_age_ms")
+
+
+@router.get("/eye", include_in_schema=False)
+async def eye_page(request: Request) -> Response:
+    """Return the page; it alone of all may ask for a camera."""
+    config = services_of(request).config
+    policy = {"permissions-policy": "camera=(self), microphone=(), geolocation=()"}
+    return FileResponse(config.web_folder / "eye.html", headers=policy)
+
+
+class _Eye:
+    """One phone's socket. The newest phone is the eye; the one before it is sent away."""
+
+    def __init__(self, websocket: WebSocket, hub: Hub, camera: PhoneCamera) -> None:
+        self._websocket = websocket
+        self._hub = hub
+        self._camera = camera
+        self._clock: Clock = hub.clock
+        self._eye_clock = EyeClock()
+        limits = hub.config.limits
+        self._pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
+        self._refusals_left = limits.refused_before_closing
+
+    async def run(self) -> None:
+        """Serve the phone until it goes or another takes its place."""
+        before, self._camera.source = self._camera.source, self
+        if isinstance(before, _Eye):
+            await before.send_away()
+        options = self._camera.options
+        await self._send(
+            encode_words(
+                "hello",
+                width=options.eye_width,
+                height=options.eye_height,
+                rate_hz=options.eye_rate,
+                robot=self._hub.name,
+            )
+        )
+        try:
+            await end_with_either(self._receive(), self._keep_telling())
+        finally:
+            if self._camera.source is self:
+                self._camera.source = None
+                self._camera.lose()
+
+    async def send_away(self) -> None:
+        """Close: another phone is the eye now."""
+        await self._websocket.close(4001, "another phone is the eye now")
+
+    async def _send(self, text: str) -> None:
+        await self._websocket.send_text(text)
+
+    async def _receive(self) -> None:
+        async for message in received(self._websocket, self._hub.config.limits.idle_s):
+            if self._camera.source is not self:
+                return
+            try:
+                await self._take(message.get("bytes"), message.get("text"))
+            except ProtocolError as error:
+                self._hub.refused[error.code] += 1
+                self._refusals_left -= 1
+                if self._refusals_left <= 0:
+                    await self._websocket.close(1008, "too many refused messages")
+                    return
+
+    async def _take(self, data: bytes | None, text: str | None) -> None:
+        now_s = self._clock.now_s()
+        if text is not None:
+            words = parse_words(text)
+            if words["type"] == "pong":
+                self._eye_clock.note(words["server_ms"], words["eye_ms"], now_s * 1000)
+            else:  # whoever holds the phone may stop the robot, however fast he taps
+                self._hub.robot.loop.latch_emergency()
+                log.warning("emergency client=eye")
+        elif data is not None:
+            frame = parse_frame(data)
+            await self._websocket.send_bytes(encode_acknowledgement(frame.seq))
+            taken_ms = self._eye_clock.to_ours(frame.taken_ms)
+            if taken_ms is not None and self._pace.allows(now_s):
+                self._camera.offer(
+                    frame.jpeg,
+                    width=frame.width,
+                    height=frame.height,
+                    captured_s=taken_ms / 1000,
+                    covered=frame.is_covered,
+                )
+
+    async def _keep_telling(self) -> None:
+        while True:
+            now_ms = self._hub.now_ms()
+            await self._send(encode_words("ping", server_ms=now_ms))
+            state = describe(self._hub.robot.loop.state, now_ms)
+            await self._send(encode_words("state", **{name: state[name] for name in _TOLD}))
+            await self._clock.pause(STATE_EVERY_S)
+
+
+@router.websocket("/ws/eye")
+async def eye(websocket: WebSocket) -> None:
+    """Take one phone's pictures for as long as it is there."""
+    hub = services_of(websocket).hub
+    camera = hub.robot.camera
+    await websocket.accept()
+    if role_of(websocket) not in (Role.PILOT, Role.EYE):
+        await websocket.close(4003, "this browser may only watch")
+    elif not isinstance(camera, PhoneCamera):
+        await websocket.close(4004, "the robot has another camera: serve it with --camera phone")
+    else:
+        await _Eye(websocket, hub, camera).run()

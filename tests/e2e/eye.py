@@ -1,0 +1,170 @@
+"""A phone that is the robot's eye, in Chromium: its fake camera shows recorded footage.
+
+`python -m tests.e2e.eye FIRST.npz SECOND.npz` measures it: the age of the picture that the policy
+gets, the rate with and without a CPU six times slower, and what is learned from these pictures
+compared with the same ones from the recording.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.cameras.phone import PhoneCamera, PhoneOptions
+from robot.clock import RealClock
+from robot.drivers.replay import ReplayDriver
+from robot.exchange.npz import load_recording
+from robot.policy.image import to_rgb
+from robot.policy.registry import make_policy
+from robot.rig.rig import Rig
+from robot.types import Action, Frame
+from server.app import create_app
+from server.config import Config
+from server.hosting.serving import served
+from server.services import make_services
+from tests.e2e.world import running_chromium
+from tests.server.live_robot import WEB
+
+PLAYED_HZ = 30.0
+"""How fast Chromium plays a film of JPEGs."""
+
+
+def write_film(path: Path, pictures: NDArray[np.uint8], times: int = 2) -> None:
+    """Write pictures (n, height, width, 3) as what the fake camera plays, each `times` times."""
+    with path.open("wb") as file:
+        for picture in pictures:
+            large = cv2.resize(picture[:, :, ::-1], (640, 480), interpolation=cv2.INTER_LINEAR)
+            jpeg = cv2.imencode(".jpg", large, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+            file.write(jpeg * times)
+
+
+@contextlib.contextmanager
+def robot_with_an_eye() -> Iterator[tuple[Rig, str]]:
+    """Serve a body that notes, with the camera `phone`."""
+    clock = RealClock()
+    camera = PhoneCamera(PhoneOptions(), clock)
+    rig = Rig(ReplayDriver(), camera, make_policy("default-32"), clock)
+    config = Config(port=0, web=WEB)
+    with rig, served(create_app(make_services(config, rig)), config) as address:
+        yield rig, address
+
+
+@contextlib.contextmanager
+def phone_with_film(film: Path) -> Iterator[Any]:
+    """Start a Chromium whose camera shows the film, and which gives it to pages unasked."""
+    flags = (
+        "--use-fake-ui-for-media-stream",
+        "--use-fake-device-for-media-stream",
+        f"--use-file-for-fake-video-capture={film}",
+        "--autoplay-policy=no-user-gesture-required",
+    )
+    with running_chromium(*flags) as browser:
+        context = browser.new_context(
+            viewport={"width": 390, "height": 844}, permissions=["camera"], has_touch=True
+        )
+        yield context
+        context.close()
+
+
+class Watch:
+    """Notes each picture that the loop gets, and how old it was when the loop had it."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.frames: list[Frame] = []
+        self.ages_ms: list[float] = []
+        self._clock = rig.clock
+        self._news = threading.Condition()
+        self.end = rig.loop.subscribe(self._note)
+
+    def _note(self, tick: Any) -> None:
+        if tick.frame is not None:
+            with self._news:
+                self.frames.append(tick.frame)
+                self.ages_ms.append(1000 * (self._clock.now_s() - tick.frame.captured_s))
+                self._news.notify_all()
+
+    def wait_for(self, count: int, timeout_s: float = 60.0) -> None:
+        with self._news:
+            assert self._news.wait_for(lambda: len(self.frames) >= count, timeout_s)
+
+
+def rate_hz(frames: list[Frame]) -> float:
+    return (len(frames) - 1) / (frames[-1].captured_s - frames[0].captured_s)
+
+
+def accuracy(lessons: list[tuple[Frame, Action]], trial: list[tuple[Frame, Action]]) -> float:
+    """Learn one drive, and return the share of the other's pictures that is proposed right."""
+    policy = make_policy("default-32")
+    for frame, label in lessons:
+        policy.learn(policy.extract(frame), label)
+    right = sum(
+        policy.propose(index, policy.extract(frame)).action is label
+        for index, (frame, label) in enumerate(trial)
+    )
+    return right / len(trial)
+
+
+def nearest(frame: Frame, small: NDArray[np.float32]) -> int:
+    """Return which source picture this is: the one that differs least."""
+    seen = cv2.resize(to_rgb(frame), (32, 24), interpolation=cv2.INTER_AREA).astype(np.float32)
+    return int(np.abs(small - seen).mean(axis=(1, 2, 3)).argmin())
+
+
+def measure(first: Path, second: Path) -> None:
+    """Print what the issue asks, for two drives of one place."""
+    drives = [load_recording(path) for path in (first, second)]
+    sources = [drive.frame(i) for drive in drives for i in range(len(drive))]
+    labels = [label for drive in drives for label in drive.labels]
+    pictures = np.stack([to_rgb(frame) for frame in sources])
+    small = np.stack(
+        [cv2.resize(p, (32, 24), interpolation=cv2.INTER_AREA) for p in pictures]
+    ).astype(np.float32)
+    with tempfile.TemporaryDirectory() as folder, robot_with_an_eye() as (rig, address):
+        film = Path(folder) / "film.mjpeg"
+        write_film(film, pictures, times=1)
+        with phone_with_film(film) as context:
+            page = context.new_page()
+            page.goto(address + "/eye")
+            watch = Watch(rig)
+            watch.wait_for(30)
+            watch.frames.clear(), watch.ages_ms.clear()
+            watch.wait_for(int(len(pictures) / PLAYED_HZ * 14), timeout_s=200.0)
+            received, ages = list(watch.frames), list(watch.ages_ms)
+            print(f"pictures {received[0].width}x{received[0].height}: {rate_hz(received):.1f} Hz")
+            print(
+                "age at the policy, ms: "
+                + ", ".join(f"p{p} {np.percentile(ages, p):.0f}" for p in (50, 95, 99))
+            )
+            session = page.context.new_cdp_session(page)
+            session.send("Emulation.setCPUThrottlingRate", {"rate": 6})
+            watch.frames.clear(), watch.ages_ms.clear()
+            watch.wait_for(100)
+            print(f"CPU six times slower: {rate_hz(list(watch.frames)):.1f} Hz")
+            watch.end()
+    seen = {nearest(frame, small): frame for frame in received}
+    split = len(drives[0])
+    shares = []
+    for of in (seen, dict(enumerate(sources))):
+        pairs = [
+            [(of[i], labels[i]) for i in sorted(seen) if (i >= split) is late]
+            for late in (False, True)
+        ]
+        shares.append((accuracy(*pairs) + accuracy(*pairs[::-1])) / 2)
+    by_phone, by_file = shares
+    print(
+        f"{first.stem} and {second.stem}: {len(seen)} pictures; accuracy "
+        f"{100 * by_phone:.1f} % by phone, {100 * by_file:.1f} % from the recording"
+    )
+
+
+if __name__ == "__main__":
+    measure(Path(sys.argv[1]), Path(sys.argv[2]))

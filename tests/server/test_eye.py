@@ -1,0 +1,197 @@
+"""The phone's socket on a real server: pictures in, STOP, another phone, and who may not."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from robot.cameras.phone import PhoneCamera, PhoneOptions
+from robot.clock import RealClock
+from robot.drivers.replay import ReplayDriver
+from robot.policy.registry import make_policy
+from robot.rig.rig import Rig
+from server.app import create_app
+from server.clients.eye import encode_frame
+from server.config import Config
+from server.hosting.serving import served
+from server.protocol import parse_acknowledgement
+from server.security.access import Access, Refusal, Role
+from server.services import make_services
+from tests.server.live_robot import WEB, live_server
+
+WAIT_S = 20.0
+EYE_MS = 5_000_000.0
+
+
+@pytest.fixture
+def robot() -> Iterator[tuple[Rig, str]]:
+    clock = RealClock()
+    camera = PhoneCamera(PhoneOptions(eye_rate=12.0), clock)
+    rig = Rig(ReplayDriver(), camera, make_policy("published-8"), clock)
+    config = Config(port=0, web=WEB)
+    with rig, served(create_app(make_services(config, rig)), config) as address:
+        yield rig, address
+
+
+class Phone:
+    """A phone without a screen: answers questions about its clock, on `EYE_MS`."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self.socket = socket
+        self.words: list[dict[str, Any]] = []
+        self.acknowledged: list[int] = []
+
+    def next(self) -> dict[str, Any] | None:
+        """Take one message; a question is answered."""
+        message = self.socket.recv(WAIT_S)
+        if isinstance(message, bytes):
+            self.acknowledged.append(parse_acknowledgement(message))
+            return None
+        words: dict[str, Any] = json.loads(message)
+        self.words.append(words)
+        if words["type"] == "ping":
+            answer = {"type": "pong", "server_ms": words["server_ms"], "eye_ms": EYE_MS}
+            self.socket.send(json.dumps(answer))
+        return words
+
+    def wait_for(self, kind: str) -> dict[str, Any]:
+        while True:
+            words = self.next()
+            if words is not None and words["type"] == kind:
+                return words
+
+    def show(self, seq: int, taken_ms: float = EYE_MS) -> None:
+        grey = np.full((24, 32, 3), 9 * seq % 256, np.uint8)
+        jpeg = cv2.imencode(".jpg", grey)[1].tobytes()
+        self.socket.send(encode_frame(seq, taken_ms, jpeg))
+        while seq not in self.acknowledged:
+            self.next()
+
+
+@contextlib.contextmanager
+def phone(address: str) -> Iterator[Phone]:
+    url = address.replace("http", "ws", 1) + "/ws/eye"
+    with connect(url, compression=None) as socket:
+        yield Phone(socket)
+
+
+def wait_until(rig: Rig, is_so: Any) -> None:
+    """Wait for the camera to change; it tells whenever it does."""
+    told = threading.Event()
+    rig.camera.listen(told.set)
+    for _ in range(400):
+        if is_so():
+            return
+        told.wait(WAIT_S / 400)
+        told.clear()
+    pytest.fail("it never came to be so")
+
+
+def test_pictures_arrive_with_stamps_on_our_clock(robot: tuple[Rig, str]) -> None:
+    rig, address = robot
+    with phone(address) as eye:
+        hello = eye.wait_for("hello")
+        assert (hello["width"], hello["height"], hello["rate_hz"]) == (320, 240, 12.0)
+        asked = eye.wait_for("ping")
+        eye.wait_for("ping")  # the first answer has been taken by now
+        for seq in range(1, 5):
+            eye.show(seq)
+        frame = rig.camera.latest()
+        assert frame is not None and (frame.width, frame.height) == (32, 24)
+        assert asked["server_ms"] / 1000 <= frame.captured_s <= rig.clock.now_s()
+        assert rig.camera.fault is None
+    wait_until(rig, lambda: "gone" in (rig.camera.fault or ""))
+
+
+def test_the_page_may_ask_for_a_camera_and_no_other_may(robot: tuple[Rig, str]) -> None:
+    _, address = robot
+    page = httpx.get(address + "/eye")
+    assert page.status_code == 200 and "eye.js" in page.text
+    assert page.headers["permissions-policy"].startswith("camera=(self)")
+    assert "camera=()" in httpx.get(address + "/").headers["permissions-policy"]
+
+
+def test_stop_on_the_phone_latches_the_emergency(robot: tuple[Rig, str]) -> None:
+    _, address = robot
+    with phone(address) as eye:
+        assert eye.wait_for("state")["emergency"] is False
+        eye.socket.send('{"type": "stop"}')
+        while not eye.wait_for("state")["emergency"]:
+            pass
+
+
+def test_the_newest_phone_is_the_eye(robot: tuple[Rig, str]) -> None:
+    rig, address = robot
+    with phone(address) as first, phone(address) as second:
+        first.wait_for("hello")
+        second.wait_for("hello")
+        with pytest.raises(ConnectionClosed) as closed:
+            for _ in itertools.count():
+                first.next()
+        assert closed.value.rcvd is not None and closed.value.rcvd.code == 4001
+        second.wait_for("ping")
+        second.wait_for("ping")
+        second.show(1)
+        assert rig.camera.fault is None
+
+
+def test_whoever_sends_rubbish_is_shown_out(robot: tuple[Rig, str]) -> None:
+    _, address = robot
+    with phone(address) as eye:
+        with pytest.raises(ConnectionClosed) as closed:
+            for index in range(100_000):
+                eye.socket.send(b"rubbish" if index % 2 else "[]")
+        assert closed.value.rcvd is not None and closed.value.rcvd.code == 1008
+
+
+def test_a_robot_with_another_camera_says_so() -> None:
+    with live_server() as server, phone(server.address) as eye:
+        with pytest.raises(ConnectionClosed) as closed:
+            eye.wait_for("hello")
+        assert closed.value.rcvd is not None and closed.value.rcvd.code == 4004
+
+
+class Everybody:
+    """Sessions in which everybody is the eye."""
+
+    def role_of(self, secret: str) -> Role | None:
+        return Role.EYE
+
+
+@pytest.mark.parametrize(
+    ("path", "may"),
+    [
+        ("/eye", True),
+        ("/ws/eye", True),
+        ("/js/eye.js", True),
+        ("/css/eye.css", True),
+        ("/api/unpair", True),
+        ("/healthz", True),
+        ("/", False),
+        ("/ws/drive", False),
+        ("/ws/video", False),
+        ("/api/models", False),
+        ("/eyes", False),
+        ("/eye/../api/models", False),
+        ("/video.mjpg", False),
+    ],
+)
+def test_a_phone_paired_as_the_eye_reaches_that_page_alone(path: str, may: bool) -> None:
+    access = Access(names=frozenset({"robot"}), sessions=Everybody(), cookie="c")
+    for accept in ("text/html", "*/*"):
+        verdict = access.admit(path, {"accept": accept}, "10.0.0.7")
+        assert (verdict is Role.EYE) == may
+        if not may:
+            assert isinstance(verdict, Refusal)
+            assert verdict.status == (303 if accept == "text/html" else 403)

@@ -1,0 +1,41 @@
+// From one picture of the camera to a JPEG in the robot's size; in a worker where there can be one.
+
+const QUALITY = 0.7;
+const DARK = 20; // a covered lens: all of the picture is darker than this, of 255
+const LOOK_EVERY = 5; // pictures between two looks at whether it is covered
+
+export class Packer {
+  /** @param {(width: number, height: number) => any} makeCanvas  an OffscreenCanvas or an element */
+  constructor(makeCanvas) {
+    this.canvas = makeCanvas(1, 1);
+    this.paper = this.canvas.getContext('2d', { alpha: false });
+    this.smallPaper = makeCanvas(16, 12).getContext('2d', { willReadFrequently: true });
+    this.count = 0;
+    this.covered = false;
+  }
+
+  /**
+   * The middle of the picture, in the robot's proportions.
+   * @param {any} picture @param {number} fromWidth @param {number} fromHeight @param {{width: number, height: number}} to
+   * @returns {Promise<{jpeg: ArrayBuffer, covered: boolean}>}
+   */
+  async pack(picture, fromWidth, fromHeight, { width, height }) {
+    const { canvas, paper } = this;
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    const scale = Math.min(fromWidth / width, fromHeight / height);
+    const [w, h] = [width * scale, height * scale];
+    paper.drawImage(picture, (fromWidth - w) / 2, (fromHeight - h) / 2, w, h, 0, 0, width, height);
+    if (this.covered || this.count++ % LOOK_EVERY === 0) this.covered = this.isDark();
+    const blob = canvas.convertToBlob
+      ? await canvas.convertToBlob({ type: 'image/jpeg', quality: QUALITY })
+      : await new Promise((done) => canvas.toBlob(done, 'image/jpeg', QUALITY));
+    return { jpeg: await blob.arrayBuffer(), covered: this.covered };
+  }
+
+  isDark() {
+    this.smallPaper.drawImage(this.canvas, 0, 0, 16, 12);
+    const { data } = this.smallPaper.getImageData(0, 0, 16, 12);
+    for (let i = 0; i < data.length; i += 4) if (Math.max(data[i], data[i + 1], data[i + 2]) > DARK) return false;
+    return true;
+  }
+}

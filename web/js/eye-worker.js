@@ -1,0 +1,11 @@
+// Packs pictures beside the page, so that a slow phone's page stays quick.
+
+import { Packer } from './eye-picture.js';
+
+const packer = new Packer((width, height) => new OffscreenCanvas(width, height));
+
+addEventListener('message', async ({ data: { bitmap, to } }) => {
+  const packed = await packer.pack(bitmap, bitmap.width, bitmap.height, to);
+  bitmap.close();
+  /** @type {any} */ (globalThis).postMessage(packed, [packed.jpeg]);
+});

@@ -1,0 +1,111 @@
+// The page of the phone that is the robot's eye: rear camera, screen kept on, a big STOP.
+
+import { WakeLock } from './device.js';
+import { EyeLink } from './eye-link.js';
+import { Packer } from './eye-picture.js';
+import { has, loadLanguage, t } from './i18n.js';
+
+const LATE_MS = 1000; // a stamp that claims to be older is not believed
+
+/** @template {Element} T @param {string} id @returns {T} */
+const find = (id) => /** @type {T} */ (/** @type {unknown} */ (document.getElementById(id)));
+const seen = /** @type {HTMLVideoElement} */ (find('seen'));
+const said = /** @type {HTMLElement} */ (find('said'));
+const figures = /** @type {HTMLElement} */ (find('figures'));
+const begin = /** @type {HTMLButtonElement} */ (find('begin'));
+const stop = /** @type {HTMLButtonElement} */ (find('stop'));
+
+await loadLanguage();
+document.title = t('eye.title');
+begin.textContent = t('eye.begin');
+stop.textContent = t('emergency_stop');
+
+const link = new EyeLink(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/ws/eye`);
+const wakeLock = new WakeLock();
+const worker = 'OffscreenCanvas' in window ? new Worker('/js/eye-worker.js', { type: 'module' }) : null;
+const packer = worker ? null : new Packer((width, height) => Object.assign(document.createElement('canvas'), { width, height }));
+let wanted = { width: 320, height: 240, rate_hz: 15 };
+let lastMs = -Infinity;
+let isPacking = false;
+let sent = 0;
+
+/** @param {string} text @param {boolean} [isBad] */
+function tell(text, isBad = false) {
+  if (said.textContent !== text) said.textContent = text;
+  said.dataset.level = isBad ? 'bad' : 'good';
+}
+
+async function open() {
+  begin.hidden = true;
+  if (!navigator.mediaDevices) return tell(t('eye.insecure'), true);
+  try {
+    const video = { facingMode: { ideal: 'environment' }, width: { ideal: 640 }, height: { ideal: 480 }, frameRate: { ideal: 30 } };
+    seen.srcObject = await navigator.mediaDevices.getUserMedia({ video, audio: false });
+    await seen.play();
+  } catch {
+    begin.hidden = false;
+    return tell(t('eye.refused'), true);
+  }
+  wakeLock.want(true);
+  link.connect();
+  next();
+}
+
+function next() {
+  const video = /** @type {any} */ (seen);
+  if (video.requestVideoFrameCallback) video.requestVideoFrameCallback(look);
+  else setTimeout(() => look(performance.now(), {}), 1000 / wanted.rate_hz);
+}
+
+/** One picture of the camera is there. @param {number} nowMs @param {{captureTime?: number}} about */
+async function look(nowMs, about) {
+  next();
+  if (isPacking || !link.hasCredit || nowMs - lastMs < 1000 / wanted.rate_hz - 8) return;
+  lastMs = nowMs;
+  const taken = about.captureTime ?? nowMs;
+  isPacking = true;
+  try {
+    const { jpeg, covered } = await pack();
+    if (link.show(new Uint8Array(jpeg), nowMs - taken > LATE_MS ? nowMs : taken, covered)) sent += 1;
+  } finally {
+    isPacking = false;
+  }
+}
+
+/** @returns {Promise<{jpeg: ArrayBuffer, covered: boolean}>} */
+async function pack() {
+  const to = { width: wanted.width, height: wanted.height };
+  if (packer) return packer.pack(seen, seen.videoWidth, seen.videoHeight, to);
+  const bitmap = await createImageBitmap(seen);
+  return new Promise((done) => {
+    /** @type {Worker} */ (worker).onmessage = ({ data }) => done(data);
+    /** @type {Worker} */ (worker).postMessage({ bitmap, to }, [bitmap]);
+  });
+}
+
+link.addEventListener('hello', (event) => (wanted = /** @type {CustomEvent} */ (event).detail));
+link.addEventListener('state', (event) => {
+  const state = /** @type {CustomEvent} */ (event).detail;
+  const reason = `stop.${state.stop_reason}`;
+  if (state.emergency) tell(t('emergency'), true);
+  else if (state.fault) tell(state.fault, true);
+  else if (state.mode === 'stopped' && state.stop_reason && has(reason)) tell(t(reason));
+  else tell(t(state.driven_by === 'nobody' ? 'eye.stands' : 'eye.drives'));
+  document.body.dataset.mode = state.mode;
+});
+link.addEventListener('lost', () => tell(t('out_of_reach'), true));
+link.addEventListener('closed', (event) => {
+  const code = /** @type {CustomEvent} */ (event).detail;
+  tell(t(code === 4001 ? 'eye.another' : code === 4003 ? 'eye.viewer' : 'eye.other_camera'), true);
+  wakeLock.want(false);
+});
+setInterval(() => {
+  figures.textContent = t('eye.rate', { n: sent });
+  document.body.dataset.sent = String(Number(document.body.dataset.sent ?? 0) + sent);
+  sent = 0;
+}, 1000);
+stop.addEventListener('pointerdown', () => link.stop());
+stop.addEventListener('click', () => link.stop());
+begin.addEventListener('click', open);
+document.addEventListener('visibilitychange', () => document.visibilityState === 'visible' && wakeLock.want(true));
+open();
