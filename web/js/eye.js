@@ -25,7 +25,7 @@ const wakeLock = new WakeLock();
 const worker = 'OffscreenCanvas' in window ? new Worker('/js/eye-worker.js', { type: 'module' }) : null;
 const packer = worker ? null : new Packer((width, height) => Object.assign(document.createElement('canvas'), { width, height }));
 let wanted = { width: 320, height: 240, rate_hz: 15 };
-let lastMs = -Infinity;
+let dueMs = -Infinity;
 let isPacking = false;
 let sent = 0;
 
@@ -60,8 +60,9 @@ function next() {
 /** One picture of the camera is there. @param {number} nowMs @param {{captureTime?: number}} about */
 async function look(nowMs, about) {
   next();
-  if (isPacking || !link.hasCredit || nowMs - lastMs < 1000 / wanted.rate_hz - 8) return;
-  lastMs = nowMs;
+  if (isPacking || !link.hasCredit || nowMs < dueMs) return;
+  const everyMs = 1000 / wanted.rate_hz;
+  dueMs = Math.max(dueMs, nowMs - everyMs) + everyMs; // a late picture does not delay the next
   const taken = about.captureTime ?? nowMs;
   isPacking = true;
   try {
