@@ -10,13 +10,13 @@ from fastapi.responses import FileResponse, Response
 from robot.cameras.phone import PhoneCamera
 from robot.clock import Clock
 from server.clients.eye import EyeClock, parse_frame, parse_words
-from server.clients.flow_control import Pace
 from server.clients.hub import Hub
 from server.clients.telemetry import describe
 from server.protocol import ProtocolError, encode_acknowledgement, encode_words
 from server.routes.sockets import end_with_either, received
 from server.security.access import Role
 from server.security.guard import role_of
+from server.security.pace import Pace
 from server.services import services_of
 
 log = logging.getLogger(__name__)
