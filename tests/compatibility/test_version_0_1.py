@@ -1,0 +1,86 @@
+"""What version 0.1 wrote still opens, says the same, and can be taught further."""
+
+from __future__ import annotations
+
+import json
+import lzma
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.episodes.edits import Notes
+from robot.episodes.episode import open_episode
+from robot.episodes.store import EpisodeStore
+from robot.episodes.teaching import learn_again
+from robot.models.model import same_nodes
+from robot.models.store import ModelStore
+from robot.policy.registry import make_policy
+from robot.storage.folder import Storage
+from robot.types import Action
+
+FILES = Path(__file__).parents[1] / "vectors/version-0.1"
+FACTS: dict[str, Any] = json.loads((FILES / "facts.json").read_text("utf-8"))
+MODELS = sorted(FACTS)
+EPISODES = {
+    "published-4": "published-4",
+    "default-6": "default-6",
+    "without-linear-4": "published-4",
+}
+"""Model to the recording of the same pictures."""
+
+
+@pytest.fixture
+def storage(tmp_path: Path) -> Storage:
+    """A data folder as version 0.1 left it."""
+    for name in MODELS:
+        (tmp_path / "models" / name).mkdir(parents=True)
+        data = lzma.decompress((FILES / f"{name}.npz.xz").read_bytes())
+        (tmp_path / "models" / name / "00001.npz").write_bytes(data)
+    (tmp_path / "models/current.txt").write_text("default-6\n")
+    (tmp_path / "episodes").mkdir()
+    for name in set(EPISODES.values()):
+        data = lzma.decompress((FILES / f"{name}.mcap.xz").read_bytes())
+        (tmp_path / "episodes" / f"{name}.mcap").write_bytes(data)
+    return Storage(tmp_path)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_opens_with_all_that_it_knew(storage: Storage, name: str) -> None:
+    store, facts = ModelStore(storage), FACTS[name]
+    assert store.current == "default-6" and sorted(store.names()) == MODELS
+    model = store.load(name)
+    policy = model.to_policy()
+    assert {move.value: n for move, n in model.card.taught.items()} == facts["taught"]
+    images = [{m.value: n for m, n in image.votes.items()} for image in policy.gallery()]
+    assert images == facts["images"] and len(images) == facts["nodes"]
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_proposes_the_same_and_learns_on(storage: Storage, name: str) -> None:
+    episode = open_episode(storage.episodes / f"{EPISODES[name]}.mcap")
+    policy = ModelStore(storage).load(name).to_policy()
+    x = policy.extract(episode.frame(list(episode.frames)[-1]))
+    proposed = policy.propose(1, x).probabilities
+    assert {m.value: share for m, share in proposed.items()} == pytest.approx(
+        FACTS[name]["proposes"], abs=2e-6
+    )
+    for _ in range(6):
+        policy.learn(x, Action.LEFT)
+    policy.reset()
+    assert policy.propose(2, x).action is Action.LEFT
+
+
+@pytest.mark.parametrize("name", sorted(set(EPISODES.values())))
+def test_a_recording_opens_whole_and_teaches_the_same_again(storage: Storage, name: str) -> None:
+    [card] = [card for card in EpisodeStore(storage).cards() if card.id == name]
+    assert card.is_readable and card.damage is None and card.learner == name
+    assert (card.frames, dict(card.taught)) == (10, FACTS[name]["recorded"])
+
+    episode = open_episode(storage.episodes / f"{name}.mcap")
+    before, after = episode.model_before(), episode.model_after()
+    assert before is not None and before.card.taught == {} and after is not None
+    again = make_policy(name)
+    report = learn_again(again, [(episode, Notes())])
+    assert {move.value: n for move, n in report.taught.items()} == FACTS[name]["taught"]
+    assert same_nodes(again.get_state(), after.state)
