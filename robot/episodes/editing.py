@@ -128,7 +128,9 @@ def _write_lessons(
         lesson = Example(frame_id=step.frame_id, label=step.label, is_intervention=False)
         entry = episode.frames.get(step.frame_id)
         now_s = entry.captured_s if entry else now_s
-        taught = Taught(lesson=lesson, x=_vector(step), at_s=0.0)
+        taught = Taught(
+            lesson=lesson, x=_vector(step), at_s=-1.0 if step.at_s is None else step.at_s
+        )
         writer.write_words(LESSON, now_s, describe_event(taught, with_vector=step.x is not None))
     for late in episode.lessons:
         if isinstance(late.event, Undone) and not own.issuperset(late.event.frame_ids):

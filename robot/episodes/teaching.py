@@ -25,12 +25,16 @@ __all__ = ["Mended", "Report", "Step", "learn_again", "plan", "same_nodes"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Step:
-    """One thing to learn: a labelled frame, with its vector if that was recorded, or an edit."""
+    """One thing to learn: a labelled frame, with its vector if that was recorded, or an edit.
+
+    `at_s` is the teaching time of the example; None for a frame that was labelled afterwards.
+    """
 
     episode: Episode
     frame_id: int = 0
     label: Action | None = None
     x: Vector | None = None
+    at_s: float | None = None
     edit: Edited | None = None
 
 
@@ -48,6 +52,7 @@ def plan(mended: Sequence[Mended]) -> list[Step]:
     steps: list[Step] = []
     for episode, notes, entries in _surviving(mended):
         extras = _untaught_relabels(episode, notes)
+        last_s = -1.0
         for entry in entries:
             if isinstance(entry.event, Edited):
                 steps.append(Step(episode=episode, edit=entry.event))
@@ -57,7 +62,18 @@ def plan(mended: Sequence[Mended]) -> list[Step]:
                     steps.append(_extra(episode, notes, extras.pop(0)))
                 if not notes.is_deleted(frame_id):
                     label = notes.relabel(frame_id) or entry.event.lesson.label
-                    steps.append(Step(episode=episode, frame_id=frame_id, label=label, x=entry.x))
+                    # Version 0.1 compacted recordings without the teaching times: all are 0 there.
+                    at_s = entry.event.at_s if entry.event.at_s > last_s else None
+                    last_s = max(last_s, entry.event.at_s)
+                    steps.append(
+                        Step(
+                            episode=episode,
+                            frame_id=frame_id,
+                            label=label,
+                            x=entry.x,
+                            at_s=at_s,
+                        )
+                    )
         steps.extend(_extra(episode, notes, frame_id) for frame_id in extras)
     return steps
 
@@ -158,7 +174,7 @@ def _learn(policy: Policy, step: Step, report: Report) -> None:
     else:
         report.missing_frames += 1
         return
-    policy.learn(x, step.label)
+    policy.learn(x, step.label, step.at_s)
     report.taught[step.label] += 1
 
 

@@ -25,7 +25,7 @@ def describe_event(event: HistoryEvent, *, with_vector: bool = False) -> PlainEv
             "frame": lesson.frame_id,
             "label": lesson.label,
             "intervention": lesson.is_intervention,
-            "at_s": round(event.at_s, 4),
+            "at_s": event.at_s,
             "x": _describe_vector(event.x) if with_vector else None,
         }
     if isinstance(event, Edited):
@@ -34,7 +34,7 @@ def describe_event(event: HistoryEvent, *, with_vector: bool = False) -> PlainEv
             "verb": event.verb,
             "node": event.node_id,
             "value": event.value,
-            "at_s": round(event.at_s, 4),
+            "at_s": event.at_s,
         }
     if isinstance(event, Undone):
         return {"event": "undone", "frames": list(event.frame_ids)}

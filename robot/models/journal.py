@@ -66,6 +66,16 @@ class _AllSaved:
     change: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Drive:
+    """A drive began after this change: some learners look for their place then."""
+
+    change: int
+
+
+_Item = _Entry | _Checkpoint | _AllSaved | _Drive
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
 class Part:
     """Where one part of the journal is."""
@@ -115,7 +125,7 @@ class Journal:
         self._open_file = open_file
         self._clock = clock or RealClock()
         self._lock = threading.Lock()
-        self._queue: deque[_Entry | _Checkpoint | _AllSaved] = deque()
+        self._queue: deque[_Item] = deque()
         self._wake = threading.Event()
         self._ending = threading.Event()
         self._thread: Worker | None = None
@@ -125,6 +135,7 @@ class Journal:
         self._begins_part = True
         self._try_again_s = 0.0
         self._fault: str | None = None
+        self._drives = 0
 
     @property
     def fault(self) -> str | None:
@@ -172,6 +183,9 @@ class Journal:
             place: Where it was taught.
         """
         events = tick.history_events
+        drives, self._drives = self._drives, history.drives
+        if drives != history.drives and not self._needs_checkpoint:
+            self._put(_Drive(change=history.changes - len(events)))
         if not events:
             if not self._needs_checkpoint or self._try_again_s == 0.0:
                 return
@@ -203,7 +217,7 @@ class Journal:
             _Checkpoint(change=history.changes, model=model, name=name, begins_part=begins_part)
         )
 
-    def _put(self, item: _Entry | _Checkpoint | _AllSaved) -> None:
+    def _put(self, item: _Item) -> None:
         with self._lock:
             if len(self._queue) >= _MOST_WAITING:
                 self._queue.clear()
@@ -244,13 +258,13 @@ class Journal:
                 log.info("the journal is written again")
                 self._fault = None
 
-    def _write(self, items: list[_Entry | _Checkpoint | _AllSaved]) -> None:
+    def _write(self, items: list[_Item]) -> None:
         waiting: list[bytes] = []
         for item in items:
             if isinstance(item, _Checkpoint) and item.begins_part:
                 waiting = []  # the checkpoint holds what came before it
                 self._begin_part()
-            if self._writer is None and isinstance(item, _AllSaved):
+            if self._writer is None and isinstance(item, _AllSaved | _Drive):
                 continue  # nothing was changed in this run
             if self._writer is None:
                 raise OSError("a part of the journal is missing")
@@ -294,11 +308,13 @@ class Journal:
             self._on_fault(self._fault)
 
 
-def _encode(item: _Entry | _Checkpoint | _AllSaved) -> bytes:
+def _encode(item: _Item) -> bytes:
     """Return a record: a line of JSON, and what belongs to it, packed."""
     head: dict[str, Any] = {"change": item.change}
     if isinstance(item, _AllSaved):
         return json.dumps({"kind": "saved", **head}).encode() + HEAD
+    if isinstance(item, _Drive):
+        return json.dumps({"kind": "drive", **head}).encode() + HEAD
     if isinstance(item, _Checkpoint):
         head = {"kind": "checkpoint", **head, "name": item.name}
         body = encode_model(item.model)

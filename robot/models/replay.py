@@ -50,6 +50,7 @@ class _Run:
     run: str = ""
     events: dict[int, HistoryEvent] = field(default_factory=dict)
     checkpoints: dict[int, tuple[Model, str | None]] = field(default_factory=dict)
+    drives: set[int] = field(default_factory=set)
     last: int = 0
     saved: int = -1
 
@@ -106,6 +107,9 @@ def _take(run: _Run, record: bytes) -> None:
             run.run = str(words["run"])
             return
         change = int(words["change"])
+        if kind == "drive":
+            run.drives.add(change)
+            return
         run.last = max(run.last, change)
         if kind == "saved":
             run.saved = max(run.saved, change)
@@ -141,16 +145,15 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
     missing = [number for number in range(change + 1, run.last + 1) if number not in run.events]
     if missing:
         log.warning("%d records of the journal are missing", len(missing))
-    events = [run.events[number] for number in sorted(run.events) if number > change]
-    if not events and (is_file or _is_saved(model, name, store)):
+    numbers = [number for number in sorted(run.events) if number > change]
+    if not numbers and (is_file or _is_saved(model, name, store)):
         return Recovered(model=model, name=name, replayed=0, is_saved=True)
-    recovered = _learn_on(
-        model, events, JournalPosition(run=run.run, boot=run.boot, change=run.last)
-    )
+    position = JournalPosition(run=run.run, boot=run.boot, change=run.last)
+    recovered = _learn_on(model, run, numbers, position)
     return Recovered(
         model=recovered,
         name=name if name in store.names() else None,
-        replayed=len(events),
+        replayed=len(numbers),
         is_saved=False,
     )
 
@@ -190,10 +193,15 @@ def newest_boot(store: ModelStore) -> int:
     return 0
 
 
-def _learn_on(model: Model, events: list[HistoryEvent], position: JournalPosition) -> Model:
+def _learn_on(model: Model, run: _Run, numbers: list[int], position: JournalPosition) -> Model:
+    """Return the model after these changes, as they were made."""
     policy = model.to_policy()
+    policy.restore(model.state)  # it was taken in the middle of a drive
     history = TrainingHistory(policy)
-    for event in events:
+    for number in numbers:
+        if number - 1 in run.drives:
+            history.begin_drive()
+        event = run.events[number]
         try:
             if isinstance(event, Taught):
                 history.teach_again(event)

@@ -91,6 +91,8 @@ class TrainingHistory:
     ) -> None:
         self._on_event = on_event or (lambda event: None)
         self._changes = 0
+        self.drives = 0
+        """How often a drive was begun after something was taught; it only grows."""
         self._begin(policy, Counter())
 
     def _begin(self, policy: Policy, taught: Counter[Action]) -> None:
@@ -139,6 +141,7 @@ class TrainingHistory:
         if not self._is_drive_new:
             self._events.append(_DriveBegun(at_s=self._teaching_s))
             self._is_drive_new = True
+            self.drives += 1
 
     def edit(self, verb: str, node_id: int, value: Any = None) -> None:
         """Relabel (`value`: an Action), delete, or pin (`value`: a bool) one learned image.

@@ -7,7 +7,7 @@ import io
 import pytest
 
 from robot.cameras.sim import SimCamera, SimCameraOptions
-from robot.clock import ManualClock
+from robot.clock import ManualClock, VirtualClock
 from robot.episodes.recorder import Recorder
 from robot.errors import ConfigurationError
 from robot.policy.image import to_rgb
@@ -30,7 +30,7 @@ MOVES = (Action.FORWARD, Action.LEFT, Action.FORWARD, Action.RIGHT)
 @pytest.mark.parametrize("world", ["box", "office", "corridor"])
 def test_a_minute_of_driving_costs_at_most_eight_megabytes(tmp_path, world: str) -> None:
     """Ten seconds of it, in the simulation's own time, through the real loop and recorder."""
-    clock = ManualClock(1.0)
+    clock = VirtualClock(1.0)
     driver = SimDriver(make_options(SimDriver.options_type, {"world": world}))
     driver.connect()
     camera = SimCamera(driver, SimCameraOptions(), clock)

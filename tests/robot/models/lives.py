@@ -27,7 +27,6 @@ from robot.types import Action, Example
 from tests.robot.bench_robot import BenchRobot
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
-DIM = 1200
 
 
 class Disk:
@@ -73,8 +72,15 @@ class Life(BenchRobot):
 
     all: ClassVar[list[Life]] = []
 
-    def __init__(self, folder: Path, wall_s: list[float], rng: random.Random) -> None:
-        super().__init__("published-4")
+    def __init__(
+        self,
+        folder: Path,
+        wall_s: list[float],
+        rng: random.Random,
+        learner: str = "published-4",
+    ) -> None:
+        super().__init__(learner)
+        self._dim = 1200 if learner.startswith("published") else 1584
         Life.all.append(self)
         self.rng, self.disk = rng, Disk()
         storage = Storage(folder)
@@ -127,7 +133,8 @@ class Life(BenchRobot):
         history = self.loop.history
         for _ in range(self.rng.randrange(1, 6)):
             self.frame += 1
-            x = np.random.default_rng(self.rng.getrandbits(32)).random(DIM, np.float32)
+            x = np.random.default_rng(self.rng.getrandbits(32)).integers(0, 256, self._dim)
+            x = x.astype(np.uint8)
             label = self.rng.choice(MOVES)
             example = Example(frame_id=self.frame, label=label, is_intervention=False)
             self.clock.advance(0.2)
@@ -153,6 +160,11 @@ class Life(BenchRobot):
 
     def undo_edit(self) -> None:
         self.loop.submit(self.loop.history.undo_edit).result(0)
+        self._changed()
+
+    def drive(self) -> None:
+        """A drive ends here: some learners look for their place at the next one's beginning."""
+        self.loop.submit(self.loop.history.begin_drive).result(0)
         self._changed()
 
     def save(self) -> None:

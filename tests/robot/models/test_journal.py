@@ -92,6 +92,24 @@ def test_what_was_written_survives_ten_kills_and_damage(tmp_path: Path, seed: in
     assert done["teach"] > 0
 
 
+@pytest.mark.parametrize("learner", ["default-6", "multi-place-4"])
+@pytest.mark.parametrize("seed", range(4))
+def test_every_learner_comes_back_as_it_was(tmp_path: Path, learner: str, seed: int) -> None:
+    rng = random.Random(seed)
+    expected = None
+    for _ in range(5):
+        life = Life(tmp_path, [0.0], rng, learner)
+        if expected is not None:
+            assert same(life.state(), expected)
+        for _ in range(rng.randrange(4, 12)):
+            op = rng.choice(("teach", "teach", "teach", "drive", "undo", "edit", "save", "write"))
+            getattr(life, op)()
+        life.write()
+        life.policy.reset()  # a start begins a drive
+        expected = life.state()
+        life.die()
+
+
 def test_a_position_rests_on_no_clock(tmp_path: Path) -> None:
     """Thirty days back, the case of an EV3 without a clock of its own."""
     wall_s = [1.7e9]
