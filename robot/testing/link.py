@@ -76,6 +76,7 @@ class Line:
         self._link = link
         self._deliver = deliver
         self._throttled = throttled
+        self._event_loop = asyncio.get_running_loop()
         self._under_way: deque[tuple[float, int, Any]] = deque()
         self._bytes = 0
         self._free_s = 0.0
@@ -85,7 +86,7 @@ class Line:
 
     def send(self, item: Any, size: int) -> None:
         """Put `item` on its way; `size` in bytes."""
-        conditions, event_loop = self._link.conditions, asyncio.get_running_loop()
+        conditions, event_loop = self._link.conditions, self._event_loop
         now_s = event_loop.time()
         free_s = max(self._free_s, now_s)
         if self._throttled and conditions.bytes_per_second:
@@ -112,7 +113,7 @@ class Line:
 
     def flush(self) -> None:
         """Deliver whatever is due, unless the link is silent."""
-        now_s = asyncio.get_running_loop().time() + 1e-6
+        now_s = self._event_loop.time() + 1e-6
         while self._under_way and self._under_way[0][0] <= now_s:
             if self._link.conditions.is_silent or self.is_cut:
                 return

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from .live_robot import LiveServer, live_server
+from .virtual_server import VirtualServer
 
 
 @pytest.fixture
-def server() -> Iterator[LiveServer]:
-    with live_server() as running:
+def server() -> Iterator[VirtualServer]:
+    with VirtualServer() as running:
         yield running

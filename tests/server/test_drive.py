@@ -1,17 +1,13 @@
 from __future__ import annotations
 
 import json
-import time
-
-from websockets.sync.client import connect
 
 from robot.types import Action
 from server.protocol import encode_acknowledgement, parse_picture
+from tests.server.virtual_server import VirtualServer, connect
 
-from .live_robot import LiveServer, wait_until
 
-
-def test_a_pilot_drives_and_the_robot_stands_when_it_lets_go(server: LiveServer) -> None:
+def test_a_pilot_drives_and_the_robot_stands_when_it_lets_go(server: VirtualServer) -> None:
     with server.pilot() as pilot:
         assert pilot.hello["protocol"] == 1
         assert pilot.hello["moves"] == ["forward", "left", "right"]
@@ -19,36 +15,36 @@ def test_a_pilot_drives_and_the_robot_stands_when_it_lets_go(server: LiveServer)
         pilot.mode("train")
         pilot.wait_for_state(mode="train")
         pilot.hold("forward")
-        wait_until(lambda: server.driver.now is Action.FORWARD)
+        server.wait_until(lambda: server.driver.now is Action.FORWARD)
         pilot.wait_for_state(driven_by="pilot", action="forward")
         pilot.hold(None)
-        wait_until(lambda: server.driver.now is Action.STOP)
+        server.wait_until(lambda: server.driver.now is Action.STOP)
         assert pilot.errors() == []
 
 
-def test_the_robot_stands_within_500_ms_when_the_pilot_vanishes(server: LiveServer) -> None:
+def test_the_robot_stands_within_500_ms_when_the_pilot_vanishes(server: VirtualServer) -> None:
     with server.pilot() as pilot:
         pilot.mode("train")
         pilot.hold("forward")
-        wait_until(lambda: server.driver.now is Action.FORWARD)
+        server.wait_until(lambda: server.driver.now is Action.FORWARD)
         pilot.vanish()
-        assert wait_until(lambda: server.driver.now is Action.STOP) < 0.5
+        assert server.wait_until(lambda: server.driver.now is Action.STOP) < 0.5
 
 
-def test_the_robot_stands_within_500_ms_when_the_pilot_is_silent(server: LiveServer) -> None:
+def test_the_robot_stands_within_500_ms_when_the_pilot_is_silent(server: VirtualServer) -> None:
     with server.pilot() as pilot:
         pilot.mode("train")
         pilot.hold("forward")
-        wait_until(lambda: server.driver.now is Action.FORWARD)
+        server.wait_until(lambda: server.driver.now is Action.FORWARD)
         pilot.is_silent = True
-        assert wait_until(lambda: server.driver.now is Action.STOP) < 0.5
+        assert server.wait_until(lambda: server.driver.now is Action.STOP) < 0.5
         pilot.wait_for_state(mode="stopped", stop_reason="pilot_silent")
         pilot.is_silent = False
-        time.sleep(0.3)
+        server.forward(0.3)
         assert server.driver.now is Action.STOP, "it waits for an explicit start"
 
 
-def test_a_viewer_sees_but_is_not_heard(server: LiveServer) -> None:
+def test_a_viewer_sees_but_is_not_heard(server: VirtualServer) -> None:
     with server.pilot() as pilot, server.pilot() as viewer:
         pilot.wait_for_state(you_are_pilot=True, viewers=1)
         viewer.wait_for_state(you_are_pilot=False, pilot=pilot.hello["client"])
@@ -60,19 +56,19 @@ def test_a_viewer_sees_but_is_not_heard(server: LiveServer) -> None:
 
 
 def test_a_wheel_that_is_left_goes_to_the_only_other_pilot_and_the_robot_stands(
-    server: LiveServer,
+    server: VirtualServer,
 ) -> None:
     """A pilot's new line may be there before the lost one is closed."""
     with server.pilot() as lost, server.pilot() as back:
         lost.mode("train")
         lost.hold("forward")
-        wait_until(lambda: server.driver.now is Action.FORWARD)
+        server.wait_until(lambda: server.driver.now is Action.FORWARD)
         lost.vanish()
         back.wait_for_state(you_are_pilot=True, mode="stopped")
         assert server.driver.now is Action.STOP, "and nothing is replayed"
 
 
-def test_refused_messages_are_answered_and_counted(server: LiveServer) -> None:
+def test_refused_messages_are_answered_and_counted(server: VirtualServer) -> None:
     with server.pilot() as pilot:
         pilot.wait_for_state(you_are_pilot=True)
         pilot.is_silent = True
@@ -91,11 +87,11 @@ def test_refused_messages_are_answered_and_counted(server: LiveServer) -> None:
         assert {c.value: n for c, n in server.hub.refused.items()} == dict.fromkeys(refused, 1)
 
 
-def test_a_frame_is_sent_once_and_only_after_an_acknowledgement(server: LiveServer) -> None:
+def test_a_frame_is_sent_once_and_only_after_an_acknowledgement(server: VirtualServer) -> None:
     with connect(server.ws("/ws/video"), compression=None) as video:
         first = parse_picture(video.recv(5))
         assert (first.width, first.height) == (160, 120)
-        time.sleep(0.2)
+        server.forward(0.2)
         ids = [first.frame_id]
         for _ in range(20):
             video.send(encode_acknowledgement(ids[-1]))
@@ -104,7 +100,7 @@ def test_a_frame_is_sent_once_and_only_after_an_acknowledgement(server: LiveServ
         assert ids[1] >= ids[0] + 3, "the newest, not the next"
 
 
-def test_pages_and_health_are_served(server: LiveServer) -> None:
+def test_pages_and_health_are_served(server: VirtualServer) -> None:
     import httpx
 
     page = httpx.get(server.address + "/")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,40 +9,33 @@ from typing import Any
 import httpx
 import pytest
 
-from robot.clock import RealClock
-from robot.policy.registry import make_policy
-from robot.rig.rig import Rig
-from robot.storage.folder import Storage
 from robot.types import Action, Mode, PilotCommand
-from server.app import create_app
-from server.bench.robot import NotingDriver, SteadyCamera
-from server.config import Config
-from server.hosting.serving import served
+from server.config import Config, Limits
 from server.persistence import Persistence
-from server.services import make_services
 from tests.robot.episodes.drives import record_drive
 
 from .live_robot import WEB
+from .virtual_server import VirtualServer
 
 Client = httpx.Client
 
 
 @pytest.fixture
-def persistence(tmp_path: Path) -> Iterator[Persistence]:
-    clock = RealClock()
-    rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
-    storage = Storage(tmp_path)
-    with rig, Persistence(storage, rig, name="bench") as persistence:
-        persistence.rig = rig  # type: ignore[attr-defined]
-        yield persistence
+def server(tmp_path: Path) -> Iterator[VirtualServer]:
+    with VirtualServer(
+        Config(port=0, web=WEB, data=tmp_path), data=tmp_path, name="bench"
+    ) as server:
+        yield server
 
 
 @pytest.fixture
-def client(persistence: Persistence) -> Iterator[Client]:
-    config = Config(port=0, web=WEB, data=persistence.storage.root)
-    rig: Rig = persistence.rig  # type: ignore[attr-defined]
-    app = create_app(make_services(config, rig, name="bench", persistence=persistence))
-    with served(app, config) as address, Client(base_url=address, timeout=20) as client:
+def persistence(server: VirtualServer) -> Persistence:
+    return server.persistence
+
+
+@pytest.fixture
+def client(server: VirtualServer) -> Iterator[Client]:
+    with Client(base_url=server.address) as client:
         yield client
 
 
@@ -52,33 +44,25 @@ def episode_id(persistence: Persistence) -> str:
     return record_drive(persistence.storage.episodes).id
 
 
-def wait_for(condition: Any) -> None:
-    deadline = time.monotonic() + 10
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-
-
 def test_a_drive_appears_in_the_list_while_it_is_recorded(
-    persistence: Persistence, client: Client
+    server: VirtualServer, persistence: Persistence, client: Client
 ) -> None:
-    loop = persistence.rig.loop  # type: ignore[attr-defined]
-    clock = persistence.rig.clock  # type: ignore[attr-defined]
+    loop, clock = server.rig.loop, server.clock
     assert client.get("/api/episodes").json()["episodes"] == []
-    loop.set_mode(Mode.TRAIN).result(5)
+    server.set_mode(Mode.TRAIN)
     for seq in range(40):
         frame_id = loop.state.frame_id
         loop.command(
             PilotCommand(held=Action.LEFT, frame_id=frame_id, seq=seq, received_s=clock.now_s())
         )
-        time.sleep(0.02)
-    wait_for(lambda: client.get("/api/episodes").json()["recording"])
-    wait_for(lambda: client.get("/api/episodes").json()["episodes"][0]["lessons"] > 5)
+        server.forward(0.02)
+    server.wait_until(lambda: client.get("/api/episodes").json()["recording"])
+    server.wait_until(lambda: client.get("/api/episodes").json()["episodes"][0]["lessons"] > 5)
     listed = client.get("/api/episodes").json()
     [episode] = listed["episodes"]
     assert episode["recording"] and episode["id"] == listed["recording"]
     assert client.delete(f"/api/episodes/{episode['id']}").status_code == 409
-    loop.set_mode(Mode.STOPPED).result(5)
+    server.set_mode(Mode.STOPPED)
     persistence.stop()
     [episode] = client.get("/api/episodes").json()["episodes"]
     assert episode["damage"] is None and episode["lessons"] == loop.history.lessons

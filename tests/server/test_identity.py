@@ -10,7 +10,7 @@ import pytest
 from robot.errors import ConfigurationError
 from server.identity import COLOURS, NAMES, Identity, IdentityFile
 
-from .live_robot import live_server
+from .virtual_server import VirtualServer
 
 
 def test_a_robot_that_nobody_named_keeps_the_name_it_got(tmp_path: Path) -> None:
@@ -44,7 +44,7 @@ def test_what_is_no_name_is_refused_and_changes_nothing(tmp_path: Path, name: ob
 
 
 def test_clients_are_told_of_a_new_name() -> None:
-    with live_server() as server, httpx.Client(base_url=server.address) as http:
+    with VirtualServer() as server, httpx.Client(base_url=server.address) as http:
         assert http.get("/api/settings").json()["name"] == "bench"
         heard: list[dict[str, object]] = []
         server.services.events.subscribe(

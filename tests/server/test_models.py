@@ -8,24 +8,17 @@ from pathlib import Path
 import httpx
 import pytest
 
-from robot.clock import RealClock
-from robot.policy.registry import make_policy
-from robot.rig.rig import Rig
-from robot.storage.folder import Storage
 from robot.types import Action, Example, Mode
-from server.app import create_app
-from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
-from server.hosting.serving import served
-from server.persistence import Persistence
-from server.services import make_services
 
 from .live_robot import WEB
+from .virtual_server import VirtualServer
 
 
 class Bench:
-    def __init__(self, rig: Rig, persistence: Persistence, client: httpx.Client) -> None:
-        self.rig, self.persistence, self.client = rig, persistence, client
+    def __init__(self, server: VirtualServer, client: httpx.Client) -> None:
+        self.server, self.client = server, client
+        self.rig, self.persistence = server.rig, server.persistence
 
     def teach(self, lessons: int) -> None:
         loop, camera = self.rig.loop, self.rig.camera
@@ -38,7 +31,7 @@ class Bench:
                 lesson = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
                 loop.history.teach(lesson, x + i, i * 0.05)
 
-        loop.submit(teach).result(5)
+        self.server.ask_loop(teach)
 
     def names(self) -> list[str]:
         return [model["name"] for model in self.client.get("/api/models").json()["models"]]
@@ -46,20 +39,13 @@ class Bench:
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Bench]:
-    clock = RealClock()
-    rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
     config = Config(port=0, web=WEB, data=tmp_path)
-    persistence = Persistence(Storage(tmp_path), rig, name="bench")
-    app = create_app(make_services(config, rig, name="bench", persistence=persistence))
     with (
-        rig,
-        persistence,
-        served(app, config) as address,
-        httpx.Client(base_url=address, timeout=20) as client,
+        VirtualServer(config, data=tmp_path, name="bench") as server,
+        httpx.Client(base_url=server.address) as client,
     ):
-        while rig.camera.latest() is None:
-            pass
-        yield Bench(rig, persistence, client)
+        server.wait_until(lambda: server.camera.latest() is not None)
+        yield Bench(server, client)
 
 
 def test_a_taught_model_is_saved_listed_and_previewed(bench: Bench) -> None:
@@ -80,18 +66,18 @@ def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
     bench.client.post("/api/models/save")
     made = bench.client.post("/api/models", json={"name": "Flur", "place": "the hall"})
     assert (made.status_code, made.json()) == (201, {"name": "Flur"})
-    assert bench.rig.loop.submit(lambda: bench.rig.loop.history.lessons).result(5) == 0
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.lessons) == 0
     bench.teach(3)
     assert bench.client.post("/api/models/bench/load").json() == {"name": "bench"}
-    assert bench.rig.loop.submit(lambda: bench.rig.loop.history.lessons).result(5) == 12
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.lessons) == 12
     assert bench.client.post("/api/models/Flur/load").status_code == 200
-    assert bench.rig.loop.submit(lambda: bench.rig.loop.history.lessons).result(5) == 3
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.lessons) == 3
 
 
 def test_a_driving_robot_keeps_its_model(bench: Bench) -> None:
     bench.teach(12)
     bench.client.post("/api/models/save")
-    bench.rig.loop.set_mode(Mode.TRAIN).result(5)
+    bench.server.set_mode(Mode.TRAIN)
     answer = bench.client.post("/api/models/bench/load")
     assert answer.status_code == 409 and "stop the robot" in answer.json()["detail"]
 
@@ -150,14 +136,13 @@ def test_what_cannot_be_done_is_said(
 def test_what_was_taught_is_saved_at_the_end_and_loaded_at_the_next_start(bench: Bench) -> None:
     bench.teach(7)
     bench.persistence.stop()
-    next_rig = Rig(NotingDriver(), SteadyCamera(RealClock()), make_policy("published-8"))
-    with next_rig, Persistence(bench.persistence.storage, next_rig) as persistence:
-        assert persistence.autosave.load_last() == "bench"
-        assert next_rig.loop.submit(lambda: next_rig.loop.history.lessons).result(5) == 7
+    with VirtualServer(data=bench.persistence.storage.root) as following:
+        assert following.persistence.autosave.load_last() == "bench"
+        assert following.ask_loop(lambda: following.rig.loop.history.lessons) == 7
 
 
 def test_a_mode_change_saves(bench: Bench) -> None:
     bench.teach(7)
-    bench.rig.loop.set_mode(Mode.TRAIN).result(5)
+    bench.server.set_mode(Mode.TRAIN)
     bench.persistence.autosave.stop()
     assert bench.names() == ["bench"]

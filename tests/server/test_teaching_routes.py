@@ -13,22 +13,21 @@ from robot.models.autosave import Autosave
 from robot.policy.registry import make_policy
 from robot.types import Action, Example
 
-from .live_robot import LiveServer, live_server
+from .virtual_server import VirtualServer
 
 
 @pytest.fixture
-def taught(tmp_path: Path) -> Iterator[LiveServer]:
+def taught(tmp_path: Path) -> Iterator[VirtualServer]:
     """A running robot that was taught 40 frames in four seconds of its time."""
-    with live_server(data=tmp_path) as server:
+    with VirtualServer(data=tmp_path) as server:
         _teach(server, 40)
         yield server
 
 
-def _teach(server: LiveServer, lessons: int) -> None:
+def _teach(server: VirtualServer, lessons: int) -> None:
     loop = server.rig.loop
     frame = server.hub.robot.camera.latest
-    while frame() is None:
-        pass
+    server.wait_until(lambda: frame() is not None)
 
     def teach() -> None:
         loop.history.replace_policy(make_policy("default-8"))
@@ -39,21 +38,21 @@ def _teach(server: LiveServer, lessons: int) -> None:
             lesson = Example(frame_id=1000 + i, label=label, is_intervention=False)
             loop.history.teach(lesson, varied, i * 0.1)
 
-    loop.submit(teach).result(5)
+    server.clock.result(loop.submit(teach), 5)
 
 
-def ask(server: LiveServer, method: str, path: str, **options: Any) -> httpx.Response:
+def ask(server: VirtualServer, method: str, path: str, **options: Any) -> httpx.Response:
     return httpx.request(method, server.address + path, timeout=10, **options)
 
 
-def gallery(server: LiveServer) -> dict[int, dict[str, Any]]:
+def gallery(server: VirtualServer) -> dict[int, dict[str, Any]]:
     images = ask(server, "GET", "/api/gallery").json()["images"]
     for image in images:
         del image["last_used"]  # goes on while the robot looks about
     return {image["node"]: image for image in images}
 
 
-def test_the_gallery_lists_every_image_with_its_picture(taught: LiveServer) -> None:
+def test_the_gallery_lists_every_image_with_its_picture(taught: VirtualServer) -> None:
     images = gallery(taught)
     assert len(images) == 8
     assert sum(image["frames"] for image in images.values()) == 40
@@ -63,7 +62,7 @@ def test_the_gallery_lists_every_image_with_its_picture(taught: LiveServer) -> N
     assert ask(taught, "GET", "/api/gallery/999999.png").status_code == 404
 
 
-def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught: LiveServer) -> None:
+def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught: VirtualServer) -> None:
     before = gallery(taught)
     node = next(iter(before))
 
@@ -95,14 +94,14 @@ def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught: LiveSer
     ],
 )
 def test_a_bad_change_is_refused_with_a_sentence(
-    taught: LiveServer, node: int | None, body: dict[str, Any], status: int
+    taught: VirtualServer, node: int | None, body: dict[str, Any], status: int
 ) -> None:
     node = next(iter(gallery(taught))) if node is None else node
     answer = ask(taught, "POST", f"/api/gallery/{node}", json=body)
     assert (answer.status_code, bool(answer.json()["detail"])) == (status, True)
 
 
-def test_undo_shows_what_goes_and_takes_it(taught: LiveServer) -> None:
+def test_undo_shows_what_goes_and_takes_it(taught: VirtualServer) -> None:
     last = ask(taught, "GET", "/api/teaching/last", params={"seconds": 1}).json()
     assert last["lessons"] == 10
     assert sum(last["taught"].values()) == 10
@@ -113,13 +112,13 @@ def test_undo_shows_what_goes_and_takes_it(taught: LiveServer) -> None:
 
 
 @pytest.mark.parametrize("seconds", [0, -1, 36, "5", None, True])
-def test_undo_of_a_nonsensical_time_is_refused(taught: LiveServer, seconds: Any) -> None:
+def test_undo_of_a_nonsensical_time_is_refused(taught: VirtualServer, seconds: Any) -> None:
     answer = ask(taught, "POST", "/api/teaching/undo", json={"seconds": seconds})
     assert answer.status_code == 400
     assert taught.rig.loop.state.taught[Action.FORWARD] == 30
 
 
-def test_settings_say_what_may_be_chosen(taught: LiveServer) -> None:
+def test_settings_say_what_may_be_chosen(taught: VirtualServer) -> None:
     settings = ask(taught, "GET", "/api/settings").json()
     assert settings["learner"] == "default-8"
     rates = [size["rate_hz"] for size in settings["sizes"]]
@@ -127,7 +126,7 @@ def test_settings_say_what_may_be_chosen(taught: LiveServer) -> None:
     assert settings["camera"]["width"] == 160
 
 
-def test_another_size_begins_anew_and_keeps_the_old_model(taught: LiveServer) -> None:
+def test_another_size_begins_anew_and_keeps_the_old_model(taught: VirtualServer) -> None:
     answer = ask(taught, "PUT", "/api/settings", json={"max_nodes": 64, "speed": 0.5})
     assert answer.json() == {"learner": "default-64", "speed": 0.5}
     assert gallery(taught) == {}
@@ -150,7 +149,7 @@ def test_another_size_begins_anew_and_keeps_the_old_model(taught: LiveServer) ->
         {"moves": "forward"},
     ],
 )
-def test_a_bad_setting_is_refused(taught: LiveServer, body: dict[str, Any]) -> None:
+def test_a_bad_setting_is_refused(taught: VirtualServer, body: dict[str, Any]) -> None:
     answer = ask(taught, "PUT", "/api/settings", json=body)
     assert answer.status_code == 400
     assert len(gallery(taught)) == 8

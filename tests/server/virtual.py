@@ -99,7 +99,13 @@ class ServedWorld(VirtualRobot):
 class Socket:
     """One websocket: the app's ASGI conversation, with the link between it and the page."""
 
-    def __init__(self, world: ServedWorld, path: str, on_message: Callable[[str | bytes], None]):
+    def __init__(
+        self,
+        world: Any,
+        path: str,
+        on_message: Callable[[str | bytes], None],
+        headers: dict[str, str] | None = None,
+    ) -> None:
         self._world = world
         self._on_message = on_message
         self._incoming: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
@@ -107,6 +113,8 @@ class Socket:
         self._up: Line = world.link.line(self._incoming.put_nowait, throttled=False)
         self._down: Line = world.link.line(self._arrive, throttled=True)
         self.close_code: int | None = None
+        self.is_accepted = False
+        self.refused_with: int | None = None
         scope = {
             "type": "websocket",
             "asgi": {"version": "3.0", "spec_version": "2.3"},
@@ -116,12 +124,15 @@ class Socket:
             "raw_path": path.encode(),
             "query_string": b"",
             "root_path": "",
-            "headers": [(b"host", b"127.0.0.1:8000")],
+            "headers": [
+                (name.encode(), value.encode())
+                for name, value in (headers or {"host": "127.0.0.1:8000"}).items()
+            ],
             "client": ("127.0.0.1", 50_000),
             "server": ("127.0.0.1", 8000),
             "subprotocols": [],
             "state": {},
-            "extensions": {},
+            "extensions": {"websocket.http.response": {}},
         }
         self.task = asyncio.ensure_future(world.app(scope, self._incoming.get, self._send))
 
@@ -140,6 +151,11 @@ class Socket:
         self._world.link.forget(self._down)
         self._incoming.put_nowait({"type": "websocket.disconnect", "code": 1006})
 
+    @property
+    def is_closed(self) -> bool:
+        """True once nothing more can come."""
+        return self.close_code is not None or self.task.done()
+
     async def _send(self, message: dict[str, Any]) -> None:
         data = message.get("text") or message.get("bytes") or ""
         self._down.send(message, len(data))
@@ -149,7 +165,13 @@ class Socket:
         if message["type"] == "websocket.send":
             text = message.get("text")
             self._on_message(text if text is not None else message["bytes"])
+        elif message["type"] == "websocket.accept":
+            self.is_accepted = True
+        elif message["type"] == "websocket.http.response.start":
+            self.refused_with = message["status"]
         elif message["type"] == "websocket.close":
+            if not self.is_accepted:
+                self.refused_with = 403
             self.close_code = message.get("code", 1000)
             self._incoming.put_nowait({"type": "websocket.disconnect", "code": self.close_code})
         self._world.poke()
@@ -158,7 +180,7 @@ class Socket:
 class Pilot:
     """A page without a screen: holds what it is told to, and beats every 100 ms until it ends."""
 
-    def __init__(self, world: ServedWorld, *, sees: bool) -> None:
+    def __init__(self, world: Any, *, sees: bool, headers: dict[str, str] | None = None) -> None:
         self._world = world
         self.messages: list[dict[str, Any]] = []
         self.state: dict[str, Any] = {}
@@ -169,8 +191,9 @@ class Pilot:
         self.is_silent = False
         self.acknowledges = True
         self.has_ended = False
-        self.socket = world.connect("/ws/drive", self._hear)
-        self._video = world.connect("/ws/video", self._see) if sees else None
+        more = {"headers": headers} if headers else {}
+        self.socket = world.connect("/ws/drive", self._hear, **more)
+        self._video = world.connect("/ws/video", self._see, **more) if sees else None
         self._event_loop = asyncio.get_running_loop()
         self._event_loop.call_later(BEAT_S * world.dice.random(), self._beat)
 

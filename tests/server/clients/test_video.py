@@ -1,22 +1,19 @@
 from __future__ import annotations
 
-import time
-
 import httpx
-from websockets.sync.client import connect
 
 from server.protocol import encode_acknowledgement, parse_picture
-from tests.server.live_robot import LiveServer, wait_until
+from tests.server.virtual_server import VirtualServer, connect
 
 
-def test_an_mjpeg_part_is_followed_at_once_by_the_next_header(server: LiveServer) -> None:
+def test_an_mjpeg_part_is_followed_at_once_by_the_next_header(server: VirtualServer) -> None:
     marker = b"\r\n--frame\r\nContent-Type: image/jpeg\r\n\r\n"
     with (
         httpx.Client() as client,
         client.stream("GET", server.address + "/video.mjpg") as answer,
     ):
         assert answer.headers["content-type"] == "multipart/x-mixed-replace; boundary=frame"
-        received, started_s = b"", time.monotonic()
+        received, started_s = b"", server.clock.now_s()
         for chunk in answer.iter_raw():
             received += chunk
             if received.count(marker) == 5:
@@ -24,18 +21,18 @@ def test_an_mjpeg_part_is_followed_at_once_by_the_next_header(server: LiveServer
                 break
         assert received.endswith(marker), "a frame never waits for its end"
         assert received.count(b"\xff\xd8") == 5
-        assert time.monotonic() - started_s < 2
-    wait_until(lambda: server.hub.video.viewers == 0, what="the stream ends with its viewer")
+        assert server.clock.now_s() - started_s < 2
+    server.wait_until(lambda: server.hub.video.viewers == 0, what="the stream ends with its viewer")
 
 
-def test_an_mjpeg_viewer_of_a_frozen_camera_can_leave(server: LiveServer) -> None:
+def test_an_mjpeg_viewer_of_a_frozen_camera_can_leave(server: VirtualServer) -> None:
     server.camera.is_frozen = True
     with httpx.Client() as client, client.stream("GET", server.address + "/video.mjpg"):
-        wait_until(lambda: server.hub.video.viewers == 1)
-    wait_until(lambda: server.hub.video.viewers == 0)
+        server.wait_until(lambda: server.hub.video.viewers == 1)
+    server.wait_until(lambda: server.hub.video.viewers == 0)
 
 
-def test_frames_are_encoded_once_for_all(server: LiveServer) -> None:
+def test_frames_are_encoded_once_for_all(server: VirtualServer) -> None:
     with (
         connect(server.ws("/ws/video"), compression=None) as one,
         connect(server.ws("/ws/video"), compression=None) as other,
@@ -50,17 +47,17 @@ def test_frames_are_encoded_once_for_all(server: LiveServer) -> None:
 
 
 def test_a_viewer_who_never_acknowledges_gets_one_frame_and_slows_nobody(
-    server: LiveServer,
+    server: VirtualServer,
 ) -> None:
     with (
         connect(server.ws("/ws/video"), compression=None) as idle,
         connect(server.ws("/ws/video"), compression=None) as busy,
     ):
         parse_picture(idle.recv(5))
-        started_s = time.monotonic()
+        started_s = server.clock.now_s()
         for _ in range(15):
             busy.send(encode_acknowledgement(parse_picture(busy.recv(5)).frame_id))
-        assert time.monotonic() - started_s < 1.5
+        assert server.clock.now_s() - started_s < 1.5
         try:
             idle.recv(0.1)
         except TimeoutError:
@@ -68,15 +65,15 @@ def test_a_viewer_who_never_acknowledges_gets_one_frame_and_slows_nobody(
         raise AssertionError("a second frame was sent before the first was acknowledged")
 
 
-def test_metrics_tell_of_everything_that_is_promised(server: LiveServer) -> None:
+def test_metrics_tell_of_everything_that_is_promised(server: VirtualServer) -> None:
     with server.pilot() as pilot, connect(server.ws("/ws/video"), compression=None) as video:
         for _ in range(3):
             video.send(encode_acknowledgement(parse_picture(video.recv(5)).frame_id))
         pilot.socket.send("nonsense")
         pilot.wait_for(lambda m: m.get("code") == "malformed")
         httpx.get(server.address, headers={"host": "evil.example"})
-        wait_until(lambda: sum(server.hub.video.frame_ages.counts) == 3)
-        wait_until(lambda: server.rig.loop.state.cycle_hz > 20)
+        server.wait_until(lambda: sum(server.hub.video.frame_ages.counts) == 3)
+        server.wait_until(lambda: server.rig.loop.state.cycle_hz > 20)
         text = httpx.get(server.address + "/metrics").text
     values = {
         line.rsplit(" ", 1)[0]: float(line.rsplit(" ", 1)[1])
