@@ -22,9 +22,9 @@ Client = httpx.Client
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[VirtualServer]:
-    with VirtualServer(
-        Config(port=0, web=WEB, data=tmp_path), data=tmp_path, name="bench"
-    ) as server:
+    config = Config(port=0, web=WEB, data=tmp_path, limits=Limits(requests_burst=5000))
+    with VirtualServer(config, data=tmp_path, name="bench") as server:
+        server.wait_until(lambda: server.rig.loop.state.frame_id is not None)
         yield server
 
 
