@@ -48,7 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     exchange.configure_import(_add(commands, "import", exchange.import_episode, _IMPORT))
     budget = _add(commands, "budget", show_budget, "what is kept, and what could go")
     budget.add_argument(
-        "--gigabytes", type=number(above=0), default=None, help="space for episodes"
+        "--gigabytes", type=number(least=0), default=None, help="space for episodes"
     )
     _add(commands, "empty-trash", empty_trash, "delete for good what was deleted")
 
