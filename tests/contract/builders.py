@@ -30,6 +30,7 @@ from robot.capture.options import UsbCameraOptions
 from robot.clock import ManualClock, RealClock
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
+from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
 from robot.drivers.replay import ReplayDriver
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.testing.cases import CameraCase, DriverCase
@@ -38,6 +39,7 @@ from tests.brick.fake_brick import FakeBrick
 from tests.brick.fake_video import DEVICE, FakeVideo
 from tests.brick.running_agent import SECRET, RunningAgent
 from tests.robot.footage import write_footage
+from tests.standins.ev3_stock import StockBrick
 from tests.standins.mjpeg import MjpegServer
 
 
@@ -175,6 +177,15 @@ def phone_camera() -> Iterator[CameraCase]:
 
 
 @contextmanager
+def ev3_stock_driver() -> Iterator[DriverCase]:
+    with StockBrick() as brick:
+        options = Ev3StockOptions(line="wifi", beacon_port=brick.beacon_port)
+        driver = Ev3StockDriver(options)
+        yield DriverCase(driver, time.sleep, lambda: brick.is_moving, brick.frozen.set)
+        driver.disconnect()
+
+
+@contextmanager
 def mjpeg_camera() -> Iterator[CameraCase]:
     with MjpegServer() as server:
         camera = MjpegCamera(MjpegOptions(source=server.address), RealClock())
@@ -200,6 +211,7 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "replay": replay_driver,
     "ev3": ev3_driver,
     "ev3-remote": ev3_remote_driver,
+    "ev3-stock": ev3_stock_driver,
 }
 CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "sim": sim_camera,

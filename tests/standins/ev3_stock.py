@@ -1,0 +1,240 @@
+"""A brick with LEGO's firmware, played on this machine: beacon, unlock and direct commands.
+
+Its reader of bytecodes is its own: nothing is shared with the driver's codec. The foreign client
+`ev3-dc` checks it (tests/brick/test_ev3_dc.py), and then it checks our driver.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import threading
+import time
+from typing import Self
+
+SERIAL = "0016533f0c1e"
+LARGE, TOUCH, ULTRASONIC, NOTHING = 7, 16, 30, 126
+
+
+class Motor:
+    """Turns at a percentage until its time is over."""
+
+    def __init__(self) -> None:
+        self.percent, self.ends_s, self.count = 0, 0.0, 0.0
+        self.polarity, self.resets = 1, 0
+
+    @property
+    def is_moving(self) -> bool:
+        return self.percent != 0 and time.monotonic() < self.ends_s
+
+
+def _bind() -> tuple[socket.socket, socket.socket]:
+    """Take one port of four figures for both: clients answer the beacon there, too."""
+    for port in range(5555, 10_000):
+        with contextlib.suppress(OSError):
+            server = socket.create_server(("127.0.0.1", port), reuse_port=False)
+            beacon = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            try:
+                beacon.bind(("127.0.0.1", port))
+            except OSError:
+                server.close()
+                beacon.close()
+                raise
+            server.settimeout(0.05)
+            beacon.settimeout(0.05)
+            return server, beacon
+    raise AssertionError("no port is free")
+
+
+class StockBrick:
+    """Listens on loopback; `frozen` answers nothing any more.
+
+    Args:
+        beacon_port: Where it announces itself; 0 for a port of this test alone.
+    """
+
+    def __init__(self, beacon_port: int = 0) -> None:
+        self.motors = [Motor() for _ in range(4)]
+        self.devices = {0: TOUCH, 3: ULTRASONIC, 0x11: LARGE, 0x12: LARGE}
+        self.values = {TOUCH: 0.0, ULTRASONIC: 42.0}
+        self.messages: list[bytes] = []
+        self.frozen = threading.Event()
+        self._ending = threading.Event()
+        self._server, self._beacon = _bind()
+        if beacon_port == 0:
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                probe.bind(("127.0.0.1", 0))
+                beacon_port = probe.getsockname()[1]
+        self.beacon_port = beacon_port
+        self._unlocked = threading.Event()
+        self._threads = [
+            threading.Thread(target=target, daemon=True) for target in (self._announce, self._serve)
+        ]
+
+    @property
+    def is_moving(self) -> bool:
+        return any(motor.is_moving for motor in self.motors)
+
+    def __enter__(self) -> Self:
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._ending.set()
+        for thread in self._threads:
+            thread.join()
+        self._server.close()
+        self._beacon.close()
+
+    def _announce(self) -> None:
+        port = self._server.getsockname()[1]
+        text = f"Serial-Number: {SERIAL}\r\nPort: {port}\r\nName: EV3\r\nProtocol: EV3\r\n"
+        while not self._ending.is_set():
+            if not self.frozen.is_set():
+                self._beacon.sendto(text.encode(), ("127.0.0.1", self.beacon_port))
+            with contextlib.suppress(OSError):
+                self._beacon.recvfrom(64)
+                self._unlocked.set()
+
+    def _serve(self) -> None:
+        while not self._ending.is_set():
+            with contextlib.suppress(TimeoutError):
+                client, _ = self._server.accept()
+                with client, contextlib.suppress(ConnectionError):
+                    client.settimeout(0.05)
+                    self._talk(client)
+
+    def _talk(self, client: socket.socket) -> None:
+        head = self._read_until(client, lambda data: b"VMTP1.0" in data and b"EV3" in data)
+        if not self._unlocked.wait(2.0) or SERIAL.encode() not in head.lower().replace(b":", b""):
+            return
+        client.sendall(b"Accept:EV340\r\n\r\n")
+        rest = b""
+        while not self._ending.is_set():
+            data = rest + self._read_until(client, bool)
+            while len(data) >= 2 and len(data) >= (size := struct.unpack_from("<H", data)[0] + 2):
+                message, data = data[:size], data[size:]
+                self.messages.append(message)
+                answer = self.answer(message)
+                if answer is not None and not self.frozen.is_set():
+                    client.sendall(answer)
+            rest = data
+
+    def _read_until(self, client: socket.socket, is_enough) -> bytes:  # type: ignore[no-untyped-def]
+        data = b""
+        while not self._ending.is_set():
+            try:
+                part = client.recv(4096)
+            except TimeoutError:
+                continue
+            if not part:
+                raise ConnectionError
+            data += part
+            if is_enough(data):
+                break
+        return data
+
+    def answer(self, message: bytes) -> bytes | None:
+        """Obey one direct command; return the answer if one is wanted."""
+        _, count, kind, sizes = struct.unpack_from("<HHBH", message)
+        results = bytearray(sizes & 0x3FF)
+        ok = True
+        if not self.frozen.is_set():
+            try:
+                _Machine(self, message[7:], results).run()
+            except (IndexError, ValueError):
+                ok = False
+        if kind & 0x80:
+            return None
+        return struct.pack("<HHB", 3 + len(results), count, 2 if ok else 4) + bytes(results)
+
+
+class _Machine:
+    """Reads bytecodes one after the other, as the firmware's documents describe them."""
+
+    def __init__(self, brick: StockBrick, codes: bytes, results: bytearray) -> None:
+        self.brick, self.codes, self.results, self.at = brick, codes, results, 0
+
+    def run(self) -> None:
+        while self.at < len(self.codes):
+            opcode = self.codes[self.at]
+            self.at += 1
+            handler = getattr(self, f"op_{opcode:02x}", None)
+            if handler is None:
+                raise ValueError(f"opcode {opcode:#x}")
+            handler()
+
+    def parameter(self) -> int:
+        """Read a constant, or the index of a global variable."""
+        head = self.codes[self.at]
+        self.at += 1
+        if head < 0x40:
+            return head - 0x40 if head & 0x20 else head
+        if head & 0xE0 == 0x60:
+            return head & 0x1F
+        size, form = {0x81: (1, "b"), 0x82: (2, "<h"), 0x83: (4, "<i"), 0xE1: (1, "B")}[head]
+        self.at += size
+        return int(struct.unpack(form, self.codes[self.at - size : self.at])[0])
+
+    def parameters(self, count: int) -> list[int]:
+        return [self.parameter() for _ in range(count)]
+
+    def chosen(self, ports: int) -> list[Motor]:
+        return [motor for place, motor in enumerate(self.brick.motors) if ports >> place & 1]
+
+    def op_af(self) -> None:  # TIME_SPEED
+        _, ports, percent, up_ms, run_ms, down_ms, _ = self.parameters(7)
+        for motor in self.chosen(ports):
+            motor.percent = max(-100, min(100, percent)) * motor.polarity
+            motor.ends_s = time.monotonic() + (up_ms + run_ms + down_ms) / 1000
+
+    def op_a3(self) -> None:  # STOP
+        _, ports, _ = self.parameters(3)
+        for motor in self.chosen(ports):
+            motor.percent = 0
+
+    def op_a6(self) -> None:  # START
+        self.parameters(2)
+
+    def op_a2(self) -> None:  # RESET
+        _, ports = self.parameters(2)
+        for motor in self.chosen(ports):
+            motor.count, motor.resets = 0.0, motor.resets + 1
+
+    def op_a7(self) -> None:  # POLARITY
+        _, ports, polarity = self.parameters(3)
+        for motor in self.chosen(ports):
+            motor.polarity = polarity or -motor.polarity
+
+    def op_b3(self) -> None:  # GET_COUNT
+        _, port, to = self.parameters(3)
+        struct.pack_into("<i", self.results, to, int(self.brick.motors[port].count))
+
+    def op_99(self) -> None:  # INPUT_DEVICE
+        sub = self.parameter()
+        _, port = self.parameters(2)
+        kind = self.brick.devices.get(port, NOTHING)
+        if sub == 0x05:
+            for to, value in zip(self.parameters(2), (kind, 0), strict=True):
+                self.results[to] = value
+        elif sub == 0x1D:
+            asked, _, count, to = self.parameters(4)
+            value = self.brick.values[kind] if asked in (0, kind) and count == 1 else float("nan")
+            struct.pack_into("<f", self.results, to, value)
+        else:
+            raise ValueError(f"INPUT_DEVICE {sub:#x}")
+
+    def op_81(self) -> None:  # UI_READ
+        sub, to = self.parameters(2)
+        if sub == 0x12:
+            self.results[to] = 80
+        elif sub in (0x01, 0x02):
+            struct.pack_into("<f", self.results, to, 7.5 if sub == 0x01 else 0.2)
+        else:
+            raise ValueError(f"UI_READ {sub:#x}")
+
+    def op_82(self) -> None:  # UI_WRITE
+        if self.parameters(2)[0] != 0x1B:
+            raise ValueError("UI_WRITE")
