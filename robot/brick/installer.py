@@ -1,178 +1,29 @@
-"""What is done on a brick over ssh: two scripts for its shell, and the streams that feed them.
-
-The scripts are safe to run twice and leave the old version in place until the new one is whole.
-"""
+"""What is done on a brick over ssh: scripts for its shell, and the streams that feed them."""
 
 from __future__ import annotations
 
 import io
+import shutil
 import subprocess
 import tarfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 from robot.brick.archive import make_agent
-from robot.brick.rootfs import PACKAGES
-from robot.errors import DriveError
+from robot.brick.scripts import (
+    AGENT_SCRIPT,
+    AUTOSTART_SCRIPT,
+    INSTALL_SCRIPT,
+    KEEP_SCRIPT,
+    START_SCRIPT,
+    UNIT,
+)
+from robot.errors import ConfigurationError, DriveError
 
-AGENT_SCRIPT = """\
-set -eu
-umask 077
-mkdir -p drivelesson
-cd drivelesson
-tar -xf -
-python3 -c 'import ev3dev2' 2>/dev/null || {
-  echo 'python3-ev3dev2 is missing; on the brick: sudo apt-get install python3-ev3dev2' >&2
-  exit 1
-}
-if [ -f agent.pid ]; then kill "$(cat agent.pid)" 2>/dev/null || true; sleep 1; fi
-: >agent.log
-if ! systemctl is-active --quiet drivelesson-agent 2>/dev/null; then
-  setsid sh ./keep-agent >/dev/null 2>&1 </dev/null &
-  echo $! >agent.pid
-fi
-for i in 1 2 3 4 5 6 7 8 9 10; do
-  if grep -q listening agent.log; then tail -n 1 agent.log; exit 0; fi
-  sleep 1
-  kill -0 "$(cat agent.pid)" 2>/dev/null || break
-done
-cat agent.log >&2
-exit 1
-"""
-"""Receives agent.pyz, keep-agent, autostart and secret as a tar; starts the agent."""
-
-KEEP_SCRIPT = """\
-#!/bin/sh
-# Starts the agent, and again whenever it ends; not if a person must put something right (2).
-cd "$(dirname "$0")" || exit 2
-echo $$ >agent.pid
-trap 'kill $agent 2>/dev/null; exit 0' TERM INT
-while :; do
-  python3 agent.pyz --secret-file secret --port @PORT@ --root "${DRIVELESSON_ROOT:-/}" \\
-    >>agent.log 2>&1 </dev/null &
-  agent=$!
-  wait $agent
-  status=$?
-  [ $status = 2 ] && exit 2
-  [ "$(wc -c <agent.log)" -lt 200000 ] || : >agent.log
-  echo "the agent ended with status $status; it is started again" >>agent.log
-  sleep 1
-done
-"""
-
-AUTOSTART_SCRIPT = """\
-#!/bin/sh
-# Makes the brick start the agent by itself; as root.
-set -eu
-[ "$(id -u)" = 0 ] || { echo 'run this as root: sudo sh drivelesson/autostart' >&2; exit 1; }
-folder=$(cd "$(dirname "$0")" && pwd)
-if [ -f "$folder/agent.pid" ]; then kill "$(cat "$folder/agent.pid")" 2>/dev/null || true; fi
-units=${DRIVELESSON_PREFIX:-}/etc/systemd/system
-mkdir -p "$units"
-cat >"$units/drivelesson-agent.service" <<END
-[Unit]
-Description=Drivelesson's agent
-After=network.target
-Conflicts=drivelesson.service
-
-[Service]
-User=$(stat -c %U "$folder")
-ExecStart=/bin/sh $folder/keep-agent
-Restart=always
-RestartSec=1
-RestartPreventExitStatus=2
-
-[Install]
-WantedBy=multi-user.target
-END
-systemctl daemon-reload
-systemctl enable drivelesson-agent
-systemctl restart drivelesson-agent
-echo 'the brick now starts the agent by itself'
-"""
-
-START_SCRIPT = """\
-#!/bin/sh
-# Prepares the userland, and says "starting" while Python loads, which takes half a minute.
-root=/opt/drivelesson/root
-for folder in proc sys dev; do
-  mountpoint -q $root/$folder || mount --rbind /$folder $root/$folder
-done
-data=var/lib/drivelesson
-mountpoint -q $root/$data || mount --bind /$data $root/$data
-cp /etc/resolv.conf /etc/hosts /etc/drivelesson.toml $root/etc/ 2>/dev/null
-printf '\\033[2J\\033[HDrivelesson\\r\\n\\nstarting ...\\r\\n' >/dev/tty6 && chvt 6
-for light in /sys/class/leds/led0:*:brick-status; do
-  cat $light/max_brightness >$light/brightness
-done
-exit 0
-"""
-
-UNIT = """\
-[Unit]
-Description=Drivelesson
-After=network.target
-
-[Service]
-ExecStartPre=/opt/drivelesson/start
-ExecStart=/usr/sbin/chroot /opt/drivelesson/root /usr/bin/env PYTHONPATH=/opt/drivelesson \\
-  DRIVELESSON_LEAN=1 PYTHONDONTWRITEBYTECODE=1 LC_ALL=C.UTF-8 HOME=/root PATH=/usr/bin:/bin \\
-  /usr/bin/python3 -OO -m server serve --robot ev3 --lan --learner published --max-nodes 32 \\
-  --data /var/lib/drivelesson --config /etc/drivelesson.toml
-Restart=on-failure
-RestartSec=5
-OOMScoreAdjust=-500
-
-[Install]
-WantedBy=multi-user.target
-"""
-
-INSTALL_SCRIPT = """\
-set -eu
-top=${DRIVELESSON_PREFIX:-}
-home=$top/opt/drivelesson
-[ "$(id -u)" = 0 ] || { echo 'log in as root: drivelesson brick install root@ADDRESS' >&2; exit 1; }
-free=$(df -Pk "${top:-/}" | awk 'NR==2 {print $4}')
-[ "$free" -gt 400000 ] || { echo "the card has only $free kB free; 400000 are needed" >&2; exit 1; }
-mkdir -p "$home" "$top/var/lib/drivelesson" "$top/etc/systemd/system"
-rm -rf "$home/incoming"
-mkdir "$home/incoming"
-tar -xf - -C "$home/incoming"
-systemctl stop drivelesson 2>/dev/null || true
-for folder in var/lib/drivelesson proc sys dev; do
-  umount -l "$home/root/$folder" 2>/dev/null || true
-done
-if [ -d "$home/incoming/root" ]; then
-  # Whatever is still mounted must not be deleted with the old userland.
-  if mount | grep -q " $home/root/"; then echo 'restart the brick and try again' >&2; exit 1; fi
-  rm -rf "$home/root.old"
-  if [ -d "$home/root" ]; then mv "$home/root" "$home/root.old"; fi
-  mv "$home/incoming/root" "$home/root"
-  rm -rf "$home/root.old"
-fi
-mkdir -p "$home/root/proc" "$home/root/sys" "$home/root/dev" "$home/root/var/lib/drivelesson"
-rm -rf "$home/root/opt/drivelesson"
-mkdir -p "$home/root/opt"
-mv "$home/incoming/program" "$home/root/opt/drivelesson"
-if [ ! -f "$home/incoming/compiled" ]; then
-  echo 'compiling on the brick, which takes a quarter of an hour'
-  chroot "$home/root" /usr/bin/python3 -OO -m compileall -q /usr/lib/python3.11 \\
-    /usr/lib/python3/dist-packages /opt/drivelesson >/dev/null || true
-fi
-mv "$home/incoming/start" "$home/start"
-chmod 755 "$home/start"
-mv "$home/incoming/drivelesson.service" "$top/etc/systemd/system/drivelesson.service"
-config=$top/etc/drivelesson.toml
-[ -f "$config" ] || echo '# drivelesson serve --help lists what can be set' >"$config"
-mv "$home/incoming/packages" "$home/packages"
-rm -rf "$home/incoming"
-systemctl daemon-reload
-systemctl enable drivelesson
-systemctl restart drivelesson
-echo 'installed; the page is there when the brick no longer says "starting"'
-"""
-"""Receives program, start, unit and, if they are new, the userland as a tar; installs them."""
+Files = list[tuple[str, Path | bytes]]
+"""Names inside a tar, and what they are: a file or folder here, or bytes."""
 
 
 def run_on_brick(target: str, script: str, files: Iterable[tuple[str, Path | bytes]]) -> str:
@@ -181,6 +32,21 @@ def run_on_brick(target: str, script: str, files: Iterable[tuple[str, Path | byt
     Raises:
         DriveError: If ssh or the script fails; says what they said.
     """
+
+    def feed(stream: IO[bytes]) -> None:
+        write_tar(stream, files)
+
+    return _run(target, script, feed)
+
+
+def write_tar(stream: IO[bytes], files: Iterable[tuple[str, Path | bytes]]) -> None:
+    """Write files as a tar, all of them root's."""
+    with tarfile.open(fileobj=stream, mode="w|") as tar:
+        for name, content in files:
+            _add(tar, name, content)
+
+
+def _run(target: str, script: str, feed: Callable[[IO[bytes]], None]) -> str:
     process = subprocess.Popen(
         ["ssh", "-o", "ConnectTimeout=10", target, script],
         stdin=subprocess.PIPE,
@@ -189,15 +55,10 @@ def run_on_brick(target: str, script: str, files: Iterable[tuple[str, Path | byt
     )
     assert process.stdin is not None and process.stdout is not None
     # Whoever hangs up early says why below.
-    with (
-        suppress(BrokenPipeError),
-        process.stdin as feed,
-        tarfile.open(fileobj=feed, mode="w|") as tar,
-    ):
-        for name, content in files:
-            _add(tar, name, content)
-    with process.stdout as stream:
-        said = stream.read().decode(errors="replace").strip()
+    with suppress(BrokenPipeError), process.stdin as stream:
+        feed(stream)
+    with process.stdout as output:
+        said = output.read().decode(errors="replace").strip()
     if process.wait() != 0:
         last = said.splitlines()[-1:] or ["it said nothing"]
         raise DriveError(f"the brick at {target} could not be set up: {last[0]}")
@@ -221,7 +82,7 @@ def _as_root(entry: tarfile.TarInfo) -> tarfile.TarInfo:
 
 def start_agent(target: str, secret: str, port: int) -> str:
     """Copy the agent to a brick with the stock image and start it; idempotent."""
-    files: list[tuple[str, Path | bytes]] = [
+    files: Files = [
         ("agent.pyz", make_agent()),
         ("keep-agent", KEEP_SCRIPT.replace("@PORT@", str(port)).encode()),
         ("autostart", AUTOSTART_SCRIPT.encode()),
@@ -255,21 +116,60 @@ def installed_packages(target: str) -> str:
     )
 
 
-def install(target: str, program: Path, userland: Path | None, *, compiled: bool) -> str:
-    """Put the program, and the userland if one is given, on a brick; idempotent."""
-    files: list[tuple[str, Path | bytes]] = [
+def server_files(program: Path, userland: Path | None, stamp: str, *, compiled: bool) -> Files:
+    """Return what `INSTALL_SCRIPT` receives: program, unit and, if it is new, the userland."""
+    files: Files = [
         ("program", program),
         ("start", START_SCRIPT.encode()),
         ("drivelesson.service", UNIT.encode()),
-        ("packages", packages_stamp().encode()),
+        ("packages", stamp.encode()),
     ]
     if userland is not None:
         files.append(("root", userland))
     if compiled:
         files.append(("compiled", b""))
+    return files
+
+
+def install(target: str, files: Files) -> str:
+    """Put the server on a brick; idempotent."""
     return run_on_brick(target, INSTALL_SCRIPT, files)
 
 
-def packages_stamp() -> str:
-    """What tells one userland from another."""
-    return " ".join(PACKAGES)
+def pack(file: Path, files: Files) -> None:
+    """Keep all that a brick needs in one file, its own script to install it first.
+
+    Raises:
+        ConfigurationError: If it cannot be written.
+    """
+    part = file.with_name(file.name + ".part")
+    try:
+        with part.open("wb") as stream:
+            write_tar(stream, [("install", INSTALL_SCRIPT.encode()), *files])
+        part.replace(file)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise ConfigurationError(f"cannot write {file}: {error.strerror}") from error
+
+
+def install_packed(target: str, file: Path) -> str:
+    """Put the server on a brick from a file that `pack` made, with the script that is in it.
+
+    Raises:
+        ConfigurationError: If it is no such file.
+    """
+    try:
+        with tarfile.open(file, "r:") as tar:
+            first = tar.next()
+            member = tar.extractfile(first) if first and first.name == "install" else None
+            script = member.read().decode() if member else ""
+    except (OSError, tarfile.TarError, ValueError) as error:
+        raise ConfigurationError(f"cannot read {file}: {error}") from error
+    if not script:
+        raise ConfigurationError(f"{file} was not made by: drivelesson brick pack FILE")
+
+    def feed(stream: IO[bytes]) -> None:
+        with file.open("rb") as packed:
+            shutil.copyfileobj(packed, stream, 1 << 20)
+
+    return _run(target, script, feed)

@@ -55,8 +55,7 @@ class V4l2Camera(Camera):
             raise CameraError(
                 f"the camera {path} gives MJPEG alone, and nothing here can read it: on a brick "
                 "take a camera with YUYV (a Logitech C270 has it), or run the server on another "
-                "computer (drivelesson brick agent ADDRESS); elsewhere: "
-                "pip install 'drivelesson[camera]'"
+                "computer (drivelesson brick agent ADDRESS)"
             )
         self._ending.clear()
         self._thread = threading.Thread(

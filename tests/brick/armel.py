@@ -1,6 +1,6 @@
 """A brick's Debian under emulation: `qemu-arm -cpu arm926` in a chroot, with counters.
 
-The root is kept in var/armel, so that only the first run builds it. Needs root, qemu-user,
+The root is kept in var/armel-RELEASE, so that only the first run builds it. Needs root, qemu-user,
 mmdebstrap and a C compiler; where one is missing the tests that use it are skipped and say so.
 """
 
@@ -17,11 +17,10 @@ import pytest
 
 import server
 from robot.brick.bundle import make_bundle
-from robot.brick.rootfs import PACKAGES, build_userland, precompile
+from robot.brick.rootfs import DEFAULT_RELEASE, build_userland, precompile, userland_stamp
 from server.config import Config
 
 ROOT = Path(__file__).parents[2]
-KEPT = ROOT / "var/armel"
 GUEST_BASE = 1 << 40
 """Where the guest's 4 GB lie in the emulator's own memory: its pages can be told by that."""
 
@@ -37,13 +36,15 @@ class Armel:
                 _skip(f"{tool} is not installed")
         if os.geteuid() != 0:
             _skip("only root may change its root")
-        self.root = KEPT / "root"
-        stamp, wanted = KEPT / "packages", " ".join(PACKAGES)
+        self.release = os.environ.get("DRIVELESSON_RELEASE", DEFAULT_RELEASE)
+        kept = ROOT / "var" / f"armel-{self.release}"
+        self.root = kept / "root"
+        stamp, wanted = kept / "packages", userland_stamp(self.release)
         if not stamp.is_file() or stamp.read_text() != wanted:
-            shutil.rmtree(KEPT, ignore_errors=True)
-            KEPT.mkdir(parents=True)
-            build_userland(self.root)
-            self._precompile("usr/lib/python3.11", "usr/lib/python3/dist-packages")
+            shutil.rmtree(kept, ignore_errors=True)
+            kept.mkdir(parents=True)
+            build_userland(self.root, self.release, os.environ.get("DRIVELESSON_MIRROR", ""))
+            self._precompile("usr/lib/python3.*", "usr/lib/python3/dist-packages")
             stamp.write_text(wanted)
         for folder in ("proc", "dev", "tmp"):
             (self.root / folder).mkdir(exist_ok=True)
@@ -80,8 +81,8 @@ class Armel:
         )
 
     def _precompile(self, *folders: str) -> None:
-        if not precompile(self.root, folders):
-            _skip("this Python cannot compile for the brick's; use Python 3.11")
+        if not precompile(self.root, folders, self.release):
+            _skip("this Python cannot compile for the brick's; install its version")
 
     def command(self, *args: str, counting: bool = True) -> list[str]:
         """The command that runs the brick's Python with these arguments."""

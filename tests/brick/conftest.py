@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.brick.fake_brick import FakeBrick
+from robot.testing.brick import FakeBrick
 from tests.brick.running_agent import RunningAgent
 
 

@@ -24,7 +24,7 @@ class CameraTraits:
     """
 
     formats: str = "YUYV"
-    sizes: str = "160x120,176x144,320x176,320x240,352x288,640x480"
+    sizes: str = "160x120"
     period_ms: int = 100
     jitter_ms: int = 10
     age_ms: int = 95

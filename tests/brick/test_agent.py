@@ -23,8 +23,8 @@ from robot.clock import RealClock
 from robot.driver import BodyButton
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.errors import CameraError, ConfigurationError, DriveError
+from robot.testing.brick import FakeBrick
 from robot.types import Action, Frame, Mode
-from tests.brick.fake_brick import FakeBrick
 from tests.brick.fake_video import DEVICE, QUICK, FakeVideo
 from tests.brick.running_agent import SECRET, RunningAgent
 

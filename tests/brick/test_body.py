@@ -14,8 +14,8 @@ from robot.brick.chassis import ChassisOptions, wheel_speeds
 from robot.driver import BodyButton
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
+from robot.testing.brick import DEFAULTS, LEFTOVERS, FakeBrick
 from robot.types import Action, Mode
-from tests.brick.fake_brick import DEFAULTS, LEFTOVERS, FakeBrick
 
 
 def make_driver(brick: FakeBrick, **options: object) -> Ev3Driver:

@@ -11,9 +11,9 @@ import pytest
 from robot.brick.calibration import fit_track, fit_wheels, rolled_m, turned_deg
 from robot.brick.chassis import ChassisOptions
 from robot.errors import ConfigurationError
+from robot.testing.brick import FakeBrick
 from server.__main__ import main
 from server.cli.calibrate import keep
-from tests.brick.fake_brick import FakeBrick
 
 
 def test_wheels_are_fitted_to_the_ruler() -> None:

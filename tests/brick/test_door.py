@@ -22,8 +22,8 @@ from robot.brick.agent.server import Agent
 from robot.brick.handshake import join
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.errors import DriveError
+from robot.testing.brick import FakeBrick
 from robot.types import Action
-from tests.brick.fake_brick import FakeBrick
 from tests.brick.running_agent import SECRET, RunningAgent
 
 MOST_GROWTH_KB = 2048

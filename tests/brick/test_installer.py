@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -13,10 +14,12 @@ from pathlib import Path
 import pytest
 
 from robot.brick.handshake import secret_path
+from robot.brick.rootfs import build_userland
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
+from robot.errors import ConfigurationError
+from robot.testing.brick import FakeBrick
 from server.__main__ import main
 from server.cli import brick as command
-from tests.brick.fake_brick import FakeBrick
 
 SSH = """#!/bin/sh
 while [ "${1#-}" != "$1" ]; do [ "$1" = -o ] && shift; shift; done
@@ -117,7 +120,12 @@ def test_the_brick_starts_the_agent_by_itself(
     assert "Restart=always" in unit
     assert "Conflicts=drivelesson.service" in unit
     said = (far_home / "systemctl").read_text().splitlines()
-    assert said == ["daemon-reload", "enable drivelesson-agent", "restart drivelesson-agent"]
+    assert said == [
+        "daemon-reload",
+        "disable --now drivelesson",
+        "enable drivelesson-agent",
+        "restart drivelesson-agent",
+    ]
     agent_pid.unlink()  # the stand-in for systemd starts nothing
 
 
@@ -139,13 +147,15 @@ def test_installing_is_safe_to_repeat(
 ) -> None:
     builds = []
 
-    def build(folder: Path) -> None:  # the real one is what `make test-brick` runs
+    def build(
+        folder: Path, release: str, mirror: str
+    ) -> None:  # the real one is what `make test-brick` runs
         builds.append(time.monotonic())
         (folder / "usr/lib/python3.11").mkdir(parents=True)
         (folder / "usr/lib/python3.11/this.py").write_text("print('here')\n")
 
     monkeypatch.setattr(command, "build_userland", build)
-    monkeypatch.setattr(command, "precompile", lambda root, folders: True)
+    monkeypatch.setattr(command, "precompile", lambda root, folders, release: True)
     monkeypatch.setattr(
         command.installer,
         "installed_packages",
@@ -194,3 +204,54 @@ def test_a_brick_that_is_not_there_is_one_clear_line(
 def test_the_scripts_can_be_read_first(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["brick", "install", "--script"]) == 0
     assert "systemctl enable drivelesson" in capsys.readouterr().out
+
+
+def test_a_packed_server_is_installed_without_building_anything(
+    far_home: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def build(folder: Path, release: str, mirror: str) -> None:
+        assert (release, mirror) == ("trixie", "http://mirror.example/debian")
+        (folder / "usr/lib/python3.13").mkdir(parents=True)
+        (folder / "usr/lib/python3.13/this.py").write_text("print('here')\n")
+
+    monkeypatch.setattr(command, "build_userland", build)
+    monkeypatch.setattr(command, "precompile", lambda root, folders, release: True)
+    file = tmp_path / "brick.tar"
+    mirror = ["--release", "trixie", "--mirror", "http://mirror.example/debian"]
+    keep = ["--keep", str(tmp_path / "keep")]
+    assert main(["brick", "pack", str(file), *mirror, *keep]) == 0
+    assert f"install root@ADDRESS --from {file}" in capsys.readouterr().out
+    monkeypatch.setattr(command, "build_userland", None)  # and nothing is built from now on
+    assert main(["brick", "install", "10.0.0.9", "--from", str(file)]) == 0
+    there = far_home / "opt/drivelesson"
+    assert (there / "root/usr/lib/python3.13/this.py").is_file()
+    assert (there / "root/opt/drivelesson/server/web/index.html").is_file()
+    assert (there / "packages").read_text().startswith("trixie python3 ")
+    assert "enable drivelesson" in (far_home / "systemctl").read_text()
+    (there / "root/usr/lib/python3.13/this.py").unlink()
+    subprocess.run(  # as the message says: without Drivelesson
+        f'ssh root@ADDRESS "$(tar -xOf {file} install)" <{file}', shell=True, check=True
+    )
+    assert (there / "root/usr/lib/python3.13/this.py").is_file()
+
+
+@pytest.mark.parametrize("content", [b"", b"no tar at all", None])
+def test_a_file_that_pack_did_not_make_is_one_clear_line(
+    far_home: Path, tmp_path: Path, content: bytes | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "brick.tar"
+    if content is not None:
+        file.write_bytes(content)
+    assert main(["brick", "install", "10.0.0.9", "--from", str(file)]) == 1
+    error = capsys.readouterr().err
+    assert str(file) in error
+    assert error.count("\n") == 1
+    assert not (far_home / "opt").exists()
+
+
+def test_an_unknown_release_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ConfigurationError, match="--release sid was never tried; known: bookworm"):
+        build_userland(Path("nowhere"), "sid")

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.brick.fake_brick import FakeBrick
+from robot.testing.brick import FakeBrick
 from tests.brick.film import ROOT, install_film
 from tests.brick.running_agent import SECRET, RunningAgent
 from tests.server.live_robot import Pilot

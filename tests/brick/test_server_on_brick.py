@@ -20,15 +20,16 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from robot.testing.brick import FakeBrick
 from server.protocol import encode_acknowledgement
 from tests.brick import film_camera
 from tests.brick.armel import Armel, guest_memory_mb
-from tests.brick.fake_brick import FakeBrick
 from tests.brick.film import install_film
 from tests.server.live_robot import Pilot
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(500)]
-MOST_MEMORY_MB = 36.0
+MOST_MEMORY_MB = {"bookworm": 36.0, "trixie": 46.0}
+"""By release: pydantic 2 and a newer Python take their share of the second."""
 FRAME_RATE_HZ = 10
 UNUSED = (
     "cv2",
@@ -208,7 +209,7 @@ def test_it_is_taught_and_drives_in_36_mb(
             print(
                 f"million instructions, {name}: {count:.1f}{'' if 'until' in name else ' a cycle'}"
             )
-    assert memory["resident"] <= MOST_MEMORY_MB
+    assert memory["resident"] <= MOST_MEMORY_MB[served.armel.release]
 
 
 def test_nothing_is_imported_that_the_loop_does_not_use(served: Served) -> None:

@@ -145,7 +145,7 @@ def test_a_camera_with_mjpeg_alone_is_refused_where_nothing_can_read_it(tmp_path
     assert running.next()["error"] == (
         f"the camera {DEVICE} gives MJPEG alone, and nothing here can read it: on a brick take a "
         "camera with YUYV (a Logitech C270 has it), or run the server on another computer "
-        "(drivelesson brick agent ADDRESS); elsewhere: pip install 'drivelesson[camera]'"
+        "(drivelesson brick agent ADDRESS)"
     )
     running.end()
 

@@ -3,7 +3,7 @@
 import select
 import socket
 import time
-from typing import Any, Dict, List, Optional
+from typing import Any, Callable, Dict, List, Optional
 
 from robot.brick.agent.body import BrickBody, use_devices_of
 from robot.brick.agent.callers import JOIN_S, Caller, CallerDoor, LimitedLog
@@ -26,14 +26,24 @@ REPORT_S = 0.1
 class Agent:
     """Serves one controller at a time on one thread; nothing in it ever waits for the network."""
 
-    def __init__(self, listener: socket.socket, secret: str, root: str = "/") -> None:
+    def __init__(
+        self,
+        listener: socket.socket,
+        secret: str,
+        root: str = "/",
+        open_camera: Callable[..., Any] = CameraReader,
+        inspect: Callable[[str, int], Dict[str, Any]] = inspect_brick,
+        note: Optional[Callable[[str], None]] = None,
+    ) -> None:
+        self._open_camera = open_camera
+        self._inspect = inspect
         self._door = CallerDoor(listener)
         self._secret = secret
         self._root = root
-        self._log = LimitedLog()
+        self._note = note or LimitedLog().note
         self._controller = None  # type: Optional[Caller]
         self._body = None  # type: Optional[BrickBody]
-        self._reader = None  # type: Optional[CameraReader]
+        self._reader = None  # type: Any
         self._commanded_s = None  # type: Optional[float]
         self._reported_s = 0.0
         self._late = 0
@@ -47,7 +57,14 @@ class Agent:
             while True:
                 self.tick()
         finally:
-            self._release_controller()
+            self.close()
+
+    def close(self) -> None:
+        """Stop the motors, and hang up on everybody."""
+        self._release_controller()
+        for caller in list(self._door.callers):
+            self._door.leave(caller)
+        self._door.listener.close()
 
     def tick(self) -> None:
         """Wait at most 50 ms for something to do, and do it."""
@@ -106,7 +123,7 @@ class Agent:
         caller.welcome(str(message["nonce"]), self._secret)
         self._controller = caller
         self._is_frame_free, self._reported_s, self._late = True, 0.0, 0
-        self._log.note("{} has the robot".format(caller.name))
+        self._note("{} has the robot".format(caller.name))
 
     def _refuse(self, caller: Caller, why: str) -> None:
         caller.send({"refused": why})
@@ -123,7 +140,7 @@ class Agent:
             self._close_body()
         elif do == "video":
             self._close_reader()
-            self._reader = CameraReader(
+            self._reader = self._open_camera(
                 command["device"],
                 command["width"],
                 command["height"],
@@ -142,7 +159,7 @@ class Agent:
             caller.send({"states": self._body.motors.states()})
         elif do == "inspect":
             use_devices_of(self._root)
-            caller.send({"inspected": inspect_brick(self._root, self._late)})
+            caller.send({"inspected": self._inspect(self._root, self._late)})
 
     def _open_body(self, caller: Caller, command: Dict[str, Any]) -> None:
         self._close_body()
@@ -224,7 +241,7 @@ class Agent:
         caller.send(message)
 
     def _drop(self, caller: Caller, why: str) -> None:
-        self._log.note("{} left: {}".format(caller.name, why))
+        self._note("{} left: {}".format(caller.name, why))
         self._door.leave(caller)
         if caller is self._controller:
             self._release_controller()

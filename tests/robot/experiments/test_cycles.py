@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from robot.experiments.cycles import run_cycles
-from tests.brick.fake_brick import FakeBrick
+from robot.testing.brick import FakeBrick
 from tests.brick.fake_video import DEVICE, FakeVideo
 from tests.brick.running_agent import SECRET, RunningAgent
 

@@ -1,8 +1,7 @@
-"""An EV3 made of files, with a thread that plays the kernel's motor driver.
+"""An EV3 made of files, as one is found, with a thread that plays the kernel's motor driver.
 
-Plain files keep old bytes behind a shorter value, so only the first line of each counts. A refused
-write (EINVAL) cannot be played by a file; the kernel thread keeps such a command in `refused`, and
-nothing moves by it.
+Plain files keep old bytes behind a shorter value, so only the first line of each counts. A file
+cannot refuse a write (EINVAL): the thread keeps such a command in `refused`, and nothing moves.
 """
 
 from __future__ import annotations
@@ -10,13 +9,16 @@ from __future__ import annotations
 import os
 import struct
 import threading
-import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from robot.clock import RealClock
+
 POLL_S = 0.002
+_CLOCK = RealClock()
 MAX_SPEED = 1050
 """Counts a second of a large motor; the kernel refuses more."""
 DEFAULTS = {
@@ -51,6 +53,8 @@ class Command:
 
 
 class FakeMotor:
+    """One motor: its folder, and what its wheel does."""
+
     def __init__(self, folder: Path, port: str) -> None:
         self.folder, self.port = folder, port
         self.until_s = 0.0
@@ -61,9 +65,11 @@ class FakeMotor:
         self.mark: tuple[int, str] = (0, "")
 
     def read(self, name: str) -> str:
+        """Return the first line of an attribute."""
         return (self.folder / name).read_text().partition("\n")[0]
 
     def write(self, name: str, value: str) -> None:
+        """Set an attribute in place: readers keep it open."""
         with (self.folder / name).open("r+b", buffering=0) as file:
             file.write(value.encode() + b"\n")
 
@@ -118,6 +124,7 @@ class FakeBrick:
         return folder
 
     def add_motor(self, port: str, *, stalled: bool = False) -> None:
+        """Plug a large motor in."""
         found = LEFTOVERS if self._leftovers else DEFAULTS
         folder = self._make(
             f"tacho-motor/motor{len(self.motors)}",
@@ -147,6 +154,7 @@ class FakeBrick:
         self.motors[port].kept.add(name)
 
     def add_sensor(self, port: str, driver: str, value: int, decimals: int = 0) -> None:
+        """Plug a sensor in; it may come late."""
         self._sensors[port] = self._make(
             f"lego-sensor/sensor{len(self._sensors)}",
             address=f"ev3-ports:{port}",
@@ -166,6 +174,7 @@ class FakeBrick:
         (folder / "value0").write_text(f"{value}\n")
 
     def set_battery(self, volts: float) -> None:
+        """Set what the battery gives: 8 when full, 6.5 when empty."""
         battery = self.root / "sys/class/power_supply/lego-ev3-battery/voltage_now"
         battery.write_text(f"{volts * 1e6:.0f}\n")
 
@@ -176,22 +185,25 @@ class FakeBrick:
             os.write(self._keys, struct.pack("@llHHi", second, micro, 1, code, value))
 
     def light(self, name: str) -> int:
+        """Return how bright a light is."""
         return int((self.root / "sys/class/leds" / name / "brightness").read_text().split()[0])
 
     def is_moving(self) -> bool:
+        """True while any motor is driven."""
         return any(motor.speed for motor in self.motors.values())
 
     def speeds(self) -> dict[str, int]:
+        """Return counts a second by port."""
         return {port: motor.speed for port, motor in self.motors.items()}
 
-    def wait_until(self, is_so: object, timeout_s: float = 3.0) -> float:
+    def wait_until(self, is_so: Callable[[], bool], timeout_s: float = 3.0) -> float:
         """Wait for a condition (a callable); return how long it took, or fail."""
-        assert callable(is_so)
-        started_s = time.monotonic()
+        started_s = _CLOCK.now_s()
         while not is_so():
-            assert time.monotonic() - started_s < timeout_s, "waited in vain"
-            time.sleep(POLL_S)
-        return time.monotonic() - started_s
+            if _CLOCK.now_s() - started_s > timeout_s:
+                raise AssertionError("waited in vain")
+            _CLOCK.sleep(POLL_S)
+        return _CLOCK.now_s() - started_s
 
     def catch_up(self) -> None:
         """Wait until the kernel thread has seen all that is written now."""
@@ -199,10 +211,10 @@ class FakeBrick:
         self.wait_until(lambda: self._rounds >= seen)
 
     def _play_kernel(self) -> None:
-        last_s = time.monotonic()
+        last_s = _CLOCK.now_s()
         while not self._ending.wait(POLL_S):
             self._rounds += 1
-            now_s = time.monotonic()
+            now_s = _CLOCK.now_s()
             for motor in list(self.motors.values()):
                 try:
                     self._turn(motor, now_s, now_s - last_s)

@@ -1,0 +1,166 @@
+"""What a brick's own shell runs: to start the agent, keep it, and install the server. Texts alone.
+
+The scripts are safe to run twice and leave the old version in place until the new one is whole.
+"""
+
+from __future__ import annotations
+
+AGENT_SCRIPT = """\
+set -eu
+umask 077
+mkdir -p drivelesson
+cd drivelesson
+tar -xf -
+python3 -c 'import ev3dev2' 2>/dev/null || {
+  echo 'python3-ev3dev2 is missing; on the brick: sudo apt-get install python3-ev3dev2' >&2
+  exit 1
+}
+if [ -f agent.pid ]; then kill "$(cat agent.pid)" 2>/dev/null || true; sleep 1; fi
+: >agent.log
+if ! systemctl is-active --quiet drivelesson-agent 2>/dev/null; then
+  setsid sh ./keep-agent >/dev/null 2>&1 </dev/null &
+  echo $! >agent.pid
+fi
+for i in 1 2 3 4 5 6 7 8 9 10; do
+  if grep -q listening agent.log; then tail -n 1 agent.log; exit 0; fi
+  sleep 1
+  kill -0 "$(cat agent.pid)" 2>/dev/null || break
+done
+cat agent.log >&2
+exit 1
+"""
+"""Receives agent.pyz, keep-agent, autostart and secret as a tar; starts the agent."""
+
+KEEP_SCRIPT = """\
+#!/bin/sh
+# Starts the agent, and again whenever it ends; not if a person must put something right (2).
+cd "$(dirname "$0")" || exit 2
+echo $$ >agent.pid
+trap 'kill $agent 2>/dev/null; exit 0' TERM INT
+while :; do
+  python3 agent.pyz --secret-file secret --port @PORT@ --root "${DRIVELESSON_ROOT:-/}" \\
+    >>agent.log 2>&1 </dev/null &
+  agent=$!
+  wait $agent
+  status=$?
+  [ $status = 2 ] && exit 2
+  [ "$(wc -c <agent.log)" -lt 200000 ] || : >agent.log
+  echo "the agent ended with status $status; it is started again" >>agent.log
+  sleep 1
+done
+"""
+
+AUTOSTART_SCRIPT = """\
+#!/bin/sh
+# Makes the brick start the agent by itself; as root.
+set -eu
+[ "$(id -u)" = 0 ] || { echo 'run this as root: sudo sh drivelesson/autostart' >&2; exit 1; }
+folder=$(cd "$(dirname "$0")" && pwd)
+if [ -f "$folder/agent.pid" ]; then kill "$(cat "$folder/agent.pid")" 2>/dev/null || true; fi
+units=${DRIVELESSON_PREFIX:-}/etc/systemd/system
+mkdir -p "$units"
+cat >"$units/drivelesson-agent.service" <<END
+[Unit]
+Description=Drivelesson's agent
+After=network.target
+Conflicts=drivelesson.service
+
+[Service]
+User=$(stat -c %U "$folder")
+ExecStart=/bin/sh $folder/keep-agent
+Restart=always
+RestartSec=1
+RestartPreventExitStatus=2
+
+[Install]
+WantedBy=multi-user.target
+END
+systemctl daemon-reload
+systemctl disable --now drivelesson 2>/dev/null || true
+systemctl enable drivelesson-agent
+systemctl restart drivelesson-agent
+echo 'the brick now starts the agent by itself'
+"""
+
+START_SCRIPT = """\
+#!/bin/sh
+# Prepares the userland, and says "starting" while Python loads, which takes half a minute.
+root=/opt/drivelesson/root
+for folder in proc sys dev; do
+  mountpoint -q $root/$folder || mount --rbind /$folder $root/$folder
+done
+data=var/lib/drivelesson
+mountpoint -q $root/$data || mount --bind /$data $root/$data
+cp /etc/resolv.conf /etc/hosts /etc/drivelesson.toml $root/etc/ 2>/dev/null
+printf '\\033[2J\\033[HDrivelesson\\r\\n\\nstarting ...\\r\\n' >/dev/tty6 && chvt 6
+for light in /sys/class/leds/led0:*:brick-status; do
+  cat $light/max_brightness >$light/brightness
+done
+exit 0
+"""
+
+UNIT = """\
+[Unit]
+Description=Drivelesson
+After=network.target
+
+[Service]
+ExecStartPre=/opt/drivelesson/start
+ExecStart=/usr/sbin/chroot /opt/drivelesson/root /usr/bin/env PYTHONPATH=/opt/drivelesson \\
+  DRIVELESSON_LEAN=1 PYTHONDONTWRITEBYTECODE=1 LC_ALL=C.UTF-8 HOME=/root PATH=/usr/bin:/bin \\
+  /usr/bin/python3 -OO -m server serve --robot ev3 --lan --learner published --max-nodes 32 \\
+  --data /var/lib/drivelesson --config /etc/drivelesson.toml
+Restart=on-failure
+RestartSec=5
+OOMScoreAdjust=-500
+
+[Install]
+WantedBy=multi-user.target
+"""
+
+INSTALL_SCRIPT = """\
+set -eu
+top=${DRIVELESSON_PREFIX:-}
+home=$top/opt/drivelesson
+[ "$(id -u)" = 0 ] || { echo 'log in as root: drivelesson brick install root@ADDRESS' >&2; exit 1; }
+free=$(df -Pk "${top:-/}" | awk 'NR==2 {print $4}')
+[ "$free" -gt 400000 ] || { echo "the card has only $free kB free; 400000 are needed" >&2; exit 1; }
+mkdir -p "$home" "$top/var/lib/drivelesson" "$top/etc/systemd/system"
+rm -rf "$home/incoming"
+mkdir "$home/incoming"
+tar -xf - -C "$home/incoming"
+systemctl stop drivelesson 2>/dev/null || true
+systemctl disable --now drivelesson-agent 2>/dev/null || true
+for folder in var/lib/drivelesson proc sys dev; do
+  umount -l "$home/root/$folder" 2>/dev/null || true
+done
+if [ -d "$home/incoming/root" ]; then
+  # Whatever is still mounted must not be deleted with the old userland.
+  if mount | grep -q " $home/root/"; then echo 'restart the brick and try again' >&2; exit 1; fi
+  rm -rf "$home/root.old"
+  if [ -d "$home/root" ]; then mv "$home/root" "$home/root.old"; fi
+  mv "$home/incoming/root" "$home/root"
+  rm -rf "$home/root.old"
+fi
+mkdir -p "$home/root/proc" "$home/root/sys" "$home/root/dev" "$home/root/var/lib/drivelesson"
+rm -rf "$home/root/opt/drivelesson"
+mkdir -p "$home/root/opt"
+mv "$home/incoming/program" "$home/root/opt/drivelesson"
+if [ ! -f "$home/incoming/compiled" ]; then
+  echo 'compiling on the brick, which takes a quarter of an hour'
+  chroot "$home/root" /bin/sh -c "/usr/bin/python3 -OO -m compileall -q /usr/lib/python3.* \\
+    /usr/lib/python3/dist-packages /opt/drivelesson" >/dev/null || true
+fi
+mv "$home/incoming/start" "$home/start"
+chmod 755 "$home/start"
+mv "$home/incoming/drivelesson.service" "$top/etc/systemd/system/drivelesson.service"
+config=$top/etc/drivelesson.toml
+[ -f "$config" ] || echo '# drivelesson serve --help lists what can be set' >"$config"
+mv "$home/incoming/packages" "$home/packages"
+rm -rf "$home/incoming"
+systemctl daemon-reload
+systemctl enable drivelesson
+systemctl restart drivelesson
+echo 'installed; the page is there when the brick no longer says "starting"'
+"""
+"""Receives program, start, unit and, if they are new, the userland as a tar; installs them."""
