@@ -121,7 +121,7 @@ def test_who_does_not_join_at_once_has_to_leave(running_agent: RunningAgent) -> 
     join(running_agent.address, SECRET).close()
 
 
-class Line:
+class BrickLine:
     """A listener whose `accept` fails as often and in the way that a test wants."""
 
     def __init__(self, *numbers: int) -> None:
@@ -142,7 +142,7 @@ class Line:
     "name", ["EMFILE", "ENFILE", "ENOBUFS", "ENOMEM", "ECONNABORTED", "EPERM", "EPROTO", "EINTR"]
 )
 def test_no_error_of_accept_ends_the_agent(name: str, tmp_path: Path) -> None:
-    listener = Line(*[getattr(errno, name)] * 3)
+    listener = BrickLine(*[getattr(errno, name)] * 3)
     door = callers.CallerDoor(listener)  # type: ignore[arg-type]
     now_s = 100.0
     for _ in range(3):

@@ -9,7 +9,7 @@ from typing import Any
 
 from robot.brick.agent.ports import HardwareError
 from robot.brick.stock import codec
-from robot.brick.stock.lines import Line
+from robot.brick.stock.lines import BrickLine
 from robot.errors import ConfigurationError
 
 TOP_DPS = {codec.LARGE_MOTOR: 1050.0, codec.MEDIUM_MOTOR: 1560.0}
@@ -34,10 +34,16 @@ class StockBody:
     """
 
     def __init__(
-        self, open_line: Callable[[], Line], *, left: str, right: str, ultrasonic: str, touch: str
+        self,
+        open_line: Callable[[], BrickLine],
+        *,
+        left: str,
+        right: str,
+        ultrasonic: str,
+        touch: str,
     ) -> None:
         self._open_line = open_line
-        self._line: Line | None = None
+        self._line: BrickLine | None = None
         self._is_lost = self._is_closed = False
         self._count = 0
         self._motors = [_known(port, _PORTS) for port in (left, right)]

@@ -22,7 +22,7 @@ _CONNECT_S = 4.0
 _USB_ID = "0003:00000694:00000005"
 
 
-class Line(Protocol):
+class BrickLine(Protocol):
     """A line to one brick."""
 
     def ask(self, message: bytes) -> bytes:
@@ -45,7 +45,7 @@ class SocketLine:
         self._name = name
 
     def ask(self, message: bytes) -> bytes:
-        """Send and receive; see `Line`."""
+        """Send and receive; see `BrickLine`."""
         if self._socket is None:
             raise HardwareError(f"the line to the brick ({self._name}) is closed")
         try:
@@ -70,7 +70,7 @@ class SocketLine:
         return data
 
     def close(self) -> None:
-        """Let go; see `Line`."""
+        """Let go; see `BrickLine`."""
         sock, self._socket = self._socket, None
         if sock is not None:
             sock.close()
@@ -90,7 +90,7 @@ class UsbLine:
             ) from error
 
     def ask(self, message: bytes) -> bytes:
-        """Send and receive; see `Line`."""
+        """Send and receive; see `BrickLine`."""
         if self._file is None:
             raise HardwareError(f"the line to the brick ({self._name}) is closed")
         try:
@@ -107,13 +107,13 @@ class UsbLine:
             ) from error
 
     def close(self) -> None:
-        """Let go; see `Line`."""
+        """Let go; see `BrickLine`."""
         file, self._file = self._file, None
         if file is not None:
             os.close(file)
 
 
-def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> Line:
+def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> BrickLine:
     """Open the line to a brick.
 
     Args:
@@ -132,7 +132,7 @@ def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> Lin
     return UsbLine(find_usb(wanted))
 
 
-def _open_wifi(wanted: str, beacon_port: int) -> Line:
+def _open_wifi(wanted: str, beacon_port: int) -> BrickLine:
     host, port, serial = _hear_beacon(wanted, beacon_port)
     try:
         sock = socket.create_connection((host, port), _CONNECT_S)
@@ -178,7 +178,7 @@ def parse_beacon(data: bytes) -> tuple[str, int] | None:
     return serial[1].lower(), int(port[1])
 
 
-def _open_bluetooth(wanted: str) -> Line:
+def _open_bluetooth(wanted: str) -> BrickLine:
     if re.fullmatch(r"[0-9a-f]{12}", wanted) is None:
         raise HardwareError(
             "Bluetooth needs the brick's address, as --brick 00:16:53:3f:0c:1e; the brick shows "
