@@ -52,7 +52,6 @@ def plan(mended: Sequence[Mended]) -> list[Step]:
     steps: list[Step] = []
     for episode, notes, entries in _surviving(mended):
         extras = _untaught_relabels(episode, notes)
-        last_s = -1.0
         for entry in entries:
             if isinstance(entry.event, Edited):
                 steps.append(Step(episode=episode, edit=entry.event))
@@ -62,9 +61,8 @@ def plan(mended: Sequence[Mended]) -> list[Step]:
                     steps.append(_extra(episode, notes, extras.pop(0)))
                 if not notes.is_deleted(frame_id):
                     label = notes.relabel(frame_id) or entry.event.lesson.label
-                    # Version 0.1 compacted recordings without the teaching times: all are 0 there.
-                    at_s = entry.event.at_s if entry.event.at_s > last_s else None
-                    last_s = max(last_s, entry.event.at_s)
+                    is_timed = "timed" in episode.run and entry.event.at_s >= 0.0
+                    at_s = entry.event.at_s if is_timed else None
                     steps.append(
                         Step(
                             episode=episode,

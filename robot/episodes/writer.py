@@ -93,6 +93,7 @@ class EpisodeWriter:
             "declared_moves": to_text(run.declared_moves),
             "options": json.dumps(dict(run.options), default=str),
             "source": run.source,
+            "timed": "1",  # examples were learned with their teaching times, unlike in 0.1
         }
 
     @property

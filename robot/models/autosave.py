@@ -22,7 +22,7 @@ from robot.models.replay import Recovered
 from robot.models.store import ModelStore
 from robot.moves import CLASSIC
 from robot.policy.history import Taught
-from robot.policy.registry import MOST_NODES, make_policy, split_name
+from robot.policy.registry import make_policy
 from robot.types import Action, Mode
 
 log = logging.getLogger(__name__)
@@ -246,10 +246,6 @@ class Autosave:
         """
         with self._lock:
             learner = learner or self._loop.state.learner
-            if split_name(learner)[1] > MOST_NODES:
-                raise ConfigurationError(
-                    f"{learner!r} is too large: a model has at most {MOST_NODES} images"
-                )
             place = self._place if place is None else _checked_place(place)
             policy = make_policy(learner, moves or self._loop.state.moves)
             model = take_model(

@@ -21,7 +21,7 @@ from robot.errors import RecordingError
 from robot.learner.base import State
 from robot.policy.policy import LearnedImage, Policy
 from robot.policy.registry import make_policy
-from robot.storage.npz import read_arrays, write_arrays
+from robot.storage.npz import read_arrays, view_arrays, write_arrays
 from robot.types import Action
 
 FORMAT = 1
@@ -146,22 +146,34 @@ def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
     return write_arrays({"meta": np.frombuffer(text, np.uint8), **arrays}, is_packed=is_packed)
 
 
-def decode_model(data: bytes) -> Model:
+def decode_model(data: bytes, *, is_view: bool = False) -> Model:
     """Read a model from the bytes of its file.
+
+    Args:
+        data: The file.
+        is_view: Copy nothing: the arrays are views of `data`, only to be looked at.
 
     Raises:
         RecordingError: If it is damaged, hostile, or of a newer format; says which.
     """
-    arrays = _unpack(data)
+    arrays = _view(data) if is_view else _unpack(data)
     meta = _read_meta(arrays.pop("meta", None))
     if meta.get("sha256") != _checksum(meta, arrays):
         raise RecordingError("the model is damaged: its checksum does not fit")
-    state = State(
-        kind=str(meta["state"]["kind"]),
-        params=dict(meta["state"]["params"]),
-        arrays={n.removeprefix("state."): a for n, a in arrays.items() if n.startswith("state.")},
-        labels=[_label(label) for label in meta["state"]["labels"]],
-    )
+    try:
+        described = meta["state"]
+        if not isinstance(described["labels"], list):
+            raise ValueError("its labels are no list")
+        state = State(
+            kind=str(described["kind"]),
+            params=dict(described["params"]),
+            arrays={
+                n.removeprefix("state."): a for n, a in arrays.items() if n.startswith("state.")
+            },
+            labels=[_label(str(label)) for label in described["labels"]],
+        )
+    except (KeyError, ValueError, TypeError, AttributeError) as error:
+        raise RecordingError(f"the model's description is damaged: {str(error)[:200]}") from error
     preview = arrays.get("preview", np.zeros((1, 1), np.uint8))
     return Model(card=_card(meta), state=state, preview=preview)
 
@@ -177,19 +189,23 @@ def stamp(model: Model, *, saved_at_s: float, place: str | None = None) -> Model
     return replace(model, card=card if place is None else replace(card, place=place))
 
 
+_LATER = ("touched", "novelty", "pace_picture")
+"""Arrays that models of version 0.1 do not have."""
+
+
 def same_nodes(a: State, b: State) -> bool:
     """True if two learners hold the same, bit for bit: every array and every label."""
     return (
         a.kind == b.kind
         and [str(label) for label in a.labels] == [str(label) for label in b.labels]
-        and a.arrays.keys() == b.arrays.keys()
+        and all(name.endswith(_LATER) for name in a.arrays.keys() ^ b.arrays.keys())
         and all(
             a.arrays[name].dtype == b.arrays[name].dtype
             and a.arrays[name].shape == b.arrays[name].shape
             and np.array_equal(
                 a.arrays[name], b.arrays[name], equal_nan=b.arrays[name].dtype.kind == "f"
             )
-            for name in a.arrays
+            for name in a.arrays.keys() & b.arrays.keys()
         )
     )
 
@@ -217,13 +233,20 @@ def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> st
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
         digest.update(f"{name} {array.dtype.str} {arrays[name].shape}".encode())
-        digest.update(array.tobytes())
+        digest.update(array.reshape(-1).view(np.uint8).data if array.size else b"")
     return digest.hexdigest()
 
 
 def _unpack(data: bytes, only: str | None = None) -> dict[str, NDArray[Any]]:
     try:
         return read_arrays(io.BytesIO(data), max_bytes=MAX_BYTES, only=only)
+    except RecordingError as error:
+        raise RecordingError(f"this is no model, or a damaged one: {error}") from error
+
+
+def _view(data: bytes) -> dict[str, NDArray[Any]]:
+    try:
+        return view_arrays(data, max_bytes=MAX_BYTES)
     except RecordingError as error:
         raise RecordingError(f"this is no model, or a damaged one: {error}") from error
 
@@ -237,6 +260,8 @@ def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
             raise ValueError("its description has another form")
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise RecordingError(f"this is no model, or a damaged one: {error}") from error
+    if meta["format"] < 1:
+        raise RecordingError("this is no model, or a damaged one: its format is none")
     if meta["format"] > FORMAT:
         raise RecordingError(
             f"this model has format {meta['format']}; this program knows up to {FORMAT}: update it"
@@ -247,21 +272,34 @@ def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
 def _card(meta: dict[str, Any]) -> ModelSummary:
     try:
         return ModelSummary(
-            learner=str(meta["learner"]),
+            learner=_text(meta["learner"]),
             moves=tuple(Action(move) for move in meta["moves"]),
-            taught={Action(action): int(count) for action, count in meta["taught"].items()},
-            n_nodes=int(meta["n_nodes"]),
+            taught={Action(action): _count(count) for action, count in meta["taught"].items()},
+            n_nodes=_count(meta["n_nodes"]),
             saved_at_s=float(meta["saved_at_s"]),
-            place=str(meta["place"])[:200],
+            place=_text(meta["place"])[:200],
             position=_position(meta.get("journal")),
         )
-    except (KeyError, ValueError, TypeError, AttributeError) as error:
-        raise RecordingError(f"the model's description is damaged: {error}") from error
+    except (KeyError, ValueError, TypeError, AttributeError, OverflowError) as error:
+        raise RecordingError(f"the model's description is damaged: {str(error)[:200]}") from error
+
+
+def _text(value: Any) -> str:
+    """Return a text that can be shown and sent; raises ValueError for half a character."""
+    text = str(value)
+    text.encode()
+    return text
+
+
+def _count(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise ValueError(f"{str(value)[:20]!r} is no count")
+    return value
 
 
 def _position(plain: Any) -> JournalPosition | None:
     if plain is None:
         return None
     return JournalPosition(
-        run=str(plain["run"]), boot=int(plain["boot"]), change=int(plain["change"])
+        run=_text(plain["run"]), boot=_count(plain["boot"]), change=_count(plain["change"])
     )

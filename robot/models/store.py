@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
+from robot.models.checking import check_model
 from robot.models.model import (
     MAX_BYTES,
     Model,
@@ -185,8 +186,7 @@ class ModelStore:
         Raises:
             RecordingError: If the bytes are no model that this program can use.
         """
-        model = decode_model(data)
-        model.to_policy()
+        check_model(decode_model(data, is_view=True))
         name = self.free_name(name)
         write_whole(self._storage.models / name / "00001.npz", data)
         return name

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import math
+import struct
 import zipfile
+import zlib
 from collections.abc import Mapping
 from typing import Any, BinaryIO
 
@@ -13,7 +15,10 @@ from numpy.typing import NDArray
 
 from robot.errors import RecordingError
 
-_MAX_MEMBERS = 64
+_MAX_MEMBERS = 512
+_MAX_HEADER = 1 << 17
+_LOCAL = struct.Struct("<4s22xHH")
+"""Of a zip's local header: signature, and the lengths of name and extra field."""
 
 
 def read_arrays(
@@ -48,6 +53,40 @@ def read_arrays(
         raise RecordingError(f"it is damaged: {error}") from error
 
 
+def view_arrays(data: bytes, *, max_bytes: int) -> dict[str, NDArray[Any]]:
+    """Return the arrays of an unpacked `.npz` without copying them: they are views, to be read.
+
+    Raises:
+        RecordingError: If it is none, damaged, packed, too large, or holds pickles.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = archive.infolist()
+            if len(members) > _MAX_MEMBERS or len({m.filename for m in members}) < len(members):
+                raise RecordingError("it has too many arrays, or two of one name")
+            if sum(m.file_size for m in members) > min(max_bytes, len(data)):
+                raise RecordingError("it unpacks to more than it has")
+            return {m.filename.removesuffix(".npy"): _view_array(data, m) for m in members}
+    except RecordingError:
+        raise
+    except Exception as error:  # zipfile has many, numpy some
+        raise RecordingError(f"it is damaged: {error}") from error
+
+
+def _view_array(data: bytes, member: zipfile.ZipInfo) -> NDArray[Any]:
+    if member.compress_type != zipfile.ZIP_STORED or member.flag_bits & 1:
+        raise RecordingError("it is packed or encrypted; a model's file is neither")
+    start = member.header_offset + _LOCAL.size
+    signature, name_length, extra_length = _LOCAL.unpack_from(data, member.header_offset)
+    start += name_length + extra_length
+    part = memoryview(data)[start : start + member.file_size]
+    if signature != b"PK\x03\x04" or len(part) != member.file_size:
+        raise RecordingError("it was cut short")
+    if zlib.crc32(part) != member.CRC:
+        raise RecordingError("a checksum does not fit")
+    return _parse_array(part, is_copied=False)
+
+
 def write_arrays(arrays: Mapping[str, NDArray[Any]], *, is_packed: bool = False) -> bytes:
     """Return the bytes of an `.npz` with these arrays, never pickled; deflated if `is_packed`.
 
@@ -64,8 +103,12 @@ def write_arrays(arrays: Mapping[str, NDArray[Any]], *, is_packed: bool = False)
 
 
 def _read_array(data: bytes) -> NDArray[Any]:
+    return _parse_array(memoryview(data), is_copied=True)
+
+
+def _parse_array(data: memoryview, *, is_copied: bool) -> NDArray[Any]:
     """Read one `.npy`; its header is believed only where the bytes are really there."""
-    file = io.BytesIO(data)
+    file = io.BytesIO(data[:_MAX_HEADER])
     version = np.lib.format.read_magic(file)
     read_header = {
         (1, 0): np.lib.format.read_array_header_1_0,
@@ -78,5 +121,6 @@ def _read_array(data: bytes) -> NDArray[Any]:
         raise RecordingError("it holds pickled objects, which are never opened")
     if math.prod(shape) * dtype.itemsize != len(data) - file.tell() or min(shape, default=0) < 0:
         raise ValueError(f"an array whose header says {shape} but whose bytes say otherwise")
-    array = np.frombuffer(data, dtype, offset=file.tell()).copy()
+    array = np.frombuffer(data, dtype, offset=file.tell())
+    array = array.copy() if is_copied else array
     return array.reshape(shape, order="F" if fortran else "C")

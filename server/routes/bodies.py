@@ -56,4 +56,8 @@ def text_field(body: dict[str, Any], name: str, default: str | None = None) -> s
     value = body.get(name, default)
     if value is not None and (not isinstance(value, str) or len(value) > 200):
         raise HTTPException(400, f"{name!r} must be a text of at most 200 characters.")
+    try:
+        (value or "").encode()
+    except UnicodeEncodeError as error:  # half an emoji: no file and no answer could hold it
+        raise HTTPException(400, f"{name!r} must be made of whole characters.") from error
     return value
