@@ -29,7 +29,7 @@ def agent_sources() -> dict[str, Path]:
 
 
 def release() -> str:
-    """Return what tells one agent from another: the version, and a digest of its sources."""
+    """Return the release name of this agent: the version, and a digest of its sources."""
     digest = hashlib.sha256()
     for name, file in sorted(agent_sources().items()):
         digest.update(name.encode() + b"\0" + file.read_bytes())

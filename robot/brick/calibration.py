@@ -1,4 +1,4 @@
-"""From what a ruler says to the robot's measures. Pure."""
+"""Wheel diameter and track from measured distances and angles. Pure."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def fit_wheels(options: ChassisOptions, wheel_deg: float, measured_m: float) -> 
     """Return the options whose wheel diameter makes `wheel_deg` roll `measured_m`.
 
     Raises:
-        ConfigurationError: If wheels or ruler say something that cannot be.
+        ConfigurationError: If the wheels' counts or the measurement are impossible.
     """
     factor = _factor(measured_m, rolled_m(wheel_deg, options), "distance", "m")
     return replace(options, wheel_diameter_m=round(options.wheel_diameter_m * factor, 5))

@@ -118,7 +118,7 @@ def wheel_speeds(action: Action, options: ChassisOptions) -> tuple[float, float]
 
 
 class ChassisDriver(Driver):
-    """A driver over a `ChassisBody`; subclasses say which."""
+    """A driver over a `ChassisBody`, which subclasses choose."""
 
     default_camera: ClassVar[str] = "v4l2"
     declared_moves = tuple(CLASSIC.values())

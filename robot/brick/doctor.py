@@ -51,7 +51,7 @@ class PictureArrival:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrickFacts:
-    """All that was measured. `inspected` is what the agent says of itself."""
+    """All that was measured. `inspected` is the agent's answer to `inspect`."""
 
     address: str
     ports: tuple[str, str]
@@ -66,7 +66,7 @@ class BrickFacts:
 
 
 def examine(facts: BrickFacts) -> list[Finding]:
-    """Return what there is to say, topic by topic; always at least one line for each topic."""
+    """Return the findings, topic by topic; always at least one for each topic."""
     parts = (_versions, _line, _clock, _ports, _wheels, _sensors, _battery, _room, _camera)
     return [finding for part in parts for finding in part(facts)]
 
@@ -148,7 +148,7 @@ def _wheels(facts: BrickFacts) -> Iterator[Finding]:
     for text, advice in faults:
         yield Finding(Level.WRONG, "wheels", text, advice)
     if not faults:
-        yield Finding(Level.OK, "wheels", "each turned as it was told, and stood when it was told")
+        yield Finding(Level.OK, "wheels", "each turned and stopped as commanded")
 
 
 def _faults(facts: BrickFacts, turn: WheelTurn) -> Iterator[tuple[str, str]]:
@@ -167,12 +167,12 @@ def _faults(facts: BrickFacts, turn: WheelTurn) -> Iterator[tuple[str, str]]:
         if asked == 0:
             if abs(turned) > 20:
                 yield (
-                    f"{where} turned though it was told to stand",
+                    f"{where} turned although it was stopped",
                     "does another program drive it? Restart the brick",
                 )
         elif turn.is_stalled[index] or abs(turned) < 0.1 * abs(asked):
             yield (
-                f"{where} was told to turn and did not",
+                f"{where} did not turn when it was driven",
                 "turn it by hand: does something hold it fast? Then check the gears and the cable",
             )
         elif turned * asked < 0:

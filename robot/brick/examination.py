@@ -81,7 +81,7 @@ class Examination:
         return self._clock.now_s() - sent_s
 
     def _look(self) -> str | None:
-        """Take pictures for a while; return what the agent says is wrong with the camera."""
+        """Take pictures for a while; return the camera fault that the agent reports."""
         self._link.on_picture = self._note
         self._link.send("video", device="auto", width=160, height=120, rate=30, encoding="auto")
         self._clock.sleep(PICTURES_S)

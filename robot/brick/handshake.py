@@ -48,13 +48,13 @@ class BrickConnection:
         """Wait for data, for as long as the line's timeout; yield what is whole."""
         data = self.line.recv(65536)
         if not data:
-            raise OSError("the brick hung up")
+            raise OSError("the brick closed the connection")
         self._unpacker.feed(data)
         while (message := self._unpacker.next()) is not None:
             yield message
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self.line.close()
 
 
@@ -146,7 +146,7 @@ def _next_message(line: socket.socket, unpacker: Unpacker) -> dict[str, Any]:
     while (found := unpacker.next()) is None:
         data = line.recv(1024)
         if not data:
-            raise OSError("it hung up")
+            raise OSError("it closed the connection")
         unpacker.feed(data)
     message: dict[str, Any] = json.loads(found[1])
     return message

@@ -30,7 +30,7 @@ def run_on_brick(target: str, script: str, files: Iterable[tuple[str, Path | byt
     """Run a script on the brick, with files as a tar on its standard input; return its output.
 
     Raises:
-        DriveError: If ssh or the script fails; says what they said.
+        DriveError: If ssh or the script fails; carries their last line.
     """
 
     def feed(stream: IO[bytes]) -> None:
@@ -54,15 +54,15 @@ def _run(target: str, script: str, feed: Callable[[IO[bytes]], None]) -> str:
         stderr=subprocess.STDOUT,
     )
     assert process.stdin is not None and process.stdout is not None
-    # Whoever hangs up early says why below.
+    # If ssh ends early, its output below has the reason.
     with suppress(BrokenPipeError), process.stdin as stream:
         feed(stream)
     with process.stdout as output:
-        said = output.read().decode(errors="replace").strip()
+        output_text = output.read().decode(errors="replace").strip()
     if process.wait() != 0:
-        last = said.splitlines()[-1:] or ["it said nothing"]
+        last = output_text.splitlines()[-1:] or ["no output"]
         raise DriveError(f"the brick at {target} could not be set up: {last[0]}")
-    return said
+    return output_text
 
 
 def _add(tar: tarfile.TarFile, name: str, content: Path | bytes) -> None:

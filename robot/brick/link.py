@@ -93,7 +93,7 @@ class BrickLink:
         self._users.add(user)
 
     def close(self, user: str) -> None:
-        """Hang up when nobody uses the line any more; idempotent."""
+        """Close the connection when nobody uses it any more; idempotent."""
         self._users.discard(user)
         if self._users or self._thread is None:
             return

@@ -59,7 +59,7 @@ class RemoteBody:
             self._link.keep_sent("show", "show", mode=mode, address=address)
 
     def close(self) -> None:
-        """Stop the motors and hang up, unless the camera still uses the line."""
+        """Stop the motors and close the connection, unless the camera still uses it."""
         self.stop()
         self._link.forget("body")
         self._link.forget("show")

@@ -40,7 +40,7 @@ LIBRARIES = "usr/lib/arm-linux-gnueabi"
 
 
 def userland_stamp(release: str) -> str:
-    """Return what tells one userland from another."""
+    """Return the stamp that identifies a userland: its release and packages."""
     return " ".join((release, *PACKAGES))
 
 

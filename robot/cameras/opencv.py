@@ -126,7 +126,7 @@ class OpencvCamera(Camera):
             if is_read:
                 self._show(picture, now_s)
             if not is_read or self._freshness.fault(now_s) is not None:
-                return  # to be opened again; the watching thread says what is wrong
+                return  # to be opened again; the watching thread reports the fault
 
     def _show(self, picture: Any, now_s: float) -> None:
         import cv2

@@ -78,7 +78,7 @@ class V4l2Camera(Camera):
             reader.close()
 
     def _tick(self, reader: CameraReader) -> None:
-        """Wait at most 50 ms for a picture; publish it, or say what is wrong."""
+        """Wait at most 50 ms for a picture; publish it, or report the fault."""
         if reader.video is None:
             self._ending.wait(0.05)
         else:

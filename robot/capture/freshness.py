@@ -12,7 +12,7 @@ LONGEST_PERIOD_S = 0.25
 
 
 class Freshness:
-    """Tells a living camera from one that is silent or shows one picture for ever."""
+    """Detects a camera that delivers nothing, or the same picture again and again."""
 
     def __init__(self, now_s: float) -> None:
         self._new_s = now_s
@@ -31,7 +31,7 @@ class Freshness:
         return True
 
     def _learn_period(self, gap_s: float) -> None:
-        """Quick to shrink, slow to grow: one lost picture says nothing about the next."""
+        """Quick to shrink, slow to grow: one lost picture must not add patience."""
         if self._period_s is None:
             self._period_s = min(gap_s, LONGEST_PERIOD_S)
         self._period_s = min(gap_s, 1.1 * self._period_s, LONGEST_PERIOD_S)

@@ -61,7 +61,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Drive, ask for what the ruler says, and write the measures."""
+    """Drive, ask for the measured distance and angle, and write the results."""
     driver_type = load_driver(args.robot)
     driver = driver_type(make_options(driver_type.options_type, vars(args)))
     assert isinstance(driver, ChassisDriver)
@@ -86,9 +86,9 @@ def _measure_straight(driver: ChassisDriver, seconds: float) -> ChassisOptions:
     after_m = driver.sense().distance_m
     wheel_deg = (left + right) / 2
     seen = before_m - after_m if before_m is not None and after_m is not None else None
-    by_sonar = f"; the ultrasonic sensor says {100 * seen:.1f}" if seen else ""
+    by_sonar = f"; by the ultrasonic sensor: {100 * seen:.1f}" if seen else ""
     wheels_cm = 100 * rolled_m(wheel_deg, options)
-    measured_cm = ask(f"How far did it go, in cm? (the wheels say {wheels_cm:.1f}{by_sonar}) ")
+    measured_cm = ask(f"How far did it go, in cm? (by the wheels: {wheels_cm:.1f}{by_sonar}) ")
     fitted = fit_wheels(options, wheel_deg, measured_cm / 100)
     print(f"Straight speed: {measured_cm / seconds:.1f} cm/s until now.")
     return fitted
@@ -101,7 +101,7 @@ def _measure_turn(driver: ChassisDriver, options: ChassisOptions, seconds: float
     )
     left, right = drive(driver, Action.LEFT, seconds)
     wheels_deg = turned_deg(left, right, options)
-    measured_deg = ask(f"How far did it turn, in degrees? (the wheels say {wheels_deg:.0f}) ")
+    measured_deg = ask(f"How far did it turn, in degrees? (by the wheels: {wheels_deg:.0f}) ")
     fitted = fit_track(options, left, right, measured_deg)
     print(f"Turning rate: {measured_deg / seconds:.1f} degrees/s until now.")
     return fitted

@@ -116,15 +116,15 @@ def test_a_sound_brick_needs_nothing() -> None:
         ),
         (replace(SOUND, wheels=None), "note", "wheels", "not tested", ""),
         (wheels(0, (0, 176)), "WRONG", "wheels", "outB and outC are swapped", "--left-port outC"),
-        (wheels(0, (0, 0)), "WRONG", "wheels", "outB) was told to turn and did not", "gears"),
-        (wheels(0, (176, 90)), "WRONG", "wheels", "outC) turned though", "another program"),
+        (wheels(0, (0, 0)), "WRONG", "wheels", "outB) did not turn when it was driven", "gears"),
+        (wheels(0, (176, 90)), "WRONG", "wheels", "outC) turned although", "another program"),
         (wheels(2, (-176, 176)), "WRONG", "wheels", "outB) turned backward", "--reversed-motors"),
         (wheels(1, (0, 90)), "WRONG", "wheels", "90 degrees a second in place of 180", "charge"),
         (
             wheels(2, (150, 176), is_stalled=(True, False)),
             "WRONG",
             "wheels",
-            "outB) was told to turn and did not",
+            "outB) did not turn when it was driven",
             "hold it fast",
         ),
         (inspected(sensors=[]), "note", "sensors", "none", "welcome"),
@@ -204,7 +204,7 @@ def test_a_wheel_that_is_held_fast_is_found(brick: FakeBrick, visit: Examination
     brick.stall_motor("outC")
     finding = found(visit)["wheels"]
     assert finding.level is Level.WRONG
-    assert "right wheel (outC) was told to turn and did not" in finding.text
+    assert "right wheel (outC) did not turn when it was driven" in finding.text
 
 
 def test_an_empty_battery_and_a_missing_motor_are_found(

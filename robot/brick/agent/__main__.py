@@ -15,7 +15,7 @@ CONFIGURATION = 2
 
 
 def give_up(why: str) -> None:
-    """End with the status that tells whoever restarts the agent that it would be in vain."""
+    """Exit with the status that tells `keep-agent` not to restart the agent."""
     print("agent: " + why, file=sys.stderr)
     sys.exit(CONFIGURATION)
 

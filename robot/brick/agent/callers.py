@@ -44,10 +44,10 @@ class Caller:
         self.send({"hello": PROTOCOL, "nonce": self._nonce})
 
     def receive(self) -> None:
-        """Take in what has arrived; EOFError when the other side hung up."""
+        """Take in what has arrived; EOFError when the other side closed the connection."""
         data = self.line.recv(65536 if self.has_joined else max(BEFORE_JOINING.values()))
         if not data:
-            raise EOFError("it hung up")
+            raise EOFError("it closed the connection")
         self._unpacker.feed(data)
 
     def next_message(self) -> Optional[Dict[str, Any]]:
@@ -131,7 +131,7 @@ class CallerDoor:
             line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)
         except OSError:
-            line.close()  # it hung up meanwhile
+            line.close()  # it was closed meanwhile
             return None, ""
         self.callers.append(Caller(line, address[0], now_s))
         if sum(not caller.has_joined for caller in self.callers) > MAX_STRANGERS:

@@ -27,7 +27,7 @@ class Console:
         self._screen_before = None  # type: Optional[int]
 
     def open(self) -> None:
-        """Take the buttons: while they are grabbed the brick's menu does not hear them too."""
+        """Take the buttons: while they are grabbed the brick's menu does not receive them."""
         path = os.path.join(self._root, "dev/input/by-path/platform-gpio_keys-event")
         try:
             if self._keys < 0:
@@ -40,7 +40,7 @@ class Console:
         try:
             fcntl.ioctl(self._keys, EVIOCGRAB, take)
         except OSError:
-            pass  # no input device, or grabbed by another: then both hear the buttons
+            pass  # no input device, or grabbed by another: then both receive the buttons
 
     def take_button(self) -> Optional[str]:
         """Return "start" (the middle button) or "stop" (any other) if one was pressed."""

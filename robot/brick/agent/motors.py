@@ -144,7 +144,7 @@ class MotorPair:
             ) from error
 
     def states(self) -> List[str]:
-        """What the kernel says of each motor, as "running stalled"; left, right."""
+        """The kernel's state flags of each motor, as "running stalled"; left, right."""
         return [str(motor.read("state")) for motor in self._ports]
 
     def close(self) -> None:

@@ -63,6 +63,6 @@ def list_ports(root: str, kind: str) -> List[Dict[str, str]]:
 
 
 def describe_ports(root: str, kind: str) -> str:
-    """Say what is plugged in instead, for an error."""
+    """Describe what is plugged in instead, for an error."""
     found = [" at ".join((x["driver_name"], x["address"])) for x in list_ports(root, kind)]
     return "found: " + (", ".join(found) or "nothing")

@@ -164,7 +164,7 @@ class RobotSensors:
             raise self._lost("touch", error) from error
 
     def _read_battery(self) -> Optional[float]:
-        """Charge between 0 and 1, as the voltage tells it; read every five seconds."""
+        """Charge between 0 and 1, estimated from the voltage; read every five seconds."""
         now_s = time.monotonic()
         is_due = self._battery_read_s is None or now_s - self._battery_read_s > BATTERY_S
         if self._battery is not None and is_due:
