@@ -199,6 +199,8 @@ class Prediction:
     node: int | None = None
     distance: float = 0.0
     novelty: float = 0.0
+    is_stalled: bool = False
+    """True while the robot drives straight and the picture, or a bumper, says that it stands."""
     needs_help: bool = False
     """True if nothing that the robot tried led anywhere: it stands and waits for the pilot."""
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 from robot.clock import Clock
 from robot.control.loop import ControlLoop
+from robot.control.readiness import Readiness
 from robot.control.state import Tick
 from robot.lifecycle import StartStop
 from robot.policy.history import Replaced, Taught, Undone
@@ -51,6 +52,7 @@ class Progress(StartStop):
         self._loop = loop
         self._clock = clock
         self._episode = episode
+        self.readiness = Readiness()
         self._marks: list[Mark] = []
         self._gallery: list[LearnedImage] = []
         self._seen: OrderedDict[int, LearnedImage] = OrderedDict()
@@ -67,7 +69,8 @@ class Progress(StartStop):
         self._unsubscribe()
 
     def note(self, tick: Tick) -> None:
-        """Take note of one turn, on the loop's thread."""
+        """Take note of one tick, on the loop's thread."""
+        self.readiness.note(tick)
         if not tick.history_events:
             return
         self._is_stale = True

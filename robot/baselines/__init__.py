@@ -13,9 +13,13 @@ def make(kind: str, number: int) -> Learner:
         LookupError: If there is no such kind.
     """
     if kind == "knn":
-        from robot.baselines.neighbours import NearestNeighbours
+        from robot.baselines.refitted import NearestNeighbours
 
         return NearestNeighbours(number)
+    if kind == "trees":
+        from robot.baselines.refitted import ExtraTrees
+
+        return ExtraTrees(number)
     if kind == "som":
         from robot.baselines.som import SelfOrganizingMap
 

@@ -12,12 +12,13 @@ from robot.experiments.figure6 import Figure6
 from robot.experiments.figure7 import Figure7
 from robot.experiments.figure8 import Figure8
 from robot.experiments.habits import Habits
+from robot.experiments.ready import Ready
 
 EXPERIMENTS: dict[str, Experiment] = {
     experiment.name: experiment
     for experiment in (
         *(Figure3(), Figure5(), Figure6(), Figure7(), Figure8()),
-        *(Delay(), MoreMoves(), Behaviours(), Ablation(), Habits()),
+        *(Delay(), MoreMoves(), Behaviours(), Ablation(), Habits(), Ready()),
     )
 }
 """In the order in which `all` runs them."""

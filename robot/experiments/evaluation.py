@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,8 @@ class PairResult:
     """How one learner did on one pair of recordings; shares between 0 and 1.
 
     `calibration_error` is the expected difference between confidence and accuracy in ten equal
-    bins of confidence (Guo et al. 2017); `novel` the share of views unlike all lessons.
+    bins of confidence (Guo et al. 2017); `novel` the share of views unlike all examples;
+    `learn_ms` and `predict_ms` are what a frame cost on the machine at hand, features aside.
     """
 
     place: str
@@ -38,6 +40,8 @@ class PairResult:
     frames: int
     calibration_error: float
     novel: float
+    learn_ms: float = 0.0
+    predict_ms: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,8 +104,13 @@ def _vectors(policy: Policy, recording: Recording, known: Vectors) -> list[Vecto
 
 def judge(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
     """Teach a new policy one drive and test it on the other; `vectors` keeps the features."""
+    _vectors(policy, pair.train, vectors)
+    started_s = time.perf_counter()
     teach(policy, pair.train, vectors)
-    return examine(policy, pair, vectors)
+    policy.propose(0, _vectors(policy, pair.train, vectors)[0])  # some are fitted only when asked
+    learned_s = time.perf_counter() - started_s
+    result = examine(policy, pair, vectors)
+    return replace(result, learn_ms=1000 * learned_s / len(pair.train))
 
 
 def teach(policy: Policy, recording: Recording, vectors: Vectors) -> None:
@@ -115,7 +124,9 @@ def examine(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
     """Test a policy that was taught on `pair.train`, and perhaps on more, on `pair.test`."""
     test = _vectors(policy, pair.test, vectors)
     policy.reset()
+    started_s = time.perf_counter()
     proposed = [policy.propose(i + 1, x) for i, x in enumerate(test)]
+    predicted_s = time.perf_counter() - started_s
     accuracy, balanced = scores(pair.test.labels, [p.action for p in proposed])
     return PairResult(
         place=pair.train.place,
@@ -131,6 +142,7 @@ def examine(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
             [p.action is label for p, label in zip(proposed, pair.test.labels, strict=True)],
         ),
         novel=float(np.mean([p.is_novel for p in proposed])),
+        predict_ms=1000 * predicted_s / max(len(test), 1),
     )
 
 
@@ -161,14 +173,14 @@ def table(results: Sequence[PairResult]) -> str:
     """Return the results as text: one row a pair and learner, then each learner's mean."""
     head = (
         f"{'place':12} {'train':14} {'test':14} {'learner':16} "
-        f"{'right':>9} {'acc.':>6} {'bal.':>6} {'calib.':>6}"
+        f"{'right':>9} {'acc.':>6} {'bal.':>6} {'calib.':>6} {'learn':>7} {'predict ms':>10}"
     )
     rows = [head]
     for r in results:
         rows.append(
             f"{r.place:12} {r.train:14} {r.test:14} {r.learner:16} "
             f"{r.correct:4}/{r.frames:4} {r.accuracy:6.3f} {r.balanced_accuracy:6.3f} "
-            f"{r.calibration_error:6.3f}"
+            f"{r.calibration_error:6.3f} {r.learn_ms:7.3f} {r.predict_ms:10.3f}"
         )
     rows.append("")
     for name in dict.fromkeys(r.learner for r in results):
@@ -176,8 +188,10 @@ def table(results: Sequence[PairResult]) -> str:
         accuracy = float(np.mean([r.accuracy for r in own]))
         balanced = float(np.mean([r.balanced_accuracy for r in own]))
         error = float(np.mean([r.calibration_error for r in own]))
+        learn_ms = float(np.median([r.learn_ms for r in own]))
+        predict_ms = float(np.median([r.predict_ms for r in own]))
         rows.append(
             f"{'mean':12} {'':14} {'':14} {name:16} {'':9} "
-            f"{accuracy:6.3f} {balanced:6.3f} {error:6.3f}"
+            f"{accuracy:6.3f} {balanced:6.3f} {error:6.3f} {learn_ms:7.3f} {predict_ms:10.3f}"
         )
     return "\n".join(rows)

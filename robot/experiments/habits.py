@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import statistics
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -44,6 +45,8 @@ class Habits:
             for world in WORLDS
             for rate_hz, teach_s in (*((rate_hz, LONG_S) for rate_hz in RATES_HZ), (30.0, SHORT_S))
         ]
+        # In an order of chance, so that the runs done by any moment are a sample of all.
+        random.Random(0).shuffle(chosen)
         return [
             _task(*what, round_number * len(chosen) + number, settings)
             for round_number in range(max(1, settings.n_seeds // 10))

@@ -15,6 +15,7 @@ from robot.experiments.metrics import driving
 from robot.experiments.metrics.log import DriveLog
 from robot.experiments.metrics.profile import Profile, compare
 from robot.experiments.pilots import make_pilot
+from robot.experiments.ready_run import run_ready
 from robot.experiments.task import Result, Task
 from robot.experiments.trial import Place, Trial
 from robot.types import Action, DrivenBy, Mode
@@ -101,5 +102,6 @@ RUNNERS: dict[str, Callable[[Mapping[str, Any]], Result]] = {
     "cycles": run_cycles,
     "episodes": run_episodes,
     "habit": run_habit,
+    "ready": run_ready,
 }
 """Every kind of task."""

@@ -248,6 +248,11 @@ class ActionFilter:
         if not self.needs_help:
             self.needs_help, self._asks_until_s = True, at_s + ASKING_S
 
+    @property
+    def is_stalled(self) -> bool:
+        """True while a straight move under way has no effect."""
+        return self._stall_detector.is_stalled
+
     def reset(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
         self._average.reset()

@@ -138,6 +138,7 @@ class Policy:
             node=evidence.node,
             distance=evidence.distance,
             novelty=evidence.novelty,
+            is_stalled=self._action_filter.is_stalled,
             needs_help=self._action_filter.needs_help,
         )
 

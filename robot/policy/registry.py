@@ -43,11 +43,21 @@ def _baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) 
     )
 
 
+def _rival(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    """Return a baseline that has all else that the default has: features and average."""
+    from robot import baselines
+
+    kind = split_name(name)[0].removeprefix("fair-")
+    return Policy(name, number, baselines.make(kind, number), GradientFeatures(), moves=moves)
+
+
 MAKERS: dict[str, Maker] = {
     "default": DEFAULT.make,
     "published": _published,
     "multi-place": _multi_place,
     "knn": _baseline,
+    "fair-knn": _rival,
+    "fair-trees": _rival,
     "som": _baseline,
     "gas": _baseline,
     "alvinn": _baseline,
@@ -55,8 +65,9 @@ MAKERS: dict[str, Maker] = {
     "river": _baseline,
     **VARIANTS,
 }
-"""Kinds of learners. The number is that of nodes; of neighbours for knn, of cells for som, of
-hidden units for alvinn, and of no consequence for sgd and river."""
+"""Kinds of learners. The number is that of nodes; of neighbours for knn, of trees for fair-trees,
+of cells for som, of hidden units for alvinn, of no consequence for sgd and river. `fair`: on the
+default's features, with the default's average."""
 
 
 def make_policy(

@@ -11,8 +11,8 @@ from pathlib import Path
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.experiments import evaluation
 
-OURS = ["published-32", "default-32"]
-BASELINES = ["knn-3", "knn-9"]
+OURS = ["published-32", "default-32", "linear-alone-32"]
+BASELINES = ["knn-9", "fair-knn-9", "fair-trees-100"]
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -21,8 +21,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--learners",
         metavar="NAMES",
-        help=f"names with commas between (default: {','.join([*OURS, *BASELINES])}, the last two "
-        "only where scikit-learn is installed)",
+        help=f"names with commas between (default: {','.join([*OURS, *BASELINES])}, the last "
+        "three only where scikit-learn is installed)",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the results here")
 

@@ -7,10 +7,15 @@ from base64 import b64encode
 from collections import Counter
 from typing import Any
 
+import numpy as np
 from fastapi import APIRouter, Depends, HTTPException, Request
+from numpy.typing import NDArray
 
+from robot.control.readiness import CLEAN_S, Readiness
 from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
+from robot.policy.image import to_small_grey
 from robot.storage.png import encode_png
+from robot.types import Frame
 from server.routes.bodies import read_body
 from server.security.guard import require_pilot, require_viewer
 from server.services import services_of
@@ -36,6 +41,15 @@ def describe_teaching(request: Request) -> dict[str, Any]:
     }
 
 
+@router.get("/readiness", dependencies=[VIEWER])
+async def show_readiness(request: Request) -> dict[str, Any]:
+    """Return if the robot is ready to drive alone, or what is missing and where."""
+    services = services_of(request)
+    readiness = services.progress.readiness
+    loop = services.robot.loop
+    return await asyncio.wrap_future(loop.submit(lambda: _describe_readiness(readiness)))
+
+
 @router.get("/last", dependencies=[VIEWER])
 async def show_last(request: Request, seconds: float = 5.0) -> dict[str, Any]:
     """Show what undoing the last seconds would take away."""
@@ -51,6 +65,34 @@ async def undo(request: Request) -> dict[str, Any]:
     loop = services_of(request).robot.loop
     gone = await asyncio.wrap_future(loop.submit(lambda: loop.history.undo(seconds)))
     return {"undone": len(gone)}
+
+
+def _describe_readiness(readiness: Readiness) -> dict[str, Any]:
+    """Describe it; on the loop's thread."""
+    return {
+        "stage": readiness.stage.value,
+        "alone_s": round(readiness.clean_s, 1),
+        "alone_needed_s": CLEAN_S,
+        "unknown_share": round(readiness.novel_share, 3),
+        **readiness.foreseen,
+        "moves": [move.value for move in readiness.moves_in_use],
+        "missing": [
+            {
+                "kind": gap.kind.value,
+                "move": gap.move and gap.move.value,
+                "instead": gap.instead and gap.instead.value,
+                "have": round(gap.have, 1),
+                "need": gap.need,
+                "distance_m": gap.distance_m,
+                "png": gap.frame and b64encode(encode_png(_picture(gap.frame))).decode(),
+            }
+            for gap in readiness.missing()
+        ],
+    }
+
+
+def _picture(frame: Frame) -> NDArray[np.uint8]:
+    return to_small_grey(frame, frame.width // 2, frame.height // 2)
 
 
 def _checked(seconds: Any) -> float:

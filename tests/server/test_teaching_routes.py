@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from base64 import b64decode
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import pytest
 
 from robot.models.autosave import Autosave
 from robot.policy.registry import make_policy
-from robot.types import Action, Example
+from robot.types import Action, DrivenBy, Example, Mode
 
 from .virtual_server import VirtualServer
 
@@ -153,3 +155,34 @@ def test_a_bad_setting_is_refused(taught: VirtualServer, body: dict[str, Any]) -
     answer = ask(taught, "PUT", "/api/settings", json=body)
     assert answer.status_code == 400
     assert len(gallery(taught)) == 8
+
+
+def test_readiness_says_what_is_missing(taught: VirtualServer) -> None:
+    told = ask(taught, "GET", "/api/teaching/readiness").json()
+    assert told["stage"] == "teach"
+    assert told["alone_s"] == 0 < told["alone_needed_s"]
+    assert set(told["moves"]) == {"forward", "left"}
+    short = told["missing"][0]
+    assert (short["kind"], short["png"]) == ("too_short", None)
+    assert 0 < short["have"] < short["need"]
+
+
+def test_readiness_shows_where_the_pilot_took_the_wheel(taught: VirtualServer) -> None:
+    readiness, loop = taught.services.progress.readiness, taught.rig.loop
+    ticks: list[Any] = []
+    unsubscribe = loop.subscribe(lambda tick: ticks.append(tick) if tick.frame else None)
+    taught.wait_until(lambda: bool(ticks))
+    unsubscribe()
+    by_robot = replace(ticks[0], decision=replace(ticks[0].decision, driven_by=DrivenBy.ROBOT))
+    by_pilot = replace(
+        ticks[0],
+        decision=replace(
+            ticks[0].decision, driven_by=DrivenBy.PILOT, action=Action.LEFT, mode=Mode.AUTONOMOUS
+        ),
+    )
+    request = loop.submit(lambda: [readiness.note(tick) for tick in (by_robot, by_pilot)])
+    taught.clock.result(request, 5)
+    gaps = ask(taught, "GET", "/api/teaching/readiness").json()["missing"]
+    [corrected] = [gap for gap in gaps if gap["kind"] == "corrected"]
+    assert corrected["move"] == "left"
+    assert b64decode(corrected["png"]).startswith(b"\x89PNG")

@@ -1,0 +1,225 @@
+"""Is the robot ready to drive alone? Judged by what foretells it, not by agreement. Pure.
+
+Agreement says that most frames are like their neighbours. What foretells a minute alone is a short
+one: a trial in which the robot drives and the pilot's hand stays near. A trial counts while nothing
+goes wrong: no correction, no push, no call for help, and hardly a view that it does not know.
+Before the first trial there has to be something to try: every move in use begun some times.
+
+Whatever goes wrong becomes a `Gap`: what to show the robot, with the picture of where.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from robot.control.state import Tick
+from robot.policy.history import Replaced, Taught, Undone
+from robot.types import Action, DrivenBy, Frame, StopReason
+
+TAUGHT_S = 40.0
+"""Teaching before a first trial, in seconds,"""
+STARTS = 3
+"""and how often each move in use has to have been begun: fewer are chance."""
+IN_USE_SHARE = 0.02
+"""A move on fewer of the examples is a slip of the finger, not in use."""
+CLEAN_S = 30.0
+"""The robot is ready when it has driven so long without anything going wrong,"""
+NOVEL_SHARE = 0.04
+"""with at most this share of views that it does not know."""
+PUSHED_S = 0.3
+BEFORE_S, AFTER_S = 0.5, 0.15
+"""A change of move was foreseen if the robot proposed it this long before or after the pilot."""
+_LONGEST_STEP_S, _PAUSE_S = 0.25, 0.5
+_GAPS, _CHANGES = 6, 40
+
+
+class Stage(StrEnum):
+    """What to do next."""
+
+    TEACH = "teach"
+    TRY = "try"
+    READY = "ready"
+
+
+class GapKind(StrEnum):
+    """What is missing, or what went wrong."""
+
+    TOO_SHORT = "too_short"  # teach on
+    RARE_MOVE = "rare_move"  # this move was begun too few times
+    UNFORESEEN = "unforeseen"  # the pilot changed to this move here; the robot would not have
+    CORRECTED = "corrected"  # the pilot took the wheel here
+    PUSHED = "pushed"  # it drove against something here
+    HELPLESS = "helpless"  # it tried and got nowhere here
+    UNKNOWN_VIEW = "unknown_view"  # it does not know this view
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """One thing to show the robot, and where.
+
+    `move` is what the pilot does there (None: not known), `instead` what the robot would have done.
+    """
+
+    kind: GapKind
+    move: Action | None = None
+    instead: Action | None = None
+    have: float = 0.0
+    need: float = 0.0
+    distance_m: float | None = None
+    at_s: float = 0.0
+    frame: Frame | None = None
+
+
+@dataclass(slots=True)
+class _Trial:
+    """What the robot did alone since something went wrong last."""
+
+    clean_s: float = 0.0
+    novel_s: float = 0.0
+    stalled_s: float = 0.0
+
+    @property
+    def novel_share(self) -> float:
+        return self.novel_s / self.clean_s if self.clean_s else 0.0
+
+
+class Readiness:
+    """Follows one robot tick by tick; call `note` on the loop's thread."""
+
+    def __init__(self) -> None:
+        self._begin()
+
+    def _begin(self) -> None:
+        self._taught_s = 0.0
+        self._examples: Counter[Action] = Counter()
+        self._starts: Counter[Action] = Counter()
+        self._last: tuple[float, Action] | None = None
+        self._proposed: deque[tuple[float, Action | None]] = deque(maxlen=64)
+        self._foreseen: deque[bool] = deque(maxlen=_CHANGES)
+        self._gaps: deque[Gap] = deque(maxlen=_GAPS)
+        self._trial = _Trial()
+        self._was: DrivenBy = DrivenBy.NOBODY
+        self._last_s: float | None = None
+
+    def note(self, tick: Tick) -> None:
+        """Take note of one tick."""
+        step_s = 0.0 if self._last_s is None else min(tick.now_s - self._last_s, _LONGEST_STEP_S)
+        self._last_s = tick.now_s
+        if tick.frame is not None and tick.prediction is not None:
+            self._proposed.append((tick.now_s, tick.prediction.action))
+        for event in tick.history_events:
+            if isinstance(event, Replaced):
+                self._begin()
+            elif isinstance(event, Undone):
+                self._trial = _Trial()
+            elif isinstance(event, Taught):
+                self._note_taught(event, tick)
+        if tick.decision.driven_by is DrivenBy.ROBOT:
+            self._note_alone(tick, max(step_s, 0.0))
+        elif tick.decision.driven_by is DrivenBy.PILOT and self._was is DrivenBy.ROBOT:
+            self._fail(GapKind.CORRECTED, tick, tick.decision.action)
+        self._was = tick.decision.driven_by
+
+    def _note_taught(self, event: Taught, tick: Tick) -> None:
+        label, before = event.lesson.label, self._last
+        self._last = (event.at_s, label)
+        self._examples[label] += 1
+        step_s = event.at_s - before[0] if before is not None else 0.0
+        is_going_on = before is not None and 0.0 <= step_s < _PAUSE_S
+        self._taught_s += step_s if is_going_on else 0.0
+        if before is not None and is_going_on and label == before[1]:
+            return
+        self._starts[label] += 1
+        if before is None or not is_going_on or event.lesson.is_intervention:
+            return
+        near = [move for at_s, move in self._proposed if tick.now_s - at_s <= BEFORE_S + AFTER_S]
+        self._foreseen.append(label in near)
+        if label not in near and near:
+            self._add(Gap(kind=GapKind.UNFORESEEN, move=label, instead=near[-1]), tick)
+
+    def _note_alone(self, tick: Tick, step_s: float) -> None:
+        trial, prediction = self._trial, tick.prediction
+        if tick.decision.stop_reason is StopReason.NEEDS_HELP:
+            self._fail(GapKind.HELPLESS, tick)
+            return
+        if prediction is None or tick.sent is Action.STOP:
+            return
+        trial.stalled_s = trial.stalled_s + step_s if prediction.is_stalled else 0.0
+        if trial.stalled_s >= PUSHED_S:
+            self._fail(GapKind.PUSHED, tick)
+            return
+        trial.clean_s += step_s
+        if prediction.is_novel:
+            trial.novel_s += step_s
+            newest = self._gaps[-1] if self._gaps else None
+            if newest is None or newest.kind is not GapKind.UNKNOWN_VIEW:
+                self._add(Gap(kind=GapKind.UNKNOWN_VIEW, instead=prediction.action), tick)
+        # What is long past says little of the robot as it is now.
+        if trial.clean_s > 2 * CLEAN_S:
+            trial.clean_s, trial.novel_s = trial.clean_s / 2, trial.novel_s / 2
+
+    def _fail(self, kind: GapKind, tick: Tick, move: Action | None = None) -> None:
+        before = self._proposed[-1][1] if self._proposed else None
+        if self._trial.clean_s > 0.0 or kind is not GapKind.HELPLESS:
+            self._add(Gap(kind=kind, move=move, instead=before), tick)
+        self._trial = _Trial()
+
+    def _add(self, gap: Gap, tick: Tick) -> None:
+        self._gaps.append(
+            Gap(
+                kind=gap.kind,
+                move=gap.move,
+                instead=gap.instead,
+                distance_m=tick.sensors.distance_m,
+                at_s=tick.now_s,
+                frame=tick.frame,
+            )
+        )
+
+    @property
+    def moves_in_use(self) -> list[Action]:
+        """The moves that this pilot makes, slips left out."""
+        least = max(5.0, IN_USE_SHARE * self._examples.total())
+        return [move for move, count in self._examples.items() if count >= least]
+
+    @property
+    def stage(self) -> Stage:
+        """What to do next."""
+        if self._missing_to_try():
+            return Stage.TEACH
+        is_ready = self.clean_s >= CLEAN_S and self.novel_share <= NOVEL_SHARE
+        return Stage.READY if is_ready else Stage.TRY
+
+    @property
+    def clean_s(self) -> float:
+        """For how long the robot has driven alone since something went wrong last."""
+        return self._trial.clean_s
+
+    @property
+    def novel_share(self) -> float:
+        """Share of that time on views that it does not know."""
+        return self._trial.novel_share
+
+    @property
+    def foreseen(self) -> Mapping[str, int]:
+        """Of the pilot's last changes of move while teaching: how many, and how many foreseen."""
+        return {"changes": len(self._foreseen), "foreseen": sum(self._foreseen)}
+
+    def missing(self) -> list[Gap]:
+        """Return what to show the robot, the most urgent first; empty if it is ready."""
+        if self.stage is Stage.READY:
+            return []
+        return [*self._missing_to_try(), *reversed(self._gaps)]
+
+    def _missing_to_try(self) -> list[Gap]:
+        gaps = []
+        if self._taught_s < TAUGHT_S:
+            gaps.append(Gap(kind=GapKind.TOO_SHORT, have=self._taught_s, need=TAUGHT_S))
+        for move in self.moves_in_use:
+            if self._starts[move] < STARTS:
+                have = self._starts[move]
+                gaps.append(Gap(kind=GapKind.RARE_MOVE, move=move, have=have, need=STARTS))
+        return gaps

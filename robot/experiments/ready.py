@@ -1,0 +1,82 @@
+"""Does "ready" mean ready? Forty pilots do what the page says; then the robot drives a minute."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Sequence
+
+from robot.experiments.experiment import ExperimentSettings, Plot
+from robot.experiments.habits import RATES_HZ, WORLDS
+from robot.experiments.tables import Cell, Table
+from robot.experiments.task import Result, Task
+from robot.simulation.pilots.habits import HABITS
+
+PILOTS = 40
+LIMIT_S = 240.0
+FIRST_SEED = 700
+
+
+class Ready:
+    """What a robot that was called ready does in the minute after."""
+
+    name = "ready"
+    title = "Ready means ready"
+    text = (
+        "Pilots of all habits in all places teach, let the robot try with a hand near, and teach "
+        "again, as robot/control/readiness.py says, for four minutes at most. Then it drives a "
+        "minute alone."
+    )
+
+    def plan(self, settings: ExperimentSettings) -> list[Task]:
+        """Plan one run for each pilot; ten `seeds` are forty pilots."""
+        habits = list(HABITS)
+        return [
+            Task(
+                kind="ready",
+                params={
+                    "habit": habits[number % len(habits)],
+                    "world": WORLDS[(number + number // len(habits)) % len(WORLDS)],
+                    "rate_hz": RATES_HZ[number % len(RATES_HZ)],
+                    "learner": settings.learners[0] if settings.learners else "default-32",
+                    "seed": FIRST_SEED + number,
+                    "limit_s": LIMIT_S,
+                },
+            )
+            for number in range(2 if settings.quick else PILOTS * max(1, settings.n_seeds // 10))
+        ]
+
+    def tables(
+        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
+    ) -> list[Table]:
+        """Return one table: those called ready, and the others."""
+        rows: list[tuple[Cell, ...]] = []
+        for title, is_ready in (("called ready", True), ("not called ready", False)):
+            runs = [result for result in results if result["is_ready"] is is_ready]
+            if runs:
+                rows.append((title, *_cells(runs)))
+        return [Table(title="The minute after", columns=("pilots", *_COLUMNS), rows=tuple(rows))]
+
+    def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
+        """A table says it all."""
+        return []
+
+
+_COLUMNS = (
+    *("runs", "taught and tried s, median", "asked, mean", "asked, most", "asked 5 % or more"),
+    *("longest push s", "pushed over 1 s", "stuck", "agreement, mean"),
+)
+
+
+def _cells(runs: Sequence[Result]) -> tuple[Cell, ...]:
+    asked = [run["asking_share"] for run in runs]
+    return (
+        len(runs),
+        statistics.median(run["taught_s"] + run["tried_s"] for run in runs),
+        f"{100 * statistics.fmean(asked):.1f} %",
+        f"{100 * max(asked):.1f} %",
+        sum(share >= 0.05 for share in asked),
+        max(run["longest_push_s"] for run in runs),
+        sum(run["longest_push_s"] > 1.0 for run in runs),
+        sum(run["stuck"] for run in runs),
+        statistics.fmean(run["agreement"] or 0.0 for run in runs),
+    )

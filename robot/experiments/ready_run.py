@@ -1,0 +1,66 @@
+"""One pilot who does what the page says until it says "ready"; and the minute after."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from robot.control.readiness import NOVEL_SHARE, Readiness, Stage
+from robot.experiments.habit_run import DRIFT_SHARE, make_habit_pilot
+from robot.experiments.ideas import make_learner
+from robot.experiments.metrics import driving
+from robot.experiments.task import Result
+from robot.experiments.trial import Place, Trial
+from robot.simulation.pilots.habits import HABITS
+from robot.types import Action, Mode
+
+TEACH_STEP_S, TRY_STEP_S = 10.0, 40.0
+
+
+def run_ready(params: Mapping[str, Any]) -> Result:
+    """Teach, try and teach again as `Readiness` says, then let it drive a minute alone.
+
+    Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `drift`.
+    """
+    habit = HABITS[params["habit"]]
+    moves = (Action.FORWARD, *habit.turns)
+    readiness = Readiness()
+    started_s = time.perf_counter()
+    with Trial(
+        Place(world=params["world"], seed=params["seed"]),
+        make_learner(params["learner"], moves),
+        make_habit_pilot(habit, f"ready {params['habit']} {params['seed']}"),
+        rate_hz=params["rate_hz"],
+        drift=params.get("drift", DRIFT_SHARE),
+    ) as trial:
+        trial.loop.subscribe(readiness.note)
+        taught_s = tried_s = 0.0
+        must_teach = True
+        while readiness.stage is not Stage.READY and taught_s + tried_s < params["limit_s"]:
+            if must_teach or readiness.stage is Stage.TEACH:
+                taught_s += trial.drive(Mode.TRAIN, TEACH_STEP_S).seconds
+                must_teach = False
+                continue
+            tried_s += trial.drive(
+                Mode.AUTONOMOUS, TRY_STEP_S, until=lambda moment: readiness.stage is Stage.READY
+            ).seconds
+            must_teach = readiness.novel_share > NOVEL_SHARE
+        is_ready = readiness.stage is Stage.READY
+        missing = [gap.kind.value for gap in readiness.missing()]
+        agreement = trial.loop.state.agreement
+        alone = trial.drive(Mode.AUTONOMOUS, 60.0, supervised=False)
+        frames = trial.frames
+    return {
+        "is_ready": is_ready,
+        "taught_s": taught_s,
+        "tried_s": tried_s,
+        "missing": missing,
+        "agreement": agreement,
+        "foreseen": dict(readiness.foreseen),
+        "asking_share": driving.asking_share(alone),
+        "longest_push_s": driving.longest_push_s(alone),
+        "stuck": driving.is_stuck(alone),
+        "driven_m": driving.driven_m(alone),
+        "timing": {"frames": frames, "frames_per_s": frames / (time.perf_counter() - started_s)},
+    }
