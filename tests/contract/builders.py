@@ -33,6 +33,9 @@ from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
 from robot.drivers.replay import ReplayDriver
 from robot.drivers.sim import SimDriver, SimOptions
+from robot.drivers.udp import UdpDriver
+from robot.drivers.ws import WsDriver
+from robot.remote.driver import RemoteOptions
 from robot.testing.brick import FakeBrick
 from robot.testing.cases import CameraCase, DriverCase
 from robot.types import Action
@@ -40,7 +43,10 @@ from tests.brick.fake_video import DEVICE, FakeVideo
 from tests.brick.running_agent import SECRET, RunningAgent
 from tests.robot.footage import write_footage
 from tests.standins.ev3_stock import StockBrick
+from tests.standins.firmware import SECRET as SECRET_OF_FIRMWARE
+from tests.standins.firmware import FirmwareRobot, Relay
 from tests.standins.mjpeg import MjpegServer
+from tests.standins.ws_robot import WsRobot
 
 
 @contextmanager
@@ -186,6 +192,22 @@ def ev3_stock_driver() -> Iterator[DriverCase]:
 
 
 @contextmanager
+def udp_driver() -> Iterator[DriverCase]:
+    with FirmwareRobot() as robot, Relay(robot.port) as line:
+        driver = UdpDriver(RemoteOptions(address=line.address, secret=SECRET_OF_FIRMWARE))
+        yield DriverCase(driver, time.sleep, robot.is_moving, line.is_cut.set)
+        driver.disconnect()
+
+
+@contextmanager
+def ws_driver() -> Iterator[DriverCase]:
+    with WsRobot("secret") as robot:
+        driver = WsDriver(RemoteOptions(address=robot.address, secret="secret"))
+        yield DriverCase(driver, time.sleep, lambda: robot.is_moving, robot.silent.set)
+        driver.disconnect()
+
+
+@contextmanager
 def mjpeg_camera() -> Iterator[CameraCase]:
     with MjpegServer() as server:
         camera = MjpegCamera(MjpegOptions(source=server.address), RealClock())
@@ -212,6 +234,8 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "ev3": ev3_driver,
     "ev3-remote": ev3_remote_driver,
     "ev3-stock": ev3_stock_driver,
+    "udp": udp_driver,
+    "ws": ws_driver,
 }
 CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "sim": sim_camera,

@@ -1,0 +1,17 @@
+"""A robot of any kind, by datagrams: docs/reference/robot-protocol.md."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from robot.remote.driver import RemoteDriver
+from robot.remote.line import Line, UdpLine
+
+
+class UdpDriver(RemoteDriver):
+    """An ESP32, a Pico W, or whatever else answers on a UDP port."""
+
+    name: ClassVar[str] = "udp"
+
+    def _open(self, host: str, port: int) -> Line:
+        return UdpLine(host, port)

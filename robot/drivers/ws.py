@@ -1,0 +1,17 @@
+"""A robot of any kind that serves a websocket: docs/reference/robot-protocol.md."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from robot.remote.driver import RemoteDriver
+from robot.remote.line import Line, WebsocketLine
+
+
+class WsDriver(RemoteDriver):
+    """The same messages as `udp`, as text of a websocket."""
+
+    name: ClassVar[str] = "ws"
+
+    def _open(self, host: str, port: int) -> Line:
+        return WebsocketLine(host, port)

@@ -1,0 +1,119 @@
+"""A line to a robot: one message there, one back."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Coroutine
+from typing import Any, Protocol, TypeVar
+
+from robot.errors import ConfigurationError, MissingExtraError
+
+_T = TypeVar("_T")
+
+
+class Line(Protocol):
+    """Messages as bytes. Methods raise OSError when the line fails."""
+
+    def send(self, message: bytes) -> None:
+        """Send one message."""
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Return the next message, or None after `timeout_s`."""
+
+    def close(self) -> None:
+        """Let go; idempotent."""
+
+
+class UdpLine:
+    """Datagrams to and from one address."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.connect((host, port))
+        except OSError:
+            self._socket.close()
+            raise
+
+    def send(self, message: bytes) -> None:
+        """Send a datagram; see `Line`."""
+        self._socket.send(message)
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Return a datagram; see `Line`."""
+        self._socket.settimeout(max(timeout_s, 0.001))
+        with contextlib.suppress(TimeoutError):
+            return self._socket.recv(2048)
+        return None
+
+    def close(self) -> None:
+        """Let go; see `Line`."""
+        self._socket.close()
+
+
+class WebsocketLine:
+    """A websocket that the robot serves; one event loop of its own, run by whoever calls."""
+
+    def __init__(self, host: str, port: int) -> None:
+        try:
+            import websockets
+        except ImportError as error:
+            raise MissingExtraError("the robot 'ws'", "demo") from error
+        self._loop = asyncio.new_event_loop()
+        self._closed = websockets.ConnectionClosed
+        try:
+            self._socket = self._run(self._open(host, port), 4.0)
+        except BaseException:
+            self._loop.close()
+            raise
+
+    async def _open(self, host: str, port: int) -> Any:
+        from websockets import connect
+
+        return await connect(f"ws://{host}:{port}/", compression=None, max_size=2048)
+
+    def _run(self, work: Coroutine[Any, Any, _T], timeout_s: float) -> _T:
+        async def in_time() -> _T:
+            return await asyncio.wait_for(work, timeout_s)
+
+        try:
+            return self._loop.run_until_complete(in_time())
+        except TimeoutError:
+            raise
+        except Exception as error:  # the library has many kinds of "it is gone"
+            raise ConnectionError(str(error) or type(error).__name__) from error
+
+    def send(self, message: bytes) -> None:
+        """Send a message of text; see `Line`."""
+        self._run(self._socket.send(message.decode()), 0.5)
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Return a message; see `Line`."""
+        with contextlib.suppress(TimeoutError):
+            message = self._run(self._socket.recv(), timeout_s)
+            return message.encode() if isinstance(message, str) else bytes(message)
+        return None
+
+    def close(self) -> None:
+        """Let go; see `Line`."""
+        if not self._loop.is_closed():
+            with contextlib.suppress(OSError):
+                self._run(self._socket.close(), 1.0)
+            self._loop.close()
+
+
+def split_address(address: str, default_port: int) -> tuple[str, int]:
+    """Return host and port of HOST or HOST:PORT.
+
+    Raises:
+        ConfigurationError: If it is neither.
+    """
+    host, _, port = address.strip().rpartition(":") if ":" in address else (address.strip(), "", "")
+    number = port or str(default_port)
+    if not host or "/" in host or not number.isdecimal() or not 0 < int(number) < 65536:
+        raise ConfigurationError(
+            f"--address must be the robot's HOST or HOST:PORT, not {address!r}"
+        )
+    return host, int(number)

@@ -1,0 +1,140 @@
+"""The sample firmware as a process of Debian's micropython; its wheels are lines that it prints."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import shutil
+import signal
+import socket
+import subprocess
+import threading
+import time
+from pathlib import Path
+from typing import Any, Self
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FIRMWARE = ROOT / "firmware/robot.py"
+SECRET = "geheim"
+
+
+def find_micropython() -> str:
+    """Return the program; skips loudly where there is none, and fails in CI."""
+    for path in (shutil.which("micropython"), str(ROOT / "var/micropython/run")):
+        if path and Path(path).exists():
+            return path
+    hint = "tests/standins/get_micropython.sh var/micropython"
+    if os.environ.get("CI") == "true":
+        pytest.fail(f"CI needs micropython: {hint}")
+    pytest.skip(f"MICROPYTHON IS MISSING: {hint}")
+
+
+class Relay:
+    """Datagrams both ways between one client and the robot, until the line is cut."""
+
+    def __init__(self, robot_port: int) -> None:
+        self.is_cut = threading.Event()
+        self._ending = threading.Event()
+        self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._near.bind(("127.0.0.1", 0))
+        self._far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._far.connect(("127.0.0.1", robot_port))
+        self.address = f"127.0.0.1:{self._near.getsockname()[1]}"
+        self._client: Any = None
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._ending.set()
+        self._thread.join()
+        self._near.close()
+        self._far.close()
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            ready, _, _ = select.select([self._near, self._far], [], [], 0.05)
+            for sock in ready:
+                with contextlib.suppress(OSError):
+                    data, sender = sock.recvfrom(2048)
+                    if self.is_cut.is_set():
+                        continue
+                    if sock is self._near:
+                        self._client = sender
+                        self._far.send(data)
+                    elif self._client is not None:
+                        self._near.sendto(data, self._client)
+
+
+class FirmwareRobot:
+    """A running firmware on a port of its own. `moves` are (seconds, left, right) as they came."""
+
+    def __init__(self, secret: str = SECRET) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        self.secret = secret
+        self.moves: list[tuple[float, float, float]] = []
+        self._news = threading.Condition()
+
+    @property
+    def address(self) -> str:
+        return f"127.0.0.1:{self.port}"
+
+    def __enter__(self) -> Self:
+        self.process = subprocess.Popen(
+            [find_micropython(), str(FIRMWARE), self.secret, str(self.port)],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.connect(("127.0.0.1", self.port))
+            probe.settimeout(0.1)
+            for _ in range(200):  # until it has started
+                try:
+                    probe.send(b"{}")
+                    probe.recv(600)
+                    return self
+                except OSError:
+                    time.sleep(0.05)
+        pytest.fail("the firmware does not answer")
+
+    def __exit__(self, *error: object) -> None:
+        self.process.send_signal(signal.SIGCONT)
+        self.process.kill()
+        self.process.wait()
+        self._thread.join()
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+
+    def freeze(self) -> None:
+        self.process.send_signal(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        self.process.send_signal(signal.SIGCONT)
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            _, left, right = line.split()
+            with self._news:
+                self.moves.append((time.monotonic(), float(left), float(right)))
+                self._news.notify_all()
+
+    def is_moving(self) -> bool:
+        """Return what the wheels were last told; waits a moment for what was just printed."""
+        time.sleep(0.08)
+        return bool(self.moves) and any(self.moves[-1][1:])
+
+    def wait_until_it_stands(self, timeout_s: float = 5.0) -> None:
+        with self._news:
+            assert self._news.wait_for(
+                lambda: bool(self.moves) and not any(self.moves[-1][1:]), timeout_s
+            )

@@ -1,0 +1,71 @@
+"""A robot that serves a websocket, as docs/reference/robot-protocol.md has it."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import hmac
+import json
+import threading
+import time
+from typing import Any, Self
+
+import websockets
+
+
+class WsRobot:
+    """Moves until its time is over; `silent` answers nobody any more."""
+
+    def __init__(self, secret: str = "") -> None:
+        self.secret, self.nonce = secret.encode(), "aabbccdd"
+        self.seq, self.ends_s = 0, 0.0
+        self.silent = threading.Event()
+        self.port = 0
+        self._ready, self._loop = threading.Event(), asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    @property
+    def is_moving(self) -> bool:
+        return time.monotonic() < self.ends_s
+
+    @property
+    def address(self) -> str:
+        return f"127.0.0.1:{self.port}"
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        assert self._ready.wait(10.0)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._loop.call_soon_threadsafe(self._end.set)
+        self._thread.join()
+        self._loop.close()
+
+    def _run(self) -> None:
+        self._loop.run_until_complete(self._serve())
+
+    async def _serve(self) -> None:
+        self._end = asyncio.Event()
+        async with websockets.serve(self._talk, "127.0.0.1", 0) as server:
+            self.port = next(iter(server.sockets)).getsockname()[1]
+            self._ready.set()
+            await self._end.wait()
+
+    async def _talk(self, socket: Any, path: str = "") -> None:
+        async for message in socket:
+            if self.silent.is_set():
+                continue
+            self._obey(message.encode())
+            ms = int(time.monotonic() * 1000)
+            report = {"nonce": self.nonce, "seq": self.seq, "ms": ms, "distance_m": 0.5}
+            await socket.send(json.dumps({**report, "bumped": False, "battery": 0.9}))
+
+    def _obey(self, message: bytes) -> None:
+        text, _, mac = message.partition(b"\t")
+        wanted = hmac.new(self.secret, self.nonce.encode() + text, hashlib.sha256).hexdigest()[:16]
+        order = json.loads(text)
+        if mac.decode() == wanted and order["seq"] > self.seq:
+            self.seq = order["seq"]
+            is_move = order["move"] != "stop"
+            self.ends_s = time.monotonic() + order["for_ms"] / 1000 if is_move else 0.0
