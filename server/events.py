@@ -15,6 +15,8 @@ class EventBus:
 
     def __init__(self) -> None:
         self._subscribers: tuple[Subscriber, ...] = ()
+        self.lasting: tuple[tuple[str, dict[str, object]], ...] = ()
+        """What holds for as long as the program runs: told to everybody who joins later, too."""
 
     def subscribe(self, subscriber: Subscriber) -> Callable[[], None]:
         """Call `subscriber(name, fields)` for each event; return what ends that.
@@ -33,3 +35,8 @@ class EventBus:
         """Publish one event; where nobody has subscribed it is dropped."""
         for subscriber in self._subscribers:
             subscriber(name, fields)
+
+    def publish_lasting(self, name: str, **fields: object) -> None:
+        """Publish one event now, and to whoever joins from now on."""
+        self.lasting = (*self.lasting, (name, fields))
+        self.publish(name, **fields)

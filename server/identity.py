@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import secrets
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,6 +11,9 @@ from typing import Any
 
 from robot.errors import ConfigurationError
 from robot.storage.folder import check_name, write_whole
+from robot.storage.records import read_regular
+
+log = logging.getLogger(__name__)
 
 _NAMES = (
     "Ada Bolt Comet Dot Echo Fox Gizmo Hazel Indigo Juno Kiwi Luna Milo Nova Otto Pixel Quill"
@@ -55,7 +59,10 @@ class IdentityFile:
         else:
             self.now = kept or Identity(secrets.choice(NAMES))
         if self.now != kept:
-            self._write()
+            try:
+                self._write()
+            except OSError as error:  # no reason not to start
+                log.warning("the robot's name was not kept: %s", error)
 
     def change(self, **fields: Any) -> Identity:
         """Give another name or colour.
@@ -77,7 +84,7 @@ class IdentityFile:
         if self._path is None:
             return None
         try:
-            plain = json.loads(self._path.read_bytes())
+            plain = json.loads(read_regular(self._path, 1 << 16))
             return Identity(plain["name"], plain["colour"])
         except (OSError, ValueError, KeyError, TypeError, RecursionError, ConfigurationError):
             return None

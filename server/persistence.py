@@ -8,6 +8,7 @@ from typing import Any
 
 from robot.episodes.recorder import Recorder
 from robot.episodes.store import EpisodeStore
+from robot.errors import ConfigurationError
 from robot.lifecycle import StartStop
 from robot.models.autosave import Announce, Autosave, say_nothing
 from robot.models.journal import Journal
@@ -22,7 +23,16 @@ log = logging.getLogger(__name__)
 
 
 class Persistence(StartStop):
-    """Starts and stops what keeps. A context manager, inside of the rig's."""
+    """Starts and stops what keeps. A context manager, inside of the rig's.
+
+    Args:
+        storage: The data folder.
+        rig: The robot.
+        name: What a new model is called.
+        options: What stands in recordings.
+        announce: Told of what pages should know.
+        fault: Why nothing can be kept, if so: the robot then drives without.
+    """
 
     def __init__(
         self,
@@ -32,8 +42,10 @@ class Persistence(StartStop):
         name: str = "robot",
         options: Mapping[str, Any] | None = None,
         announce: Announce = say_nothing,
+        fault: str | None = None,
     ) -> None:
         self.storage = storage
+        self._fault = fault
         self._announce = announce
         self._lock = FolderLock(storage.root)
         self.models = ModelStore(storage, rig.clock.wall_s)
@@ -70,10 +82,20 @@ class Persistence(StartStop):
 
         What was kept before is loaded by `autosave.load_last`.
 
+        Where nothing can be kept, say so, and leave it at that: the robot drives.
+
         Raises:
-            ConfigurationError: If another program keeps its lessons there.
+            ConfigurationError: If another program keeps its models there.
         """
-        self._lock.start()
+        if self._fault is not None:
+            self.recorder.refuse(f"Nothing is recorded: {self._fault}")
+            return
+        try:
+            self._lock.start()
+        except ConfigurationError as error:
+            if isinstance(error.__cause__, TimeoutError):  # another program has the folder
+                raise
+            log.warning("the data folder is not locked: %s", error)
         self.storage.sweep()
         recovered = self._recover()
         self.journal.start(after=newest_boot(self.models))

@@ -103,6 +103,10 @@ class Recorder:
         """Pictures that the disk was too slow for, since the start."""
         return self._disk.lost.frames
 
+    def refuse(self, sentence: str) -> None:
+        """Record nothing, and say why."""
+        self._disk.refuse(sentence)
+
     def start(self) -> None:
         """Begin to listen. Without the library `mcap` recording is off, and `fault` says so."""
         try:

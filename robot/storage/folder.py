@@ -165,9 +165,18 @@ class Usage:
 
 
 class Storage:
-    """The data folder. Making one makes the folder and what belongs in it."""
+    """The data folder. Making one makes the folder and what belongs in it.
 
-    def __init__(self, root: Path) -> None:
+    Args:
+        root: Where it is.
+        must_be_usable: False takes a folder in which nothing can be written: for a server, which
+            drives on without keeping anything.
+
+    Raises:
+        ConfigurationError: If nothing can be written there, and it must be usable.
+    """
+
+    def __init__(self, root: Path, *, must_be_usable: bool = True) -> None:
         self.root = root.expanduser()
         self.models = self.root / "models"
         self.episodes = self.root / "episodes"
@@ -180,6 +189,8 @@ class Storage:
             if not (self.root / "README.txt").exists():
                 write_whole(self.root / "README.txt", _README.encode())
         except OSError as error:
+            if not must_be_usable:
+                return
             raise ConfigurationError(
                 f"the data folder {self.root} cannot be used: {error.strerror or error}; "
                 "choose another with --data FOLDER"
@@ -190,12 +201,13 @@ class Storage:
 
         For the one program that records here: another's half may be on its way just now.
         """
-        empty = [path for path in self.episodes.glob("*.mcap") if path.stat().st_size == 0]
-        parts = [*self.models.glob("*/.*.part"), *self.episodes.glob(".*.part")]
-        for path in (*parts, *empty):
-            with contextlib.suppress(OSError):
-                if time.time() - path.stat().st_mtime > _HALF_DONE_S:
-                    path.unlink()
+        with contextlib.suppress(OSError):
+            empty = [path for path in self.episodes.glob("*.mcap") if size_of(path) == 0]
+            parts = [*self.models.glob("*/.*.part"), *self.episodes.glob(".*.part")]
+            for path in (*parts, *empty, *self.root.glob(".*.part")):
+                with contextlib.suppress(OSError):
+                    if time.time() - path.lstat().st_mtime > _HALF_DONE_S:
+                        path.unlink()
 
     def usage(self) -> Usage:
         """Count the bytes of all files."""
@@ -204,7 +216,7 @@ class Storage:
             episodes=_size(self.episodes),
             exports=_size(self.exports),
             trash=_size(self.trash),
-            free=shutil.disk_usage(self.root).free,
+            free=_free(self.root),
         )
 
     def discard(self, *paths: Path) -> str:
@@ -235,9 +247,23 @@ class Storage:
         return size
 
 
+def _free(folder: Path) -> int:
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError:
+        return 0
+
+
 def _size(folder: Path) -> int:
+    """Count the bytes of all files below; what cannot be read counts nothing."""
     total = 0
-    for path in folder.rglob("*"):
-        with contextlib.suppress(OSError):
-            total += path.stat().st_size if path.is_file() else 0
+    folders = [str(folder)]
+    while folders:
+        with contextlib.suppress(OSError), os.scandir(folders.pop()) as entries:
+            for entry in entries:
+                with contextlib.suppress(OSError):
+                    if entry.is_dir(follow_symlinks=False):
+                        folders.append(entry.path)
+                    else:
+                        total += entry.stat(follow_symlinks=False).st_size
     return total

@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import dataclasses
 import datetime as dt
+import logging
 import os
 import signal
 import sys
@@ -16,11 +17,12 @@ from typing import TYPE_CHECKING, Any
 from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
-from robot.errors import ConfigurationError, MissingExtraError
+from robot.errors import ConfigurationError, MissingExtraError, RecordingError
 from robot.policy.registry import MOST_NODES
 from robot.rig.options import Option, options_of
 from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.storage.folder import Storage, default_root
+from robot.storage.prepare import Prepared, prepare
 from server.cli.parser import host_name, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config, Limits
@@ -32,9 +34,11 @@ from server.security.access import Role
 if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
     from robot.models.autosave import Autosave
+    from server.events import EventBus
     from server.security.certificates import Certificates
     from server.security.pairing import Pairing
 
+log = logging.getLogger(__name__)
 DEFAULT_ROBOT = "sim"
 _CAMERA_HELP = "where pictures come from; as a rule the robot's own"
 
@@ -145,6 +149,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigurationError(
             "a phone gives its camera to pages over https only; add --tls to --camera phone --lan"
         )
+    prepared = prepare(config.data)
     listener = open_socket(config.host, config.port)
     config = dataclasses.replace(config, port=listener.getsockname()[1])
     certificates = _make_certificates(config) if config.tls else None
@@ -155,8 +160,14 @@ def run(args: argparse.Namespace) -> int:
     options = {name: str(value) for name, value in vars(args).items() if _says_something(value)}
     identity = IdentityFile(config.data, args.name)
     persistence = Persistence(
-        Storage(config.data), rig, name=identity.now.name, options=options, announce=events.publish
+        Storage(config.data, must_be_usable=False),
+        rig,
+        name=identity.now.name,
+        options=options,
+        announce=events.publish,
+        fault=prepared.fault,
     )
+    _say_what_was_found(prepared, events)
     services = make_services(
         config, rig, identity=identity, events=events, persistence=persistence, pairing=pairing
     )
@@ -176,6 +187,16 @@ def run(args: argparse.Namespace) -> int:
             print(greet_phones(addresses, tokens), flush=True)
         serve(create_app(services), listener, certificates)
     return 0
+
+
+def _say_what_was_found(prepared: Prepared, events: EventBus) -> None:
+    """Say on the page and in one line what was set aside, and that nothing can be kept."""
+    if prepared.sentence:
+        log.warning("set aside in the data folder: %s", prepared.sentence)
+        events.publish_lasting("set_aside", detail=prepared.sentence)
+    if prepared.fault:
+        log.warning("nothing can be kept: %s", prepared.fault)
+        events.publish_lasting("nothing_kept", detail=prepared.fault)
 
 
 def _says_something(value: Any) -> bool:
@@ -202,10 +223,15 @@ def _choose_model(autosave: Autosave, args: argparse.Namespace, learner: str) ->
     """Go on with the model that was asked for, or the last good one of what was asked for."""
     if args.model is None:
         autosave.load_last(learner if args.learner or args.max_nodes else None)
-    elif args.model in autosave.store.names():
-        autosave.load(args.model)
-    else:
-        autosave.begin(args.model)
+        return
+    try:
+        if args.model in autosave.store.names():
+            autosave.load(args.model)
+        else:
+            autosave.begin(args.model)
+    except (OSError, RecordingError) as error:  # no reason not to start
+        log.warning("the model %s is not in use: %s", args.model, error)
+        autosave.announce("model_not_saved", detail=str(error))
 
 
 def _make_config(args: argparse.Namespace) -> Config:

@@ -112,6 +112,8 @@ class Hub:
                 server_ms=self.now_ms(),
             )
         )
+        for name, fields in self._events.lasting:
+            page.tell(protocol.encode_words("event", name=name, **fields))
         if role is Role.PILOT and self.lease.join(page.client, now_s):
             self._change_hands()
         self.publish_state()

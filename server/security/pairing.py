@@ -17,6 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from robot.storage.records import read_regular
 from server.config import Config
 from server.security.access import Refusal, Role
 from server.security.door import address_key
@@ -144,7 +145,7 @@ class Pairing:
 
 def _load(file: Path) -> dict[str, Role]:
     try:
-        rows = json.loads(file.read_text())["sessions"]
+        rows = json.loads(read_regular(file, 1 << 20))["sessions"]
         return {str(row["sha256"]): Role(row["role"]) for row in rows}
     except FileNotFoundError:
         return {}

@@ -122,6 +122,9 @@ export class Page {
   /** @param {{name: string, detail?: string, robot?: string}} event */
   note(event) {
     if (event.name === 'model_not_saved') this.toast(t('not_saved', { detail: event.detail ?? '' }));
+    if (event.name === 'set_aside') this.toast(t('set_aside', { detail: event.detail ?? '' }));
+    if (event.name === 'nothing_kept') this.toast(t('nothing_kept', { detail: event.detail ?? '' }));
+    if (event.name === 'recording_off') this.toast(t('recording_off', { detail: event.detail ?? '' }));
     if (event.name === 'renamed') this.store.set({ robotName: event.robot });
     if (event.name === 'lesson') this.refreshLesson();
     if (event.name === 'wheel_asked') this.store.set({ wheelAsked: true });

@@ -1,4 +1,4 @@
-"""Models from anywhere: what is not what it says it is, is refused before anything is made of it."""
+"""Models from anywhere: what is not what it says it is, is refused before it is made."""
 
 from __future__ import annotations
 

@@ -1,0 +1,274 @@
+"""Whatever stands in the data folder: the server starts, lists, drives, and says what it moved."""
+
+from __future__ import annotations
+
+import errno
+import os
+import random
+import shutil
+import socket
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from robot.clock import RealClock
+from robot.policy.registry import make_policy
+from robot.rig.rig import Rig
+from robot.storage.folder import Storage
+from robot.storage.prepare import prepare
+from robot.types import Action, Example
+from server.bench.robot import NotingDriver, SteadyCamera
+from server.identity import IdentityFile
+from server.persistence import Persistence
+from server.security.pairing import Pairing
+from tests.robot.episodes.drives import record_drive
+
+from .own_process import own_process
+
+SEEDS = int(os.environ.get("DRIVELESSON_DAMAGE", "25"))
+KINDS = (
+    "flip", "cut", "empty", "not utf-8", "huge", "folder", "dangling", "loop", "link to folder",
+    "fifo", "socket", "remove", "unreadable",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data folder with a bit of everything, left by a kill."""
+    root = tmp_path_factory.mktemp("whole") / "data"
+    with running(root) as (rig, persistence):
+        teach(rig)
+        persistence.autosave.save()
+        persistence.autosave.begin("second")
+        teach(rig)
+    episode = record_drive(Storage(root).episodes, frames=20)
+    episode.path.with_suffix(".edits.json").write_text(
+        '{"format": 1, "title": "x", "protected": false, "edits": []}'
+    )
+    IdentityFile(root)
+    Pairing(10, file=root / "paired.json")
+    (root / "paired.json").write_text('{"sessions": []}')
+    (root / "lessons").mkdir(exist_ok=True)
+    (root / "lessons" / "20260101-120000-trial-1.json").write_text("{}")
+    return root
+
+
+class running:  # noqa: N801
+    """A rig with what keeps, started as `drivelesson serve` starts it."""
+
+    def __init__(self, root: Path) -> None:
+        self.prepared = prepare(root)
+        clock = RealClock()
+        self.rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-4"), clock)
+        self.told: list[str] = []
+        IdentityFile(root)
+        Pairing(10, file=root / "paired.json")
+        self.persistence = Persistence(
+            Storage(root, must_be_usable=False),
+            self.rig,
+            name="bench",
+            announce=lambda name, **fields: self.told.append(name),
+            fault=self.prepared.fault,
+        )
+
+    def __enter__(self) -> tuple[Rig, Persistence]:
+        self.rig.start()
+        self.persistence.start()
+        self.persistence.autosave.load_last()
+        return self.rig, self.persistence
+
+    def __exit__(self, *error: object) -> None:
+        self.persistence.stop()
+        self.rig.stop()
+
+
+def teach(rig: Rig) -> int:
+    def request() -> int:
+        history = rig.loop.history
+        frame = rig.camera.latest()
+        assert frame is not None
+        x = history.policy.extract(frame)
+        for i in range(5):
+            example = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
+            history.teach(example, x, i * 0.2)
+        return history.lessons
+
+    while rig.camera.latest() is None:
+        pass
+    return rig.loop.submit(request).result(10)
+
+
+def damage(root: Path, rng: random.Random) -> str:
+    """Do one bad thing to one thing of the folder; return what."""
+    everything = [path for path in sorted(root.rglob("*")) if not path.is_symlink()]
+    how = rng.choice(KINDS)
+    if how == "not utf-8" and rng.random() < 0.5:
+        folder = rng.choice([path for path in (root, *everything) if path.is_dir()])
+        name = os.fsencode(folder) + b"/" + rng.choice((b"\xff\xfe.mcap", b"caf\xe9", b"\xc3.npz"))
+        Path(os.fsdecode(name)).write_bytes(b"x")
+        return "a name that is no utf-8"
+    if how in ("flip", "cut", "empty", "not utf-8", "huge", "unreadable"):
+        path = rng.choice([path for path in everything if path.is_file()])
+        data = bytearray(path.read_bytes() or b"x")
+        if how == "flip":
+            data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+        path.write_bytes(
+            {
+                "cut": bytes(data[: rng.randrange(len(data))]),
+                "empty": b"",
+                "not utf-8": b"\xff\xfe" + bytes(data),
+            }.get(how, bytes(data))
+        )
+        if how == "huge":
+            os.truncate(path, 3 * 2**30)
+        if how == "unreadable":
+            path.chmod(0)
+        return f"{how} {path.name}"
+    path = rng.choice(everything)
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
+    if how == "folder":
+        (path / "inner").mkdir(parents=True)
+    elif how == "dangling":
+        path.symlink_to(root / "nowhere")
+    elif how == "loop":
+        path.symlink_to(path)
+    elif how == "link to folder":
+        path.symlink_to(root.parent)
+    elif how == "fifo":
+        os.mkfifo(path)
+    elif how == "socket":
+        here = Path.cwd()
+        os.chdir(path.parent)
+        try:
+            socket.socket(socket.AF_UNIX).bind(path.name)
+        finally:
+            os.chdir(here)
+    return f"{how} {path.name}"
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.parametrize("seed", range(SEEDS))
+def test_every_start_serves_drives_and_keeps(whole: Path, tmp_path: Path, seed: int) -> None:
+    rng = random.Random(seed)
+    root = tmp_path / "data"
+    shutil.copytree(whole, root)
+    done = [damage(root, rng) for _ in range(rng.randrange(1, 4))]
+    started = running(root)
+    with started as (rig, persistence):
+        assert started.prepared.fault is None, done
+        lessons = teach(rig)
+        assert lessons >= 5
+        persistence.models.shelved()
+        persistence.episodes.cards()
+        persistence.episodes.budget()
+        persistence.storage.usage()
+        name = persistence.autosave.save()
+        assert persistence.models.load(name).card.lessons == lessons, done
+        assert persistence.recorder.fault is None, done
+    for name, where in started.prepared.moved:
+        assert os.path.lexists(root / where), (name, where, done)
+        assert name in started.prepared.sentence and where in started.prepared.sentence
+
+
+@pytest.mark.parametrize("kind", ["file", "dangling", "loop", "fifo"])
+def test_the_data_folder_itself_may_be_something_else(tmp_path: Path, kind: str) -> None:
+    root = tmp_path / "data"
+    if kind == "file":
+        root.write_text("my notes")
+    elif kind == "fifo":
+        os.mkfifo(root)
+    else:
+        root.symlink_to(root if kind == "loop" else tmp_path / "nowhere")
+    started = running(root)
+    with started as (rig, persistence):
+        assert teach(rig) == 5
+        assert persistence.autosave.save() == "bench"
+    assert len(started.prepared.moved) == 1
+    moved = tmp_path / "data.1"
+    assert os.path.lexists(moved) or os.path.lexists(tmp_path / started.prepared.moved[0][1])
+
+
+def test_where_nothing_can_be_kept_the_robot_drives_and_says_so(tmp_path: Path) -> None:
+    started = running(Path("/proc/drivelesson"))
+    with started as (rig, persistence):
+        assert started.prepared.fault and "/proc/drivelesson" in started.prepared.fault
+        assert teach(rig) == 5
+        assert persistence.recorder.fault and "recording_off" in started.told
+        assert persistence.models.shelved() == [] and persistence.episodes.cards() == []
+        with pytest.raises(OSError):
+            persistence.autosave.save()
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EIO])
+def test_a_disk_that_takes_nothing_stops_no_start_and_no_drive(
+    whole: Path, tmp_path: Path, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tmp_path / "data"
+    shutil.copytree(whole, root)
+    refusing = DiskThatRefuses(root, code)
+    with monkeypatch.context() as patch:
+        refusing.install(patch)
+        started = running(root)
+        with started as (rig, persistence):
+            assert teach(rig) >= 5
+            persistence.episodes.cards()
+            persistence.models.shelved()
+            with pytest.raises(OSError):
+                persistence.autosave.save()
+            persistence.autosave.save_if_changed()
+            assert "model_not_saved" in started.told
+    assert refusing.refused > 0
+
+
+class DiskThatRefuses:
+    """Lets everything below a folder be read, and nothing be written."""
+
+    def __init__(self, root: Path, code: int) -> None:
+        self.root, self.code, self.refused = os.fspath(root), code, 0
+
+    def install(self, patch: pytest.MonkeyPatch) -> None:
+        real_open, real_write, real_mkdir = os.open, os.write, os.mkdir
+
+        def refuse(path: Any) -> None:
+            if os.fspath(path).startswith(self.root):
+                self.refused += 1
+                raise OSError(self.code, os.strerror(self.code), os.fspath(path))
+
+        def open_(path: Any, flags: int, mode: int = 0o777, **more: Any) -> int:
+            if flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT):
+                refuse(path)
+            return real_open(path, flags, mode, **more)
+
+        def mkdir(path: Any, *more: Any, **named: Any) -> None:
+            if not Path(path).is_dir():
+                refuse(path)
+            real_mkdir(path, *more, **named)
+
+        patch.setattr(os, "open", open_)
+        patch.setattr(os, "mkdir", mkdir)
+        patch.setattr(os, "write", real_write)
+
+
+def test_a_real_server_starts_on_a_ruin_and_says_what_it_moved(tmp_path: Path) -> None:
+    root = tmp_path / "data"
+    root.mkdir()
+    (root / "models").symlink_to(root / "models")
+    os.mkfifo(root / "episodes")
+    (root / "trash").write_bytes(b"\xff")
+    (root / "robot.json").mkdir()
+    os.mkfifo(root / ".lock.pid")
+    Path(os.fsdecode(os.fsencode(root) + b"/\xff\xfe")).write_bytes(b"x")
+    with own_process(root) as server:
+        assert httpx.get(server.address + "/healthz").status_code == 200
+        assert httpx.get(server.address + "/api/models").json()["models"] == []
+        assert httpx.get(server.address + "/api/episodes").json()["episodes"] == []
+        assert httpx.get(server.address + "/").status_code == 200
+    lines = [line for line in server.errors if "set aside" in line]
+    assert len(lines) == 1
+    for name in ("models", "episodes", "trash", "robot.json", ".lock.pid", "\\xff\\xfe"):
+        assert name in lines[0] and f"set-aside/{name}.1" in lines[0]
