@@ -16,6 +16,7 @@ from server.events import EventBus
 from server.identity import IdentityFile
 from server.persistence import Persistence
 from server.progress import Progress
+from server.retraining import Retraining
 from server.security.door import Door
 from server.security.listener import connection_capacity
 from server.security.pairing import Pairing
@@ -33,6 +34,7 @@ class Services:
         identity: The robot's name and colour.
         hub: The clients, and who of them drives.
         progress: Curve and gallery of the model in use.
+        retraining: Teaching again from recordings.
         study: The guided study.
         persistence: Models and recordings; None where nothing is kept.
         pairing: Who was let in; None lets in whoever can reach the port.
@@ -46,6 +48,7 @@ class Services:
     identity: IdentityFile
     hub: Hub
     progress: Progress
+    retraining: Retraining
     study: Study
     persistence: Persistence | None = None
     pairing: Pairing | None = None
@@ -87,6 +90,7 @@ def make_services(
         identity=identity,
         hub=Hub(config, robot, identity.now.name, events),
         progress=Progress(robot.loop, robot.clock, recording),
+        retraining=Retraining(robot.clock),
         study=Study(robot.loop, robot.clock, events.publish, recording),
         persistence=persistence,
         pairing=pairing,

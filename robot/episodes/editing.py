@@ -11,7 +11,7 @@ import numpy as np
 
 from robot.episodes.edits import Notes
 from robot.episodes.episode import Episode, FrameEntry, taught_frames
-from robot.episodes.messages import CAMERA, DECISION, LESSON, PREDICTION
+from robot.episodes.messages import CAMERA, DECISION, LESSON, PREDICTION, SENSORS
 from robot.episodes.scan import Message, scan
 from robot.episodes.teaching import Step, plan
 from robot.episodes.writer import MODEL_BEFORE, EpisodeWriter, Run
@@ -37,6 +37,11 @@ class EpisodeFrame:
     confidence: float | None = None
     driven_by: str | None = None
     sent: str | None = None
+    asks_pilot: bool = False
+    distance_m: float | None = None
+    bumped: bool = False
+    pose: tuple[float, float, float] | None = None
+    """x and y in metres, heading in radians; in simulation only."""
 
 
 def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
@@ -49,12 +54,17 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
     }
     predictions = {words["frame"]: words for _, words in episode.words.get(PREDICTION, [])}
     decisions = episode.words.get(DECISION, [])
-    start_s, at = episode.start_s, 0
+    sensed = episode.words.get(SENSORS, [])
+    start_s, at, felt = episode.start_s, 0, 0
     found = []
     for entry in episode.frames.values():
         while at < len(decisions) and decisions[at][0] < entry.captured_s:
             at += 1
         decision = decisions[at][1] if at < len(decisions) else {}
+        while felt < len(sensed) and sensed[felt][0] < entry.captured_s:
+            felt += 1
+        senses = sensed[felt][1] if felt < len(sensed) else {}
+        pose = senses.get("pose")
         said = predictions.get(entry.frame_id, {})
         relabel = notes.relabel(entry.frame_id)
         found.append(
@@ -69,6 +79,10 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
                 confidence=said.get("confidence"),
                 driven_by=decision.get("driven_by"),
                 sent=decision.get("sent"),
+                asks_pilot=bool(decision.get("asks_pilot")),
+                distance_m=senses.get("distance_m"),
+                bumped=bool(senses.get("bumped")),
+                pose=pose and (pose["x_m"], pose["y_m"], pose["heading_rad"]),
             )
         )
     return found

@@ -43,12 +43,14 @@ class Notes:
     title: str = ""
     is_protected: bool = False
     edits: tuple[Edit, ...] = field(default=())
+    undone: tuple[Edit, ...] = field(default=())
+    """Edits that were taken back, the last one first: what redo brings."""
     is_recovered: bool = False
     """It was cut short, and its lessons were brought into the model since."""
 
     def with_edit(self, edit: Edit) -> Notes:
         """Return the notes with one more edit."""
-        return replace(self, edits=(*self.edits, edit))
+        return replace(self, edits=(*self.edits, edit), undone=())
 
     def without_last_edit(self) -> Notes:
         """Return the notes without the edit made last.
@@ -58,7 +60,17 @@ class Notes:
         """
         if not self.edits:
             raise ConfigurationError("there is nothing to undo")
-        return replace(self, edits=self.edits[:-1])
+        return replace(self, edits=self.edits[:-1], undone=(self.edits[-1], *self.undone))
+
+    def with_last_undone(self) -> Notes:
+        """Return the notes with the edit that was taken back last.
+
+        Raises:
+            ConfigurationError: If there is none.
+        """
+        if not self.undone:
+            raise ConfigurationError("there is nothing to redo")
+        return replace(self, edits=(*self.edits, self.undone[0]), undone=self.undone[1:])
 
     def is_deleted(self, frame_id: int) -> bool:
         """True if a person deleted this frame."""
@@ -110,10 +122,8 @@ def write_notes(episode: Path, notes: Notes) -> None:
         "title": notes.title,
         "protected": notes.is_protected,
         "recovered": notes.is_recovered,
-        "edits": [
-            {"verb": e.verb, "ranges": [list(r) for r in e.ranges], "label": e.label}
-            for e in notes.edits
-        ],
+        "edits": [_to_plain(edit) for edit in notes.edits],
+        "undone": [_to_plain(edit) for edit in notes.undone],
     }
     write_whole(notes_path(episode), json.dumps(plain, indent=1, ensure_ascii=False).encode())
 
@@ -125,12 +135,22 @@ def _from_plain(plain: Any) -> Notes:
         title=str(plain["title"]),
         is_protected=bool(plain["protected"]),
         is_recovered=bool(plain.get("recovered", False)),
-        edits=tuple(
-            Edit(
-                verb=edit["verb"],
-                ranges=tuple((int(first), int(last)) for first, last in edit["ranges"]),
-                label=Action(edit["label"]) if edit["label"] else None,
-            )
-            for edit in plain["edits"]
-        ),
+        edits=tuple(_edit_from_plain(edit) for edit in plain["edits"]),
+        undone=tuple(_edit_from_plain(edit) for edit in plain.get("undone", ())),
+    )
+
+
+def _to_plain(edit: Edit) -> dict[str, Any]:
+    return {
+        "verb": edit.verb,
+        "ranges": [list(between) for between in edit.ranges],
+        "label": edit.label,
+    }
+
+
+def _edit_from_plain(plain: Any) -> Edit:
+    return Edit(
+        verb=plain["verb"],
+        ranges=tuple((int(first), int(last)) for first, last in plain["ranges"]),
+        label=Action(plain["label"]) if plain["label"] else None,
     )

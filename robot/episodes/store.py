@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from robot.episodes.editing import write_mended
-from robot.episodes.edits import Edit, Notes, notes_path, read_notes, write_notes
+from robot.episodes.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
 from robot.episodes.episode import Episode, open_episode
 from robot.episodes.summary import EpisodeSummary, read_card
 from robot.errors import ConfigurationError, NotFoundError
@@ -116,6 +116,10 @@ class EpisodeStore:
         """Take the last edit back."""
         return self._change(episode_id, Notes.without_last_edit)
 
+    def redo_edit(self, episode_id: str) -> Notes:
+        """Make the edit again that was taken back last."""
+        return self._change(episode_id, Notes.with_last_undone)
+
     def set_title(self, episode_id: str, title: str) -> Notes:
         """Give an episode a title."""
         return self._change(episode_id, lambda notes: replace(notes, title=title.strip()[:200]))
@@ -132,8 +136,14 @@ class EpisodeStore:
             return notes
 
     def delete(self, episode_id: str) -> str:
-        """Move an episode to the trash; return the word that brings it back."""
+        """Move an episode to the trash; return the word that brings it back.
+
+        Raises:
+            ConfigurationError: If it is protected, or being recorded.
+        """
         path = self._idle_path(episode_id)
+        if read_notes(path).is_protected:
+            raise ConfigurationError("this recording is protected; take the protection off first")
         return self._storage.discard(path, notes_path(path))
 
     def restore(self, key: str) -> str:
@@ -169,8 +179,39 @@ class EpisodeStore:
                 raise
             key = self._storage.discard(path, notes_path(path))
             part.rename(path)
-            write_notes(path, replace(notes, edits=()))
+            write_notes(path, replace(notes, edits=(), undone=()))
             return key
+
+    def split(self, episode_id: str, frame_id: int) -> str:
+        """Make two recordings of one, the second beginning with this frame; return its name.
+
+        The first stays whole on the disk, with an edit that leaves out what is in the second.
+
+        Raises:
+            ConfigurationError: If one of the two would be empty.
+        """
+        with self._lock:
+            path = self._idle_path(episode_id)
+            notes, episode = read_notes(path), self.open(episode_id)
+            before = [i for i in episode.frames if i < frame_id and not notes.is_deleted(i)]
+            after = [i for i in episode.frames if i >= frame_id and not notes.is_deleted(i)]
+            if not before or not after:
+                raise ConfigurationError("there must be pictures on both sides of the cut")
+            new = self.new_path(f"{episode_id}-2")
+            part = new.with_name(f".{new.stem}.part")
+            part.unlink(missing_ok=True)
+            try:
+                with part.open("xb") as file:
+                    second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
+                    write_mended(episode, second, file)
+            except BaseException:
+                part.unlink(missing_ok=True)
+                raise
+            part.rename(new)
+            if notes.title:
+                write_notes(new, Notes(title=f"{notes.title} 2"))
+            write_notes(path, notes.with_edit(trim(episode.frames, before[0], before[-1])))
+            return new.stem
 
     def new_path(self, name: str) -> Path:
         """Return where a new episode of this name may be written."""

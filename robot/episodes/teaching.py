@@ -128,6 +128,7 @@ def learn_again(
     mended: Sequence[Mended],
     *,
     skip: int = 0,
+    only: Callable[[Step], bool] = lambda step: True,
     on_step: Callable[[], None] = lambda: None,
 ) -> Report:
     """Teach the policy everything the recordings hold.
@@ -139,12 +140,13 @@ def learn_again(
         policy: What learns.
         mended: Recordings, in order, and what was mended of each.
         skip: How many of the first steps the policy knows already.
+        only: Says of a step whether it is to be learned.
         on_step: Told of each step.
 
     Raises:
         ConfigurationError: If a label is none of the policy's moves.
     """
-    steps = plan(mended)[skip:]
+    steps = [step for step in plan(mended)[skip:] if only(step)]
     is_faithful = all(
         episode.run.get("learner") == policy.name and not notes.edits for episode, notes in mended
     )

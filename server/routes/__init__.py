@@ -23,6 +23,8 @@ MODULES = (
     "episodes",
     "gallery",
     "teaching",
+    "retraining",
+    "world",
     "settings",
     "lesson",
 )

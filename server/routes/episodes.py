@@ -24,6 +24,21 @@ from server.services import persistence_of
 router = APIRouter(prefix="/api")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 _MOST_IN_A_STRIP = 400
+_COLUMNS = (
+    "frame",
+    "at_s",
+    "label",
+    "predicted",
+    "confidence",
+    "driven_by",
+    "sent",
+    "deleted",
+    "intervention",
+    "asks_pilot",
+    "distance_m",
+    "bumped",
+    "pose",
+)
 
 
 def describe(card: EpisodeSummary, recording: str | None = None) -> dict[str, Any]:
@@ -60,6 +75,11 @@ def describe_moment(moment: EpisodeFrame) -> dict[str, Any]:
         "confidence": moment.confidence,
         "driven_by": moment.driven_by,
         "sent": moment.sent,
+        "intervention": moment.is_intervention,
+        "asks_pilot": moment.asks_pilot,
+        "distance_m": moment.distance_m,
+        "bumped": moment.bumped,
+        "pose": moment.pose,
     }
 
 
@@ -119,6 +139,7 @@ def show_episode(request: Request, episode_id: str) -> dict[str, Any]:
         "first_frame": ids[0] if ids else None,
         "last_frame": ids[-1] if ids else None,
         "edit_list": _describe_edits(notes),
+        "redoable": len(notes.undone),
     }
 
 
@@ -156,8 +177,7 @@ def show_timeline(request: Request, episode_id: str) -> dict[str, Any]:
             persistence.episodes.notes(episode_id),
         )
     rows = [describe_moment(moment) for moment in moments(episode, notes)]
-    columns = ("frame", "at_s", "label", "predicted", "confidence", "driven_by", "deleted")
-    return {"columns": {name: [row[name] for row in rows] for name in columns}}
+    return {"columns": {name: [row[name] for row in rows] for name in _COLUMNS}}
 
 
 @router.get("/episodes/{episode_id}/frames/{frame_id}", dependencies=[VIEWER])
@@ -216,6 +236,22 @@ async def undo_edit(request: Request, episode_id: str) -> dict[str, Any]:
     """Take the last edit back."""
     notes = await do(persistence_of(request).episodes.undo_edit, episode_id)
     return {"edit_list": _describe_edits(notes)}
+
+
+@router.post("/episodes/{episode_id}/edits/redo", dependencies=[PILOT])
+async def redo_edit(request: Request, episode_id: str) -> dict[str, Any]:
+    """Make the edit again that was taken back last."""
+    notes = await do(persistence_of(request).episodes.redo_edit, episode_id)
+    return {"edit_list": _describe_edits(notes)}
+
+
+@router.post("/episodes/{episode_id}/split", dependencies=[PILOT], status_code=201)
+async def split_episode(request: Request, episode_id: str) -> dict[str, str]:
+    """Make two recordings of one: {frame}, the first picture of the second."""
+    frame = (await read_body(request)).get("frame")
+    if not isinstance(frame, int) or isinstance(frame, bool):
+        raise HTTPException(400, "'frame' must be a frame's number.")
+    return {"id": await do(persistence_of(request).episodes.split, episode_id, frame)}
 
 
 @router.post("/episodes/{episode_id}/compact", dependencies=[PILOT])

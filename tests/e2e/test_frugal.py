@@ -65,7 +65,7 @@ def test_no_pictures_cross_to_a_page_that_does_not_show_them(chromium: Any, worl
         spent[screen] = bytes_per_s(page, http_bytes)
     page.evaluate("location.hash = 'drive'")
     drawn = page.locator("video-view").get_attribute("data-frames")
-    page.wait_for_function(f"document.querySelector('video-view').dataset.frames > {drawn}")
+    page.wait_for_function(f"() => document.querySelector('video-view').dataset.frames > {drawn}")
     hide(page, hidden=True)
     spent["hidden"] = bytes_per_s(page, http_bytes)
     frames = page.evaluate("document.querySelector('video-view').dataset.frames")
@@ -108,7 +108,7 @@ def test_the_first_visit_is_enough_to_come_back(chromium: Any, tmp_path: Path) -
     with running_world(tmp_path) as world:
         page = open_page(context, world.address)
         page.evaluate("navigator.serviceWorker.ready.then(() => true)")
-        page.wait_for_function("navigator.serviceWorker.controller !== null")
+        page.wait_for_function("() => navigator.serviceWorker.controller !== null")
         address, port = world.address, int(world.address.rsplit(":", 1)[1])
     page.goto(address)
     page.locator(".notice", has_text="out of reach").wait_for(timeout=10_000)

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from robot.types import Action, Mode, PilotCommand
+import httpx
+
+from robot.exchange.drive import Drive, Shot, write_episode
+from robot.exchange.pictures import Picture
+from robot.simulation.simulation import Simulation
+from robot.simulation.world import load_world
+from robot.types import Action, Encoding, Mode, PilotCommand
 
 from .test_everyone import complaints
 from .world import World, finish_recording
@@ -104,3 +111,171 @@ def test_recordings_beyond_their_space_are_offered(phone: Any, world: World) -> 
     phone.evaluate("location.hash = 'home'")
     phone.wait_for_selector("text=Nothing is deleted by itself")
     assert len(persistence.episodes.ids()) == 1
+
+
+def film_a_good_pilot(frames: int) -> list[Shot]:
+    """Film a simulated robot whose pilot turns left before a wall: ten pictures a second."""
+    simulation = Simulation(load_world("box"), seed=5)
+    held, shots = Action.FORWARD, []
+    for i in range(frames):
+        near = simulation.sense().distance_m or 0.0
+        held = Action.LEFT if near < (0.4 if held is FORWARD else 0.7) else FORWARD
+        pixels = simulation.render()
+        picture = Picture(data=pixels.tobytes(), encoding=Encoding.RGB, width=160, height=120)
+        shots.append(Shot(t_s=i / 10, picture=picture, label=held))
+        simulation.action = held
+        simulation.step(0.1)
+    simulation.close()
+    return shots
+
+
+def spoil(shots: list[Shot]) -> tuple[list[Shot], list[tuple[int, int, Action]]]:
+    """Put a fifth of the labels wrong, in two stretches; return also what would repair them:
+    first and last index of each, and the right label, which is one and the same all through."""
+    runs: list[tuple[int, int]] = []
+    begin = 0
+    for i in range(1, len(shots) + 1):
+        if i == len(shots) or shots[i].label != shots[begin].label:
+            runs.append((begin, i - 1))
+            begin = i
+    wrong = sorted(runs, key=lambda run: run[0] - run[1])[:2]
+    most = len(shots) // 10
+    repairs = []
+    for first, last in sorted(wrong):
+        last = min(last, first + most - 1)
+        right = shots[first].label
+        assert right is not None
+        repairs.append((first, last, right))
+        for i in range(first, last + 1):
+            shots[i] = replace(shots[i], label=Action.LEFT if right is FORWARD else FORWARD)
+    return shots, repairs
+
+
+FORWARD, LEFT = Action.FORWARD, Action.LEFT
+
+
+FILMED = 70
+
+
+def put_recording(world: World) -> None:
+    """Have a recording without driving: no busy machine can make it shorter."""
+    store = world.services.persistence.episodes
+    film = Drive(
+        name="film", source="simulation", shots=film_a_good_pilot(FILMED), moves=(FORWARD, LEFT)
+    )
+    write_episode(film, store.new_path("2026-01-01_120000_000"))
+
+
+def open_recording(phone: Any) -> None:
+    phone.evaluate("location.hash = 'home'")
+    phone.locator("button[aria-label*='20']").tap()
+    phone.wait_for_selector(".timeline .you[d]")
+
+
+def test_two_relabels_repair_a_recording_and_before_and_after_say_so(
+    phone: Any, world: World
+) -> None:
+    """A fifth of the labels is wrong; on the page they are put right, taught again, and kept."""
+    shots, repairs = spoil(film_a_good_pilot(400))
+    assert sum(last - first + 1 for first, last, _ in repairs) >= 0.15 * len(shots)
+    store = world.services.persistence.episodes
+    moves = (FORWARD, Action.LEFT)
+    film = Drive(name="film", source="simulation", shots=shots, moves=moves)
+    write_episode(film, store.new_path("2026-01-01_120000_000"))
+    open_recording(phone)
+    for number, (first, last, right) in enumerate(repairs, start=1):
+        steps = (("To", len(shots) - 1), ("From", 0), ("To", last), ("From", first))
+        for label, index in steps:
+            phone.get_by_label(label, exact=True).evaluate(
+                "(e, to) => { e.value = to; e.dispatchEvent(new Event('input')); }", index
+            )
+        phone.locator(".row button", has_text="Forward" if right is FORWARD else "Left").tap()
+        phone.get_by_role("button", name=f"Take back the last of {number}").wait_for()
+    phone.get_by_role("button", name="Teach again", exact=True).tap()
+    phone.locator(".sides").wait_for(timeout=60_000)
+    before, after = (float(s.split()[0]) for s in phone.locator(".sides strong").all_inner_texts())
+    print(f"agreement before {before:.0f} %, after {after:.0f} %")
+    assert after >= before + 5
+    assert phone.locator("home-screen .strip img").count() > 0
+    phone.get_by_role("button", name="Keep and use it").tap()
+    phone.locator("toast-bar, .toasts", has_text="is in use now").first.wait_for()
+    assert world.lessons == len(shots)
+    assert len(world.services.persistence.models.names()) == 1
+
+
+def test_a_recording_plays_scrubs_and_steps_by_keyboard(phone: Any, world: World) -> None:
+    put_recording(world)
+    open_recording(phone)
+    time_slider = phone.get_by_label("Time", exact=True)
+    last = int(time_slider.get_attribute("max"))
+    phone.get_by_role("button", name="Play", exact=True).tap()
+    phone.wait_for_function(
+        f"() => document.querySelector('.player .facts-row input').value == {last}", timeout=20_000
+    )
+    phone.get_by_role("button", name="Play", exact=True).wait_for()
+    phone.locator(".player").focus()
+    phone.keyboard.press("ArrowLeft")
+    phone.keyboard.press("ArrowLeft")
+    assert time_slider.input_value() == str(last - 2)
+    phone.keyboard.press("o")
+    assert phone.get_by_label("To", exact=True).input_value() == str(last - 2)
+    phone.keyboard.press("Space")
+    phone.get_by_role("button", name="Pause", exact=True).wait_for()
+    phone.keyboard.press("Space")
+    time_slider.fill("12")
+    phone.keyboard.press("i")
+    assert phone.get_by_label("From", exact=True).input_value() == "12"
+    assert "You held: " in phone.locator(".player .seen .under").first.inner_text()
+    assert not world.rig.loop.state.emergency, "space played; it is the stop while the robot moves"
+
+
+def test_what_was_taken_back_can_be_made_again_and_a_recording_split(
+    phone: Any, world: World
+) -> None:
+    put_recording(world)
+    store = world.services.persistence.episodes
+    [episode_id] = store.ids()
+    open_recording(phone)
+    phone.get_by_role("button", name="Leave this out").tap()
+    phone.get_by_role("button", name="Take back the last").tap()
+    phone.get_by_role("button", name="Redo").tap()
+    phone.get_by_role("button", name="Take back the last").tap()
+    phone.get_by_role("button", name="Redo").wait_for()
+    assert store.notes(episode_id).edits == ()
+    phone.get_by_label("Time", exact=True).fill("20")
+    phone.get_by_role("button", name="Split here").tap()
+    phone.locator("article >> nth=1").wait_for()
+    ids = list(store.open(episode_id).frames)
+    first, second = sorted(store.ids(), key=len)
+    assert list(store.open(second).frames) == ids[20:]
+    kept = [i for i in ids if not store.notes(first).is_deleted(i)]
+    assert kept == ids[:20]
+
+
+def test_a_protected_recording_is_not_deleted_by_a_tap(phone: Any, world: World) -> None:
+    put_recording(world)
+    store = world.services.persistence.episodes
+    [episode_id] = store.ids()
+    store.protect(episode_id, True)
+    open_recording(phone)
+    assert phone.locator("article").get_by_role("button", name="Delete").count() == 0
+    answer = httpx.delete(f"{world.address}/api/episodes/{episode_id}")
+    assert answer.status_code == 409
+    assert "protected" in answer.json()["detail"]
+    assert store.ids() == [episode_id]
+
+
+def test_two_recordings_are_taught_together(phone: Any, world: World) -> None:
+    put_recording(world)
+    put_recording(world)
+    phone.evaluate("location.hash = 'home'")
+    phone.get_by_label("Teach again from").nth(1).wait_for()
+    for tick in phone.get_by_label("Teach again from").all():
+        tick.check()
+    phone.get_by_role("button", name="Teach again from the 2 ticked").tap()
+    phone.get_by_text("Taught again from").wait_for(timeout=60_000)
+    shown = phone.locator("h3", has_text="Taught again").inner_text()
+    assert shown == f"Taught again from {2 * FILMED} examples"
+    phone.get_by_role("button", name="Drop it").tap()
+    phone.get_by_text("Taught again from").wait_for(state="detached")
+    assert world.lessons == 0

@@ -10,11 +10,28 @@ import { language, t } from '../i18n.js';
 export async function listEpisodes(home) {
   const [answer, storage] = await Promise.all(['episodes', 'storage'].map((what) => ask('GET', `/api/${what}`).catch(() => null)));
   if (!answer || !home.isConnected) return;
-  const list = answer.episodes.map((/** @type {any} */ episode) => card(home, episode, answer.recording === episode.id));
+  const seen = answer.episodes.filter((/** @type {any} */ episode) => episode.frames || answer.recording === episode.id);
+  const list = seen.map((/** @type {any} */ episode) => card(home, episode, answer.recording === episode.id));
   const part = /** @type {HTMLElement} */ (home.episodes);
   fill(part, h('h2', {}, t('episodes')), answer.fault ? h('p', { class: 'hint' }, answer.fault) : null,
     storage?.offered.length ? h('p', { class: 'hint' }, t('episodes.full', { names: storage.offered.map(title).join(', ') })) : null,
-    ...(list.length ? list : [h('p', { class: 'hint' }, t('episodes.none'))]));
+    home.offer, ...(list.length ? list : [h('p', { class: 'hint' }, t('episodes.none'))]));
+  const ids = new Set(seen.map((/** @type {any} */ episode) => episode.id));
+  for (const id of home.ticked) if (!ids.has(id)) home.ticked.delete(id);
+  offer(home);
+}
+
+/** Several recordings can be taught together. @param {Home} home */
+function offer(home) {
+  const place = /** @type {HTMLElement} */ (home.offer);
+  const n = home.ticked.size;
+  fill(place, n ? h('button', { type: 'button', class: 'primary', onclick: () => teachTogether(home) }, t('again.together', { n })) : null);
+}
+
+/** Teach again from what is ticked, and from the one that is open. @param {Home} home @param {string[]} more */
+async function teachTogether(home, ...more) {
+  const { teachAgain } = await import('./teach-again.js');
+  await teachAgain(home, [...new Set([...home.ticked, ...more])]);
 }
 
 /** @param {Home} home @param {any} episode @param {boolean} isOn */
@@ -27,7 +44,9 @@ function card(home, episode, isOn) {
     more.hidden = !isOpen;
     toggle.setAttribute('aria-expanded', String(isOpen));
     if (isOpen && !strip.children.length) showStrip(home, path, strip);
-    if (isOpen && !isOn && !tools.children.length) import('./episode-mend.js').then(({ mend }) => mend(home, path, tools));
+    if (isOpen && !isOn && !tools.children.length) {
+      import('./episode-player.js').then(({ openPlayer }) => openPlayer(home, path, tools, () => teachTogether(home, episode.id)));
+    }
   };
   const toggle = h('button', {
     type: 'button', class: 'quiet', 'aria-label': t('home.more', { name: title(episode) }),
@@ -39,10 +58,18 @@ function card(home, episode, isOn) {
   append(more, [strip, tools, isOn ? null : naming(home, path, episode), h('div', { class: 'row' },
     h('a', { class: 'button', href: `${path}/file`, download: '' }, t('download')),
     isOn ? null : h('button', { type: 'button', 'aria-pressed': String(episode.protected), onclick: () => change(home, path, { protected: !episode.protected }) }, t('episodes.protect')),
-    isOn ? null : h('button', { type: 'button', onclick: () => remove(home, path, title(episode)) }, t('delete')))]);
+    isOn || episode.protected ? null : h('button', { type: 'button', onclick: () => remove(home, path, title(episode)) }, t('delete')))]);
   show(home.openEpisode === episode.id);
   const tags = [isOn ? 'episodes.on' : '', episode.protected ? 'episodes.protected' : ''].filter(Boolean);
-  return h('article', { class: 'panel stack' }, h('div', { class: 'facts-row' },
+  const tick = h('input', {
+    type: 'checkbox', checked: home.ticked.has(episode.id), 'aria-label': t('again.tick', { name: title(episode) }),
+    onchange: () => {
+      if (tick.checked) home.ticked.add(episode.id);
+      else home.ticked.delete(episode.id);
+      offer(home);
+    },
+  });
+  return h('article', { class: 'panel stack' }, h('div', { class: 'facts-row' }, isOn || !episode.lessons ? null : h('label', { class: 'tick' }, tick),
     h('div', { class: 'grow' }, h('h3', {}, title(episode), ...tags.map((key) => h('span', { class: 'tag' }, t(key)))),
       h('small', {}, facts(episode))), toggle), more);
 }

@@ -12,6 +12,11 @@ import { Screen } from './screen.js';
  */
 
 export class HomeScreen extends Screen {
+  again = h('div', { class: 'stack' });
+  offer = h('div', { class: 'row' });
+  /** @type {Set<string>} recordings to teach again from */
+  ticked = new Set();
+
   build() {
     /** @type {string | null} */
     this.open = null;
@@ -28,10 +33,15 @@ export class HomeScreen extends Screen {
       h('div', { class: 'row' },
         h('button', { type: 'button', onclick: () => this.begin() }, t('home.begin')),
         h('button', { type: 'button', onclick: () => file.click() }, t('home.upload')), file),
-      this.episodes,
+      this.again, this.episodes,
     ]);
     this.refresh();
-    import('./episode-list.js').then(({ listEpisodes }) => listEpisodes(this));
+    this.listEpisodes();
+    import('./teach-again.js').then(({ showTeaching }) => showTeaching(this));
+  }
+
+  async listEpisodes() {
+    await (await import('./episode-list.js')).listEpisodes(this);
   }
 
   async refresh() {

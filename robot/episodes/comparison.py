@@ -1,0 +1,134 @@
+"""Teaching again, and what it changed: the learner from before and after mending, side by side.
+
+Both are judged on frames that neither was taught: of each recording, every fifth of fifty stretches
+is held out. The learner from before was taught the others with the labels as they were driven, the
+one from after with the labels as they were mended; right is what the person says now.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from robot.episodes.edits import Notes
+from robot.episodes.teaching import Mended, Step, learn_again, plan
+from robot.policy.policy import Policy
+from robot.types import Action
+
+_STRETCHES = 50
+_HELD_OUT = range(2, _STRETCHES, 5)
+FEWEST_FRAMES = 50
+"""With fewer labelled frames nothing is held out: there is too little to judge by."""
+_SHOWN = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """A held-out frame on which the two learners differ."""
+
+    episode_id: str
+    frame_id: int
+    label: Action
+    before: Action | None
+    after: Action | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """How often each learner would have done what the person says, and where they differ.
+
+    Attributes:
+        frames: How many held-out frames both were asked about.
+        before: Share of them on which the learner from before agreed.
+        after: The same for the learner from after.
+        mended: Up to ten frames that are right now and were not, spread over all of them.
+        broken: Up to ten frames that were right and are not any more.
+    """
+
+    frames: int
+    before: float
+    after: float
+    mended: tuple[Difference, ...]
+    broken: tuple[Difference, ...]
+
+
+def compare(
+    mended: Sequence[Mended],
+    new_policy: Callable[[], Policy],
+    on_step: Callable[[], None] = lambda: None,
+) -> Comparison | None:
+    """Teach two learners, from before and after mending, and compare them.
+
+    Args:
+        mended: Recordings, in order, and what was mended of each.
+        new_policy: Makes an empty learner.
+        on_step: Told of each frame that is learned or judged.
+
+    Returns:
+        What came of it; None if there is too little to judge by.
+    """
+    asked = _held_out(mended)
+    if asked is None:
+        return None
+    spans = {(step.episode.id, step.frame_id) for step in asked}
+
+    def is_taught(step: Step) -> bool:
+        return (step.episode.id, step.frame_id) not in spans
+
+    unmended = [(episode, Notes()) for episode, _ in mended]
+    before, after = new_policy(), new_policy()
+    learn_again(before, unmended, only=is_taught, on_step=on_step)
+    learn_again(after, mended, only=is_taught, on_step=on_step)
+    differences, right_before, right_after = [], 0, 0
+    for step in asked:
+        assert step.label is not None
+        x = after.extract(step.episode.frame(step.frame_id))
+        was = before.propose(step.frame_id, x).action
+        now = after.propose(step.frame_id, x).action
+        right_before += was == step.label
+        right_after += now == step.label
+        if (was == step.label) != (now == step.label):
+            differences.append(
+                Difference(
+                    episode_id=step.episode.id,
+                    frame_id=step.frame_id,
+                    label=step.label,
+                    before=was,
+                    after=now,
+                )
+            )
+        on_step()
+    return Comparison(
+        frames=len(asked),
+        before=right_before / len(asked),
+        after=right_after / len(asked),
+        mended=_spread([d for d in differences if d.after == d.label]),
+        broken=_spread([d for d in differences if d.before == d.label]),
+    )
+
+
+def count_steps(mended: Sequence[Mended]) -> int:
+    """Return how often `compare` will call `on_step`: about twice what there is to learn."""
+    asked = _held_out(mended)
+    if asked is None:
+        return 0
+    unmended = [(episode, Notes()) for episode, _ in mended]
+    return len(plan(unmended)) + len(plan(mended)) - len(asked)
+
+
+def _held_out(mended: Sequence[Mended]) -> list[Step] | None:
+    labelled = [s for s in plan(mended) if s.label and s.frame_id in s.episode.frames]
+    if len(labelled) < FEWEST_FRAMES:
+        return None
+    found: list[Step] = []
+    for episode, _ in mended:
+        own = [step for step in labelled if step.episode is episode]
+        for number in _HELD_OUT:
+            ends = [len(own) * n // _STRETCHES for n in (number, number + 1)]
+            found += own[ends[0] : ends[1]]
+    return found
+
+
+def _spread(found: list[Difference]) -> tuple[Difference, ...]:
+    step = max(1, -(-len(found) // _SHOWN))
+    return tuple(found[::step])

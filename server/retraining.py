@@ -1,0 +1,139 @@
+"""Teaching again from recordings, in the background: before and after, then keep or drop."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from robot.clock import Clock
+from robot.episodes.comparison import Comparison, compare, count_steps
+from robot.episodes.store import EpisodeStore
+from robot.episodes.teaching import Mended, Report, learn_again, plan
+from robot.errors import ConfigurationError, RobotError
+from robot.models.model import Model, take_model
+from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
+from robot.types import DEFAULT_MOVES
+
+_BREATH_S = 0.0005
+"""After each step the control loop's thread gets its turn."""
+
+
+class _DroppedError(Exception):
+    """A person dropped what is being taught."""
+
+
+class Retraining:
+    """At most one run at a time; its outcome stays until it is kept or dropped."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._run: _Run | None = None
+
+    def begin(self, store: EpisodeStore, episode_ids: Sequence[str], learner: str) -> None:
+        """Begin to teach an empty learner again, in place of any run before.
+
+        Args:
+            store: Where the recordings are.
+            episode_ids: Which ones, in any order: they are taught in the order they were driven.
+            learner: Name of the learner.
+
+        Raises:
+            ConfigurationError: If a run is under way, or there is nothing to learn.
+            NotFoundError: If there is no such recording.
+            RecordingError: If one cannot be read.
+        """
+        if not episode_ids:
+            raise ConfigurationError("choose at least one recording to teach from")
+        mended = [
+            (store.open(episode_id), store.notes(episode_id))
+            for episode_id in sorted(set(episode_ids))
+        ]
+        if not plan(mended):
+            raise ConfigurationError("nothing was taught in these recordings, or all is left out")
+        run = _Run(mended, learner, self._clock)
+        with self._lock:
+            if self._run is not None and self._run.is_running:
+                raise ConfigurationError("something is being taught already; drop it first")
+            self._run = run
+        self._clock.start_thread(run.work, "retraining")
+
+    def take(self) -> Model:
+        """Return the model that was taught; it stays until `drop`.
+
+        Raises:
+            ConfigurationError: If there is none yet.
+        """
+        run = self._run
+        if run is None or run.model is None:
+            raise ConfigurationError("nothing has been taught again yet")
+        return run.model
+
+    def drop(self) -> None:
+        """Forget the run, or end it."""
+        with self._lock:
+            run, self._run = self._run, None
+        if run is not None:
+            run.is_dropped = True
+
+    def describe(self) -> dict[str, Any]:
+        """Return how it stands, as the page gets it."""
+        run = self._run
+        return {"state": "idle"} if run is None else run.describe()
+
+
+class _Run:
+    def __init__(self, mended: list[Mended], learner: str, clock: Clock) -> None:
+        self._mended, self._learner, self._clock = mended, learner, clock
+        self._total = len(plan(mended)) + count_steps(mended)
+        self._done = 0
+        self._report: Report | None = None
+        self._comparison: Comparison | None = None
+        self._error: str | None = None
+        self.is_running = True
+        self.is_dropped = False
+        self.model: Model | None = None
+
+    def work(self) -> None:
+        """Compare, then teach everything; on a thread of its own."""
+        try:
+            self._comparison = compare(self._mended, self._new_policy, self._step)
+            policy = self._new_policy()
+            self._report = learn_again(policy, self._mended, on_step=self._step)
+            taught = Counter(self._report.taught)
+            self.model = take_model(policy, taught, saved_at_s=self._clock.wall_s())
+        except _DroppedError:
+            pass
+        except (RobotError, OSError, ValueError) as error:
+            self._error = str(error)
+        finally:
+            self.is_running = False
+
+    def _new_policy(self) -> Policy:
+        moves = tuple(dict.fromkeys(move for e, _ in self._mended for move in e.moves))
+        return make_policy(self._learner, moves or DEFAULT_MOVES)
+
+    def _step(self) -> None:
+        self._done += 1
+        self._clock.sleep(_BREATH_S)
+        if self.is_dropped:
+            raise _DroppedError
+
+    def describe(self) -> dict[str, Any]:
+        state = "running" if self.is_running else "failed" if self._error else "done"
+        report, comparison = self._report, self._comparison
+        return {
+            "state": state,
+            "learner": self._learner,
+            "episodes": [episode.id for episode, _ in self._mended],
+            "share": min(1.0, self._done / max(self._total, 1)) if self.is_running else 1.0,
+            "error": self._error,
+            "taught": {} if report is None else {m.value: n for m, n in report.taught.items()},
+            "missing_frames": 0 if report is None else report.missing_frames,
+            "left_out_edits": 0 if report is None else report.left_out_edits,
+            "comparison": None if comparison is None else asdict(comparison),
+        }

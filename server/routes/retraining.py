@@ -1,0 +1,65 @@
+"""`/api/retraining`: teach again from recordings; see before and after; keep or drop."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Depends, HTTPException, Request
+
+from server.routes.bodies import do, read_body, text_field
+from server.security.guard import require_pilot, require_viewer
+from server.services import persistence_of, services_of
+
+router = APIRouter(prefix="/api/retraining")
+VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
+_MOST_EPISODES = 100
+
+
+@router.get("", dependencies=[VIEWER])
+def describe_retraining(request: Request) -> dict[str, Any]:
+    """Return how it stands: idle, running, done or failed."""
+    return services_of(request).retraining.describe()
+
+
+@router.post("", dependencies=[PILOT], status_code=202)
+async def begin_retraining(request: Request) -> dict[str, Any]:
+    """Teach an empty learner again: {episodes: [id, ...], learner?}."""
+    body = await read_body(request)
+    episodes = body.get("episodes")
+    if not isinstance(episodes, list) or not all(isinstance(name, str) for name in episodes):
+        raise HTTPException(400, "'episodes' must be a list of recordings' names.")
+    if len(episodes) > _MOST_EPISODES:
+        raise HTTPException(400, f"At most {_MOST_EPISODES} recordings can be taught together.")
+    services = services_of(request)
+    learner = text_field(body, "learner") or services.robot.loop.state.learner
+    store = persistence_of(request).episodes
+    await do(services.retraining.begin, store, episodes, learner)
+    return services.retraining.describe()
+
+
+@router.post("/keep", dependencies=[PILOT], status_code=201)
+async def keep(request: Request) -> dict[str, str]:
+    """Keep what was taught as a model, {name?}, and use it; 409 unless the robot is stopped."""
+    name = text_field(await read_body(request), "name")
+    services, persistence = services_of(request), persistence_of(request)
+
+    def save() -> str:
+        model = services.retraining.take()
+        kept = persistence.models.free_name(name or services.identity.now.name)
+        persistence.models.save(kept, model)
+        try:
+            persistence.autosave.load(kept)
+        except BaseException:
+            persistence.models.delete(kept)
+            raise
+        services.retraining.drop()
+        return kept
+
+    return {"name": await do(save)}
+
+
+@router.delete("", dependencies=[PILOT])
+def drop(request: Request) -> dict[str, Any]:
+    """Drop what was taught, or what is being taught."""
+    services_of(request).retraining.drop()
+    return {"state": "idle"}
