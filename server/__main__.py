@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
@@ -23,7 +24,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     from server.cli.main import main as run
 
-    return run(argv)
+    try:
+        return run(argv)
+    except BrokenPipeError:  # whoever read our output, such as `head`, has ended
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ class Limits:
     idle_s: float = 30.0
     """A client that says nothing for so long is shown out."""
     pairing_failures: int = 10
-    """Wrong tokens of one address in a minute before it is told to wait. The right token is
+    """Wrong tokens from one address in a minute before it has to wait. The right token is
     admitted even then."""
     strangers: int = 128
     """Connections of all that were not admitted yet."""
@@ -45,7 +45,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Config:
-    """What a running server is told. Field by field in docs/reference/configuration.md."""
+    """The settings of a running server. Field by field in docs/reference/configuration.md."""
 
     host: str = "127.0.0.1"
     port: int = 8000

@@ -33,7 +33,7 @@ class Histogram:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
-    """All that is told, gathered in one place."""
+    """All measurements, gathered in one place."""
 
     state: LoopState
     now_s: float

@@ -1,4 +1,4 @@
-"""What the server keeps on disk, joined to one robot: models, and the recordings of its runs."""
+"""What the server keeps on disk for one robot: models, and the recordings of its runs."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ log = logging.getLogger(__name__)
 
 
 class Persistence(StartStop):
-    """Starts and stops what keeps. A context manager, inside of the rig's.
+    """Starts and stops autosave and recorder. A context manager, inside the rig's.
 
     Args:
         storage: The data folder.
         rig: The robot.
         name: What a new model is called.
-        options: What stands in recordings.
-        announce: Told of what pages should know.
-        fault: Why nothing can be kept, if so: the robot then drives without.
+        options: Written into recordings.
+        announce: Called with events that clients should know.
+        fault: Why nothing can be kept, if so: the robot then drives without it.
     """
 
     def __init__(
@@ -78,14 +78,14 @@ class Persistence(StartStop):
         return self.recorder.episode_id
 
     def start(self) -> None:
-        """Take the folder, recover from a power cut, and begin to keep.
+        """Lock the folder, recover from a power cut, and start saving and recording.
 
         What was kept before is loaded by `autosave.load_last`.
 
         Where nothing can be kept, say so, and leave it at that: the robot drives.
 
         Raises:
-            ConfigurationError: If another program keeps its models there.
+            ConfigurationError: If another program uses the folder.
         """
         if self._fault is not None:
             self.recorder.refuse(f"Nothing is recorded: {self._fault}")
@@ -119,7 +119,7 @@ class Persistence(StartStop):
             self._announce("model_not_saved", detail=str(error))
 
     def stop(self) -> None:
-        """Finish the recording and save what was learned; the loop must still turn. Idempotent."""
+        """Finish the recording and save what was learned; the loop must still run. Idempotent."""
         self.recorder.stop()
         self.autosave.stop()
         self.journal.stop()

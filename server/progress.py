@@ -1,6 +1,6 @@
-"""What the page asks about the lesson so far: how agreement rose, and what is in the gallery.
+"""What the page shows of the training: how agreement rose, and what is in the gallery.
 
-The loop's thread only takes note here; pictures are fetched from the learner when a page asks,
+The loop's thread only records here; pictures are fetched from the learner when a page asks,
 and kept until something is taught or changed.
 """
 
@@ -22,7 +22,7 @@ from robot.policy.history import Replaced, Taught, Undone
 from robot.policy.policy import LearnedImage
 
 MARK_EVERY = 10
-"""Lessons between two marks of the curve."""
+"""Examples between two marks of the curve."""
 _MARKS = 2000
 _REMEMBERED = 512
 """So many images are remembered, also those that are no longer there."""
@@ -32,7 +32,7 @@ _REFRESH_S = 0.4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
-    """How things stood after so many lessons. `at_s` is in seconds since 1970."""
+    """How things stood after so many examples. `at_s` is in seconds since 1970."""
 
     lessons: int
     agreement: float
@@ -41,7 +41,7 @@ class Mark:
 
 
 class Progress(StartStop):
-    """Follows one robot's lessons. A context manager: it follows inside of the block."""
+    """Follows one robot's training. A context manager: it follows inside the block."""
 
     def __init__(
         self,
@@ -98,13 +98,13 @@ class Progress(StartStop):
         self._marks = [*self._marks[-_MARKS:], mark]
 
     def history(self, points: int = 200) -> list[Mark]:
-        """Return at most so many marks, spread over the whole lesson, oldest first."""
+        """Return at most so many marks, spread over the whole training, oldest first."""
         marks = self._marks
         step = max(1, -(-len(marks) // points))
         return marks[::-1][::step][::-1]
 
     def mark_of(self, lesson: int) -> Mark | None:
-        """Return the mark that covers a lesson; None if it was before this start."""
+        """Return the mark that covers an example; None if it was taught before this start."""
         marks = self._marks
         at = bisect_left(marks, lesson, key=lambda mark: mark.lessons)
         if lesson < 1 or at == len(marks):

@@ -1,4 +1,4 @@
-"""One robot's guided lesson: which one is on, and the results of those before."""
+"""One robot's guided study: the run in progress, and the results of earlier ones."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _RESULT = re.compile(r"\d{8}-\d{6}-trial-[1-3]")
 
 
 class Study(StartStop):
-    """Follows the loop while a lesson is on. A context manager: it follows inside of the block.
+    """Follows the loop during a study run. A context manager: it follows inside the block.
 
-    `pace` is how many seconds of a lesson go by in a second: 1, but for demonstrations and tests.
+    `pace` is how many seconds of a run pass in a second: 1 except in demonstrations and tests.
     """
 
     def __init__(
@@ -66,23 +66,23 @@ class Study(StartStop):
             self._announce("lesson", phase=lesson.phase.value)
 
     def begin(self, trial: int, teach_s: int) -> StudyRun:
-        """Begin a lesson in place of any that is on."""
+        """Begin a run in place of any in progress."""
         self.lesson = StudyRun(trial, teach_s, self.pace)
         self.result, self._episodes, self._began_s = None, [], self._clock.wall_s()
         return self.lesson
 
     def abandon(self) -> None:
-        """End the lesson without a result."""
+        """End the run without a result."""
         self.lesson = self.result = None
 
     def judge(self, answer: int, folder: Path) -> dict[str, Any]:
         """Take the closing answer and keep the result.
 
         Raises:
-            ConfigurationError: If no lesson is at its end, or the answer is none.
+            ConfigurationError: If no run has reached its end, or the answer is not valid.
         """
         if self.lesson is None:
-            raise ConfigurationError("no lesson is on")
+            raise ConfigurationError("no lesson is in progress")
         self.lesson.judge(answer)
         began = time.strftime("%Y%m%d-%H%M%S", time.localtime(self._began_s))
         self.result = {
@@ -99,7 +99,7 @@ class Study(StartStop):
         return self.result
 
     def describe(self) -> dict[str, Any] | None:
-        """Return the lesson that is on, as the page gets it; None if there is none."""
+        """Return the run in progress as the page gets it; None if there is none."""
         lesson = self.lesson
         if lesson is None:
             return None

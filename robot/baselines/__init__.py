@@ -40,4 +40,4 @@ def make(kind: str, number: int) -> Learner:
         from robot.baselines.online import RiverSoftmax
 
         return RiverSoftmax()
-    raise LookupError(f"no baseline is called {kind!r}")
+    raise LookupError(f"unknown baseline {kind!r}")

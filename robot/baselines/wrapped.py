@@ -23,8 +23,8 @@ Floats = NDArray[np.float64]
 class Baseline(BaseLearner):
     """A learner from a library behind the learner's interface, for comparison and for teaching.
 
-    Its state is its lessons: `set_state` learns them again, which gives the same learner because
-    every baseline is seeded. Memory therefore grows with the lessons.
+    Its state is its examples: `set_state` learns them again, which gives the same learner because
+    every baseline is seeded. Memory therefore grows with the examples.
     """
 
     kind: str
@@ -71,7 +71,7 @@ class Baseline(BaseLearner):
         """Become as new."""
 
     def get_state(self) -> State:
-        """Return a copy of all lessons."""
+        """Return a copy of all examples."""
         arrays = {"xs": np.stack(self._xs)} if self._xs else {}
         return State(kind=self.kind, params={}, arrays=arrays, labels=list(self._ys))
 

@@ -159,7 +159,7 @@ def _label(
         return label
     angle = _find(row, _ANGLE)
     if text is not None and angle is None:
-        raise RecordingError(f"the table {path} has a label {text[:40]!r} that is no move")
+        raise RecordingError(f"the table {path} has a label {text[:40]!r} that is not a move")
     throttle = _find(row, _THROTTLE)
     return to_move(_number(angle, path), _number(throttle, path) if throttle else None, threshold)
 

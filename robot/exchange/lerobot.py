@@ -75,7 +75,7 @@ def write_lerobot(
     """Write recordings as one dataset; return how many LeRobot episodes it has.
 
     Args:
-        mended: Recordings and what was mended of them.
+        mended: Recordings with their edits.
         folder: A new folder.
         fps: Pictures a second; None for the first recording's own.
         task: What the robot was doing, in words.

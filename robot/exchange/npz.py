@@ -106,7 +106,7 @@ def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:
     if int(labels.max()) >= len(DEFAULT_MOVES) or int(labels.min()) < 0:
         raise RecordingError(f"the recording {path} has labels other than 0, 1 and 2")
     if not np.isfinite(t).all():
-        raise RecordingError(f"the recording {path} has times that are no numbers")
+        raise RecordingError(f"the recording {path} has times that are not numbers")
     data = jpeg.tobytes()
     bounds = offsets.tolist()
     return Recording(
@@ -125,5 +125,5 @@ def _meta(path: Path, text: NDArray[Any] | None) -> dict[str, Any]:
     try:
         meta = json.loads(str(text))
     except ValueError as error:
-        raise RecordingError(f"the recording {path} has notes that are no JSON") from error
+        raise RecordingError(f"the recording {path} has notes that are not JSON") from error
     return meta if isinstance(meta, dict) else {}

@@ -60,10 +60,12 @@ def read_picture(data: bytes, name: str) -> Picture:
     """
     size = _size(data)
     if size is None:
-        raise RecordingError(f"{name} is no picture (JPEG or PNG)")
+        raise RecordingError(f"{name} is not a picture (JPEG or PNG)")
     width, height = size
     if not (0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX):
-        raise RecordingError(f"{name} claims to be {width}x{height} pixels; that is refused")
+        raise RecordingError(
+            f"{name} claims to be {width}x{height} pixels, more than the {MAX_SIDE_PX} allowed"
+        )
     pixels = _decode(data)
     if pixels is None or pixels.shape != (height, width, 3):
         raise RecordingError(f"{name} is a damaged picture")
@@ -105,7 +107,7 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
     """
     size = _size(data) if data.startswith(_JPEG) else None
     if size is None:
-        raise RecordingError("this is no JPEG")
+        raise RecordingError("not a JPEG")
     return size
 
 

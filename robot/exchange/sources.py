@@ -24,4 +24,6 @@ def read_drive(path: Path, threshold: float = DEFAULT_THRESHOLD) -> Drive:
         return read_npz(path)
     if path.suffix == ".csv" and path.is_file():
         return read_folder(path.parent, threshold, table=path)
-    raise RecordingError(f"{path} is no tub, no folder with a CSV table and no .npz recording")
+    raise RecordingError(
+        f"{path} is neither a donkeycar tub, nor a folder with a CSV table, nor an .npz recording"
+    )

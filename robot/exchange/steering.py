@@ -21,7 +21,7 @@ def to_move(
         threshold: An angle beyond it is a turn.
 
     Returns:
-        FORWARD, LEFT or RIGHT; None for a car that stands or drives backward: that is no lesson.
+        FORWARD, LEFT or RIGHT; None for a car that stands or drives backward.
     """
     if throttle is not None and throttle <= 0.0:
         return None

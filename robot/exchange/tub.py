@@ -50,7 +50,7 @@ def read_tub(folder: Path, threshold: float = DEFAULT_THRESHOLD) -> Drive:
     """Read a tub; its pictures are read when the drive is written.
 
     Raises:
-        RecordingError: If it is no tub, or broken.
+        RecordingError: If it is not a tub, or broken.
     """
     is_second = (folder / "manifest.json").is_file()
     records = _read_second(folder) if is_second else _read_first(folder)
@@ -184,13 +184,13 @@ def write_tub(
     """Write an episode as a tub 2; return how many records it has.
 
     Pictures keep their bytes (JPEG) or their pixels (PNG). Each record also has the label and the
-    frame id, so that reading the tub again gives the same lessons, whatever the threshold. Angle
+    frame id, so that reading the tub again gives the same examples, whatever the threshold. Angle
     and throttle are what the driver declared of each move; where a move has none, as `push`, the
     tub has no such columns: a zero would teach a car to stand.
 
     Args:
         episode: What is exported.
-        notes: What was mended of it.
+        notes: Its edits.
         folder: A new folder.
         taught_only: Leave out the pictures that nobody taught.
         on_frame: Told of each picture.

@@ -30,13 +30,15 @@ def checked_vector(x: Vector, n_features: int | None = None) -> Vector:
     """
     array = np.asarray(x)
     if array.ndim != 1 or array.size == 0:
-        raise ValueError(f"a feature vector has one dimension and some values, not {array.shape}")
+        raise ValueError(
+            f"a feature vector must be one-dimensional and not empty, not {array.shape}"
+        )
     if array.dtype.kind not in "fiub":
-        raise ValueError(f"a feature vector holds numbers, not {array.dtype}")
+        raise ValueError(f"a feature vector must hold numbers, not {array.dtype}")
     if n_features is not None and array.size != n_features:
-        raise ValueError(f"the vector has {array.size} values, learned were {n_features}")
+        raise ValueError(f"the vector has {array.size} values; the learner expects {n_features}")
     if array.dtype.kind == "f" and not np.isfinite(array).all():
-        raise ValueError("the vector holds values that are not finite")
+        raise ValueError("the vector has values that are not finite")
     return array
 
 
@@ -65,7 +67,7 @@ class Abilities:
     Attributes:
         images: It keeps images that `nodes` lists and that can be relabelled and deleted.
         pinning: An image can be kept from being merged.
-        novelty: `Evidence.novelty` tells a view unlike all that was learned.
+        novelty: `Evidence.novelty` shows how unlike all that was learned a view is.
     """
 
     images: bool = False
@@ -124,7 +126,7 @@ class Learner(Protocol):
         ...
 
     def predict_one(self, x: Vector) -> Label:
-        """Return the most likely label. Raises NotFittedError before the first lesson."""
+        """Return the most likely label. Raises NotFittedError before the first example."""
         ...
 
     def predict_proba_one(self, x: Vector) -> dict[Label, float]:

@@ -128,7 +128,7 @@ class BSOCClassifier:
         """Return the label with most votes, the first learned on a tie.
 
         Raises:
-            NotFittedError: Before the first lesson.
+            NotFittedError: Before the first example.
             ValueError: If `x` is of another shape or not finite.
         """
         return self.labels_[int(self._votes(x)[1].argmax())]

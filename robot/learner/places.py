@@ -151,7 +151,7 @@ class MultiPlace:
 
         A robot that drives stays in its place, however new the views it meets; it is carried
         to another only between drives. So after `reset` the place is looked for: the next
-        `_SEARCH` lessons wait until they show together which place fits, or that none does.
+        `_SEARCH` examples wait until they show together which place fits, or that none does.
 
         Raises:
             ValueError: If `x` or `y` cannot be learned; the learner is then unchanged.
@@ -172,7 +172,7 @@ class MultiPlace:
         self._teach(x, y, bits)
 
     def _settle_pending(self) -> None:
-        """Decide to which place the waiting lessons belong, and teach them."""
+        """Decide to which place the waiting examples belong, and teach them."""
         if not self._pending:
             return
         views = [self._bits(x) for x, _ in self._pending]

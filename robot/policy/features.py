@@ -22,7 +22,7 @@ class Features(Protocol):
     name: str
 
     def extract(self, frame: Frame) -> Vector:
-        """Return the frame's vector. Raises CameraError for bytes that are no image."""
+        """Return the frame's vector. Raises CameraError for bytes that are not an image."""
         ...
 
     def thumbnail(self, x: Vector) -> NDArray[np.uint8]:

@@ -1,9 +1,9 @@
-"""What was taught, as a log of events: the learner is what the log makes of it.
+"""Event-sourced training history with snapshots, so that recent training can be undone exactly.
 
-Merging loses detail, so a lesson cannot be taken back out of a learner. Instead the log keeps the
-last minute's events and, in front of them, snapshots of the learner: undoing means going back to
-a snapshot and learning again all but what is to go. Afterwards the learner is bit for bit as if
-the undone lessons had never been.
+Merging loses detail, so an example cannot be removed from a learner. Instead the log keeps the last
+minute's events and snapshots of the learner: undo goes back to a snapshot and learns all examples
+again except those to be removed. Afterwards the learner is bit for bit as if
+the undone examples had never been.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ SNAPSHOT_EVERY_S = 10.0
 UNDO_HORIZON_S = 35.0
 """Teaching time that is kept for undoing."""
 _LONGEST_STEP_S = 0.5
-"""A longer gap between two lessons was a pause of the pilot, not teaching."""
+"""A longer gap between two examples was a pause of the pilot, not teaching."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Taught:
-    """One lesson with the vector that was learned and the teaching time at which it was."""
+    """One example with the vector that was learned and the teaching time at which it was."""
 
     lesson: Example
     x: Vector
@@ -46,7 +46,7 @@ class Edited:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undone:
-    """Lessons that were taken back, or with no frame ids the last edit."""
+    """Examples that were taken back, or with no frame ids the last edit."""
 
     frame_ids: tuple[int, ...]
 
@@ -79,11 +79,11 @@ class _Snapshot:
 
 
 class TrainingHistory:
-    """Teaches a policy, and can take the last lessons back.
+    """Teaches a policy, and can take the last examples back.
 
     Args:
-        policy: What learns. It belongs to the school from now on.
-        on_event: Told of everything that changes the learner, in order; for the recorder.
+        policy: What learns. From now on only the history may change it.
+        on_event: Called with everything that changes the learner, in order; for the recorder.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class TrainingHistory:
 
     @property
     def lessons(self) -> int:
-        """How many lessons the learner holds."""
+        """How many examples the learner holds."""
         return self.taught.total()
 
     @property
@@ -155,12 +155,12 @@ class TrainingHistory:
         self._record(event)
 
     def last_lessons(self, seconds: float) -> list[Taught]:
-        """Return the lessons of the last `seconds` of teaching, oldest first: what undo drops."""
+        """Return the examples of the last `seconds` of teaching, oldest first: what undo drops."""
         since_s = self._teaching_s - seconds
         return [e for e in self._events if isinstance(e, Taught) and e.at_s > since_s]
 
     def undo(self, seconds: float) -> list[Example]:
-        """Un-learn the last `seconds` of teaching (35 at most); return the lessons that are gone.
+        """Un-learn the last `seconds` of teaching (35 at most); return the examples that are gone.
 
         Edits made in that time stay, unless the image they were made to is no longer there.
         """
@@ -175,7 +175,7 @@ class TrainingHistory:
         return [taught.lesson for taught in gone]
 
     def undo_edit(self) -> bool:
-        """Take the last edit back, keeping every lesson; False if there is none to take back."""
+        """Take the last edit back, keeping every example; False if there is none to take back."""
         edits = [event for event in self._events if isinstance(event, Edited)]
         if edits:
             self._rebuild_without(edits[-1:])

@@ -17,7 +17,7 @@ def to_rgb(frame: Frame) -> Pixels:
     """Return the frame's pixels, shape (height, width, 3).
 
     Raises:
-        CameraError: If the bytes are no image of the frame's size.
+        CameraError: If the bytes are not an image of the frame's size.
         MissingExtraError: If a JPEG is to be read and OpenCV is not installed.
     """
     if frame.encoding is Encoding.JPEG:
@@ -123,7 +123,7 @@ def _decode_jpeg(frame: Frame, *, colour: bool) -> Pixels:
     except cv2.error:
         pixels = None
     if pixels is None:
-        raise CameraError(f"frame {frame.frame_id} is no JPEG that can be read")
+        raise CameraError(f"frame {frame.frame_id} is not a readable JPEG")
     decoded: Pixels = pixels
     return decoded
 

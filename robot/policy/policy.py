@@ -1,4 +1,4 @@
-"""What the robot would do: features, learner and steadiness joined into one policy."""
+"""What the robot would do: features, learner and action filter joined into one policy."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class LearnedImage:
     """One node as the gallery shows it.
 
     `node_id` follows the node through merges, `index` is its present place. `last_used` and
-    `last_taught` are the numbers of the proposal and of the lesson that met it last (0: never).
+    `last_taught` are the numbers of the latest proposal and example that matched it (0: none).
     """
 
     node_id: int
@@ -41,7 +41,7 @@ class LearnedImage:
 
 
 class Policy:
-    """Frames in, proposed actions out; and lessons in between.
+    """Proposes an action for each frame, and learns from examples.
 
     Not safe for several threads: one loop owns it.
 
@@ -51,7 +51,7 @@ class Policy:
         learner: Learns and recognises.
         features: From frame to vector.
         moves: What it may propose.
-        steadiness: From the votes on one frame to a steady drive; the default's unless given.
+        action_filter: Makes a steady drive of the votes on single frames; the default's if None.
     """
 
     def __init__(
@@ -85,11 +85,11 @@ class Policy:
 
     @property
     def n_seen(self) -> int:
-        """How many lessons were learned."""
+        """How many examples were learned."""
         return self._n_lessons
 
     def extract(self, frame: Frame) -> Vector:
-        """Return the frame's vector; pure. Raises CameraError for bytes that are no image."""
+        """Return the frame's vector; pure. Raises CameraError for bytes that are not an image."""
         return self.features.extract(frame)
 
     def propose(
@@ -103,7 +103,7 @@ class Policy:
     ) -> Prediction:
         """Return what to do on this frame. Call it once a frame, in order.
 
-        Before the first lesson the action is None and there are no probabilities.
+        Before the first example the action is None and there are no probabilities.
 
         Args:
             frame_id: The frame.
@@ -157,7 +157,7 @@ class Policy:
             ValueError: If the label is none of `moves`, or `x` cannot be learned; nothing changes.
         """
         if label not in self.moves:
-            raise ValueError(f"{label!r} is none of the moves {', '.join(self.moves)}")
+            raise ValueError(f"{label!r} is not one of the moves {', '.join(self.moves)}")
         if self._is_needed(label, at_s):
             self.learner.learn_one(x, Action(label))
         if at_s is not None:
@@ -247,7 +247,7 @@ class Policy:
             ValueError: If `label` is none of `moves`.
         """
         if label not in self.moves:
-            raise ValueError(f"{label!r} is none of the moves {', '.join(self.moves)}")
+            raise ValueError(f"{label!r} is not one of the moves {', '.join(self.moves)}")
         self.learner.relabel_node(node_id, Action(label))
 
     def delete_node(self, node_id: int) -> None:

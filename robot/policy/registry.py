@@ -1,4 +1,4 @@
-"""Learners by name, each with its features and its steadiness: `default-32`, `published-64`."""
+"""Learners by name, each with its features and its action filter: `default-32`, `published-64`."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def make_policy(
     kind, number = split_name(name)
     if kind not in MAKERS:
         raise ConfigurationError(
-            f"no learner is called {name!r}{did_you_mean(kind, MAKERS)}; there are "
+            f"unknown learner {name!r}{did_you_mean(kind, MAKERS)}; there are "
             f"{', '.join(f'{kind}-NUMBER' for kind in MAKERS if kind not in VARIANTS)}"
         )
     if integer is None:
@@ -107,7 +107,7 @@ def split_name(name: str) -> tuple[str, int]:
     match = re.fullmatch(r"(.+)-([1-9]\d{0,5})", name)
     if match is None:
         raise ConfigurationError(
-            f"a learner is called KIND-NUMBER, as in default-32, with a number from 1 to "
+            f"a learner's name must be KIND-NUMBER, such as default-32, with a number from 1 to "
             f"{MOST_NODES}, not {name!r}; kinds: "
             f"{', '.join(kind for kind in MAKERS if kind not in VARIANTS)}"
         )

@@ -36,7 +36,7 @@ class Design:
     def make_learner(self, number: int, integer: bool) -> BSOCClassifier:
         """Return the learner alone, of at most `number` nodes."""
         integer = integer or self.is_integer
-        # The linear part costs a floating-point step over all pairs of gradients a lesson.
+        # The linear part costs a floating-point step over all pairs of gradients an example.
         has_ridge = self.is_linear and not integer
         return BSOCClassifier(
             number,

@@ -11,7 +11,9 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, did_you_mean
+
+_KINDS = {int: "a whole number", float: "a number", bool: "true or false"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,10 +32,10 @@ class Option:
         return "--" + self.name.replace("_", "-")
 
     def parse(self, text: str) -> Any:
-        """Turn a person's text into a value of this option's type.
+        """Convert text that a person typed to a value of this option's type.
 
         Raises:
-            ConfigurationError: If it is none; says what was expected.
+            ConfigurationError: If it is not valid; says what was expected.
         """
         try:
             if self.type is bool:
@@ -48,11 +50,12 @@ class Option:
             value = self.type(text)
         except (ValueError, KeyError) as error:
             raise ConfigurationError(
-                f"{self.flag} expects a {self.type.__name__}, not {text!r}"
+                f"{self.flag} must be {_KINDS.get(self.type, 'text')}, not {text!r}"
             ) from error
         if self.choices is not None and value not in self.choices:
             raise ConfigurationError(
-                f"{self.flag} knows no {text!r}; there are: {', '.join(self.choices)}"
+                f"{self.flag} cannot be {text!r}{did_you_mean(text, self.choices)}; "
+                f"choose one of: {', '.join(self.choices)}"
             )
         return value
 

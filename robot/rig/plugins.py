@@ -59,7 +59,7 @@ def _load(group: str, name: str, kind: str) -> type[Any]:
     points = {point.name: point for point in entry_points(group=group)}
     if name not in points:
         raise PluginError(
-            f"no {kind} is called {name!r}{did_you_mean(name, points)}; "
+            f"unknown {kind} {name!r}{did_you_mean(name, points)}; "
             f"installed: {', '.join(sorted(points))}"
         )
     try:

@@ -29,7 +29,7 @@ Drivelesson keeps here what was taught.
 
 models/     one folder a model, versions as NumPy .npz files (no pickles): open with numpy.load
 episodes/   one MCAP file a run: open with Foxglove, or with the mcap library
-            NAME.edits.json beside it lists what a person mended; the recording is not touched
+            NAME.edits.json beside it lists a person's edits; the recording is not touched
 exports/    what was made for other programs
 trash/      what was deleted; move it back, or empty it with: drivelesson episodes empty-trash
 

@@ -28,7 +28,7 @@ class LineConditions:
     """Share of packets that have to be sent again, by which all behind them wait."""
     stall_s: float = 0.2
     is_silent: bool = False
-    """Nothing passes any more, and nobody is told."""
+    """Silently drop everything from now on."""
 
 
 class Proxy:

@@ -1,4 +1,4 @@
-"""A robot for measuring the link: a steady camera, and a body that notes what it was told."""
+"""A robot for measuring the link: a steady camera, and a driver that records its commands."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class SteadyCamera(Camera):
 
 
 class NotingDriver(Driver):
-    """Notes each change, and when it was last told to move (`moved_s`); can be made to fail."""
+    """Records each change and its last command to move (`moved_s`); can be made to fail."""
 
     name: ClassVar[str] = "noting"
     default_camera: ClassVar[str] = "steady"

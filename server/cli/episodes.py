@@ -1,4 +1,4 @@
-"""See, mend, delete, bring back, import and export recorded episodes."""
+"""List, show, edit, delete, restore, import and export recorded episodes."""
 
 from __future__ import annotations
 

@@ -91,10 +91,10 @@ def _begin(args: argparse.Namespace, mended: list[Mended]) -> tuple[Policy, Coun
 def _say(report: Report, policy: Policy, mended: list[Mended], seconds: float) -> None:
     driven_s = sum(episode.duration_s for episode, _ in mended)
     counts = ", ".join(f"{count} {action.value}" for action, count in report.taught.items())
-    print(f"{policy.name}: {report.taught.total()} lessons ({counts or 'none'})")
+    print(f"{policy.name}: {report.taught.total()} examples ({counts or 'none'})")
     print(f"{policy.n_nodes} nodes, learned in {seconds:.2f} s from {driven_s:.1f} s of driving")
     if report.missing_frames:
-        print(f"{report.missing_frames} lessons were left out: their pictures were not recorded")
+        print(f"{report.missing_frames} examples were left out: their pictures were not recorded")
     if report.left_out_edits:
         print(f"{report.left_out_edits} edits of learned images were left out: other images now")
 
@@ -141,4 +141,4 @@ def _progress(total: int) -> Any:
         from tqdm import tqdm
     except ImportError as error:
         raise MissingExtraError("the command learn", "episodes") from error
-    return tqdm(total=total, unit="lesson", file=sys.stderr)
+    return tqdm(total=total, unit="example", file=sys.stderr)

@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if name not in COMMANDS:
         hint = did_you_mean(name, COMMANDS)
         print(
-            f"drivelesson: no command {name!r}{hint}; there are: {', '.join(COMMANDS)}",
+            f"drivelesson: unknown command {name!r}{hint}; there are: {', '.join(COMMANDS)}",
             file=sys.stderr,
         )
         return 2

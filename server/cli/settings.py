@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, did_you_mean
 
 PREFIX = "DRIVELESSON_"
 TABLES = ("limits", "gate", "governor", "patience")
@@ -54,12 +54,13 @@ def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
     """Make the settings the parser's defaults.
 
     Raises:
-        ConfigurationError: If one is of the wrong kind, or the file sets what nothing knows.
+        ConfigurationError: If one is of the wrong kind, or the file has an unknown setting.
     """
     actions = {action.dest: action for action in parser._actions}  # there is no public list
     unknown = [name for name in settings.flags if name not in actions]
     if unknown:
-        raise ConfigurationError(f"{settings.file}: nothing is called {', '.join(unknown)}")
+        hint = did_you_mean(unknown[0], actions)
+        raise ConfigurationError(f"{settings.file}: unknown setting {', '.join(unknown)}{hint}")
     for name, action in actions.items():
         value = settings.get(name)
         if value is None:
@@ -82,7 +83,11 @@ def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
     known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
     for key, value in table.items():
         if key not in known:
-            raise ConfigurationError(f"[{name}] knows no {key}; there are: {', '.join(known)}")
+            hint = did_you_mean(key, known)
+            raise ConfigurationError(
+                f"[{name}] has no setting {key}{hint}; it has: {', '.join(known)}"
+            )
+
         if isinstance(value, bool) or not isinstance(value, int | float) or value < 0:
             raise ConfigurationError(f"[{name}] {key} must be a number from 0, not {value!r}")
         if known[key].type == "int" and not isinstance(value, int):
@@ -96,7 +101,7 @@ def _read_file(file: Path) -> dict[str, Any]:
     except OSError as error:
         raise ConfigurationError(f"cannot read {file}: {error.strerror}") from error
     except ValueError as error:
-        raise ConfigurationError(f"{file} is no TOML: {error}") from error
+        raise ConfigurationError(f"{file} is not valid TOML: {error}") from error
 
 
 def _as_bool(name: str, value: Any) -> bool:

@@ -45,7 +45,7 @@ async def read_body(request: Request) -> dict[str, Any]:
     try:
         body = await request.json() if raw else {}
     except (ValueError, RecursionError) as error:
-        raise HTTPException(400, "The body is no JSON.") from error
+        raise HTTPException(400, "The body is not JSON.") from error
     if not isinstance(body, dict):
         raise HTTPException(400, "The body must be a JSON object.")
     return body

@@ -1,4 +1,4 @@
-"""`/ws/drive`: words up, words down. A thin shell around the station."""
+"""`/ws/drive`: messages in both directions. A thin shell around the hub."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ async def stop(request: Request) -> dict[str, bool]:
 
 @router.websocket("/ws/drive")
 async def drive(websocket: WebSocket) -> None:
-    """Serve one page for as long as it is there."""
+    """Serve one client until it disconnects."""
     hub = services_of(websocket).hub
     await websocket.accept()
     page = hub.join(role_of(websocket))
@@ -40,7 +40,7 @@ async def _hear(websocket: WebSocket, hub: Hub, page: Client) -> None:
     async for message in received(websocket, limits.idle_s):
         text = message.get("text")
         if text is None:
-            error = ProtocolError(ErrorCode.MALFORMED, "words are text, not bytes")
+            error = ProtocolError(ErrorCode.MALFORMED, "messages are text, not bytes")
             hub.refuse(page, error)
         else:
             hub.hear(page, text)

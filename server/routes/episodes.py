@@ -1,4 +1,4 @@
-"""`/api/episodes` and `/api/storage`: recordings, seen and mended. See docs/reference/http.md."""
+"""`/api/episodes` and `/api/storage`: recordings and their edits. See docs/reference/http.md."""
 
 from __future__ import annotations
 

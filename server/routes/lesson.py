@@ -1,4 +1,4 @@
-"""`/api/lesson`: the paper's lesson, guided and timed. See docs/reference/http.md."""
+"""`/api/lesson`: the paper's study, guided and timed. See docs/reference/http.md."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def _folder(request: Request) -> Path:
 
 @router.get("", dependencies=[VIEWER])
 def describe_lesson(request: Request) -> dict[str, Any]:
-    """Return the lesson that is on, or null."""
+    """Return the study run in progress, or null."""
     return {"lesson": _study(request).describe()}
 
 
 @router.post("", dependencies=[PILOT], status_code=201)
 async def begin_lesson(request: Request) -> dict[str, Any]:
-    """Begin a lesson with an empty model: {trial, teach_s}; 409 unless the robot is stopped."""
+    """Begin a study run with an empty model: {trial, teach_s}; 409 unless the robot is stopped."""
     body = await read_body(request)
     trial, teach_s = _whole(body, "trial"), _whole(body, "teach_s")
     room, persistence = _study(request), persistence_of(request)
@@ -53,7 +53,7 @@ async def begin_lesson(request: Request) -> dict[str, Any]:
 
 @router.delete("", dependencies=[PILOT])
 def abandon_lesson(request: Request) -> dict[str, Any]:
-    """End the lesson; what the robot learned stays."""
+    """Abandon the study run; what the robot learned stays."""
     _study(request).abandon()
     return {"lesson": None}
 

@@ -118,7 +118,7 @@ def estimate_rates_hz(kind: str) -> dict[int, float]:
 
 
 def measure_frame_s(learner: str, clock: Clock = _REAL) -> float:
-    """Return the seconds that one picture takes a full learner: features, proposal, lesson."""
+    """Return the seconds that one picture takes a full learner: features, proposal, learning."""
     policy = make_policy(learner)
     noise = np.random.default_rng(1)
     frames = [_noise_frame(noise, i) for i in range(4)]

@@ -11,12 +11,12 @@ from starlette.websockets import WebSocketDisconnect
 
 
 async def received(websocket: WebSocket, idle_s: float) -> AsyncIterator[dict[str, Any]]:
-    """Yield messages until the client goes, or has said nothing for `idle_s`."""
+    """Yield messages until the client goes, or has sent nothing for `idle_s`."""
     while True:
         try:
             message = dict(await asyncio.wait_for(websocket.receive(), idle_s))
         except TimeoutError:
-            await websocket.close(1001, "nothing heard for too long")
+            await websocket.close(1001, "idle for too long")
             return
         if message["type"] == "websocket.disconnect":
             return

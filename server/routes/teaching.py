@@ -1,4 +1,4 @@
-"""`/api/teaching`: how the lesson goes, and taking back its end. See docs/reference/http.md."""
+"""`/api/teaching`: how the training goes, and undoing the latest. See docs/reference/http.md."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _STRIP = 24
 
 @router.get("", dependencies=[VIEWER])
 def describe_teaching(request: Request) -> dict[str, Any]:
-    """Return what was taught, and how agreement rose with the lessons."""
+    """Return what was taught, and how agreement rose with the examples."""
     state = services_of(request).robot.loop.state
     return {
         "lessons": sum(state.taught.values()),
@@ -104,7 +104,7 @@ def _checked(seconds: Any) -> float:
 
 
 def _preview(history: TrainingHistory, seconds: float) -> dict[str, Any]:
-    """Describe the lessons that would go; on the loop's thread."""
+    """Describe the examples that undo would remove; on the loop's thread."""
     taught = history.last_lessons(seconds)
     step = max(1, -(-len(taught) // _STRIP))
     labels = Counter(lesson.lesson.label for lesson in taught)

@@ -19,7 +19,7 @@ router = APIRouter()
 
 
 class _Watching:
-    """One viewer's socket, heard either way: directly or through ASGI."""
+    """One viewer's socket, read directly or through ASGI."""
 
     def __init__(self, websocket: WebSocket, hub: Hub) -> None:
         self._websocket = websocket
@@ -38,7 +38,7 @@ class _Watching:
             self._waiting.put_nowait(shot)
 
     def hear(self, message: object) -> None:
-        """Take one message of the viewer; what is refused is counted."""
+        """Receive one message from the viewer; refused ones are counted."""
         try:
             now_s = self._hub.clock.now_s()
             if not self._pace.allows(now_s):

@@ -88,6 +88,6 @@ def test_unknown_names_say_what_there_is(name):
 
 def test_refuses_a_label_that_is_no_move():
     policy = make_policy("default-4", moves=(F, L))
-    with pytest.raises(ValueError, match="none of the moves"):
+    with pytest.raises(ValueError, match="not one of the moves"):
         policy.learn(policy.extract(view(0)), R)
     assert policy.n_seen == 0

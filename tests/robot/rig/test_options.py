@@ -33,9 +33,9 @@ def test_text_is_parsed_and_foreign_names_are_left_alone() -> None:
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
-        ({"frame_rate": "fast"}, "--frame-rate expects a float, not 'fast'"),
-        ({"world": "moon"}, "--world knows no 'moon'; there are: box, office"),
-        ({"loop": "perhaps"}, "--loop expects a bool, not 'perhaps'"),
+        ({"frame_rate": "fast"}, "--frame-rate must be a number, not 'fast'"),
+        ({"world": "moon"}, "--world cannot be 'moon'; choose one of: box, office"),
+        ({"loop": "perhaps"}, "--loop must be true or false, not 'perhaps'"),
     ],
 )
 def test_a_bad_value_is_a_clear_error(given: dict[str, str], expected: str) -> None:

@@ -109,7 +109,7 @@ def test_films_and_datasets_go_to_the_exports(
         ("episodes show nobody", "no episode of this name"),
         ("episodes trim last --from 90 --to 91", "no pictures between"),
         ("episodes export last --as tub --out /proc/x", "cannot write"),
-        ("episodes import /nowhere", "no tub"),
+        ("episodes import /nowhere", "neither a donkeycar tub"),
         ("episodes import /nowhere --threshold 7", "--threshold"),
         ("learn last --learner oracle", "oracle"),
         ("learn nobody", "no episode of this name"),

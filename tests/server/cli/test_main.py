@@ -10,7 +10,7 @@ from robot.installation import version
 from server.cli.main import COMMANDS, main
 
 WRONG = [
-    (["serv"], "no command 'serv' (did you mean 'serve'?)"),
+    (["serv"], "unknown command 'serv' (did you mean 'serve'?)"),
     (["serve", "--lerner", "x"], "(did you mean '--learner'?)"),
     (["serve", "--robot", "smi"], "(did you mean 'sim'?)"),
     (["serve", "--learner", "defualt"], "(did you mean 'default'?)"),

@@ -41,10 +41,10 @@ def test_flags_go_before_environment_before_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("prot = 1", "nothing is called prot"),
+        ("prot = 1", "unknown setting prot"),
         ("port = [1]", "port must be text or a number"),
         ("lan = 'perhaps'", "lan must be true or false"),
-        ("port = ", "is no TOML"),
+        ("port = ", "is not valid TOML"),
         ("gate = 3", "must be tables"),
     ],
 )
@@ -63,7 +63,7 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        ({"warn": 1}, "knows no warn"),
+        ({"warn": 1}, "has no setting warn"),
         ({"warn_s": "soon"}, "must be a number"),
         ({"warn_s": -1}, "must be a number from 0"),
         ({"warn_s": True}, "must be a number"),
