@@ -29,7 +29,7 @@ class Ev3Driver(ChassisDriver):
 
     def _make_body(self) -> ChassisBody:
         if importlib.util.find_spec("ev3dev2") is None:
-            raise MissingExtraError("the EV3's motors", "ev3")
+            raise MissingExtraError("driving an EV3", "ev3")
         options = self.options
         return BrickBody(
             options.left_port,
