@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from robot.remote.driver import RemoteDriver
-from robot.remote.line import Line, UdpLine
+from robot.remote.line import MessageLine, UdpLine
 
 
 class UdpDriver(RemoteDriver):
@@ -13,5 +13,5 @@ class UdpDriver(RemoteDriver):
 
     name: ClassVar[str] = "udp"
 
-    def _open(self, host: str, port: int) -> Line:
+    def _open(self, host: str, port: int) -> MessageLine:
         return UdpLine(host, port)

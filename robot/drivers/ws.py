@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from robot.remote.driver import RemoteDriver
-from robot.remote.line import Line, WebsocketLine
+from robot.remote.line import MessageLine, WebsocketLine
 
 
 class WsDriver(RemoteDriver):
@@ -13,5 +13,5 @@ class WsDriver(RemoteDriver):
 
     name: ClassVar[str] = "ws"
 
-    def _open(self, host: str, port: int) -> Line:
+    def _open(self, host: str, port: int) -> MessageLine:
         return WebsocketLine(host, port)

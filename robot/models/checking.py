@@ -2,6 +2,8 @@
 
 What each learner keeps is not written down here a second time: two small learners of the same kind
 are made and asked. Where a side of an array differs between them it goes with the number of nodes.
+
+One file because every check is part of one walk through the description.
 """
 
 from __future__ import annotations

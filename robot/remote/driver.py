@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 from robot.clock import Clock, RealClock
 from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.errors import DriveError, NotConnectedError
-from robot.remote.line import Line, split_address
-from robot.remote.orders import Report, encode_order, parse_moves, parse_report
+from robot.remote.line import MessageLine, split_address
+from robot.remote.orders import BodyReport, encode_order, parse_moves, parse_report
 from robot.types import Action, Sensors
 
 PORT = 4210
@@ -45,14 +45,14 @@ class RemoteDriver(Driver):
         self.options = options
         self.declared_moves = parse_moves(options.body_moves)
         self._clock = clock or RealClock()
-        self._line: Line | None = None
-        self._report: Report | None = None
+        self._line: MessageLine | None = None
+        self._report: BodyReport | None = None
         self._heard_s = 0.0
         self._disobeyed = 0
         self._seq = 0
 
     @abstractmethod
-    def _open(self, host: str, port: int) -> Line:
+    def _open(self, host: str, port: int) -> MessageLine:
         """Open the line; raises OSError."""
 
     @property

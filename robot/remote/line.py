@@ -13,7 +13,7 @@ from robot.errors import ConfigurationError, MissingExtraError
 _T = TypeVar("_T")
 
 
-class Line(Protocol):
+class MessageLine(Protocol):
     """Messages as bytes. Methods raise OSError when the line fails."""
 
     def send(self, message: bytes) -> None:
@@ -38,18 +38,18 @@ class UdpLine:
             raise
 
     def send(self, message: bytes) -> None:
-        """Send a datagram; see `Line`."""
+        """Send a datagram; see `MessageLine`."""
         self._socket.send(message)
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Return a datagram; see `Line`."""
+        """Return a datagram; see `MessageLine`."""
         self._socket.settimeout(max(timeout_s, 0.001))
         with contextlib.suppress(TimeoutError):
             return self._socket.recv(2048)
         return None
 
     def close(self) -> None:
-        """Let go; see `Line`."""
+        """Let go; see `MessageLine`."""
         self._socket.close()
 
 
@@ -86,18 +86,18 @@ class WebsocketLine:
             raise ConnectionError(str(error) or type(error).__name__) from error
 
     def send(self, message: bytes) -> None:
-        """Send a message of text; see `Line`."""
+        """Send a message of text; see `MessageLine`."""
         self._run(self._socket.send(message.decode()), 0.5)
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Return a message; see `Line`."""
+        """Return a message; see `MessageLine`."""
         with contextlib.suppress(TimeoutError):
             message = self._run(self._socket.recv(), timeout_s)
             return message.encode() if isinstance(message, str) else bytes(message)
         return None
 
     def close(self) -> None:
-        """Let go; see `Line`."""
+        """Let go; see `MessageLine`."""
         if not self._loop.is_closed():
             with contextlib.suppress(OSError):
                 self._run(self._socket.close(), 1.0)

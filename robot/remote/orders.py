@@ -18,7 +18,7 @@ MAX_BYTES = 512
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class BodyReport:
     """What a robot says of itself: who it is since it was switched on, and what it senses.
 
     `nonce` is new whenever the robot starts; `seq` is the last order that it obeyed, and `ms` what
@@ -32,7 +32,7 @@ class Report:
 
 
 def encode_order(
-    action: Action, *, for_ms: int, speed: float, seq: int, report: Report, secret: str
+    action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport, secret: str
 ) -> bytes:
     """Write one order, signed so that it holds for this robot since this start, and once."""
     order = {
@@ -47,14 +47,14 @@ def encode_order(
     return text + b"\t" + mac.hexdigest()[:16].encode()
 
 
-def parse_report(data: bytes) -> Report | None:
+def parse_report(data: bytes) -> BodyReport | None:
     """Read one report; None if it is none."""
     try:
         plain = json.loads(data[:MAX_BYTES])
         nonce, seq, ms = plain["nonce"], plain["seq"], plain["ms"]
         if not isinstance(nonce, str) or not _is_count(seq) or not _is_count(ms):
             return None
-        return Report(nonce=nonce, seq=seq, ms=ms, sensors=_sensors(plain))
+        return BodyReport(nonce=nonce, seq=seq, ms=ms, sensors=_sensors(plain))
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
 
