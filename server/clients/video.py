@@ -13,7 +13,7 @@ from robot.clock import Clock
 from robot.errors import MissingExtraError
 from robot.types import Encoding, Frame
 from server.clients.flow_control import VideoWindow
-from server.metrics import AGE_BUCKETS_S, Histogram
+from server.clients.metrics import AGE_BUCKETS_S, Histogram
 from server.protocol import VideoFrame, encode_picture
 
 _BINARY = 0x82

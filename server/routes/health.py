@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
 
-from server.metrics import CONTENT_TYPE, Measured, render
+from server.clients.metrics import CONTENT_TYPE, Measured, render
 from server.services import services_of
 
 router = APIRouter()
