@@ -23,7 +23,7 @@ _SHOWN = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Difference:
+class JudgedFrame:
     """A held-out frame on which the two learners differ."""
 
     episode_id: str
@@ -48,8 +48,8 @@ class Comparison:
     frames: int
     before: float
     after: float
-    mended: tuple[Difference, ...]
-    broken: tuple[Difference, ...]
+    mended: tuple[JudgedFrame, ...]
+    broken: tuple[JudgedFrame, ...]
 
 
 def compare(
@@ -89,7 +89,7 @@ def compare(
         right_after += now == step.label
         if (was == step.label) != (now == step.label):
             differences.append(
-                Difference(
+                JudgedFrame(
                     episode_id=step.episode.id,
                     frame_id=step.frame_id,
                     label=step.label,
@@ -129,6 +129,6 @@ def _held_out(mended: Sequence[Mended]) -> list[Step] | None:
     return found
 
 
-def _spread(found: list[Difference]) -> tuple[Difference, ...]:
+def _spread(found: list[JudgedFrame]) -> tuple[JudgedFrame, ...]:
     step = max(1, -(-len(found) // _SHOWN))
     return tuple(found[::step])

@@ -1,7 +1,7 @@
-"""Where pages and robot meet: who is here, who has the wheel, and what everybody is told.
+"""The clients of one robot: who is connected, who drives, and what is published to them.
 
-Everything runs on the server's event loop; the control loop's thread only leaves its newest tick
-here and goes on. Nothing in this module decides over motors: that is the gate's, in robot/.
+Everything runs on the server's event loop; the control loop's thread only hands over its newest
+tick. Nothing in this module decides about motors: that is the gate's, in robot/.
 """
 
 from __future__ import annotations
@@ -247,7 +247,8 @@ class Hub:
                 proven_s=self.nonces.issued_s(word.nonce),
             )
         )
-        if self.is_moving:  # the loop judges it again; here is said why it will be refused
+        # The loop judges it again; here the client learns why it will be refused.
+        if self.robot.loop.state.decision.mode is not Mode.STOPPED:
             self._require_sight(word)
 
     def _obey_take(self, page: Client, now_s: float) -> None:
@@ -344,8 +345,3 @@ class Hub:
                 self._change_hands()
             if self.clock.now_s() - self._told_s >= STATE_EVERY_S:
                 self.publish_state()
-
-    @property
-    def is_moving(self) -> bool:
-        """True in a mode in which the robot may move."""
-        return self.robot.loop.state.decision.mode is not Mode.STOPPED
