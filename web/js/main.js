@@ -17,7 +17,7 @@ const page = new Page({ store, connection, preferences: new Preferences(), wakeL
 setInterval(() => page.helm.beat(), HEARTBEAT_MS);
 
 await import('./components/index.js');
-for (const name of ['app-bar', 'video-view', 'teach-panel', 'mode-bar', 'drive-pad']) {
+for (const name of ['app-bar', 'video-view', 'teach-panel', 'mode-bar', 'drive-pad', 'toast-bar']) {
   /** @type {any} */ (document.querySelector(name)).start(page);
 }
 new Router(page).start();

@@ -9,6 +9,8 @@ import { declare } from './moves.js';
 const AGREEMENT_EVERY = 5; // lessons between two points of the curve
 const CURVE_POINTS = 160;
 const NOTICE_MS = 3500;
+const TOAST_MS = 8000;
+const STOP_MS = 300;
 const LESSON_MS = 1000;
 const SHOWING = ['drive', 'gallery']; // screens with the robot's picture
 
@@ -31,6 +33,8 @@ export class Page {
     this.curveLessons = 0;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.noticeTimer = undefined;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.toastTimer = undefined;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.lessonTimer = undefined;
     /** @type {Record<string, (words: any) => void>} */
@@ -148,7 +152,9 @@ export class Page {
 
   /** Say something on whatever screen is open, with one step to take. @param {string} text @param {{label: string, act: () => void} | null} [step] */
   toast(text, step = null) {
-    /** @type {import('./components/toast-bar.js').ToastBar | null} */ (document.querySelector('toast-bar'))?.show(text, step);
+    clearTimeout(this.toastTimer);
+    this.store.set({ toast: { text, step } });
+    this.toastTimer = setTimeout(() => this.store.set({ toast: null }), TOAST_MS);
   }
 
   // What a person does ---------------------------------------------------------------------------
@@ -167,8 +173,14 @@ export class Page {
   /** The emergency stop. Anybody may, pilot or not. */
   stop() {
     this.helm.releaseAll();
-    this.connection.say('stop');
+    if (!this.connection.say('stop')) this.stopElsewhere();
+    else setTimeout(() => this.store.state.robot?.emergency || this.stopElsewhere(), STOP_MS);
     if (this.preferences.vibrate) navigator.vibrate?.([60, 40, 60]);
+  }
+
+  /** The websocket is away or slow: stop by a request of its own. */
+  stopElsewhere() {
+    ask('POST', '/api/stop').catch(() => {});
   }
 
   /** Take the step that a notice offers. @param {string} step */

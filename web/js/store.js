@@ -6,6 +6,7 @@
  * @typedef {{trial: number, phase: string, mode: string | null, left_s: number,
  *   wanted_s: Record<string, number>, done_s: Record<string, number>, interventions: number, result: any}} LessonState
  */
+/** @typedef {{text: string, step: {label: string, act: () => void} | null}} Toast */
 /**
  * @typedef {object} PageState
  * @property {'connecting' | 'open' | 'lost'} link
@@ -24,6 +25,7 @@
  * @property {boolean} wheelWaiting  this page asked for it
  * @property {LessonState | null} lesson
  * @property {string | null} hint  which of the first visit's hints is shown
+ * @property {Toast | null} toast  a sentence that goes away by itself, on any screen
  * @property {string | null} notice  a short word that goes away by itself
  */
 
@@ -46,6 +48,7 @@ export const initialState = () => ({
   lesson: null,
   hint: null,
   notice: null,
+  toast: null,
 });
 
 export class Store extends EventTarget {

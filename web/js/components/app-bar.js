@@ -3,6 +3,7 @@
 
 import { append, fill, h, icon, say } from '../dom.js';
 import { percent, t } from '../i18n.js';
+import { makeStop } from '../stop.js';
 import { minutes } from './teach-panel.js';
 
 export const SCREENS = ['drive', 'gallery', 'teaching', 'lesson', 'home', 'settings'];
@@ -16,14 +17,14 @@ export class AppBar extends HTMLElement {
     this.detail = h('small');
     this.figures = h('div', { class: 'figures' });
     this.back = h('a', { class: 'button quiet back', href: '#drive', 'aria-label': t('back') }, icon('back'));
-    this.stop = h('button', { class: 'stop small', type: 'button', onclick: () => page.stop() }, t('emergency_stop'));
+    const stop = makeStop(() => page.stop(), 'small', t('emergency_stop'));
     this.button = h('button', {
       class: 'quiet', type: 'button', 'aria-label': t('menu'), 'aria-expanded': 'false',
       'aria-controls': 'menu', onclick: () => this.toggle(),
     }, icon('menu'));
     this.menu = this.makeMenu();
     append(this, [this.back, this.plate, h('div', { class: 'name' }, this.heading, this.detail),
-      this.figures, this.stop, this.button, this.menu]);
+      this.figures, ...stop, this.button, this.menu]);
     page.store.watch(['robot', 'link', 'screen', 'delayMs', 'robotName', 'lesson'], (state) => this.render(state));
     addEventListener('keydown', (event) => event.key === 'Escape' && this.toggle(false));
     addEventListener('pointerdown', (event) => {

@@ -7,6 +7,7 @@ import { append, fill, h, icon } from '../dom.js';
 import { t } from '../i18n.js';
 import { Tilt } from '../inputs/tilt.js';
 import { isOwn } from '../moves.js';
+import { makeStop } from '../stop.js';
 
 const SLACK_PX = 24;
 const TAP_MS = 500;
@@ -18,9 +19,8 @@ export class DrivePad extends HTMLElement {
     this.tilt = new Tilt(page.helm);
     this.moves = h('div', { class: 'moves', role: 'group', 'aria-label': t('pad') });
     this.undo = h('a', { class: 'button undo', href: '#undo' }, icon('undo'), t('undo'));
-    this.stop = h('button', { class: 'stop', type: 'button', onclick: () => page.stop() },
-      h('span', { class: 'square', 'aria-hidden': 'true' }), t('emergency_stop'));
-    append(this, [this.moves, this.undo, this.stop]);
+    const stop = makeStop(() => page.stop(), '', h('span', { class: 'square', 'aria-hidden': 'true' }), t('emergency_stop'));
+    append(this, [this.moves, this.undo, ...stop]);
     page.store.watch(['moves'], (state) => this.build(state.moves));
     page.store.watch(['held', 'robot', 'link'], (state) => this.render(state));
     this.follow(this.moves);

@@ -2,25 +2,29 @@
 
 import { fill, h } from '../dom.js';
 
-const SHOWN_MS = 8000;
-
 export class ToastBar extends HTMLElement {
-  connectedCallback() {
+  /** @param {import('../page.js').Page} page */
+  start(page) {
+    this.page = page;
     this.setAttribute('role', 'status');
-    this.hidden = true;
+    page.store.watch(['toast'], ({ toast }) => {
+      this.hidden = !toast;
+      if (toast) fill(this, h('p', {}, toast.text), ...stepButton(page, toast));
+    });
   }
+}
 
-  /** @param {string} text @param {{label: string, act: () => void} | null} [step] */
-  show(text, step = null) {
-    clearTimeout(this.timer);
-    const take = () => {
-      this.hidden = true;
-      step?.act();
-    };
-    fill(this, h('p', {}, text), step && h('button', { type: 'button', onclick: take }, step.label));
-    this.hidden = false;
-    this.timer = setTimeout(() => (this.hidden = true), SHOWN_MS);
-  }
+/**
+ * The button for a toast's one step, if it has one.
+ * @param {import('../page.js').Page} page
+ * @param {import('../store.js').Toast} toast
+ */
+export function stepButton(page, { step }) {
+  const take = () => {
+    page.store.set({ toast: null });
+    step?.act();
+  };
+  return step ? [h('button', { type: 'button', onclick: take }, step.label)] : [];
 }
 
 customElements.define('toast-bar', ToastBar);

@@ -5,6 +5,7 @@ import { decode } from '../picture.js';
 import { urgentAdvice } from '../advice.js';
 import { percent, t } from '../i18n.js';
 import { byPlace } from '../moves.js';
+import { stepButton } from './toast-bar.js';
 
 const OLD_PICTURE_MS = 200;
 const FROZEN_MS = 1000;
@@ -28,7 +29,7 @@ export class VideoView extends HTMLElement {
     this.drawnMs = performance.now();
     append(this, [h('div', { class: 'picture' }, this.canvas, h('div', { class: 'corner' }, this.who, this.facts), this.likeLink, this.votes), this.notice]);
     const { store } = page;
-    store.watch(['robot', 'link', 'held', 'localStop', 'wheelAsked', 'wheelWaiting', 'notice', 'hint', 'lesson', 'moves'], (state) => this.render(state));
+    store.watch(['robot', 'link', 'held', 'localStop', 'wheelAsked', 'wheelWaiting', 'notice', 'toast', 'hint', 'lesson', 'moves'], (state) => this.render(state));
     page.connection.addEventListener('picture', (event) =>
       this.show(/** @type {CustomEvent} */ (event).detail));
     setInterval(() => this.classList.toggle('frozen', performance.now() - this.drawnMs > FROZEN_MS), 500);
@@ -121,15 +122,20 @@ export class VideoView extends HTMLElement {
   /** @param {import('../store.js').PageState} state */
   renderNotice(state) {
     const notice = /** @type {HTMLElement} */ (this.notice);
-    const advice = urgentAdvice(state);
-    const text = advice ? t(advice.key, advice.values) : '';
-    const stamp = `${text}/${advice?.step ?? ''}`;
-    notice.hidden = !advice;
+    const urgent = urgentAdvice(state);
+    // A toast goes before what is only good to know.
+    const toast = urgent && urgent.level !== 'info' ? null : state.toast;
+    const advice = toast ? null : urgent;
+    const text = toast?.text ?? (advice ? t(advice.key, advice.values) : '');
+    const stamp = `${text}/${advice?.step ?? toast?.step?.label ?? ''}`;
+    notice.hidden = !text;
+    this.classList.toggle('toasting', Boolean(toast));
     if (notice.dataset.stamp === stamp) return;
     notice.dataset.stamp = stamp;
     notice.dataset.level = advice?.level ?? '';
     const step = advice?.step;
-    fill(notice, h('p', {}, text),
+    if (toast) fill(notice, h('p', {}, text), ...stepButton(/** @type {import('../page.js').Page} */ (this.page), toast));
+    else fill(notice, h('p', {}, text),
       step ? h('button', { type: 'button', onclick: () => this.page?.take(step) }, t(`step.${step}`)) : null);
   }
 }

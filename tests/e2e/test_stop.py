@@ -1,0 +1,161 @@
+"""STOP cannot be covered or missed: on every screen, in every form, under every finger."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from robot.types import Mode
+from server.config import Config
+
+from .world import DESKTOP, LANDSCAPE, PHONE, Fingers, World, choose, open_page, pad, wait_for
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+SCREENS = ("drive", "gallery", "teaching", "undo", "lesson", "home", "settings")
+SIZES = {
+    "phone": PHONE,
+    "small phone": {"width": 360, "height": 640},
+    "landscape": LANDSCAPE,
+    "small landscape": {"width": 640, "height": 360},
+    "magnified": {"width": 360, "height": 225},
+    "desktop": DESKTOP,
+}
+TOAST = "It was relabelled, and this sentence is as long as any that a toast has to say here."
+
+HITS = """() => {
+  const stop = [...document.querySelectorAll('.stop')].filter((e) => e.checkVisibility());
+  if (stop.length !== 1) return `${stop.length} stop buttons`;
+  const box = stop[0].getBoundingClientRect();
+  if (box.width < 44 || box.height < 44) return `${box.width}x${box.height}`;
+  const corner = 5;  // a rounded corner is not the button's for the eye either
+  const points = [[box.left + box.width / 2, box.top + box.height / 2]];
+  for (const x of [box.left + corner, box.right - corner])
+    for (const y of [box.top + corner, box.bottom - corner]) points.push([x, y]);
+  const missed = points.filter(([x, y]) => {
+    const hit = document.elementFromPoint(x, y);
+    return !(hit && stop[0].contains(hit));
+  });
+  if (missed.length) return `missed at ${JSON.stringify(missed)}, box ${JSON.stringify(box)}`;
+  if (stop[0].showPopover && !stop[0].matches(':popover-open')) return 'not in the top layer';
+  return '';
+}"""
+
+COVERED = """() => {
+  const toasts = [...document.querySelectorAll('toast-bar, video-view.toasting .notice')]
+    .filter((e) => e.checkVisibility());
+  if (toasts.length !== 1) return `${toasts.length} toasts`;
+  const a = toasts[0].getBoundingClientRect();
+  return [...document.querySelectorAll('button, a, input, select')]
+    .filter((e) => e.checkVisibility() && !toasts[0].contains(e))
+    .filter((e) => {
+      const b = e.getBoundingClientRect();
+      if (b.bottom <= 0 || b.top >= innerHeight || !b.width) return false;
+      const scroller = e.closest('#other, .drive')?.getBoundingClientRect();
+      const top = Math.max(b.top, scroller?.top ?? 0);
+      const bottom = Math.min(b.bottom, scroller?.bottom ?? innerHeight);
+      const isBeside = a.left >= b.right - 1 || b.left >= a.right - 1;
+      return !isBeside && a.top < bottom - 1 && top < a.bottom - 1;
+    })
+    .map((e) => e.outerHTML.slice(0, 90));
+}"""
+
+
+@pytest.mark.parametrize("language", ["en", "es", "zh"])
+@pytest.mark.parametrize("size", SIZES)
+def test_nothing_covers_stop_and_no_toast_covers_a_control(
+    chromium: Any, world: World, size: str, language: str
+) -> None:
+    context = chromium.new_context(viewport=SIZES[size], locale=language, has_touch=True)
+    page = open_page(context, world.address)
+    for screen in SCREENS:
+        page.evaluate(f"location.hash = '{screen}'")
+        if screen != "drive":
+            page.wait_for_selector(f"{screen}-screen")
+        page.wait_for_timeout(150)
+        assert page.evaluate(HITS) == "", screen
+        page.evaluate(
+            "([text, label]) => document.querySelector('toast-bar').page.toast("
+            "text, { label, act: () => {} })",
+            [TOAST, "Undo"],
+        )
+        page.wait_for_timeout(50)
+        assert page.evaluate(HITS) == "", f"{screen}, with a toast"
+        assert page.evaluate(COVERED) == [], screen
+        page.locator("app-bar [aria-controls=menu]").click()
+        assert page.evaluate(HITS) == "", f"{screen}, with toast and menu"
+        page.keyboard.press("Escape")
+        page.evaluate("document.querySelector('toast-bar').page.store.set({ toast: null })")
+        page.evaluate(
+            """() => {
+              const dialog = document.createElement('dialog');
+              dialog.textContent = 'x'.repeat(9000);
+              dialog.style.cssText = 'width: 100vw; height: 100vh; overflow: hidden';
+              document.body.append(dialog);
+              dialog.popover = 'manual';
+              dialog.showPopover();
+            }"""
+        )
+        page.wait_for_timeout(50)
+        assert page.evaluate(HITS) == "", f"{screen}, with a dialog over all of it"
+        page.evaluate("document.querySelector('dialog').remove()")
+    context.close()
+
+
+def test_no_dialog_makes_the_rest_of_the_page_inert() -> None:
+    sources = list(Config().web_folder.rglob("*.js"))
+    assert sources
+    assert [file.name for file in sources if "showModal" in file.read_text()] == []
+
+
+def test_a_finger_that_holds_a_direction_and_slides_onto_stop_stops(
+    phone: Any, world: World
+) -> None:
+    fingers = Fingers(phone)
+    choose(phone, world, Mode.TRAIN)
+    fingers.press(pad("right"))
+    fingers.slide("drive-pad .stop")
+    wait_for(lambda: world.rig.loop.state.emergency, "a finger that slides onto STOP stops")
+    fingers.lift()
+
+
+def test_a_tap_counts_where_it_begins(phone: Any, world: World) -> None:
+    fingers = Fingers(phone)
+    fingers.press("drive-pad .stop")
+    wait_for(lambda: world.rig.loop.state.emergency, "it stops before the finger is lifted")
+    fingers.slide(".undo")
+    fingers.lift()
+
+
+def test_a_finger_that_scrolls_another_screen_and_comes_upon_stop_stops(
+    phone: Any, world: World
+) -> None:
+    fingers = Fingers(phone)
+    phone.evaluate("location.hash = 'settings'")
+    phone.wait_for_selector("settings-screen")
+    phone.wait_for_timeout(200)
+    fingers.press("settings-screen")
+    fingers.slide("app-bar h1")
+    fingers.slide("app-bar .stop")
+    wait_for(lambda: world.rig.loop.state.emergency, "a finger that scrolls onto STOP stops")
+    fingers.lift()
+
+
+@pytest.mark.parametrize("how", ["mouse", "keyboard", "assistant"])
+def test_stop_is_pressed_in_every_way(desktop: Any, world: World, how: str) -> None:
+    stop = desktop.locator("drive-pad .stop")
+    if how == "mouse":
+        stop.click()
+    elif how == "keyboard":
+        stop.focus()
+        desktop.keyboard.press("Enter")
+    else:
+        stop.dispatch_event("click")
+    wait_for(lambda: world.rig.loop.state.emergency, how)
+
+
+def test_stop_finds_its_way_without_a_websocket(phone: Any, world: World) -> None:
+    phone.evaluate("document.querySelector('drive-pad').page.connection.say = () => false")
+    phone.locator("drive-pad .stop").tap()
+    wait_for(lambda: world.rig.loop.state.emergency, "it asks over HTTP")

@@ -1,0 +1,104 @@
+// The emergency stop: it lies in the browser's top layer, above all else, and is felt wherever a
+// finger comes upon it: pressed there or slid there, captured by another element or not.
+//
+// Each button keeps a place in the page's layout and is laid exactly over it. What is pressed is
+// told by geometry, before any element hears of it, so nothing can lie in between.
+
+import { h } from './dom.js';
+
+const AGAIN_MS = 500; // one finger, one stop: pointer, touch and click tell of the same press
+
+/** @typedef {{button: HTMLElement, place: HTMLElement, box: DOMRect | null}} Stop */
+
+/** @type {Stop[]} */
+const stops = [];
+/** @type {(() => void) | null} */
+let act = null;
+let pressedMs = -Infinity;
+
+/**
+ * Make a stop button and its place in the layout; both belong into the page, side by side.
+ * @param {() => void} press  what stops the robot
+ * @param {string} kind  more classes, such as `small`
+ * @param {...(Node | string)} label
+ * @returns {[HTMLElement, HTMLElement]} place and button
+ */
+export function makeStop(press, kind, ...label) {
+  const place = h('span', { class: `stop-place ${kind}`, 'aria-hidden': 'true' }, ...label.map((part) => (part instanceof Node ? part.cloneNode(true) : part)));
+  const button = h('button', { class: `stop ${kind}`, type: 'button', popover: 'manual', onclick: pressed }, ...label);
+  stops.push({ button, place, box: null });
+  if (!act) listen();
+  act = press;
+  watcher.observe(place);
+  return [place, button];
+}
+
+/** Lay each button over its place; one whose place is not shown is not shown either. */
+export function layStops() {
+  for (const stop of stops) {
+    const box = stop.place.getBoundingClientRect();
+    const isShown = box.width > 0 && box.height > 0;
+    stop.box = isShown ? box : null;
+    if (isShown) {
+      const { style } = stop.button;
+      style.left = `${box.left}px`;
+      style.top = `${box.top}px`;
+      style.width = `${box.width}px`;
+      style.height = `${box.height}px`;
+    }
+    stop.button.classList.toggle('shown', isShown);
+    raise(stop.button, isShown);
+  }
+}
+
+/** @param {HTMLElement} button @param {boolean} isShown */
+function raise(button, isShown) {
+  if (!button.showPopover || !button.isConnected) return; // without a top layer z-index has to do
+  if (isShown !== button.matches(':popover-open')) isShown ? button.showPopover() : button.hidePopover();
+}
+
+const watcher = new ResizeObserver(layStops);
+
+function listen() {
+  for (const element of document.querySelectorAll('body, header, main, #drive > *, toast-bar')) watcher.observe(element);
+  new MutationObserver(layStops).observe(document.body, { attributes: true, attributeFilter: ['data-screen'] });
+  addEventListener('resize', layStops);
+  addEventListener('scroll', layStops, { capture: true, passive: true });
+  document.addEventListener('toggle', comeBack, true);
+  const early = { capture: true, passive: true };
+  addEventListener('pointerdown', feel, early);
+  addEventListener('pointermove', (event) => event.buttons & 1 && feel(event), early);
+  // A finger that the browser takes for scrolling sends no more pointer events, but touches.
+  for (const type of /** @type {const} */ (['touchstart', 'touchmove'])) {
+    addEventListener(type, ({ changedTouches }) => [...changedTouches].forEach((touch) => isUpon(touch) && pressed()), early);
+  }
+}
+
+/** Something else came into the top layer: lie above it again. @param {Event} event */
+function comeBack(event) {
+  if (stops.some(({ button }) => button === event.target)) return;
+  for (const { button, box } of stops) {
+    if (!box || !button.showPopover) continue;
+    raise(button, false);
+    raise(button, true);
+  }
+}
+
+/** @param {PointerEvent} event */
+function feel(event) {
+  if (event.pointerType === 'mouse' && !(event.buttons & 1)) return;
+  const way = event.getCoalescedEvents?.() ?? [];
+  if ([event, ...way].some(isUpon)) pressed();
+}
+
+/** @param {{clientX: number, clientY: number}} point */
+function isUpon({ clientX: x, clientY: y }) {
+  return stops.some(({ box }) => box && x >= box.left && x <= box.right && y >= box.top && y <= box.bottom);
+}
+
+function pressed() {
+  const nowMs = performance.now();
+  if (nowMs - pressedMs < AGAIN_MS) return;
+  pressedMs = nowMs;
+  act?.();
+}
