@@ -14,6 +14,7 @@ BENCHMARKS = {
     "ablation": "server.bench.ablation",
     "learner": "server.bench.learner",
     "link": "server.bench.link",
+    "page": "server.bench.page",
     "places": "server.bench.places",
     "recording": "server.bench.recording",
 }

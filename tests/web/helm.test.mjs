@@ -84,3 +84,11 @@ test('choosing a mode lets go first', () => {
   helm.choose('autonomous');
   assert.deepEqual(said.slice(1).map((w) => w.mode ?? w.held), [null, 'autonomous']);
 });
+
+test('a heartbeat is sent when it is due, whoever asks, and lateness is noticed', () => {
+  for (let ms = 0; ms <= 1000; ms += 10) helm.beatIfDue(ms);
+  assert.ok(said.length >= 10 && said.length <= 12, `${said.length} heartbeats in a second`);
+  assert.ok(helm.lateMs < 5);
+  for (let ms = 1100; ms <= 4000; ms += 180) helm.beatIfDue(ms);
+  assert.ok(helm.lateMs > 15, 'a phone whose timers come late is slow');
+});

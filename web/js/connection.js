@@ -48,6 +48,8 @@ export class Connection extends EventTarget {
     /** @type {number | null} the newest nonce: commands carry it back */
     this.nonce = null;
     this.showsPictures = true;
+    /** @type {Pick<Worker, 'postMessage'> | null} receives and draws pictures in place of this thread */
+    this.worker = null;
     /** @type {Record<string, number>} */
     this.timers = {};
   }
@@ -110,6 +112,21 @@ export class Connection extends EventTarget {
     return this.seq;
   }
 
+  /** Have a worker receive the pictures. @param {Worker} worker */
+  useWorker(worker) {
+    this.worker = worker;
+    worker.onmessage = ({ data }) => {
+      if (data.closed) this.videoClosed();
+      if (data.shown) this.noteShown(data.shown);
+    };
+  }
+
+  /** A picture is on the screen. @param {import('./painter.js').Shown} shown */
+  noteShown(shown) {
+    this.nonce = shown.nonce || this.nonce;
+    this.emit('shown', shown);
+  }
+
   /** @param {number} frameId */
   acknowledge(frameId) {
     if (this.video?.readyState === 1) this.video.send(encodeAcknowledgement(frameId));
@@ -136,6 +153,7 @@ export class Connection extends EventTarget {
     const { video } = this;
     this.video = null;
     this.cancel('video');
+    this.worker?.postMessage({ close: true });
     if (!video) return;
     video.onmessage = video.onclose = null;
     video.close();
@@ -143,18 +161,23 @@ export class Connection extends EventTarget {
 
   openVideo() {
     this.dropVideo();
-    const video = (this.video = new this.env.WebSocket(`${this.base}/ws/video`));
+    const url = `${this.base}/ws/video`;
+    if (this.worker) {
+      this.worker.postMessage({ open: url });
+      return;
+    }
+    const video = (this.video = new this.env.WebSocket(url));
     video.binaryType = 'arraybuffer';
     video.onmessage = ({ data }) => {
       const picture = parsePicture(data);
       this.nonce = picture.nonce || this.nonce;
       this.emit('picture', picture);
     };
-    video.onclose = () => {
-      if (this.video === video && this.isOpen) {
-        this.after('video', FIRST_RETRY_MS, () => this.isOpen && this.showsPictures && this.openVideo());
-      }
-    };
+    video.onclose = () => this.video === video && this.videoClosed();
+  }
+
+  videoClosed() {
+    if (this.isOpen) this.after('video', FIRST_RETRY_MS, () => this.isOpen && this.showsPictures && this.openVideo());
   }
 
   /** @param {string} text */
@@ -196,6 +219,7 @@ export class Connection extends EventTarget {
       socket.close();
     }
     this.drive = this.video = null;
+    this.worker?.postMessage({ close: true });
   }
 
   /** @param {number} ms */

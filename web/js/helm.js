@@ -6,6 +6,7 @@
 import { encodeDrive, encodeMode } from './protocol.js';
 
 export const HEARTBEAT_MS = 100;
+const EARLY_MS = 15;
 const IDLE_BEATS = 5; // of so many beats an idle page sends one: enough to keep the wheel
 
 /** @typedef {import('./protocol.js').Mode} Mode */
@@ -30,6 +31,9 @@ export class Helm extends EventTarget {
     /** True where no picture is shown: nothing can be held, and the wheel alone is kept. */
     this.isIdle = false;
     this.beats = 0;
+    this.beatMs = -HEARTBEAT_MS;
+    /** How late heartbeats come on this phone, smoothed. */
+    this.lateMs = 0;
   }
 
   /** The one move that counts: the newest that is still held. */
@@ -73,7 +77,16 @@ export class Helm extends EventTarget {
     this.dispatchEvent(new Event('held'));
   }
 
-  /** Say what is held. Called by every change, and by a timer every `HEARTBEAT_MS`. */
+  /** Send a heartbeat if one is due: called by a timer, and by whatever else the page does, because a slow phone's timers come late. @param {number} nowMs */
+  beatIfDue(nowMs) {
+    const sinceMs = nowMs - this.beatMs;
+    if (sinceMs < HEARTBEAT_MS - EARLY_MS) return;
+    if (this.beatMs > 0) this.lateMs += (Math.max(0, sinceMs - HEARTBEAT_MS) - this.lateMs) / 8;
+    this.beatMs = nowMs;
+    this.beat();
+  }
+
+  /** Send what is held: on every change, and as a heartbeat. */
   beat() {
     this.beats += 1;
     if (!this.hasWheel || (this.isIdle && this.beats % IDLE_BEATS)) return;

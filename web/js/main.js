@@ -14,7 +14,7 @@ await loadLanguage();
 const store = new Store();
 const connection = new Connection(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}`);
 const page = new Page({ store, connection, preferences: new Preferences(), wakeLock: new WakeLock() });
-setInterval(() => page.helm.beat(), HEARTBEAT_MS);
+setInterval(() => page.helm.beatIfDue(performance.now()), HEARTBEAT_MS / 2);
 
 await import('./components/index.js');
 for (const name of ['app-bar', 'video-view', 'teach-panel', 'mode-bar', 'drive-pad', 'toast-bar']) {
@@ -24,6 +24,7 @@ new Router(page).start();
 const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
 listenToKeyboard(page.helm, reach);
 listenToGamepads(page.helm, reach);
+await /** @type {any} */ (document.querySelector('video-view')).ready;
 connection.connect();
 if (isSecureContext && 'serviceWorker' in navigator) {
   navigator.serviceWorker.register('/sw.js').catch(() => {}); // only the shell without a robot is lost

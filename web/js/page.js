@@ -10,6 +10,8 @@ const AGREEMENT_EVERY = 5; // lessons between two points of the curve
 const CURVE_POINTS = 160;
 const NOTICE_MS = 3500;
 const TOAST_MS = 8000;
+const SLOW_PHONE_MS = 15; // heartbeats so late, as a rule, are those of a slow phone
+const SLOW_STATE_MS = 300;
 const STOP_MS = 300;
 const LESSON_MS = 1000;
 const SHOWING = ['drive', 'gallery']; // screens with the robot's picture
@@ -27,7 +29,7 @@ export class Page {
     this.connection = connection;
     this.preferences = preferences;
     this.wakeLock = wakeLock;
-    /** @type {{frame: number, capturedMs: number} | null} the picture on the screen */
+    /** @type {import('./painter.js').Shown | null} the picture on the screen */
     this.looking = null;
     this.helm = new Helm(connection, () => this.lookingAt());
     this.curveLessons = 0;
@@ -35,6 +37,8 @@ export class Page {
     this.noticeTimer = undefined;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.toastTimer = undefined;
+    this.shownGist = '';
+    this.shownMs = -Infinity;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.lessonTimer = undefined;
     /** @type {Record<string, (words: any) => void>} */
@@ -46,6 +50,7 @@ export class Page {
     const { connection, helm, store } = this;
     connection.addEventListener('words', (event) => {
       const words = /** @type {CustomEvent} */ (event).detail;
+      helm.beatIfDue(performance.now());
       this.hearers[words.type]?.(words);
     });
     connection.addEventListener('lost', () => {
@@ -72,6 +77,7 @@ export class Page {
       frame: this.looking?.frame ?? null,
       nonce: this.connection.nonce,
       frameAgeMs: ageMs === null ? null : Math.round(ageMs),
+      phoneMs: this.looking && Math.max(0, Math.round(performance.now() - this.looking.arrivedMs)),
     };
   }
 
@@ -88,6 +94,7 @@ export class Page {
     const { store, helm } = this;
     const moves = Object.keys(robot.taught);
     helm.follow(robot, moves);
+    if (!this.isWorthShowing(robot)) return;
     const isSame = String(moves) === String(store.state.moves);
     store.set({
       robot,
@@ -101,6 +108,18 @@ export class Page {
     this.followHint(robot);
     this.drawCurve(robot);
     this.wakeLock.want(robot.mode !== 'stopped');
+  }
+
+  /** A slow phone shows fewer states, so that heartbeats and fingers get their time. @param {RobotState} robot */
+  isWorthShowing(robot) {
+    const nowMs = performance.now();
+    const { mode, driven_by, action, stop_reason, emergency, you_are_pilot, fault, link } = robot;
+    const gist = JSON.stringify([mode, driven_by, action, stop_reason, emergency, you_are_pilot, fault, link]);
+    const isSlow = this.helm.lateMs > SLOW_PHONE_MS;
+    if (isSlow && gist === this.shownGist && nowMs - this.shownMs < SLOW_STATE_MS) return false;
+    this.shownGist = gist;
+    this.shownMs = nowMs;
+    return true;
   }
 
   /** Begin the curve with what was taught before this page came. */

@@ -53,7 +53,11 @@ export class AppBar extends HTMLElement {
     say(/** @type {Element} */ (this.heading), onDrive ? state.robotName || t('app') : t(`screen.${state.screen}`));
     say(/** @type {Element} */ (this.detail), onDrive ? this.describe(state) : '');
     this.plate?.classList.toggle('off', robot?.mode === 'autonomous');
-    fill(/** @type {Element} */ (this.figures), ...this.list(state));
+    const figures = this.list(state).filter(Boolean);
+    const text = figures.map((figure) => /** @type {HTMLElement} */ (figure).textContent).join();
+    if (this.shownFigures === text) return;
+    this.shownFigures = text;
+    fill(/** @type {Element} */ (this.figures), ...figures);
   }
 
   /** @param {import('../store.js').PageState} state */

@@ -1,7 +1,7 @@
 // <video-view>: what the robot sees, who drives, what the robot would do, and what stands in the way.
 
 import { append, fill, h, icon, say } from '../dom.js';
-import { decode } from '../picture.js';
+import { Painter } from '../painter.js';
 import { urgentAdvice } from '../advice.js';
 import { percent, t } from '../i18n.js';
 import { byPlace } from '../moves.js';
@@ -9,9 +9,13 @@ import { stepButton } from './toast-bar.js';
 
 const OLD_PICTURE_MS = 200;
 const FROZEN_MS = 1000;
+const LIKE_MS = 500;
+const WORKER_MS = 3000; // a worker that has not started by then does not
 
 export class VideoView extends HTMLElement {
   drawnMs = 0;
+  frames = 0;
+  likeMs = -LIKE_MS;
 
   /** @param {import('../page.js').Page} page */
   start(page) {
@@ -30,26 +34,37 @@ export class VideoView extends HTMLElement {
     append(this, [h('div', { class: 'picture' }, this.canvas, h('div', { class: 'corner' }, this.who, this.facts), this.likeLink, this.votes), this.notice]);
     const { store } = page;
     store.watch(['robot', 'link', 'held', 'localStop', 'wheelAsked', 'wheelWaiting', 'notice', 'toast', 'hint', 'lesson', 'moves'], (state) => this.render(state));
-    page.connection.addEventListener('picture', (event) =>
-      this.show(/** @type {CustomEvent} */ (event).detail));
+    this.ready = this.receive(this.canvas);
     setInterval(() => this.classList.toggle('frozen', performance.now() - this.drawnMs > FROZEN_MS), 500);
   }
 
-  /** @param {import('../protocol.js').Picture} picture */
-  async show(picture) {
-    const { page, canvas } = this;
-    const bitmap = await decode(picture).catch(() => null);
-    // A broken picture is acknowledged as well, or the next would never come.
-    if (!picture.quiet) page?.connection.acknowledge(picture.frameId);
-    if (!bitmap || !canvas || !page) return;
-    if (canvas.width !== bitmap.width) canvas.width = bitmap.width;
-    if (canvas.height !== bitmap.height) canvas.height = bitmap.height;
-    canvas.getContext('2d')?.drawImage(bitmap, 0, 0);
-    bitmap.close();
+  /** Have a worker draw where there can be one; else the page draws. Resolves when it is known. @param {HTMLCanvasElement} canvas */
+  async receive(canvas) {
+    const { connection } = /** @type {import('../page.js').Page} */ (this.page);
+    connection.addEventListener('shown', (event) => this.note(/** @type {CustomEvent} */ (event).detail));
+    const worker = await startWorker();
+    if (worker) {
+      connection.useWorker(worker);
+      const offscreen = canvas.transferControlToOffscreen();
+      worker.postMessage({ canvas: offscreen, originMs: performance.timeOrigin }, [offscreen]);
+      return;
+    }
+    const painter = new Painter(canvas, {
+      nowMs: () => performance.now(),
+      acknowledge: (frameId) => connection.acknowledge(frameId),
+      shown: (shown) => connection.noteShown(shown),
+    });
+    connection.addEventListener('picture', (event) => painter.take(/** @type {CustomEvent} */ (event).detail));
+  }
+
+  /** A picture is on the screen. @param {import('../painter.js').Shown} shown */
+  note(shown) {
     this.drawnMs = performance.now();
-    page.looking = { frame: picture.frameId, capturedMs: picture.capturedMs };
+    if (this.page) this.page.looking = shown;
     if (!this.dataset.frames) performance.mark('first-frame');
-    this.dataset.frames = String(Number(this.dataset.frames ?? 0) + 1);
+    this.frames += 1;
+    // Rarely: each change of an attribute has the browser make a frame of the whole page.
+    if (this.frames === 1 || this.frames % 15 === 0) this.dataset.frames = String(this.frames);
   }
 
   /** @param {import('../store.js').PageState} state */
@@ -114,7 +129,10 @@ export class VideoView extends HTMLElement {
     likeLink.hidden = node === null;
     // A merged image changes while it keeps its number: look again now and then.
     const stamp = `${node}/${Math.floor((robot?.lessons ?? 0) / 20)}`;
-    if (node === null || like.dataset.stamp === stamp) return;
+    const nowMs = performance.now();
+    // Each is fetched and drawn anew: twice a second is as fast as a person looks there.
+    if (node === null || like.dataset.stamp === stamp || nowMs - this.likeMs < LIKE_MS) return;
+    this.likeMs = nowMs;
     like.dataset.stamp = stamp;
     like.src = `/api/gallery/${node}.png?v=${stamp.split('/')[1]}`;
   }
@@ -138,6 +156,25 @@ export class VideoView extends HTMLElement {
     else fill(notice, h('p', {}, text),
       step ? h('button', { type: 'button', onclick: () => this.page?.take(step) }, t(`step.${step}`)) : null);
   }
+}
+
+/** Start the worker that draws; null where the browser has none that can. @returns {Promise<Worker | null>} */
+function startWorker() {
+  if (!('transferControlToOffscreen' in HTMLCanvasElement.prototype)) return Promise.resolve(null);
+  return new Promise((resolve) => {
+    const worker = new Worker('/js/video-worker.js', { type: 'module' });
+    const giveUp = () => {
+      worker.terminate();
+      resolve(null);
+    };
+    const timer = setTimeout(giveUp, WORKER_MS);
+    worker.onerror = giveUp;
+    worker.onmessage = () => {
+      clearTimeout(timer);
+      worker.onerror = null;
+      resolve(worker);
+    };
+  });
 }
 
 /** The text for the bumpers: with two of them, which one. @param {boolean[]} [bumpers] */

@@ -1,0 +1,60 @@
+// Draws the newest picture, and no more than it can: what comes while one is being drawn takes the
+// place of what still waits. A slow phone so costs pictures, and nothing queues up.
+//
+// Used on a worker's thread, with a canvas of its own, or on the page's where there is none.
+
+import { decode } from './picture.js';
+
+/** @typedef {import('./protocol.js').Picture} Picture */
+/** @typedef {{frame: number, capturedMs: number, arrivedMs: number, nonce: number}} Shown  a picture on the screen */
+
+export class Painter {
+  /**
+   * @param {HTMLCanvasElement | OffscreenCanvas} canvas
+   * @param {{acknowledge: (frameId: number) => void, shown: (shown: Shown) => void, nowMs: () => number,
+   *   decode?: (picture: Picture) => Promise<ImageBitmap>}} around
+   */
+  constructor(canvas, around) {
+    this.canvas = canvas;
+    this.around = { decode, ...around };
+    /** @type {{picture: Picture, arrivedMs: number} | null} */
+    this.waiting = null;
+    this.isDrawing = false;
+    this.owesAnswer = false;
+    this.dropped = 0;
+  }
+
+  /** Take a picture that has just arrived. @param {Picture} picture */
+  take(picture) {
+    // An acknowledgement stands for all frames before it, so one that is dropped needs none.
+    this.owesAnswer ||= !picture.quiet;
+    if (this.waiting) this.dropped += 1;
+    this.waiting = { picture, arrivedMs: this.around.nowMs() };
+    if (!this.isDrawing) this.drawAll();
+  }
+
+  async drawAll() {
+    this.isDrawing = true;
+    while (this.waiting) {
+      const { picture, arrivedMs } = this.waiting;
+      const owesAnswer = this.owesAnswer;
+      this.waiting = null;
+      this.owesAnswer = false;
+      const bitmap = await this.around.decode(picture).catch(() => null);
+      if (bitmap) this.draw(bitmap);
+      // A broken picture is acknowledged as well, or the next would never come.
+      if (owesAnswer) this.around.acknowledge(picture.frameId);
+      if (bitmap) this.around.shown({ frame: picture.frameId, capturedMs: picture.capturedMs, arrivedMs, nonce: picture.nonce ?? 0 });
+    }
+    this.isDrawing = false;
+  }
+
+  /** @param {ImageBitmap} bitmap */
+  draw(bitmap) {
+    const { canvas } = this;
+    if (canvas.width !== bitmap.width) canvas.width = bitmap.width;
+    if (canvas.height !== bitmap.height) canvas.height = bitmap.height;
+    /** @type {any} */ (canvas.getContext('2d'))?.drawImage(bitmap, 0, 0);
+    bitmap.close();
+  }
+}

@@ -1,0 +1,45 @@
+// Receives, decodes, draws and acknowledges pictures away from the page's main thread, which keeps
+// its time for fingers and for the heartbeat.
+//
+// The page posts `{canvas, originMs}` once, then `{open: url}` or `{close: true}`; it is told
+// `'ready'`, `{shown}` for each picture that was drawn, and `{closed: true}` when the socket ends.
+
+import { Painter } from './painter.js';
+import { encodeAcknowledgement, parsePicture } from './protocol.js';
+
+const page = /** @type {any} */ (self);
+/** @type {WebSocket | null} */
+let socket = null;
+/** @type {Painter | null} */
+let painter = null;
+let aheadMs = 0; // of this thread's clock before the page's
+
+page.onmessage = (/** @type {MessageEvent} */ { data }) => {
+  if (data.canvas) {
+    aheadMs = performance.timeOrigin - data.originMs;
+    painter = new Painter(data.canvas, {
+      nowMs: () => performance.now() + aheadMs,
+      shown: (shown) => page.postMessage({ shown }),
+      acknowledge: (frameId) => socket?.readyState === 1 && socket.send(encodeAcknowledgement(frameId)),
+    });
+  }
+  if (data.open || data.close) drop();
+  if (data.open) open(data.open);
+};
+
+/** @param {string} url */
+function open(url) {
+  socket = new WebSocket(url);
+  socket.binaryType = 'arraybuffer';
+  socket.onmessage = ({ data }) => painter?.take(parsePicture(data));
+  socket.onclose = () => page.postMessage({ closed: true });
+}
+
+function drop() {
+  if (!socket) return;
+  socket.onmessage = socket.onclose = null;
+  socket.close();
+  socket = null;
+}
+
+page.postMessage('ready');
