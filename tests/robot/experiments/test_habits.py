@@ -1,0 +1,130 @@
+"""The release gate: it covers what it says, its runs repeat, and it can fail."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import pytest
+
+from robot.experiments.experiment import ExperimentSettings
+from robot.experiments.habits import LONG_S, RATES_HZ, WORLDS, Habits
+from robot.experiments.ready import PILOTS, Ready
+from robot.experiments.task import Result, Task
+from robot.simulation.pilots.habits import HABITS
+from robot.simulation.world import world_names
+
+
+def test_every_habit_is_met_in_every_place_at_every_rate() -> None:
+    tasks = Habits().plan(ExperimentSettings())
+    assert len(tasks) >= 240
+    long = {
+        (t.params["habit"], t.params["world"], t.params["rate_hz"])
+        for t in tasks
+        if t.params["teach_s"] == LONG_S
+    }
+    assert long == {(h, w, r) for h in HABITS for w in WORLDS for r in RATES_HZ}
+    assert len({t.params["seed"] for t in tasks}) == len(tasks)
+    assert set(WORLDS) <= set(world_names())
+    assert len(HABITS) >= 12
+    assert any(t.params["correct_s"] for t in tasks) and not all(
+        t.params["correct_s"] for t in tasks
+    )
+
+
+def test_more_seeds_are_other_robots() -> None:
+    tasks = Habits().plan(ExperimentSettings(seeds=20))
+    assert len({t.params["seed"] for t in tasks}) == len(tasks) >= 480
+
+
+def test_ready_has_forty_varied_pilots() -> None:
+    tasks = Ready().plan(ExperimentSettings())
+    assert len(tasks) == PILOTS == 40
+    for name, fewest in (("habit", 12), ("world", 5), ("rate_hz", 3)):
+        counts = Counter(t.params[name] for t in tasks)
+        assert len(counts) == fewest
+        assert max(counts.values()) - min(counts.values()) <= 2
+
+
+def figures(**other: Any) -> dict[str, Any]:
+    good = {
+        "ssd": 1.0,
+        "ssd_frequent": 1.0,
+        "ssd_alike": 1.0,
+        "stuck": False,
+        "longest_stay_s": 5.0,
+        "longest_push_s": 0.5,
+        "asking_share": 0.02,
+        "driven_m": 7.0,
+        "covered_m2": 0.7,
+    }
+    return {**good, **other}
+
+
+def gate(results: list[Result], tasks: list[Task]) -> dict[str, Any]:
+    table = Habits().tables(ExperimentSettings(), tasks, results)[0]
+    return {str(row[0]): row[2] for row in table.rows}
+
+
+def test_the_gate_says_what_is_wrong() -> None:
+    tasks = Habits().plan(ExperimentSettings())
+    results: list[Result] = [{"before": figures(), "teacher": figures()} for _ in tasks]
+    assert gate(results, tasks)["stuck"] == "0.0 %"
+    assert gate(results, tasks)["metres"] == "100 %"
+    results[0] = {
+        "before": figures(stuck=True, longest_push_s=7.0, driven_m=0.0, asking_share=1.0),
+        "teacher": figures(),
+    }
+    told = gate(results, tasks)
+    assert told["stuck"] == "0.4 %"
+    assert told["longest push"] == 7.0
+    assert told["pushes over 1 s"] == 1
+    pushed_by_the_pilot = {
+        "before": figures(longest_push_s=7.0),
+        "teacher": figures(longest_push_s=6.0),
+    }
+    results[0] = pushed_by_the_pilot
+    assert gate(results, tasks)["pushes over 1 s"] == 0
+
+
+def test_a_robot_taught_by_a_habit_drives_and_the_run_repeats() -> None:
+    pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
+    from robot.experiments.habit_run import run_habit
+
+    params = {
+        "habit": "irregular",
+        "world": "fork",
+        "rate_hz": 15.0,
+        "seed": 3,
+        "teach_s": 25.0,
+        "correct_s": 5.0,
+        "alone_s": 10.0,
+        "reference_s": 60.0,
+        "learner": "default-32",
+    }
+    result = run_habit(params)
+    for phase in ("before", "after"):
+        assert not result[phase]["stuck"]
+        assert result[phase]["longest_push_s"] <= 1.0
+        assert result[phase]["driven_m"] > 0.3
+    again = run_habit(params)
+    del result["timing"], again["timing"]
+    assert result == again
+
+
+def test_a_pilot_who_follows_the_advice_ends_ready_or_is_told_what_is_missing() -> None:
+    pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
+    from robot.experiments.ready_run import run_ready
+
+    result = run_ready(
+        {
+            "habit": "regular",
+            "world": "box",
+            "rate_hz": 10.0,
+            "seed": 1,
+            "learner": "default-8",
+            "limit_s": 60.0,
+        }
+    )
+    assert result["is_ready"] is not bool(result["missing"])
+    assert result["taught_s"] >= 39.0
