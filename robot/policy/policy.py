@@ -18,6 +18,8 @@ from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
 STEP_S = 0.1
 """Time between two frames that carry none."""
 _THINNED_S = 0.099
+_DOUBT = 0.5
+"""How fast confidence falls with novelty beyond 1: at 3 half of it is left."""
 _LEAST = 1e-6
 """Votes for a move that was taught: more than for one that never was."""
 
@@ -133,7 +135,7 @@ class Policy:
         return Prediction(
             frame_id=frame_id,
             action=action,
-            confidence=self._chance(steady, action),
+            confidence=self._chance(steady, action, evidence.novelty),
             probabilities=steady,
             node=evidence.node,
             distance=evidence.distance,
@@ -258,9 +260,12 @@ class Policy:
         """Keep one learned image from merging; raises LookupError if there is none."""
         self.learner.pin_node(node_id, pinned)
 
-    def _chance(self, shares: dict[Action, float], action: Action) -> float:
+    def _chance(self, shares: dict[Action, float], action: Action, novelty: float) -> float:
+        """Return how likely the action is right; towards a guess on a view that is not known."""
         values = np.array(list(shares.values()))
-        return votes.chance(values, list(shares).index(action), self.learner.sharpness)
+        chance = votes.chance(values, list(shares).index(action), self.learner.sharpness)
+        guess = 1.0 / np.count_nonzero(values)
+        return float(guess + (chance - guess) / (1.0 + _DOUBT * max(0.0, novelty - 1.0)))
 
     def _note(self, when: dict[int, int], node_id: int | None, now: int) -> None:
         """Write down when a node was met last, and forget nodes that are gone."""

@@ -91,3 +91,19 @@ def test_refuses_a_label_that_is_no_move():
     with pytest.raises(ValueError, match="not one of the moves"):
         policy.learn(policy.extract(view(0)), R)
     assert policy.n_seen == 0
+
+
+@pytest.mark.parametrize("kind", ["default-8", "without-linear-8"])
+def test_confidence_falls_with_novelty_towards_a_guess(kind):
+    policy = make_policy(kind)
+    rng = np.random.default_rng(0)
+    views = {F: rng.integers(0, 255, 1584), L: rng.integers(0, 255, 1584)}
+    for i in range(200):
+        label = F if i // 5 % 2 else L
+        x = (views[label] + rng.integers(-9, 10, 1584)).clip(0, 255).astype(np.uint8)
+        policy.learn(x, label)
+    shares = {F: 0.9, L: 0.1, R: 0.0}
+    confidences = [policy._chance(shares, F, novelty) for novelty in (0.0, 1.0, 2.0, 4.0, 1e6)]
+    assert confidences[0] == confidences[1], "the known is not doubted"
+    assert confidences[1:] == sorted(set(confidences[1:]), reverse=True)
+    assert confidences[-1] == pytest.approx(0.5, abs=1e-3), "a guess between the moves taught"
