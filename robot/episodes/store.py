@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import shutil
 import threading
 from collections import OrderedDict
@@ -13,7 +12,8 @@ from pathlib import Path
 from robot.episodes.editing import write_mended
 from robot.episodes.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
 from robot.episodes.episode import Episode, open_episode
-from robot.episodes.summary import EpisodeSummary, read_card
+from robot.episodes.index import SummaryIndex
+from robot.episodes.summary import EpisodeSummary
 from robot.errors import ConfigurationError, NotFoundError
 from robot.storage.folder import Storage, check_name, free_name
 
@@ -50,32 +50,22 @@ class EpisodeStore:
         self.budget_bytes = budget_bytes
         self._lock = threading.RLock()
         self._opened: OrderedDict[tuple[str, int, int], Episode] = OrderedDict()
-        self._cards: dict[tuple[str, int, int, int], EpisodeSummary] = {}
+        self._index = SummaryIndex(storage.episodes, recording)
 
     def ids(self) -> list[str]:
-        """List the episodes, the newest first: their names begin with their time."""
-        return sorted((path.stem for path in self._storage.episodes.glob("*.mcap")), reverse=True)
+        """Name the episodes, in the order of their names, the last first."""
+        return sorted(self._index.ids(), reverse=True)
 
     def cards(self) -> list[EpisodeSummary]:
         """Describe all episodes, the newest first."""
-        found = []
-        for episode_id in self.ids():
-            with contextlib.suppress(OSError):
-                found.append(self.card(episode_id))
-        return sorted(found, key=lambda card: card.started_at_s, reverse=True)
+        with self._lock:
+            return self._index.summaries()
 
     def card(self, episode_id: str) -> EpisodeSummary:
         """Describe one episode."""
         path = self.path(episode_id)
-        notes = notes_path(path)
-        noted_ns = notes.stat().st_mtime_ns if notes.exists() else 0
-        key = (*_version(path), noted_ns)
         with self._lock:
-            if key not in self._cards:
-                if len(self._cards) > 10_000:
-                    self._cards.clear()
-                self._cards[key] = read_card(path)
-            return self._cards[key]
+            return self._index.get(path)
 
     def path(self, episode_id: str) -> Path:
         """Return the file of an episode.
@@ -83,9 +73,14 @@ class EpisodeStore:
         Raises:
             NotFoundError: If there is none of this name.
         """
-        if episode_id not in self.ids():
-            raise NotFoundError(f"there is no episode called {episode_id[:80]!r}")
-        return self._storage.episodes / f"{episode_id}.mcap"
+        is_name = not episode_id.startswith(".") and not set(episode_id) & set("/\\\0")
+        path = self._storage.episodes / f"{episode_id}.mcap"
+        try:
+            if is_name and episode_id and path.is_file():
+                return path
+        except (OSError, ValueError):  # no file can have such a name
+            pass
+        raise NotFoundError(f"there is no episode called {episode_id[:80]!r}")
 
     def open(self, episode_id: str) -> Episode:
         """Open an episode; the last two stay open.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from typing import Any
 
 from robot.episodes.edits import Notes, read_notes
 from robot.episodes.episode import Episode, open_episode, taught_frames
-from robot.episodes.scan import require_mcap
+from robot.episodes.scan import Metadata, require_mcap, scan
 from robot.episodes.writer import RUN, SUMMARY
 from robot.errors import RecordingError
 
@@ -62,7 +63,7 @@ def read_card(path: Path) -> EpisodeSummary:
     try:
         found = _read_ends(path)
         facts = found if found is not None else _read_all(open_episode(path))
-    except RecordingError as error:
+    except (RecordingError, ValueError, OSError) as error:
         facts = {"is_readable": False, "damage": str(error)}
     facts.setdefault("taught", {})
     if complaint:
@@ -77,6 +78,19 @@ def read_card(path: Path) -> EpisodeSummary:
     )
 
 
+def read_head(path: Path) -> EpisodeSummary:
+    """Describe a recording that is being written by its beginning alone; raises OSError."""
+    status = path.stat()
+    for record in scan(path):
+        if isinstance(record, Metadata) and record.name == RUN:
+            facts = _facts_of_run(record.values)
+            duration_s = max(status.st_mtime - facts["started_at_s"], 0.0)
+            return EpisodeSummary(
+                id=path.stem, bytes=status.st_size, duration_s=duration_s, taught={}, **facts
+            )
+    return EpisodeSummary(id=path.stem, bytes=status.st_size, taught={}, is_readable=False)
+
+
 def _read_ends(path: Path) -> dict[str, Any] | None:
     """Read what the file says of itself at its end; None if it has no such end."""
     try:
@@ -84,7 +98,7 @@ def _read_ends(path: Path) -> dict[str, Any] | None:
         run, summary = metadata[RUN], metadata[SUMMARY]
         return {
             **_facts_of_run(run),
-            "duration_s": float(summary["duration_s"]),
+            "duration_s": _finite(summary["duration_s"]),
             "frames": int(summary["frames"]),
             "taught": {str(k): int(v) for k, v in json.loads(summary["taught"]).items()},
         }
@@ -118,11 +132,19 @@ def _metadata(path: Path) -> dict[str, dict[str, str]]:
 
 def _facts_of_run(run: Mapping[str, str]) -> dict[str, Any]:
     return {
-        "started_at_s": float(run.get("started_at_s", "0")),
+        "started_at_s": _finite(run.get("started_at_s", "0")),
         "robot": run.get("robot", ""),
         "learner": run.get("learner", ""),
         "source": run.get("source", ""),
     }
+
+
+def _finite(text: str) -> float:
+    """Read a number; raises ValueError for one that no answer could hold."""
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"{text!r} is no number")
+    return number
 
 
 def _read_all(episode: Episode) -> dict[str, Any]:
