@@ -6,19 +6,45 @@ import json
 import re
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from robot.cameras.sim import SimulatedBody
 from robot.clock import Clock
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
-from robot.experiments.protocol import Phase, StudyRun
+from robot.experiments.protocol import TRIALS, Phase, StudyRun
 from robot.lifecycle import StartStop
 from robot.storage.folder import write_whole
-from robot.types import Mode
+from robot.types import Action, Mode
 
 _RESULT = re.compile(r"\d{8}-\d{6}-trial-[1-3]")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialModels:
+    """The model of a trial that is on, and what the robot knew before it."""
+
+    own: str
+    before: str | None
+    moves_before: tuple[Action, ...]
+
+
+def check_world(body: object, trial: int) -> None:
+    """Refuse a trial in a simulated world that is not the trial's; a real place is not known.
+
+    Raises:
+        ConfigurationError: If the robot is simulated, and elsewhere.
+    """
+    place = TRIALS[trial][0]
+    if isinstance(body, SimulatedBody) and body.simulation.world.name != place:
+        here = body.simulation.world.name
+        raise ConfigurationError(
+            f"trial {trial} is driven in the world {place!r}, and this is {here!r}; "
+            f"start the simulator with --world {place}"
+        )
 
 
 class Study(StartStop):
@@ -37,6 +63,7 @@ class Study(StartStop):
         self.pace = 1.0
         self.lesson: StudyRun | None = None
         self.result: dict[str, Any] | None = None
+        self.models: TrialModels | None = None
         self._loop = loop
         self._clock = clock
         self._announce = announce
@@ -71,9 +98,12 @@ class Study(StartStop):
         self.result, self._episodes, self._began_s = None, [], self._clock.wall_s()
         return self.lesson
 
-    def abandon(self) -> None:
-        """End the run without a result."""
+    def abandon(self) -> TrialModels | None:
+        """End the trial; return the models of one that was not finished, to be put back."""
+        is_done = self.lesson is None or self.lesson.phase is Phase.DONE
+        models, self.models = self.models, None
         self.lesson = self.result = None
+        return None if is_done else models
 
     def judge(self, answer: int, folder: Path) -> dict[str, Any]:
         """Take the closing answer and keep the result.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,11 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from robot.experiments.protocol import TRIALS
-from server.routes.bodies import read_body, refusals
+from robot.types import Mode
+from server.routes.bodies import do, read_body, refusals
 from server.security.guard import require_pilot, require_viewer
 from server.services import persistence_of, services_of
-from server.study import Study, list_results, read_result
+from server.study import Study, TrialModels, check_world, list_results, read_result
 
 router = APIRouter(prefix="/api/lesson")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
@@ -41,21 +43,46 @@ async def begin_lesson(request: Request) -> dict[str, Any]:
     if trial not in TRIALS:
         raise HTTPException(400, "'trial' must be 1, 2 or 3.")
     moves = TRIALS[trial][1]
-    if not set(moves) <= set(services_of(request).robot.driver.moves):
+    robot = services_of(request).robot
+    if not set(moves) <= set(robot.driver.moves):
         raise HTTPException(409, f"This robot cannot {', '.join(moves)}.")
     with refusals():
-        room.abandon()
-        name = f"Trial {trial}"
-        await run_in_threadpool(persistence.autosave.begin, name, None, None, moves)
+        check_world(robot.driver, trial)
+    await _leave(request)
+    autosave, before = persistence.autosave, robot.loop.state
+    with refusals():
+        known = await run_in_threadpool(autosave.save) if before.taught else autosave.name
+        name = await run_in_threadpool(autosave.begin, f"Trial {trial}", None, None, moves)
         room.begin(trial, teach_s)
+    room.models = TrialModels(own=name, before=known, moves_before=before.moves)
     return {"lesson": room.describe()}
 
 
 @router.delete("", dependencies=[PILOT])
-def abandon_lesson(request: Request) -> dict[str, Any]:
-    """Abandon the study run; what the robot learned stays."""
-    _study(request).abandon()
+async def abandon_lesson(request: Request) -> dict[str, Any]:
+    """End the trial. One that is not finished leaves no model: the robot knows what it knew."""
+    await _leave(request)
     return {"lesson": None}
+
+
+async def _leave(request: Request) -> None:
+    room, services = _study(request), services_of(request)
+    models = room.abandon()
+    if models is None:
+        return
+    loop, autosave = services.robot.loop, persistence_of(request).autosave
+
+    def restore() -> None:
+        if autosave.name == models.own:
+            if models.before is not None:
+                autosave.load(models.before)
+            else:
+                autosave.begin(None, None, None, models.moves_before)
+        if models.own in autosave.store.names():
+            autosave.delete(models.own)
+
+    await asyncio.wrap_future(loop.set_mode(Mode.STOPPED))
+    await do(restore)
 
 
 @router.post("/answer", dependencies=[PILOT])
