@@ -105,10 +105,10 @@ def split_name(name: str) -> tuple[str, int]:
         ConfigurationError: If it is not KIND-NUMBER with a number of at least 1.
     """
     match = re.fullmatch(r"(.+)-([1-9]\d{0,5})", name)
-    if match is None:
+    if match is None or int(match[2]) > MOST_NODES:
         raise ConfigurationError(
             f"a learner's name must be KIND-NUMBER, such as default-32, with a number from 1 to "
-            f"{MOST_NODES}, not {name!r}; kinds: "
+            f"{MOST_NODES}, not {name[:80]!r}; kinds: "
             f"{', '.join(kind for kind in MAKERS if kind not in VARIANTS)}"
         )
     return match[1], int(match[2])

@@ -1,0 +1,143 @@
+"""Every route of models and episodes with values that nobody means: 4xx, never 5xx, and alive."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import httpx
+import pytest
+
+from robot.clock import RealClock
+from robot.policy.registry import make_policy
+from robot.rig.rig import Rig
+from robot.storage.folder import Storage
+from server.app import create_app
+from server.bench.robot import NotingDriver, SteadyCamera
+from server.config import Config, Limits
+from server.hosting.serving import served
+from server.persistence import Persistence
+from server.services import make_services
+from tests.robot.episodes.drives import record_drive
+from tests.robot.models.test_checking import good, malformed
+
+from .live_robot import WEB
+
+HALF_EMOJI = '"\\ud83d"'
+VALUES = (
+    HALF_EMOJI, '"Kitchen \\ud83d"', '"' + "x" * 10_000 + '"', "NaN", "Infinity", "-1", "1e400",
+    "9" * 5_000, "null", "true", "[]", "{}", '[["x"]]', '""', '"default-999999"', '"../../x"',
+    '"\\u0000"', "-0", '"CON"', '"\\u202e"',
+)  # fmt: skip
+NAMES = ("\ufffd", "x" * 3_000, "a\0b", "CON", "%", " ", "\U0001f600")
+BODIES = [
+    ("POST", "/api/models", "name"), ("POST", "/api/models", "learner"),
+    ("POST", "/api/models", "place"), ("POST", "/api/models/restore", "undo"),
+    ("PATCH", "/api/models/bench", "name"), ("PATCH", "/api/models/bench", "place"),
+    ("POST", "/api/models/bench/copy", "name"), ("POST", "/api/episodes/restore", "undo"),
+    ("PATCH", "/api/episodes/ID", "title"), ("PATCH", "/api/episodes/ID", "protected"),
+    ("POST", "/api/episodes/ID/edits", "verb"), ("POST", "/api/episodes/ID/edits", "first"),
+    ("POST", "/api/episodes/ID/edits", "last"), ("POST", "/api/episodes/ID/edits", "label"),
+    ("POST", "/api/teaching/undo", "seconds"),
+]  # fmt: skip
+EDIT = {"verb": "relabel", "first": 1, "last": 2, "label": "left"}
+PATHS = [
+    ("GET", "/api/models/NAME/preview"), ("GET", "/api/models/NAME/file"),
+    ("POST", "/api/models/NAME/load"), ("DELETE", "/api/models/NAME"),
+    ("GET", "/api/episodes/NAME"), ("GET", "/api/episodes/NAME/strip"),
+    ("GET", "/api/episodes/NAME/frames/1"), ("GET", "/api/episodes/NAME/file"),
+    ("DELETE", "/api/episodes/NAME"), ("POST", "/api/episodes/NAME/compact"),
+    ("GET", "/api/episodes/ID/frames/NAME"), ("GET", "/api/episodes/ID/strip?count=NAME"),
+    ("GET", "/api/episodes/ID/strip?first=NAME"), ("GET", "/api/teaching/last?seconds=NAME"),
+]  # fmt: skip
+
+
+class Robot:
+    def __init__(self, client: httpx.Client, persistence: Persistence, episode: str) -> None:
+        self.client, self.persistence, self.episode = client, persistence, episode
+
+    def ask(self, method: str, path: str, content: bytes = b"") -> httpx.Response:
+        return self.client.request(method, path.replace("ID", self.episode), content=content)
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    root: Path = tmp_path_factory.mktemp("hostile")
+    clock = RealClock()
+    rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
+    storage = Storage(root)
+    episode = record_drive(storage.episodes, frames=20).id
+    persistence = Persistence(storage, rig, name="bench")
+    limits = Limits(requests_per_second=1e6, requests_burst=1e6)
+    config = Config(port=0, web=WEB, data=root, limits=limits)
+    app = create_app(make_services(config, rig, name="bench", persistence=persistence))
+    with (
+        rig,
+        persistence,
+        served(app, config) as address,
+        httpx.Client(base_url=address, timeout=60) as client,
+    ):
+        client.post("/api/models/save")
+        yield Robot(client, persistence, episode)
+
+
+def body_of(path: str, field: str, value: str) -> bytes:
+    rest: dict[str, Any] = EDIT if path.endswith("/edits") else {}
+    inner = [f'"{key}": {json.dumps(own)}' for key, own in rest.items() if key != field]
+    return ("{" + ", ".join([*inner, f'"{field}": {value}']) + "}").encode()
+
+
+@pytest.mark.parametrize(("method", "path", "field"), BODIES)
+def test_hostile_values_are_refused_and_nothing_breaks(
+    robot: Robot, method: str, path: str, field: str
+) -> None:
+    for value in VALUES:
+        answer = robot.ask(method, path, body_of(path, field, value))
+        assert answer.status_code < 500, (value[:40], answer.text[:200])
+        if "\\ud83d" in value or len(value) > 4_000 or value in ("NaN", "1e400", '"../../x"'):
+            is_title = (field == "title" and value == '"../../x"') or field == "place"
+            assert answer.status_code >= 400 or is_title, (value[:40], answer.text[:200])
+        name = robot.client.get("/api/models").json()["current"]
+        if path.startswith("/api/models/bench") and name != "bench":
+            robot.client.patch(f"/api/models/{quote(name, safe='')}", json={"name": "bench"})
+    assert robot.client.post("/api/models/save").status_code == 200
+    assert robot.client.get("/api/episodes").status_code == 200
+
+
+@pytest.mark.parametrize(("method", "path"), PATHS)
+def test_hostile_names_are_4xx(robot: Robot, method: str, path: str) -> None:
+    names = [quote(name, safe="") for name in NAMES] + [
+        "%ED%A0%BD",
+        "%FF%FE",
+        "%2e%2e",
+        "9" * 400,
+        "nan",
+    ]
+    for name in names:
+        if name == "%2e%2e" and "/ID/" in path:
+            continue  # the client itself goes up
+        answer = robot.ask(method, path.replace("NAME", name))
+        is_count = "count=" in path or "first=" in path
+        assert 400 <= answer.status_code < 500 or (is_count and answer.status_code == 200), (
+            name[:40],
+            answer.text[:200],
+        )
+
+
+def test_half_an_emoji_does_not_stop_the_saving(robot: Robot) -> None:
+    answer = robot.ask("PATCH", "/api/models/bench", b'{"place": "Kitchen \\ud83d"}')
+    assert answer.status_code == 400
+    assert robot.client.post("/api/models/save").status_code == 200
+
+
+@pytest.mark.parametrize("learner", ["published-4", "knn-3"])
+def test_malformed_models_are_422_over_http(robot: Robot, learner: str) -> None:
+    """A part of what tests/robot/models/test_checking.py generates, over the wire."""
+    for what, data in itertools.islice(malformed(learner), 0, None, 7):
+        answer = robot.client.put("/api/models/x/file", content=data)
+        assert answer.status_code == 422 and answer.json()["detail"], what
+    assert robot.client.put("/api/models/y/file", content=good(learner)).status_code == 201
