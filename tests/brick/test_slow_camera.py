@@ -74,7 +74,6 @@ class Shares:
 
 def teach(pilot: Pilot) -> Shares:
     """Hold forward until enough was learned; start again as often as it asks for it."""
-    pilot.wait_for_state(20, you_are_pilot=True)
     pilot.hold("forward")
     starts = 0
     states = []
@@ -109,11 +108,40 @@ def test_it_drives_and_learns_with_the_camera_that_it_has(
     assert shares.learned >= 0.7
 
 
-def drive_with(traits: CameraTraits, brick: FakeBrick, folder: Path) -> Shares:
+def test_with_pictures_of_300_ms_it_slows_down_and_shows_why(
+    brick: FakeBrick, tmp_path: Path
+) -> None:
+    with piloted(replace(C270_ON_EV3, age_ms=300, age_spread_ms=0), brick, tmp_path) as pilot:
+        pilot.hold("forward")
+        pilot.mode("train")
+        pilot.wait_for_state(20, action="forward")
+        state = pilot.wait_for(lambda m: m["type"] == "state" and m["speed_scale"] < 0.9, 20)
+        assert state["camera"]["age_ms"] >= 290
+        brick.wait_until(lambda: 0 < brick.speeds()["outB"] < 324)  # of 360
+
+
+def test_with_pictures_of_600_ms_it_does_not_move(brick: FakeBrick, tmp_path: Path) -> None:
+    with piloted(replace(C270_ON_EV3, age_ms=600, age_spread_ms=0), brick, tmp_path) as pilot:
+        pilot.hold("forward")
+        for _ in range(10):
+            pilot.mode("train")
+            pilot.wait_for_state(20, mode="stopped", stop_reason="frame_stale")
+        assert not [one for one in brick.commands if one.command.startswith("run")]
+
+
+@contextmanager
+def piloted(traits: CameraTraits, brick: FakeBrick, folder: Path) -> Iterator[Pilot]:
+    """Agent, server and a pilot who sees what the camera shows."""
     video = FakeVideo(folder, traits)
     with (
         RunningAgent(brick.root, folder, video.env) as agent,
         serving(folder, agent) as address,
         Pilot(address + "/ws/drive", sees=True) as pilot,
     ):
+        pilot.wait_for_state(20, you_are_pilot=True)
+        yield pilot
+
+
+def drive_with(traits: CameraTraits, brick: FakeBrick, folder: Path) -> Shares:
+    with piloted(traits, brick, folder) as pilot:
         return teach(pilot)
