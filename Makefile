@@ -17,8 +17,11 @@ run: $(VENV)/.demo ## Start the simulated robot and its page (ARGS="--lan" for a
 install: ## Put the command `drivelesson` on your PATH
 	@PYTHON="$(PYTHON)" sh install.sh
 
-test: check ## Check and test everything
-	$(BIN)/python -m pytest $(ARGS)
+JOBS ?= 2
+NPM := $(if $(shell command -v npm),tests/web/node_modules/.made)
+
+test: check $(NPM) ## Check and test everything (JOBS=1 for one after the other)
+	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
 test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs root; says what it lacks)
 	DRIVELESSON_BRICK=1 $(BIN)/python -m pytest tests/brick/test_server_on_brick.py $(ARGS)
@@ -27,6 +30,7 @@ test-oldest: $(OLDEST)/.made ## Test the server on the versions of Debian 12
 	DRIVELESSON_KILLS=5 $(OLDEST)/bin/python -m pytest -p tests.oldest.newer_client -p no:anyio \
 	  -p no:cacheprovider tests/server tests/faults tests/contract tests/brick/test_body.py \
 	  --ignore tests/server/test_bench.py --ignore tests/server/test_fuzz.py \
+	  --numprocesses $(JOBS) --dist loadfile -m "not slow" \
 	  -k "not browser and not films_and_datasets" $(ARGS)
 
 check: $(VENV)/.dev ## Format, lint, types, import contracts, layout and docs, without the other tests
@@ -46,6 +50,10 @@ format: $(VENV)/.dev ## Format and mend what can be mended
 
 screenshots: $(VENV)/.dev ## Take the pictures of every screen for the docs (needs Chromium)
 	$(BIN)/python -m tests.e2e.screenshots docs/images
+
+tests/web/node_modules/.made: tests/web/package-lock.json
+	cd tests/web && npm ci --no-audit --no-fund
+	@touch $@
 
 clean: ## Remove what was set up
 	rm -rf $(VENV)
@@ -70,7 +78,7 @@ $(OLDEST)/.made: tests/oldest/debian-12.txt pyproject.toml Makefile
 	$(OLDEST)/bin/python -m pip install --quiet --constraint tests/oldest/debian-12.txt \
 	  pytest pytest-timeout hypothesis 'httpx>=0.27' 'opencv-python-headless<4.9' python-ev3dev2 vermin \
 	  'cryptography>=42' 'segno>=1.6' 'zeroconf>=0.131' 'panda3d>=1.10.14' 'mcap>=1.1' 'tqdm>=4.65' \
-	  'protobuf>=4.22' 'imagesize>=1.4' 'shtab>=1.6'
+	  'protobuf>=4.22' 'imagesize>=1.4' 'shtab>=1.6' 'looptime>=0.9' 'pytest-xdist>=3.5'
 	$(OLDEST)/bin/python -m pip install --quiet --no-deps --target $(OLDEST)/newer websockets
 	mv $(OLDEST)/newer/websockets $(OLDEST)/lib/python3.11/site-packages/newer_websockets
 	$(OLDEST)/bin/python -m pip install --quiet --no-deps --editable .

