@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run install test test-brick test-oldest check docs format screenshots clean
+.PHONY: help run install test test-brick test-oldest check mutate docs format screenshots clean
 
 help: ## Say what there is
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -39,6 +39,9 @@ check: $(VENV)/.dev ## Format, lint, types, import contracts, layout and docs, w
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest -q -m 'not slow' tests/architecture tests/docs
+
+mutate: $(VENV)/.dev ## Put faults into the modules on which safety rests, and see if tests notice
+	$(BIN)/python -m tests.mutation $(ARGS)
 
 docs: $(VENV)/.dev ## Write the references of the command line and of the faults anew
 	$(BIN)/python -m tests.docs.command_line

@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from tests import wall_clock
+from tests.wall_clock import _off_the_wall_clock  # noqa: F401
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
@@ -20,6 +23,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     if address := config.getoption("--ev3"):
         os.environ["DRIVELESSON_EV3"] = address
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what runs in a browser, and hold the number of the others against the limit."""
+    end_to_end = Path(__file__).parent / "e2e"
+    for item in items:
+        if end_to_end in item.path.parents:
+            item.add_marker(pytest.mark.realtime)
+    others = [item.nodeid for item in items if wall_clock.is_marked(item)]
+    others = [name for name in others if "/e2e/" not in name]
+    if len(others) > wall_clock.MOST:
+        raise pytest.UsageError(
+            f"{len(others)} tests outside tests/e2e are marked realtime; at most "
+            f"{wall_clock.MOST} may be:\n" + "\n".join(others)
+        )
 
 
 @pytest.fixture(scope="session", autouse=True)

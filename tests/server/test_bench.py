@@ -1,4 +1,4 @@
-"""The benchmark itself, in small: it measures. Whether that is fast it prints, and judges nothing."""
+"""The benchmark itself, in small: it measures, prints whether that is fast, and judges nothing."""
 
 from __future__ import annotations
 

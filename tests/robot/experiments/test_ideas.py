@@ -50,7 +50,7 @@ def test_the_ideas_of_the_how_to_enter_an_experiment(tmp_path: Path) -> None:
         )
     )
     assert result["taught"]["agreement"] > 0.5
-    assert 0.0 < result["before"]["ssd"] < 5.0
+    assert 0.0 < result["before"]["ssd"] < 100.0
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,113 @@
+"""Put faults into the modules on which safety rests, and see whether tests notice: `make mutate`.
+
+Each mutant lives in a forked copy of a process that has the libraries imported but nothing of this
+project. Prints each survivor, and the score of each module: the share that was noticed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib
+import importlib.abc
+import importlib.machinery
+import os
+import signal
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from .mutants import Mutant, mutants
+
+ROOT = Path(__file__).resolve().parents[2]
+SUBJECTS: dict[str, tuple[str, ...]] = {
+    "robot.control.gate": ("tests/robot/control/test_gate.py", "tests/robot/control/test_loop.py"),
+    "robot.control.link_governor": ("tests/robot/control/test_link_governor.py",),
+    "robot.control.loop": ("tests/robot/control",),
+    "robot.policy.history": ("tests/robot/policy/test_history.py",),
+    "server.clients.flow_control": ("tests/server/clients/test_session.py",),
+    "server.clients.lease": ("tests/server/clients/test_session.py", "tests/server/test_drive.py"),
+}
+"""Each module, and the tests that are to notice. They run in this order until one fails."""
+_LIBRARIES = ("numpy", "hypothesis", "hypothesis.strategies", "fastapi", "uvicorn", "websockets")
+_PATIENCE_S = 120
+
+
+def main() -> int:
+    """Run it; the result is a report, never a failure."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("modules", nargs="*", default=list(SUBJECTS))
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    args = parser.parse_args()
+    os.chdir(ROOT)
+    for name in _LIBRARIES:
+        importlib.import_module(name)
+    for name in args.modules:
+        report(name, args.jobs)
+    return 0
+
+
+def report(name: str, jobs: int) -> None:
+    """Print what became of each mutant of one module."""
+    path = ROOT / (name.replace(".", "/") + ".py")
+    everyone = list(mutants(path.read_text()))
+    started_s = time.monotonic()
+    if not _survives(name, path, None):
+        sys.exit(f"the tests of {name} fail without any fault put in")
+    with ThreadPoolExecutor(jobs) as pool:
+        fates = list(pool.map(lambda mutant: _survives(name, path, mutant), everyone))
+    for mutant, survives in zip(everyone, fates, strict=True):
+        if survives:
+            print(f"  survives: {name} {mutant}")
+    killed = fates.count(False)
+    share = 100 * killed / len(fates)
+    print(f"{name}: {killed} of {len(fates)} noticed ({share:.0f} %)", end=" ")
+    print(f"in {time.monotonic() - started_s:.0f} s", flush=True)
+
+
+def _survives(name: str, path: Path, mutant: Mutant | None) -> bool:
+    """Run the tests on a mutant in a process of its own; True if none of them failed."""
+    child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, 1)
+            os.dup2(nowhere, 2)
+            signal.alarm(_PATIENCE_S)  # a mutant that hangs is noticed, too
+            if mutant is not None:
+                sys.meta_path.insert(0, _Finder(name, path, mutant))
+            words = ["-q", "-x", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestWarning"]
+            status = int(pytest.main([*words, *SUBJECTS[name]]))
+        finally:
+            os._exit(status)
+    _, status = os.waitpid(child, 0)
+    return status == 0
+
+
+class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Gives a mutant for the module of its name."""
+
+    def __init__(self, name: str, path: Path, mutant: Mutant) -> None:
+        self._name, self._path, self._mutant = name, path, mutant
+
+    def find_spec(
+        self, fullname: str, path: object = None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        if fullname != self._name:
+            return None
+        spec = importlib.machinery.ModuleSpec(fullname, self, origin=str(self._path))
+        spec.has_location = True
+        return spec
+
+    def exec_module(self, module: ModuleType) -> None:
+        tree = ast.fix_missing_locations(self._mutant.tree)
+        exec(compile(tree, str(self._path), "exec"), module.__dict__)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
