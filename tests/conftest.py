@@ -26,18 +26,21 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what runs in a browser, and hold the number of the others against the limit."""
-    end_to_end = Path(__file__).parent / "e2e"
-    for item in items:
-        if end_to_end in item.path.parents:
-            item.add_marker(pytest.mark.realtime)
-    others = [item.nodeid for item in items if wall_clock.is_marked(item)]
-    others = [name for name in others if "/e2e/" not in name]
-    if len(others) > wall_clock.MOST:
+    """Mark what runs real parts throughout, and hold the number of the others to the limit."""
+    by_hand = [item.nodeid for item in items if wall_clock.is_marked(item)]
+    if len(by_hand) > wall_clock.MOST:
         raise pytest.UsageError(
-            f"{len(others)} tests outside tests/e2e are marked realtime; at most "
-            f"{wall_clock.MOST} may be:\n" + "\n".join(others)
+            f"{len(by_hand)} tests are marked realtime; at most {wall_clock.MOST} may be:\n"
+            + "\n".join(by_hand)
         )
+    here = Path(__file__).parent
+    for item in items:
+        if (
+            item.path.relative_to(here)
+            .as_posix()
+            .startswith(wall_clock.REAL_PARTS + wall_clock.YET_TO_MOVE)
+        ):
+            item.add_marker(pytest.mark.realtime)
 
 
 @pytest.fixture(scope="session", autouse=True)

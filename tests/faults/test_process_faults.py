@@ -16,6 +16,8 @@ from server.bench.link import ServerUnderTest
 from tests.server.live_robot import Pilot
 from tests.server.own_process import own_process
 
+pytestmark = pytest.mark.realtime
+
 
 @pytest.mark.parametrize("mode", ["train", "autonomous"])
 def test_a_frozen_server_lets_the_body_stop_and_does_not_move_it_again(mode: str) -> None:

@@ -20,6 +20,8 @@ from server.protocol import encode_acknowledgement
 
 from .own_process import OwnProcess, own_process
 
+pytestmark = pytest.mark.realtime
+
 MESSAGES = int(os.environ.get("DRIVELESSON_FUZZ", "4000"))
 BATCH = 100
 _ENDLESS = """

@@ -19,6 +19,8 @@ from robot.storage.folder import Storage
 
 from .live_robot import Pilot
 
+pytestmark = pytest.mark.realtime
+
 
 @contextmanager
 def serving(data: Path, *words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:

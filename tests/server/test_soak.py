@@ -21,6 +21,8 @@ from server.protocol import encode_acknowledgement, parse_picture
 pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets has it not")
 from websockets.asyncio.client import connect
 
+pytestmark = pytest.mark.realtime
+
 VISITS = int(os.environ.get("DRIVELESSON_SOAK", "200"))
 AT_A_TIME = 20
 MOST_GROWTH_BYTES = 5_000_000

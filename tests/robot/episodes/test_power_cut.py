@@ -15,6 +15,8 @@ import pytest
 
 from .power_cut import Life
 
+pytestmark = pytest.mark.realtime
+
 KILLS = int(os.environ.get("DRIVELESSON_KILLS", "20"))
 
 
