@@ -15,7 +15,7 @@ from server.cli.bench import BENCHMARKS
 from server.cli.main import COMMANDS, make_parser
 
 ROOT = Path(__file__).parents[2]
-_CODE = re.compile(r"```.*?\n(.*?)```|^( {4}.*)$|(?<!`)`([^`\n]+)`", re.DOTALL | re.MULTILINE)
+_CODE = re.compile(r"```[^\n]*\n(.*?)```|^( {4}[^\n]*)$|(?<!`)`([^`\n]+)`", re.DOTALL | re.M)
 _CALL = re.compile(r"(?:^|[\s/\"(])drivelesson((?: [^|&;#()`\n]+)?)")
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 

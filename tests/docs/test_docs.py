@@ -61,7 +61,9 @@ def test_every_command_that_a_page_names_exists(page: Path) -> None:
     ],
 )
 def test_a_command_that_does_not_exist_is_found(text: str, fault: str) -> None:
-    assert commands.unknown(f"Do this:\n\n{text}\n") == [fault]
+    assert commands.unknown(f"Do this:\n\n    drivelesson --lan\n\nThen:\n\n{text}\n\nDone.\n") == [
+        fault
+    ]
 
 
 def test_commands_that_exist_pass() -> None:
