@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import io
+import itertools
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ from typing import Any
 import httpx
 
 from robot.experiments.protocol import Phase
+from robot.types import Mode
 from server.config import Config
 from server.security.pairing import Pairing
 from tests.server.live_robot import WEB, live_server
@@ -27,6 +30,7 @@ from .world import (
     PHONE,
     Fingers,
     World,
+    choose,
     drive_on,
     finish_recording,
     open_page,
@@ -40,6 +44,7 @@ SIZES = {"phone": PHONE, "desktop": DESKTOP}
 SCREENS = ("gallery", "teaching", "undo", "home", "settings")
 Shoot = Callable[[str], None]
 _FLAT, _MIXED = 32, 64
+_FILM_PX, _FILM_BYTES = (312, 675), 2_000_000
 
 
 def take_all(folder: Path) -> None:
@@ -55,6 +60,10 @@ def take_all(folder: Path) -> None:
             _each(browser, world, folder, _take_screens)
             _take_away(browser, world, folder)
         _take_pairing(browser, folder)
+        for _ in range(5):  # a busy machine may stop the robot in the middle of it
+            with _world("box") as world:
+                if _film(browser, world, folder / "ten-seconds.webp"):
+                    break
         with _world("box") as world:
             _hold_lesson(browser, world)
             _each(browser, world, folder, _take_result)
@@ -157,7 +166,7 @@ def _take_screens(page: Any, world: World, shoot: Shoot) -> None:
     page.goto(f"{world.address}/#home")
     page.locator("button[aria-label*='20']").first.tap()
     page.wait_for_selector(".timeline .you[d]")
-    page.locator(".timeline").evaluate("element => element.scrollIntoView({block: 'start'})")
+    page.locator(".player").evaluate("element => element.scrollIntoView({block: 'start'})")
     page.wait_for_timeout(800)
     shoot("mend")
     page.goto(f"{world.address}/#drive")
@@ -177,6 +186,55 @@ def _take_away(browser: Any, world: World, folder: Path) -> None:
         page.wait_for_timeout(4000)
         _save(page.screenshot(), folder / f"away-{ending}.png")
         proxy.close()
+
+
+def _film(browser: Any, world: World, path: Path) -> bool:
+    """Film ten seconds of the drive screen: taught, handed over, corrected. True if it went on
+    to the end."""
+    context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    page = open_page(context, world.address)
+    fingers, frames = Fingers(page), []
+
+    def take() -> float:
+        frames.append((time.monotonic(), page.screenshot(type="jpeg", quality=90)))
+        return frames[-1][0]
+
+    def roll(seconds: float) -> None:
+        ends_s = time.monotonic() + seconds
+        while take() < ends_s:
+            page.wait_for_timeout(100)
+
+    choose(page, world, Mode.TRAIN)
+    teach(world, fingers, 900, near_m=0.45)
+    ends_s = time.monotonic() + 3.0
+    teach(world, fingers, 10_000, near_m=0.45, until=lambda: take() > ends_s)
+    teach(world, fingers, 10_000, near_m=0.45, until=lambda: world.distance_m > 0.6)
+    choose(page, world, Mode.AUTONOMOUS)
+    roll(3.5)
+    fingers.press(pad("left"))
+    roll(1.5)
+    fingers.lift()
+    roll(2.0)
+    is_whole = world.mode is Mode.AUTONOMOUS
+    context.close()
+    if is_whole:
+        _save_film(frames, path)
+    return is_whole
+
+
+def _save_film(frames: list[tuple[float, bytes]], path: Path) -> None:
+    """Write a film with the times at which its pictures were taken; small enough for a README."""
+    from PIL import Image
+
+    pictures = [Image.open(io.BytesIO(data)).resize(_FILM_PX) for _, data in frames]
+    times_s = [at_s for at_s, _ in frames]
+    shown_ms = [round(1000 * (b - a)) for a, b in itertools.pairwise(times_s)] + [800]
+    first, *others = pictures
+    first.save(
+        path, save_all=True, append_images=others, duration=shown_ms, loop=0, quality=60, method=4
+    )
+    assert path.stat().st_size < _FILM_BYTES, f"{path} has {path.stat().st_size} bytes"
+    print(path)
 
 
 def _take_pairing(browser: Any, folder: Path) -> None:

@@ -59,7 +59,7 @@ export default {
   'advice.go_on': 'Drive as I should drive. I am learning.',
   'advice.more': 'Tap Teach and go on, or let me try: Drive itself.',
   'advice.ready': 'I agree with you {agreement} of the time. Let me try: Drive itself.',
-  'advice.watch': 'Touch a direction to correct me. I learn from that, too.',
+  'advice.watch': 'Touch a direction: I learn from that, too.',
   choose_first: 'Tap Teach first, then hold a direction.',
   out_of_reach: 'The robot is out of reach. It has stopped. I keep looking for it.',
   emergency: 'Emergency stop. The robot stands until you release it.',

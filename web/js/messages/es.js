@@ -59,7 +59,7 @@ export default {
   'advice.go_on': 'Conduce como yo debo conducir. Estoy aprendiendo.',
   'advice.more': 'Toca Enseñar y sigue, o déjame probar: Autónomo.',
   'advice.ready': 'Coincido contigo el {agreement} de las veces. Déjame probar: Autónomo.',
-  'advice.watch': 'Toca una dirección para corregirme. De eso también aprendo.',
+  'advice.watch': 'Toca una dirección: también aprendo de eso.',
   choose_first: 'Toca primero Enseñar y luego mantén una dirección.',
   out_of_reach: 'El robot está fuera de alcance. Se ha parado. Lo sigo buscando.',
   emergency: 'Parada de emergencia. El robot no se mueve hasta que lo liberes.',
