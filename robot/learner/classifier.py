@@ -141,11 +141,11 @@ class BSOCClassifier:
         """Return the prediction and the node it rests on; raises as `predict_one`."""
         distances, shares = self._votes(x)
         node = int(distances.argmin())
-        best = int(shares.argmax())
+        listed, best = shares.tolist(), int(shares.argmax())
         return Evidence(
             label=self.labels_[best],
-            probabilities=dict(zip(self.labels_, shares.tolist(), strict=True)),
-            confidence=votes.chance(shares, best, self.sharpness),
+            probabilities=dict(zip(self.labels_, listed, strict=True)),
+            confidence=votes.chance(listed, best, self.sharpness),
             novelty=self.novelty_.score(float(distances[node])),
             node=self.cluster.node_id(node),
             distance=float(distances[node]),

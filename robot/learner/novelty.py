@@ -12,7 +12,7 @@ HELD_OUT = 20
 """A node that one of so many latest examples went into says nothing about how new the next one is:
 frames a tenth of a second apart are almost the same. At ten examples a second this is 2 s."""
 _FEWEST = 30
-_RENEWED_EVERY = 10
+_RENEWED_EVERY = 20
 _BORDER = 98
 
 

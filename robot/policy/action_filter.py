@@ -242,7 +242,7 @@ class ActionFilter:
             self._commitment.free()
         elif clock.debt_s > allowed_s + HELPLESS_S:
             self._ask(at_s)
-        return float(np.clip((clock.debt_s - allowed_s) / (0.5 * allowed_s), 0.0, 2.0))
+        return min(max((clock.debt_s - allowed_s) / (0.5 * allowed_s), 0.0), 2.0)
 
     def _ask(self, at_s: float) -> None:
         if not self.needs_help:

@@ -262,10 +262,12 @@ class Policy:
 
     def _chance(self, shares: dict[Action, float], action: Action, novelty: float) -> float:
         """Return how likely the action is right; towards a guess on a view that is not known."""
-        values = np.array(list(shares.values()))
+        values = list(shares.values())
         chance = votes.chance(values, list(shares).index(action), self.learner.sharpness)
-        guess = 1.0 / np.count_nonzero(values)
-        return float(guess + (chance - guess) / (1.0 + _DOUBT * max(0.0, novelty - 1.0)))
+        if novelty <= 1.0:
+            return chance
+        guess = 1.0 / sum(share > 0.0 for share in shares.values())
+        return guess + (chance - guess) / (1.0 + _DOUBT * (novelty - 1.0))
 
     def _note(self, when: dict[int, int], node_id: int | None, now: int) -> None:
         """Write down when a node was met last, and forget nodes that are gone."""
