@@ -137,8 +137,9 @@ def _cells(drives: Sequence[_Drive]) -> tuple[Cell, ...]:
 
 
 def _share(drives: Sequence[_Drive], name: str) -> float:
-    """Return the robots' sum as a share of their teachers'."""
-    return float(sum(own[name] for own, _ in drives) / sum(teacher[name] for _, teacher in drives))
+    """Return the robots' sum as a share of their teachers'; 0 where they did nothing."""
+    whole = float(sum(teacher[name] for _, teacher in drives))
+    return float(sum(own[name] for own, _ in drives)) / whole if whole else 0.0
 
 
 def _gate(tasks: Sequence[Task], results: Sequence[Result]) -> Table:

@@ -43,6 +43,12 @@ def made_up(task: Task) -> dict[str, Any]:
         return {"before": drive, "after": drive, "teacher": drive, "taught": {"agreement": 0.9}}
     if task.kind == "episodes":
         return {"teacher": episodes, "alone": episodes}
+    if task.kind == "habit":
+        more = {"ssd_frequent": 1.0, "ssd_alike": 1.0, "stuck": False, "driven_m": 7.0}
+        return {"before": {**drive, **more}, "teacher": {**drive, **more}}
+    if task.kind == "ready":
+        tried = {"is_ready": True, "taught_s": 50.0, "tried_s": 40.0, "agreement": 0.9}
+        return {**tried, "asking_share": 0.01, "longest_push_s": 0.5, "stuck": False}
     if task.kind == "cycles":
         return {"timing": {"learning_hz": 100.0, "applying_hz": 200.0}}
     return {"correct": 600, "frames": 700, "accuracy": 6 / 7, "balanced_accuracy": 0.8}
