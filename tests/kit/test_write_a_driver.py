@@ -12,24 +12,6 @@ from tests.kit.environment import OwnEnvironment
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.timeout(600)  # virtual environments on a busy machine
-HOWTO = ROOT / "docs/howto/write-a-driver.md"
-
-
-@pytest.fixture(scope="module")
-def environment(tmp_path_factory: pytest.TempPathFactory) -> OwnEnvironment:
-    return OwnEnvironment(tmp_path_factory.mktemp("kit") / "venv")
-
-
-@pytest.fixture(scope="module")
-def followed(
-    environment: OwnEnvironment, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, list[str]]:
-    """Follow the how-to's commands in an empty folder; return it, and what they printed."""
-    folder = tmp_path_factory.mktemp("howto")
-    [block] = re.findall(r"```console\n(.*?)```", HOWTO.read_text("utf-8"), re.DOTALL)
-    commands = [line.removeprefix("$ ") for line in block.splitlines() if line]
-    assert len(commands) == 3
-    return folder, [environment.run(command, folder) for command in commands]
 
 
 def test_the_howto_works_as_written(followed: tuple[Path, list[str]]) -> None:

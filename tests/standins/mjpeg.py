@@ -58,9 +58,8 @@ class _Stream(BaseHTTPRequestHandler):
             if server.frozen.is_set():
                 continue
             index += 1
-            jpeg = cv2.imencode(".jpg", np.full((24, 32, 3), 7 * index % 256, np.uint8))[
-                1
-            ].tobytes()
+            grey = np.full((120, 160, 3), 7 * index % 256, np.uint8)
+            jpeg = cv2.imencode(".jpg", grey)[1].tobytes()
             length = f"Content-Length: {len(jpeg)}\r\n" if server.with_length else ""
             head = f"--frame\r\nContent-Type: image/jpeg\r\n{length}\r\n"
             self.wfile.write(head.encode() + jpeg + b"\r\n")

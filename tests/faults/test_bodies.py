@@ -1,0 +1,88 @@
+"""The server of a robot elsewhere is killed or frozen: what the body was told ends within 500 ms.
+
+Judged is what the body was told and when its own clock ends it, not how soon a test notices.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.server.live_robot import Pilot
+from tests.standins.ev3_stock import StockBrick
+from tests.standins.mjpeg import MjpegServer
+from tests.standins.ws_robot import WsRobot
+
+pytestmark = pytest.mark.slow
+STANDS_S = 0.5
+
+
+@dataclass(frozen=True)
+class Body:
+    """How to serve it, and when its last move ends, in seconds of time.monotonic."""
+
+    options: list[str]
+    ends_s: Callable[[], float]
+
+
+@contextlib.contextmanager
+def ev3_stock() -> Iterator[Body]:
+    with StockBrick() as brick:
+        options = ["ev3-stock", "--line", "wifi", "--beacon-port", str(brick.beacon_port)]
+        yield Body(options, lambda: max(m.ends_s if m.percent else 0.0 for m in brick.motors))
+
+
+@contextlib.contextmanager
+def ws() -> Iterator[Body]:
+    with WsRobot("s") as robot:
+        yield Body(["ws", "--address", robot.address, "--secret", "s"], lambda: robot.ends_s)
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "frozen"])
+@pytest.mark.parametrize("body", [ev3_stock, ws])
+def test_a_body_stands_when_its_server_does_not_go_on(
+    body: Callable[[], contextlib.AbstractContextManager[Body]],
+    how: signal.Signals,
+    tmp_path: Path,
+) -> None:
+    with MjpegServer() as camera, body() as robot:
+        command = [sys.executable, "-m", "server", "serve", "--port", "0", "--data", str(tmp_path)]
+        command += ["--camera", "mjpeg", "--source", camera.address, "--robot", *robot.options]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            try:
+                assert process.stdout is not None
+                address = next(
+                    found[1]
+                    for line in process.stdout
+                    if (found := re.search(r"open http(://\S+)", line))
+                )
+                with Pilot(f"ws{address}/ws/drive") as pilot:
+                    for _ in range(20):  # a busy machine may be late, and the robot stops for it
+                        pilot.mode("train")
+                        pilot.wait_for_state(mode="train")
+                        pilot.hold("forward")
+                        for _ in range(200):
+                            if robot.ends_s() > time.monotonic():
+                                break
+                            time.sleep(0.01)
+                        if robot.ends_s() > time.monotonic():
+                            break
+                    assert robot.ends_s() > time.monotonic(), "it never moved"
+                    os.kill(process.pid, how)
+                    ended_s = time.monotonic()
+                    time.sleep(2 * STANDS_S)  # whatever was on its way has arrived
+                    assert robot.ends_s() <= ended_s + STANDS_S
+                    assert robot.ends_s() < time.monotonic(), "it stands"
+            finally:
+                os.kill(process.pid, signal.SIGCONT)
+                process.kill()

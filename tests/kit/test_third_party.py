@@ -1,0 +1,124 @@
+"""A stranger's robot: installed, served, taught by touch, recorded, exported, and learned again."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.e2e.world import PHONE, Fingers, open_page, pad, running_chromium
+from tests.kit.environment import OwnEnvironment
+from tests.standins.mjpeg import MjpegServer
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(600)]
+MOVES = ("fast", "slow", "push")
+
+
+@contextlib.contextmanager
+def stand_in(package: Path) -> Iterator[Any]:
+    """Play the robot, as the package's own conftest.py does."""
+    sys.path.insert(0, str(package))
+    try:
+        kit = importlib.import_module("conftest")
+        with kit.stand_in() as case:
+            yield case
+    finally:
+        sys.path.remove(str(package))
+        for name in ("conftest", "drivelesson_wheely"):
+            sys.modules.pop(name, None)
+
+
+@contextlib.contextmanager
+def served(environment: OwnEnvironment, data: Path, *options: str) -> Iterator[str]:
+    """Serve with the command that the package made known; yield the address."""
+    program = str(environment.folder / "bin/drivelesson")
+    process = subprocess.Popen(
+        [program, "serve", "--port", "0", "--data", str(data), *options],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    assert process.stdout is not None
+    try:
+        for line in process.stdout:
+            if found := re.search(r"open (http://\S+)", line):
+                yield found[1]
+                break
+        else:
+            pytest.fail("it was not served")
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.stdout.read()
+        process.wait(30)
+        process.stdout.close()
+
+
+def taught(address: str) -> dict[str, int]:
+    counts: dict[str, int] = httpx.get(f"{address}/api/teaching").json()["taught"]
+    return counts
+
+
+def teach(page: Any, address: str, each: int = 12) -> None:
+    """Hold each button with a finger until it has taught enough; again if the robot stopped."""
+    fingers = Fingers(page)
+    for move in MOVES:
+        end_s = time.monotonic() + 90
+        while taught(address).get(move, 0) < each:
+            assert time.monotonic() < end_s, f"{move}: {taught(address)}"
+            page.locator("mode-bar [data-mode=train]").click()
+            fingers.press(pad(move))
+            page.wait_for_timeout(1500)
+            fingers.lift()
+
+
+def test_a_strangers_robot_is_taught_recorded_exported_and_learned(
+    environment: OwnEnvironment, followed: tuple[Path, list[str]], tmp_path: Path
+) -> None:
+    package, data = followed[0] / "drivelesson-wheely", tmp_path / "data"
+    with stand_in(package) as robot, MjpegServer() as camera:
+        options = ["--wheely-address", robot.driver._address, "--source", camera.address]
+        serving = served(environment, data, "--robot", "wheely", "--camera", "mjpeg", *options)
+        with serving as address, running_chromium() as chromium:
+            context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+            page = open_page(context, address)
+            for move, label in zip(MOVES, ("Fast", "Slow", "Push"), strict=True):
+                assert page.locator(pad(move)).inner_text().strip().endswith(label)
+            teach(page, address)
+            page.locator("mode-bar [data-mode=stopped]").click()
+            lessons = taught(address)
+            context.close()
+        assert not robot.is_moving()
+    assert set(lessons) == set(MOVES) and min(lessons.values()) >= 12
+    kept = f"--data {data}"
+    exported = tmp_path / "tub"
+    environment.run(f"drivelesson episodes export last --as tub --out {exported} {kept}", tmp_path)
+    records = (exported / "catalog_0.catalog").read_text().splitlines()
+    labels = {json.loads(record)["drivelesson/label"] for record in records}
+    assert labels == set(MOVES) and "user/angle" not in json.loads(records[0])
+    folder = tmp_path / "set"
+    environment.run(
+        f"drivelesson episodes export last --as lerobot --out {folder} {kept}", tmp_path
+    )
+    features = json.loads((folder / "meta/info.json").read_text())["features"]
+    assert sorted(features["action"]["names"]) == sorted(MOVES)
+    again = environment.run(f"drivelesson learn last --out again {kept}", tmp_path)
+    for move, count in lessons.items():
+        assert f"{count} {move}" in again
+    assert "the same nodes as driving made" in again
+    environment.run(f"drivelesson episodes import {exported} --name back {kept}", tmp_path)
+    back = environment.run(
+        f"drivelesson learn back --max-nodes 32 --learner default {kept}", tmp_path
+    )
+    assert f"{sum(lessons.values())} lessons" in back
