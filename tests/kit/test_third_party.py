@@ -121,4 +121,4 @@ def test_a_strangers_robot_is_taught_recorded_exported_and_learned(
     back = environment.run(
         f"drivelesson learn back --max-nodes 32 --learner default {kept}", tmp_path
     )
-    assert f"{sum(lessons.values())} lessons" in back
+    assert f"{sum(lessons.values())} examples" in back
