@@ -52,7 +52,7 @@ def _learners(names: str | None) -> list[str]:
         return learners
     if importlib.util.find_spec("sklearn") is not None:
         return [*OURS, *BASELINES]
-    left_out = MissingExtraError(f"comparing with {' and '.join(BASELINES)}", "evaluate")
+    left_out = MissingExtraError(f"comparing with {', '.join(BASELINES)}", "evaluate")
     print(f"drivelesson: {left_out}", file=sys.stderr)
     return OURS
 
