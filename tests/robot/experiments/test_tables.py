@@ -103,7 +103,6 @@ def test_spread_by_hand() -> None:
         (["--learner", "nobody-3"], "nobody"),
         (["--teacher", "nobody"], "no teacher is called 'nobody'"),
         (["--delay", "soon"], "--delay expects"),
-        (["--seeds", "0"], "--seeds"),
         (["--recordings", "/nowhere/at/all"], "no folder"),
     ],
 )
@@ -115,3 +114,12 @@ def test_a_wrong_call_is_one_line(
     error = capsys.readouterr().err
     assert complaint in error
     assert error.count("\n") == 1
+
+
+def test_no_seeds_are_refused_by_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as refusal:
+        main(["experiment", "figure7", "--folder", str(tmp_path), "--seeds", "0"])
+    assert refusal.value.code == 2
+    assert "--seeds: must be a whole number of at least 1" in capsys.readouterr().err
