@@ -9,6 +9,8 @@ import { minutes } from './teach-panel.js';
 export const SCREENS = ['drive', 'gallery', 'teaching', 'lesson', 'home', 'settings'];
 
 export class AppBar extends HTMLElement {
+  shownFigures = '';
+
   /** @param {import('../page.js').Page} page */
   start(page) {
     this.page = page;
