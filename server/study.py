@@ -8,9 +8,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from robot.cameras.sim import SimulatedBody
 from robot.clock import Clock
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
@@ -32,15 +31,22 @@ class TrialModels:
     moves_before: tuple[Action, ...]
 
 
+def name_of_world(body: object) -> str | None:
+    """Return the world that a simulated body is in, None for a real one.
+
+    By attribute, not by class: a server on a brick never imports the simulation.
+    """
+    return cast(str, body.simulation.world.name) if hasattr(body, "simulation") else None
+
+
 def check_world(body: object, trial: int) -> None:
     """Refuse a trial in a simulated world that is not the trial's; a real place is not known.
 
     Raises:
         ConfigurationError: If the robot is simulated, and elsewhere.
     """
-    place = TRIALS[trial][0]
-    if isinstance(body, SimulatedBody) and body.simulation.world.name != place:
-        here = body.simulation.world.name
+    place, here = TRIALS[trial][0], name_of_world(body)
+    if here not in (None, place):
         raise ConfigurationError(
             f"trial {trial} is driven in the world {place!r}, and this is {here!r}; "
             f"start the simulator with --world {place}"
