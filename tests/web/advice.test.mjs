@@ -2,7 +2,7 @@ import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 
-import { READY_AGREEMENT, isReady, starvedMove, teachingAdvice, urgentAdvice, usedMoves } from '../../web/js/advice.js';
+import { READY_AGREEMENT, ageParts, isReady, starvedMove, teachingAdvice, urgentAdvice, usedMoves } from '../../web/js/advice.js';
 import { initialState } from '../../web/js/store.js';
 
 const robot = (changes = {}) => ({
@@ -96,4 +96,15 @@ test('a lesson asks for its mode, and falls silent in it', () => {
   assert.equal(key(page({ lesson }, { mode: 'stopped' })), 'lesson.next_correct');
   assert.equal(key(page({ lesson }, { mode: 'autonomous' })), null);
   assert.equal(key(page({ lesson: { ...lesson, phase: 'question', mode: null } })), 'lesson.over');
+});
+
+test('the age of a picture is told by its parts, and what is slow by its name', () => {
+  const camera = { period_ms: 100, age_ms: 145, limit_ms: 395, speed_scale: 1 };
+  const late = (changes, robotChanges = {}) => page({ drawnAgeMs: 200, drawingMs: 15, ...changes }, { camera, ...robotChanges });
+  assert.deepEqual(ageParts(late()), { camera: 145, link: 40, phone: 15 });
+  assert.equal(ageParts(late({ drawnAgeMs: null })), null);
+  assert.equal(urgentAdvice(late({}, { camera: { ...camera, age_ms: 300, speed_scale: 0.75 } }))?.key, 'lag.camera');
+  assert.equal(urgentAdvice(late({ drawnAgeMs: 500, drawingMs: 320 }))?.key, 'lag.phone');
+  assert.equal(urgentAdvice(late({}, { link: 'slow' }))?.key, 'link.slow');
+  assert.equal(urgentAdvice(late()), null);
 });

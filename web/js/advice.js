@@ -66,11 +66,39 @@ export function urgentAdvice(page) {
     if (robot.stop_reason === 'needs_help') return { key: 'asks_help', level: 'ask' };
     return { key: robot.lessons ? 'asks' : 'asks_empty', level: 'ask' };
   }
+  const lag = lagAdvice(page);
+  if (lag) return lag;
   if (robot.mode !== 'stopped' && robot.link !== 'good' && robot.link) return { key: `link.${robot.link}`, level: 'info' };
   const lesson = lessonAdvice(page);
   if (lesson) return lesson;
   if (page.notice) return { key: page.notice, level: 'info' };
   if (page.hint) return { key: `hint.${page.hint}`, step: 'hint', level: 'info' };
+  return null;
+}
+
+/**
+ * Where the age of the picture on the screen comes from, in milliseconds: the camera and the way to
+ * the robot's loop, the link from there to this phone, and the phone itself.
+ * @param {PageState} page
+ * @returns {{camera: number, link: number, phone: number} | null}  null as long as it is not known
+ */
+export function ageParts({ robot, drawnAgeMs, drawingMs }) {
+  if (!robot?.camera || drawnAgeMs === null) return null;
+  const phone = Math.min(Math.max(drawingMs, 0), drawnAgeMs);
+  const camera = Math.min(robot.camera.age_ms, drawnAgeMs - phone);
+  return { camera: Math.round(camera), link: Math.round(drawnAgeMs - phone - camera), phone: Math.round(phone) };
+}
+
+const OLD_MS = 200;
+
+/** What makes pictures late, if it is not the link, and what would help. @param {PageState} page @returns {Advice | null} */
+function lagAdvice(page) {
+  const { robot } = page;
+  if (!robot?.camera || robot.mode === 'stopped') return null;
+  const parts = ageParts(page);
+  const camera = Math.round(robot.camera.age_ms);
+  if (robot.camera.speed_scale < 1) return { key: 'lag.camera', values: { ms: camera }, level: 'info' };
+  if (parts && parts.phone > OLD_MS && parts.phone > parts.link) return { key: 'lag.phone', values: { ms: parts.phone }, level: 'info' };
   return null;
 }
 

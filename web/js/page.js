@@ -38,6 +38,9 @@ export class Page {
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.toastTimer = undefined;
     this.shownGist = '';
+    this.drawingMs = 0;
+    /** @type {number | null} */
+    this.drawnAgeMs = null;
     this.shownMs = -Infinity;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.lessonTimer = undefined;
@@ -71,6 +74,15 @@ export class Page {
     return this.looking ? this.connection.ageMs(this.looking.capturedMs) : null;
   }
 
+  /** A picture is on the screen. @param {import('./painter.js').Shown} shown */
+  look(shown) {
+    this.looking = shown;
+    const drawingMs = performance.now() - shown.arrivedMs;
+    this.drawingMs += (drawingMs - this.drawingMs) / 8;
+    const ageMs = this.lastAgeMs;
+    if (ageMs !== null) this.drawnAgeMs = this.drawnAgeMs === null ? ageMs : this.drawnAgeMs + (ageMs - this.drawnAgeMs) / 8;
+  }
+
   lookingAt() {
     const ageMs = this.lastAgeMs;
     return {
@@ -99,6 +111,8 @@ export class Page {
     store.set({
       robot,
       pictureAgeMs: this.lastAgeMs,
+      drawnAgeMs: this.drawnAgeMs,
+      drawingMs: this.drawingMs,
       delayMs: this.connection.delayMs,
       frame: this.looking?.frame ?? null,
       held: helm.held,

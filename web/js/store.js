@@ -16,6 +16,8 @@
  * @property {RobotState | null} robot  null before the first state
  * @property {number | null} frame  id of the picture on the screen
  * @property {number | null} pictureAgeMs  how old that picture was when it was drawn
+ * @property {number | null} drawnAgeMs  how old pictures are when they are drawn, smoothed
+ * @property {number} drawingMs  how much of that they spend on this phone, smoothed
  * @property {number | null} delayMs  round trip of a word
  * @property {string | null} held  what the pilot holds here
  * @property {string} screen
@@ -38,6 +40,8 @@ export const initialState = () => ({
   robot: null,
   frame: null,
   pictureAgeMs: null,
+  drawnAgeMs: null,
+  drawingMs: 0,
   delayMs: null,
   held: null,
   screen: 'drive',

@@ -2,7 +2,7 @@
 
 import { append, fill, h, icon, say } from '../dom.js';
 import { Painter } from '../painter.js';
-import { urgentAdvice } from '../advice.js';
+import { ageParts, urgentAdvice } from '../advice.js';
 import { percent, t } from '../i18n.js';
 import { byPlace } from '../moves.js';
 import { stepButton } from './toast-bar.js';
@@ -60,7 +60,7 @@ export class VideoView extends HTMLElement {
   /** A picture is on the screen. @param {import('../painter.js').Shown} shown */
   note(shown) {
     this.drawnMs = performance.now();
-    if (this.page) this.page.looking = shown;
+    this.page?.look(shown);
     if (!this.dataset.frames) performance.mark('first-frame');
     this.frames += 1;
     // Rarely: each change of an attribute has the browser make a frame of the whole page.
@@ -96,7 +96,9 @@ export class VideoView extends HTMLElement {
     if (robot?.distance_m != null) facts.push(t('distance', { cm: Math.round(robot.distance_m * 100) }));
     if (robot?.bumped) facts.push(t(whichBumper(robot.bumpers)));
     const ageMs = this.page?.store.state.pictureAgeMs;
-    if (robot && ageMs != null) facts.push(t('picture_age', { ms: Math.max(1, Math.round(ageMs / 10)) * 10 }));
+    const parts = this.page && ageParts(this.page.store.state);
+    const total = Math.max(1, Math.round((ageMs ?? 0) / 10)) * 10;
+    if (robot && ageMs != null) facts.push(ageMs > OLD_PICTURE_MS && parts ? t('age_parts', { total, ...parts }) : t('picture_age', { ms: total }));
     const element = /** @type {HTMLElement} */ (this.facts);
     element.classList.toggle('old', (ageMs ?? 0) > OLD_PICTURE_MS);
     element.hidden = facts.length === 0;

@@ -1,0 +1,131 @@
+"""Every address of the API with hostile values: answered 4xx, never 5xx, and nothing swells."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import resource
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from robot.clock import RealClock
+from robot.policy.registry import make_policy
+from robot.rig.rig import Rig
+from robot.storage.folder import Storage
+from server.app import create_app
+from server.bench.robot import NotingDriver, SteadyCamera
+from server.config import Config, Limits
+from server.events import EventBus
+from server.hosting.serving import served
+from server.persistence import Persistence
+from server.services import make_services
+
+from .live_robot import WEB
+
+MOST_BYTES = 300_000_000
+VALUES: list[Any] = [
+    "\ud83d",
+    "default-999999",
+    float("nan"),
+    float("inf"),
+    "x" * 10_000,
+    "",
+    "\0",
+    "../../etc/passwd",
+    -1,
+    0,
+    10**30,
+    1e308,
+    True,
+    None,
+    [],
+    {},
+    [[]] * 3,
+    {"a": {"b": []}},
+]
+FIELDS = (
+    "name learner place undo title protected verb first last label value seconds speed max_nodes "
+    "moves trial teach_s answer token colour participant"
+).split()
+BODIES: list[bytes] = [b"", b"[]", b"null", b"{", b"\xff\xfe", b"[" * 50_000, b'"x"', b"1e999"]
+PARTS = ["%00", "%ed%a0%bd", "..%2f..%2fetc", "x" * 1_000, "-1", "99999999999999999999", "a"]
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    folder = tmp_path_factory.mktemp("hostile")
+    limits = Limits(requests_per_second=1e6, requests_burst=1e6)
+    config = Config(port=0, web=WEB, data=folder, limits=limits)
+    clock = RealClock()
+    rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
+    events = EventBus()
+    persistence = Persistence(Storage(folder), rig, name="bench", announce=events.publish)
+    services = make_services(config, rig, name="bench", events=events, persistence=persistence)
+    with rig, persistence, served(create_app(services), config) as running:
+        yield running
+
+
+def _operations(address: str) -> list[tuple[str, str]]:
+    paths = httpx.get(address + "/openapi.json").json()["paths"]
+    return [
+        (method.upper(), path)
+        for path, item in paths.items()
+        for method in item
+        if path != "/api/stop" and "mjpg" not in path
+    ]
+
+
+def _paths(path: str) -> list[str]:
+    parts = path.split("/")
+    if not any(part.startswith("{") for part in parts):
+        return [path]
+    return ["/".join(p if part.startswith("{") else part for part in parts) for p in PARTS]
+
+
+def _bodies() -> Iterator[bytes]:
+    yield from BODIES
+    for field, value in itertools.product(FIELDS, VALUES):
+        yield json.dumps({field: value}).encode()
+    for value in VALUES:
+        yield json.dumps(dict.fromkeys(FIELDS, value)).encode()
+
+
+def test_no_value_makes_the_server_fail(address: str) -> None:
+    operations = _operations(address)
+    assert len(operations) > 30
+    failures = []
+    with httpx.Client(timeout=30) as client:
+        for method, template in operations:
+            for path in _paths(template):
+                bodies = [b""] if method in ("GET", "DELETE") else list(_bodies())
+                for body in bodies if path == _paths(template)[0] else bodies[:12]:
+                    answer = client.request(method, address + path, content=body)
+                    if answer.status_code >= 500 and answer.status_code not in (503, 507):
+                        failures.append((method, path, body[:80], answer.status_code))
+    assert failures == []
+
+
+def test_hostile_queries_are_refused(address: str) -> None:
+    failures = []
+    with httpx.Client(timeout=30) as client:
+        for method, template in _operations(address):
+            if method != "GET":
+                continue
+            for name, value in itertools.product(
+                ("seconds", "count", "first", "last"), ("nan", "inf", "-1", "1e999", "x", "9" * 400)
+            ):
+                path = _paths(template)[-1]
+                answer = client.get(address + path, params={name: value})
+                if answer.status_code >= 500 and answer.status_code != 503:
+                    failures.append((path, name, value, answer.status_code))
+    assert failures == []
+
+
+def test_memory_has_not_swollen(address: str, tmp_path: Path) -> None:
+    del address, tmp_path
+    own_bytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    assert own_bytes < MOST_BYTES, f"{own_bytes / 1e6:.0f} MB at the peak"
