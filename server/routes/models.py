@@ -9,6 +9,7 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
 from robot.models.model import decode_model
 from robot.models.store import StoredModel
+from robot.policy.registry import split_name
 from robot.storage.png import encode_png
 from server.routes.bodies import do, read_body, refusals, text_field
 from server.security.guard import require_pilot, require_viewer
@@ -37,6 +38,10 @@ def describe(shelved: StoredModel) -> dict[str, Any]:
     }
 
 
+MOST_NODES = 2048
+"""Memory grows with the square of it: 2048 images take some 50 MB."""
+
+
 @router.get("", dependencies=[VIEWER])
 def list_models(request: Request) -> dict[str, Any]:
     """List all models, the one saved last first."""
@@ -51,6 +56,9 @@ async def begin_model(request: Request) -> dict[str, str]:
     """Save the model in use and begin an empty one: {name?, learner?, place?}."""
     body = await read_body(request)
     name, learner, place = (text_field(body, field) for field in ("name", "learner", "place"))
+    with refusals():
+        if learner is not None and split_name(learner)[1] > MOST_NODES:
+            raise HTTPException(422, f"A model has at most {MOST_NODES} images, not {learner}.")
     return {"name": await do(persistence_of(request).autosave.begin, name, learner, place)}
 
 
