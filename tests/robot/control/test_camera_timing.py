@@ -6,7 +6,7 @@ import random
 from dataclasses import dataclass, field
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.control.camera_timing import USUAL_PERIOD_S, CameraTiming, CameraTimingConfig
@@ -35,6 +35,7 @@ def test_a_webcam_on_a_brick_gets_time_enough_and_full_speed() -> None:
     assert timing.speed_scale == 1.0
 
 
+@settings(deadline=None)
 @given(
     st.lists(
         st.tuples(st.floats(0.001, 3.0), st.floats(0.0, 3.0), st.booleans()),
