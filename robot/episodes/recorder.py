@@ -118,7 +118,7 @@ class Recorder:
         self._disk.start()
 
     def stop(self) -> None:
-        """Finish the recording, best while the loop still turns; idempotent."""
+        """Finish the recording, best while the loop still runs; idempotent."""
         if self._is_open:
             with contextlib.suppress(TimeoutError):
                 self._loop.clock.result(self._loop.submit(self._end), 2.0)
@@ -128,12 +128,12 @@ class Recorder:
     # On the loop's thread ----------------------------------------------------------------------
 
     def _end(self) -> None:
-        """Finish between two turns, so that the turn under way is recorded, too."""
+        """Finish between two ticks, so that the one under way is recorded, too."""
         self._unsubscribe()
         self.finish()
 
     def note(self, tick: Tick) -> None:
-        """Take note of one turn."""
+        """Take note of one tick."""
         if self._base is None and not self._is_open:
             self._base = self._take()
             return
