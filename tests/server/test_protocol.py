@@ -11,6 +11,8 @@ from robot.types import DEFAULT_MOVES, Encoding
 from server import protocol
 from server.protocol import ErrorCode, ProtocolError, VideoFrame
 
+from .virtual import ServedWorld, virtually
+
 VECTORS: dict[str, Any] = json.loads(
     (Path(__file__).parents[1] / "vectors" / "wire.json").read_text()
 )
@@ -79,3 +81,20 @@ def test_a_refusal_names_the_seq_of_the_refused_message() -> None:
 def test_every_kind_of_error_is_in_the_reference() -> None:
     text = (Path(__file__).parents[2] / "docs" / "reference" / "protocol.md").read_text()
     assert [code.value for code in ErrorCode if f"`{code.value}`" not in text] == []
+
+
+def test_the_state_in_the_reference_is_what_the_wire_carries() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "reference" / "protocol.md").read_text()
+    block = text[text.index('    {"type": "state"') :].split("\n\n")[0]
+    example = json.loads(block)
+
+    async def scenario(world: ServedWorld) -> dict[str, Any]:
+        pilot = await world.pilot(sees=True)
+        pilot.mode("train")
+        pilot.hold("forward")
+        return await pilot.wait_for_state(driven_by="pilot", within_s=5.0)
+
+    state = virtually(scenario)
+    assert set(state) == set(example)
+    assert set(state["camera"]) == set(example["camera"])
+    assert set(state["prediction"]) == set(example["prediction"])
