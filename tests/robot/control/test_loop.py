@@ -333,6 +333,7 @@ def test_listeners_hear_every_turn_until_they_leave() -> None:
     assert len(heard) == 1
 
 
+@pytest.mark.realtime
 def test_the_thread_turns_the_loop_and_stops_the_robot_at_its_end() -> None:
     robot = BenchRobot()
     thread = LoopThread(robot.loop, RealClock())
