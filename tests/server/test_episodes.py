@@ -113,6 +113,8 @@ def test_title_protection_compact_delete_and_restore(client: Client, episode_id:
     client.post(f"{path}/edits", json={"verb": "delete", "first": first, "last": first + 9})
     assert client.post(f"{path}/compact").json()["undo"]
     assert client.get(path).json()["first_frame"] == first + 10
+    assert client.delete(path).status_code == 409, "it is protected"
+    client.patch(path, json={"protected": False})
     undo = client.delete(path).json()["undo"]
     assert client.get(path).status_code == 404
     assert client.post("/api/episodes/restore", json={"undo": undo}).json() == {"id": episode_id}
