@@ -166,3 +166,12 @@ def test_who_leaves_while_waiting_is_forgotten() -> None:
     assert not lease.give_up("b", 0.1)
     assert lease.give_up("a", 0.2)
     assert lease.owner is None
+
+
+def test_a_lease_lasts_to_its_very_end_and_a_second_and_a_half_by_default() -> None:
+    lease = Lease()
+    assert lease.join("c1", 10.0)
+    assert not lease.take("c2", 11.5), "to the very end it is kept"
+    assert not lease.pass_on_if_lapsed(11.5)
+    assert lease.pass_on_if_lapsed(11.5 + 1e-6)
+    assert lease.owner == "c2"
