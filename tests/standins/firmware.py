@@ -17,7 +17,7 @@ from typing import Any, Self
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FIRMWARE = ROOT / "firmware/robot.py"
+FIRMWARE = ROOT / "docs/examples/firmware/robot.py"
 SECRET = "geheim"
 
 
