@@ -10,7 +10,7 @@ from robot.episodes.recorder import Recorder
 from robot.episodes.store import EpisodeStore
 from robot.errors import ConfigurationError
 from robot.lifecycle import StartStop
-from robot.models.autosave import Announce, Autosave, say_nothing
+from robot.models.autosave import Announce, Autosave, no_announcement
 from robot.models.journal import Journal
 from robot.models.replay import Recovered, newest_boot, recover
 from robot.models.store import ModelStore
@@ -41,7 +41,7 @@ class Persistence(StartStop):
         *,
         name: str = "robot",
         options: Mapping[str, Any] | None = None,
-        announce: Announce = say_nothing,
+        announce: Announce = no_announcement,
         fault: str | None = None,
     ) -> None:
         self.storage = storage

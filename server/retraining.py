@@ -11,7 +11,7 @@ from typing import Any
 from robot.clock import Clock
 from robot.episodes.comparison import Comparison, compare, count_steps
 from robot.episodes.store import EpisodeStore
-from robot.episodes.teaching import Mended, Report, learn_again, plan
+from robot.episodes.teaching import EditedEpisode, Report, learn_again, plan
 from robot.errors import ConfigurationError, RobotError
 from robot.models.model import Model, take_model
 from robot.policy.policy import Policy
@@ -49,13 +49,13 @@ class Retraining:
         """
         if not episode_ids:
             raise ConfigurationError("choose at least one recording to teach from")
-        mended = [
+        episodes = [
             (store.open(episode_id), store.notes(episode_id))
             for episode_id in sorted(set(episode_ids))
         ]
-        if not plan(mended):
+        if not plan(episodes):
             raise ConfigurationError("nothing was taught in these recordings, or all is left out")
-        run = _Run(mended, learner, self._clock)
+        run = _Run(episodes, learner, self._clock)
         with self._lock:
             if self._run is not None and self._run.is_running:
                 raise ConfigurationError("something is being taught already; drop it first")
@@ -87,9 +87,9 @@ class Retraining:
 
 
 class _Run:
-    def __init__(self, mended: list[Mended], learner: str, clock: Clock) -> None:
-        self._mended, self._learner, self._clock = mended, learner, clock
-        self._total = len(plan(mended)) + count_steps(mended)
+    def __init__(self, episodes: list[EditedEpisode], learner: str, clock: Clock) -> None:
+        self._episodes, self._learner, self._clock = episodes, learner, clock
+        self._total = len(plan(episodes)) + count_steps(episodes)
         self._done = 0
         self._report: Report | None = None
         self._comparison: Comparison | None = None
@@ -101,9 +101,9 @@ class _Run:
     def work(self) -> None:
         """Compare, then teach everything; on a thread of its own."""
         try:
-            self._comparison = compare(self._mended, self._new_policy, self._step)
+            self._comparison = compare(self._episodes, self._new_policy, self._step)
             policy = self._new_policy()
-            self._report = learn_again(policy, self._mended, on_step=self._step)
+            self._report = learn_again(policy, self._episodes, on_step=self._step)
             taught = Counter(self._report.taught)
             self.model = take_model(policy, taught, saved_at_s=self._clock.wall_s())
         except _DroppedError:
@@ -114,7 +114,7 @@ class _Run:
             self.is_running = False
 
     def _new_policy(self) -> Policy:
-        moves = tuple(dict.fromkeys(move for e, _ in self._mended for move in e.moves))
+        moves = tuple(dict.fromkeys(move for e, _ in self._episodes for move in e.moves))
         return make_policy(self._learner, moves or DEFAULT_MOVES)
 
     def _step(self) -> None:
@@ -129,7 +129,7 @@ class _Run:
         return {
             "state": state,
             "learner": self._learner,
-            "episodes": [episode.id for episode, _ in self._mended],
+            "episodes": [episode.id for episode, _ in self._episodes],
             "share": min(1.0, self._done / max(self._total, 1)) if self.is_running else 1.0,
             "error": self._error,
             "taught": {} if report is None else {m.value: n for m, n in report.taught.items()},

@@ -153,10 +153,10 @@ class OnlineLearning:
 
     def _learn_one(self, frame_id: int, label: Action, is_intervention: bool) -> None:
         seen = self._seen[frame_id]
-        lesson = Example(frame_id=frame_id, label=label, is_intervention=is_intervention)
+        example = Example(frame_id=frame_id, label=label, is_intervention=is_intervention)
         self._agreed.append(seen.predicted is label)
         started_s = self._clock.now_s()
-        self.history.teach(lesson, seen.x, seen.captured_s)
+        self.history.teach(example, seen.x, seen.captured_s)
         self._note_time("learn", started_s)
 
     def _note_time(self, name: str, started_s: float) -> None:

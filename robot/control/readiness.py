@@ -124,7 +124,7 @@ class Readiness:
         self._was = tick.decision.driven_by
 
     def _note_taught(self, event: Taught, tick: Tick) -> None:
-        label, before = event.lesson.label, self._last
+        label, before = event.example.label, self._last
         self._last = (event.at_s, label)
         self._examples[label] += 1
         step_s = event.at_s - before[0] if before is not None else 0.0
@@ -133,7 +133,7 @@ class Readiness:
         if before is not None and is_going_on and label == before[1]:
             return
         self._starts[label] += 1
-        if before is None or not is_going_on or event.lesson.is_intervention:
+        if before is None or not is_going_on or event.example.is_intervention:
             return
         near = [move for at_s, move in self._proposed if tick.now_s - at_s <= BEFORE_S + AFTER_S]
         self._foreseen.append(label in near)

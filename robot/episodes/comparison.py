@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from robot.episodes.edits import Notes
-from robot.episodes.teaching import Mended, Step, learn_again, plan
+from robot.episodes.teaching import EditedEpisode, Step, learn_again, plan
 from robot.policy.policy import Policy
 from robot.types import Action
 
@@ -53,21 +53,21 @@ class Comparison:
 
 
 def compare(
-    mended: Sequence[Mended],
+    episodes: Sequence[EditedEpisode],
     new_policy: Callable[[], Policy],
     on_step: Callable[[], None] = lambda: None,
 ) -> Comparison | None:
     """Teach two learners, from before and after mending, and compare them.
 
     Args:
-        mended: Recordings, in order, and what was mended of each.
+        episodes: Recordings, in order, each with its edits.
         new_policy: Makes an empty learner.
         on_step: Told of each frame that is learned or judged.
 
     Returns:
         What came of it; None if there is too little to judge by.
     """
-    asked = _held_out(mended)
+    asked = _held_out(episodes)
     if asked is None:
         return None
     spans = {(step.episode.id, step.frame_id) for step in asked}
@@ -75,10 +75,10 @@ def compare(
     def is_taught(step: Step) -> bool:
         return (step.episode.id, step.frame_id) not in spans
 
-    unmended = [(episode, Notes()) for episode, _ in mended]
+    unedited = [(episode, Notes()) for episode, _ in episodes]
     before, after = new_policy(), new_policy()
-    learn_again(before, unmended, only=is_taught, on_step=on_step)
-    learn_again(after, mended, only=is_taught, on_step=on_step)
+    learn_again(before, unedited, only=is_taught, on_step=on_step)
+    learn_again(after, episodes, only=is_taught, on_step=on_step)
     differences, right_before, right_after = [], 0, 0
     for step in asked:
         assert step.label is not None
@@ -107,21 +107,21 @@ def compare(
     )
 
 
-def count_steps(mended: Sequence[Mended]) -> int:
+def count_steps(episodes: Sequence[EditedEpisode]) -> int:
     """Return how often `compare` will call `on_step`: about twice what there is to learn."""
-    asked = _held_out(mended)
+    asked = _held_out(episodes)
     if asked is None:
         return 0
-    unmended = [(episode, Notes()) for episode, _ in mended]
-    return len(plan(unmended)) + len(plan(mended)) - len(asked)
+    unedited = [(episode, Notes()) for episode, _ in episodes]
+    return len(plan(unedited)) + len(plan(episodes)) - len(asked)
 
 
-def _held_out(mended: Sequence[Mended]) -> list[Step] | None:
-    labelled = [s for s in plan(mended) if s.label and s.frame_id in s.episode.frames]
+def _held_out(episodes: Sequence[EditedEpisode]) -> list[Step] | None:
+    labelled = [s for s in plan(episodes) if s.label and s.frame_id in s.episode.frames]
     if len(labelled) < FEWEST_FRAMES:
         return None
     found: list[Step] = []
-    for episode, _ in mended:
+    for episode, _ in episodes:
         own = [step for step in labelled if step.episode is episode]
         for number in _HELD_OUT:
             ends = [len(own) * n // _STRETCHES for n in (number, number + 1)]

@@ -48,13 +48,13 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
     """List the recording's pictures in order, each with label, prediction and driver."""
     labels = taught_frames(episode)
     corrected = {
-        entry.event.lesson.frame_id
-        for entry in episode.lessons
-        if isinstance(entry.event, Taught) and entry.event.lesson.is_intervention
+        entry.event.example.frame_id
+        for entry in episode.events
+        if isinstance(entry.event, Taught) and entry.event.example.is_intervention
     }
-    predictions = {words["frame"]: words for _, words in episode.words.get(PREDICTION, [])}
-    decisions = episode.words.get(DECISION, [])
-    sensed = episode.words.get(SENSORS, [])
+    predictions = {fields["frame"]: fields for _, fields in episode.messages.get(PREDICTION, [])}
+    decisions = episode.messages.get(DECISION, [])
+    sensed = episode.messages.get(SENSORS, [])
     start_s, at, felt = episode.start_s, 0, 0
     found = []
     for entry in episode.frames.values():
@@ -65,7 +65,7 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
             felt += 1
         senses = sensed[felt][1] if felt < len(sensed) else {}
         pose = senses.get("pose")
-        said = predictions.get(entry.frame_id, {})
+        proposed = predictions.get(entry.frame_id, {})
         relabel = notes.relabel(entry.frame_id)
         found.append(
             EpisodeFrame(
@@ -75,8 +75,8 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
                 is_relabelled=relabel is not None,
                 is_deleted=notes.is_deleted(entry.frame_id),
                 is_intervention=entry.frame_id in corrected and entry.frame_id in labels,
-                predicted=said.get("action"),
-                confidence=said.get("confidence"),
+                predicted=proposed.get("action"),
+                confidence=proposed.get("confidence"),
                 driven_by=decision.get("driven_by"),
                 sent=decision.get("sent"),
                 asks_pilot=bool(decision.get("asks_pilot")),
@@ -112,7 +112,7 @@ def choose(found: Sequence[EpisodeFrame], count: int) -> list[EpisodeFrame]:
     return [found[round(i * (len(found) - 1) / max(count - 1, 1))] for i in range(count)]
 
 
-def write_mended(episode: Episode, notes: Notes, file: BinaryIO) -> None:
+def write_edited(episode: Episode, notes: Notes, file: BinaryIO) -> None:
     """Write the recording anew, with what was mended worked in.
 
     What was undone while driving and what was deleted is gone; a relabelled frame has its new
@@ -120,35 +120,35 @@ def write_mended(episode: Episode, notes: Notes, file: BinaryIO) -> None:
     """
     before = episode.attachments.get(MODEL_BEFORE)
     writer = EpisodeWriter(file, run_of(episode), before)
-    own = {e.event.lesson.frame_id for e in episode.lessons if isinstance(e.event, Taught)}
+    own = {e.event.example.frame_id for e in episode.events if isinstance(e.event, Taught)}
     for record in scan(episode.path):
         if not isinstance(record, Message) or record.topic == LESSON:
             continue
         if record.topic != CAMERA or not notes.is_deleted(record.sequence):
             writer.write_copy(record)
-    _write_lessons(writer, episode, plan([(episode, notes)]), own)
+    _write_examples(writer, episode, plan([(episode, notes)]), own)
     writer.close({"dropped_frames": "0", "lost_words": "0"})
 
 
-def _write_lessons(
+def _write_examples(
     writer: EpisodeWriter, episode: Episode, steps: list[Step], own: set[int]
 ) -> None:
     now_s = episode.start_s
     for step in steps:
         if step.edit is not None:
-            writer.write_words(LESSON, now_s, describe_event(step.edit))
+            writer.write_message(LESSON, now_s, describe_event(step.edit))
             continue
         assert step.label is not None
-        lesson = Example(frame_id=step.frame_id, label=step.label, is_intervention=False)
+        example = Example(frame_id=step.frame_id, label=step.label, is_intervention=False)
         entry = episode.frames.get(step.frame_id)
         now_s = entry.captured_s if entry else now_s
         taught = Taught(
-            lesson=lesson, x=_vector(step), at_s=-1.0 if step.at_s is None else step.at_s
+            example=example, x=_vector(step), at_s=-1.0 if step.at_s is None else step.at_s
         )
-        writer.write_words(LESSON, now_s, describe_event(taught, with_vector=step.x is not None))
-    for late in episode.lessons:
+        writer.write_message(LESSON, now_s, describe_event(taught, with_vector=step.x is not None))
+    for late in episode.events:
         if isinstance(late.event, Undone) and not own.issuperset(late.event.frame_ids):
-            writer.write_words(LESSON, late.now_s, describe_event(late.event))
+            writer.write_message(LESSON, late.now_s, describe_event(late.event))
 
 
 def _vector(step: Step) -> Vector:

@@ -18,7 +18,7 @@ from robot.episodes.messages import (
     MODE,
     PREDICTION,
     SENSORS,
-    Words,
+    Fields,
 )
 from robot.episodes.scan import Attachment, Cut, Message, Metadata, read_chunk, scan
 from robot.episodes.writer import FORMAT, MODEL_AFTER, MODEL_BEFORE, RUN
@@ -45,7 +45,7 @@ class FrameEntry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ExampleEntry:
+class EventEntry:
     """A change of the learner as it was recorded; `x` only where its picture was not."""
 
     event: HistoryEvent
@@ -60,8 +60,8 @@ class Episode:
     path: Path
     run: dict[str, str] = field(default_factory=dict)
     frames: dict[int, FrameEntry] = field(default_factory=dict)
-    lessons: list[ExampleEntry] = field(default_factory=list)
-    words: dict[str, list[tuple[float, Words]]] = field(default_factory=dict)
+    events: list[EventEntry] = field(default_factory=list)
+    messages: dict[str, list[tuple[float, Fields]]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     damage: str | None = None
     _chunks: OrderedDict[int, list[Any]] = field(default_factory=OrderedDict)
@@ -94,20 +94,20 @@ class Episode:
 
     @property
     def start_s(self) -> float:
-        """Time of the first picture or word."""
+        """Time of the first picture or message."""
         return min(self._ends(), default=0.0)
 
     @property
     def duration_s(self) -> float:
-        """Seconds from the first picture or word to the last."""
+        """Seconds from the first picture or message to the last."""
         return max(self._ends(), default=0.0) - self.start_s
 
     def _ends(self) -> Iterator[float]:
         entries = list(self.frames.values())
         yield from (entry.captured_s for entry in entries[:1] + entries[-1:])
-        for said in self.words.values():
-            yield from (now_s for now_s, _ in said[:1] + said[-1:])
-        yield from (lesson.now_s for lesson in self.lessons[:1] + self.lessons[-1:])
+        for received in self.messages.values():
+            yield from (now_s for now_s, _ in received[:1] + received[-1:])
+        yield from (entry.now_s for entry in self.events[:1] + self.events[-1:])
 
     def frame(self, frame_id: int) -> Frame:
         """Read one picture.
@@ -139,7 +139,7 @@ class Episode:
 
 
 def open_episode(path: Path) -> Episode:
-    """Read a recording's words, and where its pictures are; a cut one as far as it goes.
+    """Read a recording's messages, and where its pictures are; a cut one as far as it goes.
 
     Raises:
         RecordingError: If it is no recording of ours, or of a newer format.
@@ -192,12 +192,12 @@ def _take_message(episode: Episode, message: Message) -> None:
         )
     elif message.topic == LESSON:
         event, x = read_event(json.loads(message.data))
-        episode.lessons.append(ExampleEntry(event=event, x=x, now_s=now_s))
+        episode.events.append(EventEntry(event=event, x=x, now_s=now_s))
     elif message.topic in (COMMAND, DECISION, PREDICTION, SENSORS, MODE):
-        words = json.loads(message.data)
-        if not isinstance(words, dict):
+        fields = json.loads(message.data)
+        if not isinstance(fields, dict):
             raise RecordingError("a message has another form")
-        episode.words.setdefault(message.topic, []).append((now_s, words))
+        episode.messages.setdefault(message.topic, []).append((now_s, fields))
 
 
 def _frame(entry: FrameEntry, data: bytes) -> Frame:
@@ -213,9 +213,9 @@ def _frame(entry: FrameEntry, data: bytes) -> Frame:
 def taught_frames(episode: Episode) -> dict[int, Action]:
     """Return the frames that were taught and not undone, with the label each was given last."""
     taught: dict[int, Action] = {}
-    for entry in episode.lessons:
+    for entry in episode.events:
         if isinstance(entry.event, Taught):
-            taught[entry.event.lesson.frame_id] = entry.event.lesson.label
+            taught[entry.event.example.frame_id] = entry.event.example.label
         else:
             for frame_id in getattr(entry.event, "frame_ids", ()):
                 taught.pop(frame_id, None)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.episodes.edits import notes_path
-from robot.episodes.summary import EpisodeSummary, read_card, read_head
+from robot.episodes.summary import EpisodeSummary, read_head, read_summary
 from robot.storage.folder import is_text, write_whole
 from robot.storage.records import read_regular
 
@@ -106,7 +106,7 @@ class SummaryIndex:
         path = self._folder / f"{episode_id}.mcap"
         is_growing = episode_id == self._recording() and state[0] > _READ_WHOLE_BYTES
         try:
-            return read_head(path) if is_growing else read_card(path)
+            return read_head(path) if is_growing else read_summary(path)
         except OSError:
             return None
 

@@ -1,4 +1,4 @@
-"""What a recording says besides its pictures: the topics, their schemas, and lessons as words.
+"""What a recording says besides its pictures: the topics, their schemas, and lessons as fields.
 
 Times of messages are in MCAP's own log time; what is here needs none of its own.
 """
@@ -22,7 +22,7 @@ SENSORS = "/sensors"
 MODE = "/mode"
 LESSON = "/lesson"
 
-Words = dict[str, Any]
+Fields = dict[str, Any]
 
 _TEXT = {"type": "string"}
 _MAYBE_TEXT = {"type": ["string", "null"]}
@@ -34,7 +34,7 @@ _TRUTH = {"type": "boolean"}
 _MAYBE_TRUTH = {"type": ["boolean", "null"]}
 
 
-def _schema(title: str, required: Mapping[str, Any], **optional: Any) -> Words:
+def _schema(title: str, required: Mapping[str, Any], **optional: Any) -> Fields:
     return {
         "title": f"drivelesson.{title}",
         "type": "object",
@@ -43,7 +43,7 @@ def _schema(title: str, required: Mapping[str, Any], **optional: Any) -> Words:
     }
 
 
-SCHEMAS: dict[str, Words] = {
+SCHEMAS: dict[str, Fields] = {
     COMMAND: _schema(
         "Command",
         {"held": _MAYBE_TEXT, "frame": _MAYBE_COUNT, "seq": _COUNT, "pilot": _TEXT},
@@ -104,9 +104,9 @@ SCHEMAS: dict[str, Words] = {
 """Topic to JSON schema. /camera is Foxglove's own (robot/episodes/images.py)."""
 
 
-def to_json(words: Words) -> bytes:
-    """Return the words as JSON, where no number is infinite: JSON has none."""
-    return json.dumps(words, separators=(",", ":"), default=_plain).encode()
+def to_json(fields: Fields) -> bytes:
+    """Return the fields as JSON, where no number is infinite: JSON has none."""
+    return json.dumps(fields, separators=(",", ":"), default=_plain).encode()
 
 
 def _plain(value: Any) -> Any:
@@ -120,7 +120,7 @@ def _finite(number: float) -> float:
     return float(f"{number:.5g}") if math.isfinite(number) else 1e300
 
 
-def describe_command(command: PilotCommand) -> Words:
+def describe_command(command: PilotCommand) -> Fields:
     """Describe one word of the pilot."""
     return {
         "held": command.held,
@@ -130,7 +130,7 @@ def describe_command(command: PilotCommand) -> Words:
     }
 
 
-def describe_prediction(prediction: Prediction) -> Words:
+def describe_prediction(prediction: Prediction) -> Fields:
     """Describe what the robot would have done."""
     return {
         "frame": prediction.frame_id,
@@ -143,7 +143,7 @@ def describe_prediction(prediction: Prediction) -> Words:
     }
 
 
-def describe_sensors(sensors: Sensors) -> Words:
+def describe_sensors(sensors: Sensors) -> Fields:
     """Describe what was sensed."""
     pose = sensors.pose
     return {

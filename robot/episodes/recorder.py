@@ -26,16 +26,16 @@ from robot.episodes.messages import (
     MODE,
     PREDICTION,
     SENSORS,
-    Words,
+    Fields,
     describe_command,
     describe_prediction,
     describe_sensors,
 )
 from robot.episodes.scan import require_mcap
 from robot.episodes.writer import Run
-from robot.episodes.writer_thread import Close, Open, RecorderConfig, Say, WriterThread
+from robot.episodes.writer_thread import Close, Open, RecorderConfig, WriteMessage, WriterThread
 from robot.errors import MissingExtraError
-from robot.models.autosave import Announce, say_nothing
+from robot.models.autosave import Announce, no_announcement
 from robot.models.events import describe_event
 from robot.models.model import Model, take_model
 from robot.moves import Move
@@ -66,7 +66,7 @@ class Recorder:
         robot: str = "",
         declared_moves: tuple[Move, ...] = (),
         options: Mapping[str, Any] | None = None,
-        announce: Announce = say_nothing,
+        announce: Announce = no_announcement,
         config: RecorderConfig | None = None,
         open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
         wall_ns: Callable[[], int] | None = None,
@@ -198,7 +198,7 @@ class Recorder:
             else:
                 self._remember(tick.frame)
         for command in tick.commands:
-            self._say(COMMAND, now_s, describe_command(command))
+            self._queue_message(COMMAND, now_s, describe_command(command))
         if tick.decision.mode is not Mode.STOPPED:
             self._record_decision(tick)
         for event in events:
@@ -206,11 +206,11 @@ class Recorder:
 
     def _record_mode(self, tick: Tick) -> None:
         reason = tick.decision.stop_reason
-        self._say(MODE, tick.now_s, {"mode": tick.decision.mode, "stop_reason": reason})
+        self._queue_message(MODE, tick.now_s, {"mode": tick.decision.mode, "stop_reason": reason})
 
     def _record_decision(self, tick: Tick) -> None:
         decision = tick.decision
-        words = {
+        fields = {
             "action": decision.action,
             "sent": tick.sent,
             "driven_by": decision.driven_by,
@@ -220,20 +220,20 @@ class Recorder:
             "asks_pilot": decision.asks_pilot,
             "cycle_ms": round(tick.cycle_s * 1000, 4),
         }
-        self._say(DECISION, tick.now_s, words)
+        self._queue_message(DECISION, tick.now_s, fields)
 
     def _record_frame(self, tick: Tick) -> None:
         assert tick.frame is not None
         self._keep(tick.frame)
-        self._say(SENSORS, tick.now_s, describe_sensors(tick.sensors))
+        self._queue_message(SENSORS, tick.now_s, describe_sensors(tick.sensors))
         if tick.prediction is not None and tick.prediction.frame_id == tick.frame.frame_id:
-            self._say(PREDICTION, tick.now_s, describe_prediction(tick.prediction))
+            self._queue_message(PREDICTION, tick.now_s, describe_prediction(tick.prediction))
 
     def _record_event(self, event: HistoryEvent, now_s: float) -> None:
-        is_lost = isinstance(event, Taught) and event.lesson.frame_id not in self._kept
+        is_lost = isinstance(event, Taught) and event.example.frame_id not in self._kept
         if isinstance(event, Taught):
-            self._taught.add(event.lesson.frame_id)
-        self._say(LESSON, now_s, describe_event(event, with_vector=is_lost))
+            self._taught.add(event.example.frame_id)
+        self._queue_message(LESSON, now_s, describe_event(event, with_vector=is_lost))
 
     def _record_lead(self) -> None:
         """Write the pictures from just before: a command may label what was seen then."""
@@ -251,8 +251,8 @@ class Recorder:
             while len(self._kept) > 512:
                 del self._kept[next(iter(self._kept))]
 
-    def _say(self, topic: str, now_s: float, words: Words) -> None:
-        self._disk.put(Say(topic=topic, now_s=now_s, words=words), 0)
+    def _queue_message(self, topic: str, now_s: float, fields: Fields) -> None:
+        self._disk.put(WriteMessage(topic=topic, now_s=now_s, fields=fields), 0)
 
     def _end_if_due(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         """End after a pause, and where an undo reached back beyond this recording."""

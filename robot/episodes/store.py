@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from robot.episodes.editing import write_mended
+from robot.episodes.editing import write_edited
 from robot.episodes.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
 from robot.episodes.episode import Episode, open_episode
 from robot.episodes.index import SummaryIndex
@@ -56,12 +56,12 @@ class EpisodeStore:
         """Name the episodes, in the order of their names, the last first."""
         return sorted(self._index.ids(), reverse=True)
 
-    def cards(self) -> list[EpisodeSummary]:
+    def summaries(self) -> list[EpisodeSummary]:
         """Describe all episodes, the newest first."""
         with self._lock:
             return self._index.summaries()
 
-    def card(self, episode_id: str) -> EpisodeSummary:
+    def summary(self, episode_id: str) -> EpisodeSummary:
         """Describe one episode."""
         path = self.path(episode_id)
         with self._lock:
@@ -168,7 +168,7 @@ class EpisodeStore:
             part.unlink(missing_ok=True)
             try:
                 with part.open("xb") as file:
-                    write_mended(self.open(episode_id), notes, file)
+                    write_edited(self.open(episode_id), notes, file)
             except BaseException:
                 part.unlink(missing_ok=True)
                 raise
@@ -198,7 +198,7 @@ class EpisodeStore:
             try:
                 with part.open("xb") as file:
                     second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
-                    write_mended(episode, second, file)
+                    write_edited(episode, second, file)
             except BaseException:
                 part.unlink(missing_ok=True)
                 raise
@@ -215,15 +215,15 @@ class EpisodeStore:
 
     def budget(self) -> Budget:
         """Say how much is used; nothing is ever deleted by the program itself."""
-        cards = self.cards()
-        used = sum(card.bytes for card in cards)
+        summaries = self.summaries()
+        used = sum(summary.bytes for summary in summaries)
         offered, excess = [], used - self.budget_bytes
-        for card in reversed(cards):
+        for summary in reversed(summaries):
             if excess <= 0:
                 break
-            if not card.is_protected and card.id != self._recording():
-                offered.append(card)
-                excess -= card.bytes
+            if not summary.is_protected and summary.id != self._recording():
+                offered.append(summary)
+                excess -= summary.bytes
         return Budget(budget_bytes=self.budget_bytes, used_bytes=used, offered=tuple(offered))
 
     def _idle_path(self, episode_id: str) -> Path:

@@ -53,7 +53,7 @@ class EpisodeSummary:
     damage: str | None = None
 
 
-def read_card(path: Path) -> EpisodeSummary:
+def read_summary(path: Path) -> EpisodeSummary:
     """Describe a recording, whatever state it is in; only a missing file raises (OSError)."""
     size = path.stat().st_size
     try:

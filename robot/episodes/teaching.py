@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from robot.episodes.edits import Notes
-from robot.episodes.episode import Episode, ExampleEntry
+from robot.episodes.episode import Episode, EventEntry
 from robot.errors import ConfigurationError
 from robot.learner.base import Vector
 from robot.models.model import same_nodes
@@ -19,8 +19,8 @@ from robot.policy.history import Edited, Taught, Undone
 from robot.policy.policy import Policy
 from robot.types import Action
 
-Mended = tuple[Episode, Notes]
-__all__ = ["Mended", "Report", "Step", "learn_again", "plan", "same_nodes"]
+EditedEpisode = tuple[Episode, Notes]
+__all__ = ["EditedEpisode", "Report", "Step", "learn_again", "plan", "same_nodes"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,20 +47,20 @@ class Report:
     missing_frames: int = 0
 
 
-def plan(mended: Sequence[Mended]) -> list[Step]:
+def plan(episodes: Sequence[EditedEpisode]) -> list[Step]:
     """List what there is to learn, in order, without what was undone or deleted."""
     steps: list[Step] = []
-    for episode, notes, entries in _surviving(mended):
+    for episode, notes, entries in _surviving(episodes):
         extras = _untaught_relabels(episode, notes)
         for entry in entries:
             if isinstance(entry.event, Edited):
                 steps.append(Step(episode=episode, edit=entry.event))
             elif isinstance(entry.event, Taught):
-                frame_id = entry.event.lesson.frame_id
+                frame_id = entry.event.example.frame_id
                 while extras and extras[0] < frame_id:
                     steps.append(_extra(episode, notes, extras.pop(0)))
                 if not notes.is_deleted(frame_id):
-                    label = notes.relabel(frame_id) or entry.event.lesson.label
+                    label = notes.relabel(frame_id) or entry.event.example.label
                     is_timed = "timed" in episode.run and entry.event.at_s >= 0.0
                     at_s = entry.event.at_s if is_timed else None
                     steps.append(
@@ -82,7 +82,7 @@ def _extra(episode: Episode, notes: Notes, frame_id: int) -> Step:
 
 def _untaught_relabels(episode: Episode, notes: Notes) -> list[int]:
     """List frames that nobody taught while driving, but that a person labelled afterwards."""
-    taught = {e.event.lesson.frame_id for e in episode.lessons if isinstance(e.event, Taught)}
+    taught = {e.event.example.frame_id for e in episode.events if isinstance(e.event, Taught)}
     return [
         frame_id
         for frame_id in episode.frames
@@ -90,33 +90,35 @@ def _untaught_relabels(episode: Episode, notes: Notes) -> list[int]:
     ]
 
 
-def _surviving(mended: Sequence[Mended]) -> Iterator[tuple[Episode, Notes, list[ExampleEntry]]]:
+def _surviving(
+    episodes: Sequence[EditedEpisode],
+) -> Iterator[tuple[Episode, Notes, list[EventEntry]]]:
     """Leave out what was undone while driving, also across the recordings of one run."""
-    log: list[tuple[Episode, ExampleEntry]] = []
-    for episode, _ in mended:
+    log: list[tuple[Episode, EventEntry]] = []
+    for episode, _ in episodes:
         run = episode.run.get("run", "")
-        for entry in episode.lessons:
+        for entry in episode.events:
             if isinstance(entry.event, Undone):
                 log = _undo(log, run, entry.event)
             else:
                 log.append((episode, entry))
-    for episode, notes in mended:
+    for episode, notes in episodes:
         yield episode, notes, [entry for other, entry in log if other is episode]
 
 
 def _undo(
-    log: list[tuple[Episode, ExampleEntry]], run: str, undone: Undone
-) -> list[tuple[Episode, ExampleEntry]]:
+    log: list[tuple[Episode, EventEntry]], run: str, undone: Undone
+) -> list[tuple[Episode, EventEntry]]:
     if not undone.frame_ids:
         edits = [i for i, (_, entry) in enumerate(log) if isinstance(entry.event, Edited)]
         return log[: edits[-1]] + log[edits[-1] + 1 :] if edits else log
     gone = set(undone.frame_ids)
 
-    def stays(episode: Episode, entry: ExampleEntry) -> bool:
+    def stays(episode: Episode, entry: EventEntry) -> bool:
         event = entry.event
         return not (
             isinstance(event, Taught)
-            and event.lesson.frame_id in gone
+            and event.example.frame_id in gone
             and episode.run.get("run", "") == run
         )
 
@@ -125,7 +127,7 @@ def _undo(
 
 def learn_again(
     policy: Policy,
-    mended: Sequence[Mended],
+    episodes: Sequence[EditedEpisode],
     *,
     skip: int = 0,
     only: Callable[[Step], bool] = lambda step: True,
@@ -138,7 +140,7 @@ def learn_again(
 
     Args:
         policy: What learns.
-        mended: Recordings, in order, and what was mended of each.
+        episodes: Recordings, in order, each with its edits.
         skip: How many of the first steps the policy knows already.
         only: Says of a step whether it is to be learned.
         on_step: Told of each step.
@@ -146,9 +148,9 @@ def learn_again(
     Raises:
         ConfigurationError: If a label is none of the policy's moves.
     """
-    steps = [step for step in plan(mended)[skip:] if only(step)]
+    steps = [step for step in plan(episodes)[skip:] if only(step)]
     is_faithful = all(
-        episode.run.get("learner") == policy.name and not notes.edits for episode, notes in mended
+        episode.run.get("learner") == policy.name and not notes.edits for episode, notes in episodes
     )
     report = Report(taught=Counter())
     for step in steps:

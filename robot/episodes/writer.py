@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
 from robot.episodes.images import encode_image, image_schema, schema_name
-from robot.episodes.messages import CAMERA, DECISION, LESSON, SCHEMAS, Words, to_json
+from robot.episodes.messages import CAMERA, DECISION, LESSON, SCHEMAS, Fields, to_json
 from robot.episodes.scan import Message, require_mcap
 from robot.moves import Move, to_text
 from robot.types import Action, Frame
@@ -108,20 +108,20 @@ class EpisodeWriter:
         self._add(channel, stamp_ns, encode_image(frame, stamp_ns), frame.frame_id)
         self.frames += 1
 
-    def write_words(self, topic: str, now_s: float, words: Words) -> None:
-        """Add one message of a topic of `words.SCHEMAS`."""
+    def write_message(self, topic: str, now_s: float, fields: Fields) -> None:
+        """Add one message of a topic of `messages.SCHEMAS`."""
         if topic == LESSON:
-            self._note_event(words)
-        elif topic == DECISION and words["sent"] != Action.STOP:
+            self._note_event(fields)
+        elif topic == DECISION and fields["sent"] != Action.STOP:
             self.has_content = True
-        self._add(self._words_channel(topic), self._run.to_ns(now_s), to_json(words), 0)
+        self._add(self._json_channel(topic), self._run.to_ns(now_s), to_json(fields), 0)
 
-    def _note_event(self, words: Words) -> None:
+    def _note_event(self, fields: Fields) -> None:
         self.has_content = True
-        if words["event"] == "taught":
-            self._labels[int(words["frame"])] = str(words["label"])
-        elif words["event"] == "undone":
-            for frame_id in words["frames"]:
+        if fields["event"] == "taught":
+            self._labels[int(fields["frame"])] = str(fields["label"])
+        elif fields["event"] == "undone":
+            for frame_id in fields["frames"]:
                 self._labels.pop(int(frame_id), None)
 
     @property
@@ -138,7 +138,7 @@ class EpisodeWriter:
                 message.schema, size.get("width", "0"), size.get("height", "0")
             )
         else:
-            channel = self._words_channel(message.topic)
+            channel = self._json_channel(message.topic)
         self._add(channel, message.log_ns, message.data, message.sequence)
 
     def flush(self) -> None:
@@ -191,7 +191,7 @@ class EpisodeWriter:
             self._channels[key] = self._writer.register_channel(CAMERA, "protobuf", schema, size)
         return self._channels[key]
 
-    def _words_channel(self, topic: str) -> int:
+    def _json_channel(self, topic: str) -> int:
         if (topic,) not in self._channels:
             described = SCHEMAS[topic]
             schema = self._schema(described["title"], "jsonschema", to_json(described))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from robot.clock import Clock, Worker
-from robot.episodes.messages import Words
+from robot.episodes.messages import Fields
 from robot.episodes.writer import EpisodeWriter, Run
 from robot.models.autosave import Announce
 from robot.models.model import Model, encode_model
@@ -28,7 +28,7 @@ class RecorderConfig:
     queue_bytes: int = 32 * 2**20
     """Pictures that wait for the disk; more are dropped and counted."""
     queue_items: int = 4096
-    """Anything that waits; words weigh little and are dropped last."""
+    """Anything that waits; messages are small and are dropped last."""
     flush_every_s: float = 0.25
     """What a kill can cost."""
     pause_s: float = 10.0
@@ -47,7 +47,7 @@ class Lost:
     """What the disk was too slow for, counted from the program's start."""
 
     frames: int = 0
-    words: int = 0
+    messages: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,12 +60,12 @@ class Open:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Say:
+class WriteMessage:
     """Write one message of a topic."""
 
     topic: str
     now_s: float
-    words: Words
+    fields: Fields
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,7 +75,7 @@ class Close:
     model: Model | None
 
 
-Item = Open | Say | Close | Frame
+Item = Open | WriteMessage | Close | Frame
 
 
 class WriterThread:
@@ -128,7 +128,7 @@ class WriterThread:
     def _note_loss(self, item: Item) -> None:
         is_frame = isinstance(item, Frame)
         lost = self.lost
-        self.lost = Lost(frames=lost.frames + is_frame, words=lost.words + (not is_frame))
+        self.lost = Lost(frames=lost.frames + is_frame, messages=lost.messages + (not is_frame))
 
     def try_again(self) -> None:
         """Forget a fault of the disk: the robot starts again, and so may recording."""
@@ -201,8 +201,8 @@ class WriterThread:
             return
         elif isinstance(item, Frame):
             self._writer.write_frame(item)
-        elif isinstance(item, Say):
-            self._writer.write_words(item.topic, item.now_s, item.words)
+        elif isinstance(item, WriteMessage):
+            self._writer.write_message(item.topic, item.now_s, item.fields)
         else:
             self._finish(item.model)
 
@@ -250,8 +250,8 @@ class WriterThread:
             return
         after = encode_model(model, is_packed=True) if model is not None else None
         frames = self.lost.frames - self._lost_before.frames
-        words = self.lost.words - self._lost_before.words
-        summary = {"dropped_frames": str(frames), "lost_words": str(words)}
+        messages = self.lost.messages - self._lost_before.messages
+        summary = {"dropped_frames": str(frames), "lost_words": str(messages)}
         episode_id, self.episode_id = self.episode_id, None
         if not writer.has_content:
             writer.abandon()
@@ -261,7 +261,7 @@ class WriterThread:
         try:
             writer.close(summary, after)
         finally:
-            if frames or words:
+            if frames or messages:
                 self._announce("recording_lossy", dropped_frames=frames)
             self._announce("recording_done", episode=episode_id)
 

@@ -89,10 +89,10 @@ def _write_shot(writer: EpisodeWriter, frame_id: int, shot: Shot) -> None:
     if shot.label is None:
         return
     command = PilotCommand(held=shot.label, frame_id=frame_id, seq=frame_id, received_s=shot.t_s)
-    writer.write_words(COMMAND, shot.t_s, describe_command(command))
-    lesson = Example(frame_id=frame_id, label=shot.label, is_intervention=shot.is_intervention)
-    taught = Taught(lesson=lesson, x=np.zeros(0), at_s=shot.t_s)
-    writer.write_words(LESSON, shot.t_s, describe_event(taught))
+    writer.write_message(COMMAND, shot.t_s, describe_command(command))
+    example = Example(frame_id=frame_id, label=shot.label, is_intervention=shot.is_intervention)
+    taught = Taught(example=example, x=np.zeros(0), at_s=shot.t_s)
+    writer.write_message(LESSON, shot.t_s, describe_event(taught))
 
 
 def read_label(text: object, known: Collection[Action] = CLASSIC) -> Action | None:

@@ -181,7 +181,7 @@ def _sensor_series(episode: Episode) -> dict[str, tuple[NDArray[Any], NDArray[An
     for name in _SENSORS:
         said = [
             (now_s - episode.start_s, float(words[name]))
-            for now_s, words in episode.words.get(SENSORS, [])
+            for now_s, words in episode.messages.get(SENSORS, [])
             if words.get(name) is not None
         ]
         if said:

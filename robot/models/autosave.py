@@ -33,7 +33,7 @@ Announce = Callable[..., None]
 """Told that something happened once: a name, and fields of its own."""
 
 
-def say_nothing(name: str, **fields: object) -> None:
+def no_announcement(name: str, **fields: object) -> None:
     """Announce to nobody."""
 
 
@@ -58,7 +58,7 @@ class Autosave:
         name: str = "robot",
         moves: Collection[Action] = tuple(CLASSIC),
         place: str = "",
-        announce: Announce = say_nothing,
+        announce: Announce = no_announcement,
         journal: Journal | None = None,
     ) -> None:
         self._loop = loop
@@ -145,7 +145,7 @@ class Autosave:
             self._saved_changes = changes
             if self.store.current != name:
                 self.store.current = name
-            self.announce("model_saved", model=name, lessons=model.card.lessons)
+            self.announce("model_saved", model=name, lessons=model.summary.n_examples)
             return name
 
     def _take(self) -> tuple[Model, int]:
@@ -191,7 +191,9 @@ class Autosave:
             if self.has_unsaved:
                 return self._name
         for name, model in self.store.good_models(then=self._recovered_name):
-            fits = learner in (None, model.card.learner) and self._moves >= set(model.card.moves)
+            fits = learner in (None, model.summary.learner) and self._moves >= set(
+                model.summary.moves
+            )
             if fits:
                 self._use(name, model)
                 return name
@@ -203,7 +205,7 @@ class Autosave:
             if recovered.is_saved:
                 self._recovered_name = recovered.name
                 return
-            if not self._moves >= set(recovered.model.card.moves):
+            if not self._moves >= set(recovered.model.summary.moves):
                 log.warning("what the last run knew wants moves that this robot does not have")
                 name = recovered.name or self.store.free_name(self._wanted_name)
                 self.store.save(name, recovered.model)
@@ -225,7 +227,7 @@ class Autosave:
         with self._lock:
             self._save_first()
             model = self.store.load(name)
-            impossible = set(model.card.moves) - self._moves
+            impossible = set(model.summary.moves) - self._moves
             if impossible:
                 moves = ", ".join(sorted(impossible))
                 raise ConfigurationError(f"this robot cannot {moves}, as the model {name!r} wants")
@@ -268,13 +270,13 @@ class Autosave:
 
     def _use(self, name: str | None, model: Model) -> None:
         """Have the loop go on with this model, between two ticks and only while it stands."""
-        policy, taught = model.to_policy(), Counter(model.card.taught)
+        policy, taught = model.to_policy(), Counter(model.summary.taught)
 
         def replace() -> int:
             self._check_stopped()
             self._loop.history.replace_policy(policy, taught)
             # On the loop's thread, so that the journal names the model that it has from here on.
-            self._name, self._place = name, model.card.place
+            self._name, self._place = name, model.summary.place
             return self._loop.history.changes
 
         self._saved_changes = self._clock.result(self._loop.submit(replace), 10.0)

@@ -61,16 +61,16 @@ def check_model(model: Model) -> None:
 
 
 def _check(model: Model) -> None:
-    card = model.card
-    kind, number = split_name(card.learner)
-    _demand(number <= MOST_NODES, f"{card.learner!r} has more than {MOST_NODES} images")
-    moves = tuple(card.moves)
+    summary = model.summary
+    kind, number = split_name(summary.learner)
+    _demand(number <= MOST_NODES, f"{summary.learner!r} has more than {MOST_NODES} images")
+    moves = tuple(summary.moves)
     _demand(0 < len(moves) <= _MOST_MOVES, "it names no moves, or too many")
     _demand(len(set(moves)) == len(moves) and Action.STOP not in moves, "its moves are no set")
-    _demand(set(card.taught) <= set(moves), "it was taught moves that it does not name")
-    _demand(all(_is_count(n) for n in card.taught.values()), "a number of lessons is none")
-    _demand(_is_count(card.n_nodes), "its number of images is none")
-    _demand(math.isfinite(card.saved_at_s), "its time is no time")
+    _demand(set(summary.taught) <= set(moves), "it was taught moves that it does not name")
+    _demand(all(_is_count(n) for n in summary.taught.values()), "a number of lessons is none")
+    _demand(_is_count(summary.n_nodes), "its number of images is none")
+    _demand(math.isfinite(summary.saved_at_s), "its time is no time")
     _check_preview(model.preview)
     state = model.state
     _demand(isinstance(state.params, dict), "it has no parameters")
@@ -78,7 +78,7 @@ def _check(model: Model) -> None:
     _demand(set(labels) <= set(map(str, moves)), "it has labels that are none of its moves")
     form = describe_form(kind, moves, _n_labels(state, labels))
     _demand(state.kind == form.kind, f"it is a {state.kind[:40]!r}, not a {form.kind!r}")
-    _check_policy_params(state.params, form.params, card.learner, moves)
+    _check_policy_params(state.params, form.params, summary.learner, moves)
     if state.kind == "policy:multi-place":
         _check_places(state, kind, moves, number)
     else:

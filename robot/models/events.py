@@ -19,12 +19,12 @@ PlainEvent = dict[str, Any]
 def describe_event(event: HistoryEvent, *, with_vector: bool = False) -> PlainEvent:
     """Describe one change of the learner; the vector goes along where its frame is not recorded."""
     if isinstance(event, Taught):
-        lesson = event.lesson
+        example = event.example
         return {
             "event": "taught",
-            "frame": lesson.frame_id,
-            "label": lesson.label,
-            "intervention": lesson.is_intervention,
+            "frame": example.frame_id,
+            "label": example.label,
+            "intervention": example.is_intervention,
             "at_s": event.at_s,
             "x": _describe_vector(event.x) if with_vector else None,
         }
@@ -51,13 +51,13 @@ def read_event(plain: PlainEvent) -> tuple[HistoryEvent, Vector | None]:
         kind = plain["event"]
         if kind == "taught":
             x = _read_vector(plain["x"]) if plain.get("x") else None
-            lesson = Example(
+            example = Example(
                 frame_id=int(plain["frame"]),
                 label=Action(plain["label"]),
                 is_intervention=bool(plain["intervention"]),
             )
             at_s = float(plain["at_s"])
-            return Taught(lesson=lesson, x=np.zeros(0) if x is None else x, at_s=at_s), x
+            return Taught(example=example, x=np.zeros(0) if x is None else x, at_s=at_s), x
         if kind == "edited":
             edited = Edited(
                 verb=str(plain["verb"]),
@@ -72,7 +72,7 @@ def read_event(plain: PlainEvent) -> tuple[HistoryEvent, Vector | None]:
             return Replaced(policy_name=str(plain["learner"])), None
         raise ValueError(f"an unknown event {kind!r}")
     except (KeyError, ValueError, TypeError) as error:
-        raise RecordingError(f"a lesson is damaged: {error}") from error
+        raise RecordingError(f"an example is damaged: {error}") from error
 
 
 def _describe_vector(x: Vector) -> PlainEvent:

@@ -58,7 +58,7 @@ class ModelSummary:
     position: JournalPosition | None = None
 
     @property
-    def lessons(self) -> int:
+    def n_examples(self) -> int:
         """How many frames were taught in all."""
         return sum(self.taught.values())
 
@@ -67,7 +67,7 @@ class ModelSummary:
 class Model:
     """A policy's whole knowledge, apart from the policy; the preview is its most used image."""
 
-    card: ModelSummary
+    summary: ModelSummary
     state: State
     preview: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((1, 1), np.uint8))
 
@@ -78,11 +78,12 @@ class Model:
             RecordingError: If the learner is unknown here, or its state does not fit it.
         """
         try:
-            policy = make_policy(self.card.learner, self.card.moves)
+            policy = make_policy(self.summary.learner, self.summary.moves)
             policy.set_state(self.state)
         except (ValueError, KeyError, TypeError, IndexError) as error:
             raise RecordingError(
-                f"the model of the learner {self.card.learner!r} does not fit this program: {error}"
+                f"the model of the learner {self.summary.learner!r} does not fit this program: "
+                f"{error}"
             ) from error
         return policy
 
@@ -97,7 +98,7 @@ def take_model(
     with_preview: bool = True,
 ) -> Model:
     """Copy what a policy knows. Call it on the thread that the policy belongs to."""
-    card = ModelSummary(
+    summary = ModelSummary(
         learner=policy.name,
         moves=tuple(policy.moves),
         taught={action: count for action, count in taught.items() if count},
@@ -107,7 +108,7 @@ def take_model(
         position=position,
     )
     preview = _preview(policy.gallery() if with_preview else [])
-    return Model(card=card, state=policy.get_state(), preview=preview)
+    return Model(summary=summary, state=policy.get_state(), preview=preview)
 
 
 def with_preview(model: Model) -> Model:
@@ -125,16 +126,16 @@ def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
     """Return the model as the bytes of an `.npz` file; small but slower to make if `is_packed`."""
     arrays = {f"state.{name}": array for name, array in model.state.arrays.items()}
     arrays["preview"] = model.preview
-    card = model.card
+    summary = model.summary
     meta: dict[str, Any] = {
         "format": FORMAT,
-        "learner": card.learner,
-        "moves": [move.value for move in card.moves],
-        "taught": {action.value: count for action, count in card.taught.items()},
-        "n_nodes": card.n_nodes,
-        "saved_at_s": card.saved_at_s,
-        "place": card.place,
-        "journal": asdict(card.position) if card.position else None,
+        "learner": summary.learner,
+        "moves": [move.value for move in summary.moves],
+        "taught": {action.value: count for action, count in summary.taught.items()},
+        "n_nodes": summary.n_nodes,
+        "saved_at_s": summary.saved_at_s,
+        "place": summary.place,
+        "journal": asdict(summary.position) if summary.position else None,
         "state": {
             "kind": model.state.kind,
             "params": model.state.params,
@@ -175,18 +176,18 @@ def decode_model(data: bytes, *, is_view: bool = False) -> Model:
     except (KeyError, ValueError, TypeError, AttributeError) as error:
         raise RecordingError(f"the model's description is damaged: {str(error)[:200]}") from error
     preview = arrays.get("preview", np.zeros((1, 1), np.uint8))
-    return Model(card=_card(meta), state=state, preview=preview)
+    return Model(summary=_summary(meta), state=state, preview=preview)
 
 
-def decode_card(data: bytes) -> ModelSummary:
+def decode_summary(data: bytes) -> ModelSummary:
     """Read only what a list shows; raises as `decode_model` does, but checks no arrays."""
-    return _card(_read_meta(_unpack(data, only="meta").get("meta")))
+    return _summary(_read_meta(_unpack(data, only="meta").get("meta")))
 
 
 def stamp(model: Model, *, saved_at_s: float, place: str | None = None) -> Model:
     """Return the same model with another time, and another place if one is given."""
-    card = replace(model.card, saved_at_s=saved_at_s)
-    return replace(model, card=card if place is None else replace(card, place=place))
+    summary = replace(model.summary, saved_at_s=saved_at_s)
+    return replace(model, summary=summary if place is None else replace(summary, place=place))
 
 
 _LATER = ("touched", "novelty", "pace_picture")
@@ -269,7 +270,7 @@ def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
     return dict(meta)
 
 
-def _card(meta: dict[str, Any]) -> ModelSummary:
+def _summary(meta: dict[str, Any]) -> ModelSummary:
     try:
         return ModelSummary(
             learner=_text(meta["learner"]),

@@ -140,8 +140,8 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
     is_file = found is not None
     if found is not None:
         model, name = found
-        assert model.card.position is not None
-        change = model.card.position.change
+        assert model.summary.position is not None
+        change = model.summary.position.change
     missing = [number for number in range(change + 1, run.last + 1) if number not in run.events]
     if missing:
         log.warning("%d records of the journal are missing", len(missing))
@@ -165,7 +165,7 @@ def _newest_version(
     best: tuple[Model, str] | None = None
     for name in dict.fromkeys(name for name in names if name is not None):
         for model in store.sound_versions(name):
-            position = model.card.position
+            position = model.summary.position
             if position is None or position.run != run.run or position.change < change:
                 continue
             if best is None or _change_of(best[0]) < position.change:
@@ -182,14 +182,14 @@ def _is_saved(model: Model, name: str | None, store: ModelStore) -> bool:
 
 
 def _change_of(model: Model) -> int:
-    return model.card.position.change if model.card.position else -1
+    return model.summary.position.change if model.summary.position else -1
 
 
 def newest_boot(store: ModelStore) -> int:
     """Return the number of the start that saved the model in use; 0 if none did."""
     name = store.current
     for model in store.sound_versions(name) if name is not None else ():
-        return model.card.position.boot if model.card.position else 0
+        return model.summary.position.boot if model.summary.position else 0
     return 0
 
 
@@ -209,8 +209,8 @@ def _learn_on(model: Model, run: _Run, numbers: list[int], position: JournalPosi
                 history.edit(event.verb, event.node_id, event.value)
         except (ValueError, LookupError) as error:
             log.warning("a change could not be made again: %s", error)
-    taught = Counter(model.card.taught) + history.taught
-    card = model.card
+    taught = Counter(model.summary.taught) + history.taught
+    summary = model.summary
     return take_model(
-        policy, taught, saved_at_s=card.saved_at_s, place=card.place, position=position
+        policy, taught, saved_at_s=summary.saved_at_s, place=summary.place, position=position
     )

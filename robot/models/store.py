@@ -18,8 +18,8 @@ from robot.models.model import (
     MAX_BYTES,
     Model,
     ModelSummary,
-    decode_card,
     decode_model,
+    decode_summary,
     encode_model,
     stamp,
 )
@@ -44,10 +44,10 @@ _VERSION = re.compile(r"\d{1,9}\.npz", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredModel:
-    """One model of the list; `card` is None where no version can be read."""
+    """One model of the list; `summary` is None where no version can be read."""
 
     name: str
-    card: ModelSummary | None
+    summary: ModelSummary | None
     bytes: int
     is_current: bool
     damaged: tuple[str, ...]
@@ -81,22 +81,22 @@ class ModelStore:
             log.warning("the folder of models cannot be read: %s", error)
             return []
 
-    def shelved(self) -> list[StoredModel]:
+    def saved(self) -> list[StoredModel]:
         """List all models, the one saved last first."""
         current = self.current
-        shelved = [self._look_at(name, name == current) for name in self.names()]
-        return sorted(shelved, key=lambda s: -s.card.saved_at_s if s.card else 0.0)
+        saved = [self._look_at(name, name == current) for name in self.names()]
+        return sorted(saved, key=lambda s: -s.summary.saved_at_s if s.summary else 0.0)
 
     def _look_at(self, name: str, is_current: bool) -> StoredModel:
         versions = self._versions(name)
-        card = None
+        summary = None
         for version in reversed(versions):
             with contextlib.suppress(RecordingError, OSError):
-                card = decode_card(_read(version))
+                summary = decode_summary(_read(version))
                 break
         return StoredModel(
             name=name,
-            card=card,
+            summary=summary,
             bytes=size_of(versions[-1]) if versions else 0,
             is_current=is_current,
             damaged=tuple(n for n in self._files(name) if n.endswith(_DAMAGED)),
@@ -168,7 +168,7 @@ class ModelStore:
         for name in dict.fromkeys(first):
             with contextlib.suppress(RecordingError, NotFoundError):
                 yield name, self.load(name)
-        for other in sorted(self.shelved(), key=_age_of, reverse=True):
+        for other in sorted(self.saved(), key=_age_of, reverse=True):
             if other.name not in first:
                 with contextlib.suppress(RecordingError, NotFoundError):
                     yield other.name, self.load(other.name)
@@ -210,7 +210,9 @@ class ModelStore:
     def set_place(self, name: str, place: str) -> None:
         """Write down where a model was taught."""
         model = self.load(name)
-        self.save(name, stamp(model, saved_at_s=model.card.saved_at_s, place=place.strip()[:200]))
+        self.save(
+            name, stamp(model, saved_at_s=model.summary.saved_at_s, place=place.strip()[:200])
+        )
 
     def copy(self, name: str, new_name: str | None = None) -> str:
         """Copy a model; return the copy's name."""
@@ -255,11 +257,15 @@ class ModelStore:
 
 
 def _age_of(stored: StoredModel) -> tuple[int, int, float]:
-    card = stored.card
-    if card is None:
+    summary = stored.summary
+    if summary is None:
         return -1, 0, 0.0
-    position = card.position
-    return (position.boot if position else 0), (position.change if position else 0), card.saved_at_s
+    position = summary.position
+    return (
+        (position.boot if position else 0),
+        (position.change if position else 0),
+        summary.saved_at_s,
+    )
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:

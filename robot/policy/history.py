@@ -29,7 +29,7 @@ _LONGEST_STEP_S = 0.5
 class Taught:
     """One example with the vector that was learned and the teaching time at which it was."""
 
-    lesson: Example
+    example: Example
     x: Vector
     at_s: float
 
@@ -102,11 +102,11 @@ class TrainingHistory:
         self._forgotten = 0
         self._is_drive_new = True
         self._teaching_s = 0.0
-        self._last_lesson_s: float | None = None
+        self._last_example_s: float | None = None
         self._snapshots = [_Snapshot(position=0, at_s=0.0, state=policy.get_state())]
 
     @property
-    def lessons(self) -> int:
+    def n_examples(self) -> int:
         """How many examples the learner holds."""
         return self.taught.total()
 
@@ -119,18 +119,18 @@ class TrainingHistory:
         """
         return self._changes
 
-    def teach(self, lesson: Example, x: Vector, captured_s: float) -> None:
+    def teach(self, example: Example, x: Vector, captured_s: float) -> None:
         """Have the policy learn one labelled frame that was taken at `captured_s`."""
-        step_s = captured_s - self._last_lesson_s if self._last_lesson_s is not None else 0.0
+        step_s = captured_s - self._last_example_s if self._last_example_s is not None else 0.0
         teaching_s = self._teaching_s + min(max(step_s, 0.0), _LONGEST_STEP_S)
-        self.teach_again(Taught(lesson=lesson, x=x, at_s=teaching_s))
-        self._last_lesson_s = captured_s
+        self.teach_again(Taught(example=example, x=x, at_s=teaching_s))
+        self._last_example_s = captured_s
 
     def teach_again(self, event: Taught) -> None:
         """Have the policy learn what was taught once, at the same teaching time."""
-        self.policy.learn(event.x, event.lesson.label, event.at_s)
+        self.policy.learn(event.x, event.example.label, event.at_s)
         self._teaching_s = event.at_s
-        self.taught[event.lesson.label] += 1
+        self.taught[event.example.label] += 1
         self._record(event)
         if self._teaching_s - self._snapshots[-1].at_s >= SNAPSHOT_EVERY_S:
             self._take_snapshot()
@@ -154,7 +154,7 @@ class TrainingHistory:
         _apply_edit(self.policy, event)
         self._record(event)
 
-    def last_lessons(self, seconds: float) -> list[Taught]:
+    def last_examples(self, seconds: float) -> list[Taught]:
         """Return the examples of the last `seconds` of teaching, oldest first: what undo drops."""
         since_s = self._teaching_s - seconds
         return [e for e in self._events if isinstance(e, Taught) and e.at_s > since_s]
@@ -164,15 +164,15 @@ class TrainingHistory:
 
         Edits made in that time stay, unless the image they were made to is no longer there.
         """
-        gone = self.last_lessons(seconds)
+        gone = self.last_examples(seconds)
         if gone:
             self._rebuild_without(gone)
-            self.taught = self.taught - Counter(taught.lesson.label for taught in gone)
+            self.taught = self.taught - Counter(taught.example.label for taught in gone)
             kept = (e.at_s for e in reversed(self._events) if not isinstance(e, _DriveBegun))
             last_s = next(kept, 0.0)
             self._teaching_s = max(last_s, self._snapshots[-1].at_s)
-            self._tell(Undone(frame_ids=tuple(t.lesson.frame_id for t in gone)))
-        return [taught.lesson for taught in gone]
+            self._tell(Undone(frame_ids=tuple(t.example.frame_id for t in gone)))
+        return [taught.example for taught in gone]
 
     def undo_edit(self) -> bool:
         """Take the last edit back, keeping every example; False if there is none to take back."""
@@ -207,7 +207,7 @@ class TrainingHistory:
         self.policy.restore(snapshot.state)
         for event in self._events[snapshot.position - self._forgotten :]:
             if isinstance(event, Taught):
-                self.policy.learn(event.x, event.lesson.label, event.at_s)
+                self.policy.learn(event.x, event.example.label, event.at_s)
             elif isinstance(event, _DriveBegun):
                 self.policy.reset()
             else:

@@ -72,7 +72,7 @@ class Policy:
         self.learner = learner
         self.features = features
         self._action_filter = action_filter or ActionFilter()
-        self._n_lessons = 0
+        self._n_examples = 0
         self._n_proposals = 0
         self._pace = PilotPace()
         self._last_learned: tuple[float, str] | None = None
@@ -88,7 +88,7 @@ class Policy:
     @property
     def n_seen(self) -> int:
         """How many examples were learned."""
-        return self._n_lessons
+        return self._n_examples
 
     def extract(self, frame: Frame) -> Vector:
         """Return the frame's vector; pure. Raises CameraError for bytes that are not an image."""
@@ -164,8 +164,8 @@ class Policy:
             self.learner.learn_one(x, Action(label))
         if at_s is not None:
             self._pace.learn(label, self.features.grey(x), at_s)
-        self._n_lessons += 1
-        self._note(self._last_taught, self.learner.last_node_, self._n_lessons)
+        self._n_examples += 1
+        self._note(self._last_taught, self.learner.last_node_, self._n_examples)
 
     def _is_needed(self, label: Action, at_s: float | None) -> bool:
         last, self._last_learned = self._last_learned, None
@@ -185,7 +185,7 @@ class Policy:
         state = self.learner.get_state()
         params = {
             "learner": state.params,
-            "lessons": self._n_lessons,
+            "lessons": self._n_examples,
             "last_taught": {str(node): at for node, at in self._last_taught.items()},
             "name": self.name,
             "last_learned": self._last_learned,
@@ -214,7 +214,7 @@ class Policy:
         self.learner.set_state(
             State(kind=kind, params=inner, arrays=state.arrays, labels=state.labels)
         )
-        self._n_lessons = int(state.params["lessons"])
+        self._n_examples = int(state.params["lessons"])
         last = state.params.get("last_learned")
         self._last_learned = None if last is None else (float(last[0]), str(last[1]))
         self._pace = PilotPace()

@@ -40,12 +40,12 @@ class FakePolicy(Policy):
     def learn(self, x: Vector, label: Action, at_s: float | None = None) -> None:
         """Count, and remember the first label."""
         self.first = self.first or label
-        self._n_lessons += 1
+        self._n_examples += 1
 
     def get_state(self) -> State:
         """Return the label and the number of examples."""
-        return State(kind="fake", params={"first": self.first, "lessons": self._n_lessons})
+        return State(kind="fake", params={"first": self.first, "lessons": self._n_examples})
 
     def set_state(self, state: State) -> None:
         """Become the policy that gave `state`."""
-        self.first, self._n_lessons = state.params["first"], state.params["lessons"]
+        self.first, self._n_examples = state.params["first"], state.params["lessons"]

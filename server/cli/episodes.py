@@ -111,24 +111,24 @@ def _range(args: argparse.Namespace, episode: Episode) -> tuple[int, int]:
 
 def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Print the list."""
-    cards = store.cards()
-    if not cards:
+    summaries = store.summaries()
+    if not summaries:
         print(f"no episodes in {storage.episodes}")
         return
     print(f"{'episode':27} {'began':16} {'length':>8} {'frames':>6} {'taught':>6} {'MB':>7}  notes")
-    for card in cards:
-        began = datetime.fromtimestamp(card.started_at_s).strftime("%Y-%m-%d %H:%M")
+    for summary in summaries:
+        began = datetime.fromtimestamp(summary.started_at_s).strftime("%Y-%m-%d %H:%M")
         print(
-            f"{card.id:27} {began:16} {card.duration_s:7.1f}s {card.frames:6} "
-            f"{sum(card.taught.values()):6} {card.bytes / 1e6:7.1f}  {_remarks(card)}"
+            f"{summary.id:27} {began:16} {summary.duration_s:7.1f}s {summary.frames:6} "
+            f"{sum(summary.taught.values()):6} {summary.bytes / 1e6:7.1f}  {_remarks(summary)}"
         )
 
 
-def _remarks(card: EpisodeSummary) -> str:
-    words = [card.title]
-    words += ["protected"] if card.is_protected else []
-    words += [f"{card.edits} edits"] if card.edits else []
-    words += [f"damaged: {card.damage}"] if card.damage else []
+def _remarks(summary: EpisodeSummary) -> str:
+    words = [summary.title]
+    words += ["protected"] if summary.is_protected else []
+    words += [f"{summary.edits} edits"] if summary.edits else []
+    words += [f"damaged: {summary.damage}"] if summary.damage else []
     return ", ".join(word for word in words if word)
 
 
@@ -257,8 +257,8 @@ def show_budget(args: argparse.Namespace, store: EpisodeStore, storage: Storage)
     for name in ("models", "episodes", "exports", "trash", "free"):
         print(f"{name:12} {getattr(usage, name) / 1e6:10.1f} MB")
     print(f"{'budget':12} {budget.budget_bytes / 1e6:10.1f} MB for episodes")
-    for card in budget.offered:
-        print(f"could go: {card.id}  {card.bytes / 1e6:.1f} MB  {card.title}".rstrip())
+    for summary in budget.offered:
+        print(f"could go: {summary.id}  {summary.bytes / 1e6:.1f} MB  {summary.title}".rstrip())
 
 
 def empty_trash(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.episodes.store import EpisodeStore
-from robot.episodes.teaching import Mended
+from robot.episodes.teaching import EditedEpisode
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.exchange.film import check_suffix
 from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
@@ -59,31 +59,31 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
 
 def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Write episodes for other programs."""
-    mended = find_episodes(store, args.episodes)
-    if len(mended) > 1 and args.form != "lerobot":
+    episodes = find_episodes(store, args.episodes)
+    if len(episodes) > 1 and args.form != "lerobot":
         raise ConfigurationError(f"--as {args.form} takes one episode at a time")
-    out = args.out or _free_path(storage.exports, mended[0][0].id, args.form)
+    out = args.out or _free_path(storage.exports, episodes[0][0].id, args.form)
     if args.form == "film":
         check_suffix(out)
     if out.exists():
         raise ConfigurationError(f"{out} is there already; choose another with --out")
-    total = sum(len(episode.frames) for episode, _ in mended)
+    total = sum(len(episode.frames) for episode, _ in episodes)
     try:
         with _progress(total, "picture") as bar:
-            made = _export(args, mended, out, bar.update)
+            made = _export(args, episodes, out, bar.update)
     except OSError as error:
         raise ConfigurationError(f"cannot write {out}: {error}") from error
     print(f"{out}: {made}")
 
 
 def _export(
-    args: argparse.Namespace, mended: list[Mended], out: Path, tick: Callable[[], None]
+    args: argparse.Namespace, episodes: list[EditedEpisode], out: Path, tick: Callable[[], None]
 ) -> str:
-    episode, notes = mended[0]
+    episode, notes = episodes[0]
     if args.form == "lerobot":
         from robot.exchange.lerobot import write_lerobot
 
-        return f"{write_lerobot(mended, out, fps=args.fps, on_frame=tick)} LeRobot episodes"
+        return f"{write_lerobot(episodes, out, fps=args.fps, on_frame=tick)} LeRobot episodes"
     if args.form == "tub":
         from robot.exchange.tub import write_tub
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from robot.episodes.edits import read_notes
 from robot.episodes.episode import open_episode
 from robot.episodes.store import EpisodeStore
-from robot.episodes.teaching import Mended
+from robot.episodes.teaching import EditedEpisode
 from robot.errors import NotFoundError
 
 EPISODE_HELP = "name, beginning of a name, file, or last"
@@ -41,15 +41,15 @@ def find_last(store: EpisodeStore) -> str:
     Raises:
         NotFoundError: If there is none.
     """
-    summaries = store.cards()
+    summaries = store.summaries()
     if not summaries:
         raise NotFoundError("there is no episode yet")
     return summaries[0].id
 
 
-def find_episodes(store: EpisodeStore, words: list[str]) -> list[Mended]:
+def find_episodes(store: EpisodeStore, words: list[str]) -> list[EditedEpisode]:
     """Open the episodes that a person means, by name or by file, oldest first as given."""
-    found: list[Mended] = []
+    found: list[EditedEpisode] = []
     for word in words:
         path = Path(word)
         if path.suffix == ".mcap" and path.is_file():

@@ -11,7 +11,7 @@ from typing import Any
 
 from robot.episodes.episode import Episode
 from robot.episodes.store import EpisodeStore
-from robot.episodes.teaching import Mended, Report, learn_again, plan, same_nodes
+from robot.episodes.teaching import EditedEpisode, Report, learn_again, plan, same_nodes
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.models.model import encode_model, take_model
 from robot.models.store import ModelStore
@@ -53,15 +53,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Learn, say what came of it, and save the model."""
     storage = Storage(args.data or default_root())
-    mended = find_episodes(EpisodeStore(storage), args.episodes)
-    policy, taught = _begin(args, mended)
-    total = len(plan(mended))
+    episodes = find_episodes(EpisodeStore(storage), args.episodes)
+    policy, taught = _begin(args, episodes)
+    total = len(plan(episodes))
     started_s = time.monotonic()
     with _progress(total) as bar:
-        report = learn_again(policy, mended, on_step=bar.update)
+        report = learn_again(policy, episodes, on_step=bar.update)
     taught += report.taught
-    _say(report, policy, mended, time.monotonic() - started_s)
-    is_same = _compare(policy, mended, args)
+    _say(report, policy, episodes, time.monotonic() - started_s)
+    is_same = _compare(policy, episodes, args)
     if args.check and not is_same:
         if args.out:
             print(f"nothing was saved as {args.out}")
@@ -71,25 +71,27 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _begin(args: argparse.Namespace, mended: list[Mended]) -> tuple[Policy, Counter[Action]]:
-    first = mended[0][0]
+def _begin(
+    args: argparse.Namespace, episodes: list[EditedEpisode]
+) -> tuple[Policy, Counter[Action]]:
+    first = episodes[0][0]
     driven = first.run.get("learner") or "default-32"
     kind, _, number = driven.rpartition("-")
     name = f"{args.learner or kind}-{args.max_nodes or number}"
     if not args.goes_on:
-        moves = tuple(dict.fromkeys(move for e, _ in mended for move in e.moves))
+        moves = tuple(dict.fromkeys(move for e, _ in episodes for move in e.moves))
         return make_policy(name, moves or DEFAULT_MOVES), Counter()
     before = first.model_before()
-    if before is None or before.card.learner != name:
+    if before is None or before.summary.learner != name:
         raise ConfigurationError(
-            f"{first.id} began with {before.card.learner if before else 'nothing known'}; "
+            f"{first.id} began with {before.summary.learner if before else 'nothing known'}; "
             f"{name} cannot go on from there"
         )
-    return before.to_policy(), Counter(before.card.taught)
+    return before.to_policy(), Counter(before.summary.taught)
 
 
-def _say(report: Report, policy: Policy, mended: list[Mended], seconds: float) -> None:
-    driven_s = sum(episode.duration_s for episode, _ in mended)
+def _say(report: Report, policy: Policy, episodes: list[EditedEpisode], seconds: float) -> None:
+    driven_s = sum(episode.duration_s for episode, _ in episodes)
     counts = ", ".join(f"{count} {action.value}" for action, count in report.taught.items())
     print(f"{policy.name}: {report.taught.total()} examples ({counts or 'none'})")
     print(f"{policy.n_nodes} nodes, learned in {seconds:.2f} s from {driven_s:.1f} s of driving")
@@ -99,18 +101,18 @@ def _say(report: Report, policy: Policy, mended: list[Mended], seconds: float) -
         print(f"{report.left_out_edits} edits of learned images were left out: other images now")
 
 
-def _compare(policy: Policy, mended: list[Mended], args: argparse.Namespace) -> bool:
+def _compare(policy: Policy, episodes: list[EditedEpisode], args: argparse.Namespace) -> bool:
     """Say whether driving made the same nodes, where the recording can tell."""
-    last, notes = mended[-1]
+    last, notes = episodes[-1]
     after = last.model_after()
-    comparable = after is not None and after.card.learner == policy.name and not notes.edits
+    comparable = after is not None and after.summary.learner == policy.name and not notes.edits
     if not comparable or after is None:
         if args.check:
             raise ConfigurationError(f"{last.id} does not tell what driving made of {policy.name}")
         return False
     is_same = same_nodes(policy.get_state(), after.state)
     print("the same nodes as driving made" if is_same else "not the nodes that driving made")
-    first = mended[0][0]
+    first = episodes[0][0]
     if not is_same and not args.goes_on and _knew_something(first):
         print(f"{first.id} went on from a model that knew something already: add --continue")
     return is_same
@@ -118,7 +120,7 @@ def _compare(policy: Policy, mended: list[Mended], args: argparse.Namespace) -> 
 
 def _knew_something(episode: Episode) -> bool:
     before = episode.model_before()
-    return before is not None and before.card.n_nodes > 0
+    return before is not None and before.summary.n_nodes > 0
 
 
 def _save(out: str, storage: Storage, policy: Policy, taught: Counter[Action]) -> None:

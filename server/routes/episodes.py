@@ -42,25 +42,25 @@ _COLUMNS = (
 )
 
 
-def describe(card: EpisodeSummary, recording: str | None = None) -> dict[str, Any]:
+def describe(summary: EpisodeSummary, recording: str | None = None) -> dict[str, Any]:
     """Return one episode as the page gets it."""
     return {
-        "id": card.id,
-        "title": card.title,
-        "protected": card.is_protected,
-        "recording": card.id == recording,
-        "bytes": card.bytes,
-        "started_at_s": card.started_at_s,
-        "duration_s": card.duration_s,
-        "frames": card.frames,
-        "taught": dict(card.taught),
-        "lessons": sum(card.taught.values()),
-        "robot": card.robot,
-        "learner": card.learner,
-        "source": card.source,
-        "edits": card.edits,
-        "readable": card.is_readable,
-        "damage": card.damage,
+        "id": summary.id,
+        "title": summary.title,
+        "protected": summary.is_protected,
+        "recording": summary.id == recording,
+        "bytes": summary.bytes,
+        "started_at_s": summary.started_at_s,
+        "duration_s": summary.duration_s,
+        "frames": summary.frames,
+        "taught": dict(summary.taught),
+        "lessons": sum(summary.taught.values()),
+        "robot": summary.robot,
+        "learner": summary.learner,
+        "source": summary.source,
+        "edits": summary.edits,
+        "readable": summary.is_readable,
+        "damage": summary.damage,
     }
 
 
@@ -90,12 +90,12 @@ def list_episodes(request: Request) -> Response:
     persistence = persistence_of(request)
     recorder = persistence.recorder
     with refusals():
-        cards = persistence.episodes.cards()
+        summaries = persistence.episodes.summaries()
     answer = {
         "recording": recorder.episode_id,
         "fault": recorder.fault,
         "dropped_frames": recorder.dropped_frames,
-        "episodes": [describe(card, recorder.episode_id) for card in cards],
+        "episodes": [describe(summary, recorder.episode_id) for summary in summaries],
     }
     # NOTE: as bytes, for FastAPI takes a second to walk through a list of 2,000.
     return Response(json.dumps(answer, allow_nan=False), media_type="application/json")
@@ -110,7 +110,7 @@ def show_storage(request: Request) -> dict[str, Any]:
     return {
         **dataclasses.asdict(usage),
         "budget": budget.budget_bytes,
-        "offered": [describe(card) for card in budget.offered],
+        "offered": [describe(summary) for summary in budget.offered],
     }
 
 
@@ -130,10 +130,10 @@ def show_episode(request: Request, episode_id: str) -> dict[str, Any]:
             persistence.episodes.open(episode_id),
             persistence.episodes.notes(episode_id),
         )
-        card = persistence.episodes.card(episode_id)
+        summary = persistence.episodes.summary(episode_id)
     ids = list(episode.frames)
     return {
-        **describe(card, persistence.recorder.episode_id),
+        **describe(summary, persistence.recorder.episode_id),
         "run": episode.run,
         "moves": [move.value for move in episode.moves],
         "declared_moves": [
@@ -219,7 +219,7 @@ async def change_episode(request: Request, episode_id: str) -> dict[str, Any]:
         await do(store.set_title, episode_id, title)
     if protected is not None:
         await do(store.protect, episode_id, protected)
-    return describe(await do(store.card, episode_id))
+    return describe(await do(store.summary, episode_id))
 
 
 @router.post("/episodes/{episode_id}/edits", dependencies=[PILOT], status_code=201)

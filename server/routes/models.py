@@ -19,22 +19,22 @@ router = APIRouter(prefix="/api/models")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 
 
-def describe(shelved: StoredModel) -> dict[str, Any]:
+def describe(saved: StoredModel) -> dict[str, Any]:
     """Return one model as the page gets it."""
-    card = shelved.card
+    summary = saved.summary
     return {
-        "name": shelved.name,
-        "current": shelved.is_current,
-        "bytes": shelved.bytes,
-        "damaged": list(shelved.damaged),
-        "readable": card is not None,
-        "place": card.place if card else "",
-        "saved_at_s": card.saved_at_s if card else None,
-        "learner": card.learner if card else None,
-        "moves": [move.value for move in card.moves] if card else [],
-        "taught": {action.value: n for action, n in card.taught.items()} if card else {},
-        "lessons": card.lessons if card else 0,
-        "nodes": card.n_nodes if card else 0,
+        "name": saved.name,
+        "current": saved.is_current,
+        "bytes": saved.bytes,
+        "damaged": list(saved.damaged),
+        "readable": summary is not None,
+        "place": summary.place if summary else "",
+        "saved_at_s": summary.saved_at_s if summary else None,
+        "learner": summary.learner if summary else None,
+        "moves": [move.value for move in summary.moves] if summary else [],
+        "taught": {action.value: n for action, n in summary.taught.items()} if summary else {},
+        "lessons": summary.n_examples if summary else 0,
+        "nodes": summary.n_nodes if summary else 0,
     }
 
 
@@ -47,7 +47,7 @@ def list_models(request: Request) -> dict[str, Any]:
     """List all models, the one saved last first."""
     persistence = persistence_of(request)
     with refusals():
-        models = [describe(shelved) for shelved in persistence.models.shelved()]
+        models = [describe(saved) for saved in persistence.models.saved()]
     return {"current": persistence.autosave.name, "models": models}
 
 

@@ -105,20 +105,20 @@ def _checked(seconds: Any) -> float:
 
 def _preview(history: TrainingHistory, seconds: float) -> dict[str, Any]:
     """Describe the examples that undo would remove; on the loop's thread."""
-    taught = history.last_lessons(seconds)
+    taught = history.last_examples(seconds)
     step = max(1, -(-len(taught) // _STRIP))
-    labels = Counter(lesson.lesson.label for lesson in taught)
+    labels = Counter(event.example.label for event in taught)
     picture = history.policy.features.thumbnail
     return {
         "lessons": len(taught),
         "taught": {move.value: labels[move] for move in history.policy.moves},
         "strip": [
             {
-                "frame": lesson.lesson.frame_id,
-                "label": lesson.lesson.label.value,
-                "is_intervention": lesson.lesson.is_intervention,
-                "png": b64encode(encode_png(picture(lesson.x))).decode(),
+                "frame": event.example.frame_id,
+                "label": event.example.label.value,
+                "is_intervention": event.example.is_intervention,
+                "png": b64encode(encode_png(picture(event.x))).decode(),
             }
-            for lesson in taught[::step]
+            for event in taught[::step]
         ],
     }

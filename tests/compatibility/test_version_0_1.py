@@ -51,7 +51,7 @@ def test_a_model_opens_with_all_that_it_knew(storage: Storage, name: str) -> Non
     assert store.current == "default-6" and sorted(store.names()) == MODELS
     model = store.load(name)
     policy = model.to_policy()
-    assert {move.value: n for move, n in model.card.taught.items()} == facts["taught"]
+    assert {move.value: n for move, n in model.summary.taught.items()} == facts["taught"]
     images = [{m.value: n for m, n in image.votes.items()} for image in policy.gallery()]
     assert images == facts["images"] and len(images) == facts["nodes"]
 
@@ -73,13 +73,13 @@ def test_a_model_proposes_the_same_and_learns_on(storage: Storage, name: str) ->
 
 @pytest.mark.parametrize("name", sorted(set(EPISODES.values())))
 def test_a_recording_opens_whole_and_teaches_the_same_again(storage: Storage, name: str) -> None:
-    [card] = [card for card in EpisodeStore(storage).cards() if card.id == name]
-    assert card.is_readable and card.damage is None and card.learner == name
-    assert (card.frames, dict(card.taught)) == (10, FACTS[name]["recorded"])
+    [summary] = [summary for summary in EpisodeStore(storage).summaries() if summary.id == name]
+    assert summary.is_readable and summary.damage is None and summary.learner == name
+    assert (summary.frames, dict(summary.taught)) == (10, FACTS[name]["recorded"])
 
     episode = open_episode(storage.episodes / f"{name}.mcap")
     before, after = episode.model_before(), episode.model_after()
-    assert before is not None and before.card.taught == {} and after is not None
+    assert before is not None and before.summary.taught == {} and after is not None
     again = make_policy(name)
     report = learn_again(again, [(episode, Notes())])
     assert {move.value: n for move, n in report.taught.items()} == FACTS[name]["taught"]

@@ -52,7 +52,7 @@ def test_undo_restores_the_exact_learner_from_before(phone: Any, world: World) -
     answer = httpx.post(f"{world.address}/api/teaching/undo", json={"seconds": seconds})
     assert answer.json() == {"undone": wrong}
     after = state_of(world)
-    assert world.rig.loop.submit(lambda: world.rig.loop.history.lessons).result(5) == lessons
+    assert world.rig.loop.submit(lambda: world.rig.loop.history.n_examples).result(5) == lessons
     for name, array in before.arrays.items():
         np.testing.assert_array_equal(after.arrays[name], array, err_msg=name)
 
@@ -64,7 +64,7 @@ def test_undo_restores_the_exact_learner_from_before(phone: Any, world: World) -
 def _seconds_of_last(world: World, lessons: int) -> float:
     """How many seconds of teaching the last so many lessons are."""
     seconds = 0.05
-    while len(world.rig.loop.history.last_lessons(seconds)) < lessons:
+    while len(world.rig.loop.history.last_examples(seconds)) < lessons:
         seconds += 0.01
     return seconds
 

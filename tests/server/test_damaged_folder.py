@@ -93,7 +93,7 @@ def teach(rig: Rig) -> int:
         for i in range(5):
             example = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
             history.teach(example, x, i * 0.2)
-        return history.lessons
+        return history.n_examples
 
     while rig.camera.latest() is None:
         pass
@@ -163,12 +163,12 @@ def test_every_start_serves_drives_and_keeps(whole: Path, tmp_path: Path, seed: 
         assert started.prepared.fault is None, done
         lessons = teach(rig)
         assert lessons >= 5
-        persistence.models.shelved()
-        persistence.episodes.cards()
+        persistence.models.saved()
+        persistence.episodes.summaries()
         persistence.episodes.budget()
         persistence.storage.usage()
         name = persistence.autosave.save()
-        assert persistence.models.load(name).card.lessons == lessons, done
+        assert persistence.models.load(name).summary.n_examples == lessons, done
         assert persistence.recorder.fault is None, done
     for name, where in started.prepared.moved:
         assert os.path.lexists(root / where), (name, where, done)
@@ -199,7 +199,7 @@ def test_where_nothing_can_be_kept_the_robot_drives_and_says_so(tmp_path: Path) 
         assert started.prepared.fault and "/proc/drivelesson" in started.prepared.fault
         assert teach(rig) == 5
         assert persistence.recorder.fault and "recording_off" in started.told
-        assert persistence.models.shelved() == [] and persistence.episodes.cards() == []
+        assert persistence.models.saved() == [] and persistence.episodes.summaries() == []
         with pytest.raises(OSError):
             persistence.autosave.save()
 
@@ -216,8 +216,8 @@ def test_a_disk_that_takes_nothing_stops_no_start_and_no_drive(
         started = running(root)
         with started as (rig, persistence):
             assert teach(rig) >= 5
-            persistence.episodes.cards()
-            persistence.models.shelved()
+            persistence.episodes.summaries()
+            persistence.models.saved()
             with pytest.raises(OSError):
                 persistence.autosave.save()
             persistence.autosave.save_if_changed()

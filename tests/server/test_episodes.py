@@ -65,7 +65,7 @@ def test_a_drive_appears_in_the_list_while_it_is_recorded(
     server.set_mode(Mode.STOPPED)
     persistence.stop()
     [episode] = client.get("/api/episodes").json()["episodes"]
-    assert episode["damage"] is None and episode["lessons"] == loop.history.lessons
+    assert episode["damage"] is None and episode["lessons"] == loop.history.n_examples
 
 
 def test_an_episode_is_shown_with_strip_timeline_and_pictures(

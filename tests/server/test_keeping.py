@@ -13,7 +13,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from robot.episodes.summary import read_card
+from robot.episodes.summary import read_summary
 from robot.models.store import ModelStore
 from robot.storage.folder import Storage
 
@@ -72,12 +72,12 @@ def test_it_ends_with_everything_saved_and_goes_on_from_there(tmp_path: Path, en
         process.send_signal(end)
         assert process.wait(20) in (0, 130)
     model = ModelStore(Storage(tmp_path)).load("sim")
-    assert model.card.lessons >= taught
+    assert model.summary.n_examples >= taught
     [path] = tmp_path.glob("episodes/*.mcap")
-    card = read_card(path)
-    assert card.damage is None and sum(card.taught.values()) == model.card.lessons
+    summary = read_summary(path)
+    assert summary.damage is None and sum(summary.taught.values()) == model.summary.n_examples
 
     with serving(tmp_path, "--robot", "replay", "--episode", str(path)) as (_, address):
         listed = httpx.get(f"{address}/api/models", timeout=20).json()
         assert listed["current"] == "sim"
-        assert listed["models"][0]["lessons"] == model.card.lessons
+        assert listed["models"][0]["lessons"] == model.summary.n_examples

@@ -28,8 +28,8 @@ class Bench:
             assert frame is not None
             x = loop.history.policy.extract(frame)
             for i in range(lessons):
-                lesson = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
-                loop.history.teach(lesson, x + i, i * 0.05)
+                example = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
+                loop.history.teach(example, x + i, i * 0.05)
 
         self.server.ask_loop(teach)
 
@@ -66,12 +66,12 @@ def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
     bench.client.post("/api/models/save")
     made = bench.client.post("/api/models", json={"name": "Flur", "place": "the hall"})
     assert (made.status_code, made.json()) == (201, {"name": "Flur"})
-    assert bench.server.ask_loop(lambda: bench.rig.loop.history.lessons) == 0
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 0
     bench.teach(3)
     assert bench.client.post("/api/models/bench/load").json() == {"name": "bench"}
-    assert bench.server.ask_loop(lambda: bench.rig.loop.history.lessons) == 12
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 12
     assert bench.client.post("/api/models/Flur/load").status_code == 200
-    assert bench.server.ask_loop(lambda: bench.rig.loop.history.lessons) == 3
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 3
 
 
 def test_a_driving_robot_keeps_its_model(bench: Bench) -> None:
@@ -138,7 +138,7 @@ def test_what_was_taught_is_saved_at_the_end_and_loaded_at_the_next_start(bench:
     bench.persistence.stop()
     with VirtualServer(data=bench.persistence.storage.root) as following:
         assert following.persistence.autosave.load_last() == "bench"
-        assert following.ask_loop(lambda: following.rig.loop.history.lessons) == 7
+        assert following.ask_loop(lambda: following.rig.loop.history.n_examples) == 7
 
 
 def test_a_mode_change_saves(bench: Bench) -> None:

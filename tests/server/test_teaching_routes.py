@@ -37,8 +37,8 @@ def _teach(server: VirtualServer, lessons: int) -> None:
         for i in range(lessons):
             label = Action.LEFT if i % 4 == 0 else Action.FORWARD
             varied = (x + (i * 37) % 91).astype(x.dtype)
-            lesson = Example(frame_id=1000 + i, label=label, is_intervention=False)
-            loop.history.teach(lesson, varied, i * 0.1)
+            example = Example(frame_id=1000 + i, label=label, is_intervention=False)
+            loop.history.teach(example, varied, i * 0.1)
 
     server.clock.result(loop.submit(teach), 5)
 

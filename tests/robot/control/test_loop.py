@@ -65,7 +65,7 @@ def test_each_command_labels_the_named_frame_not_the_newest() -> None:
     robot.tick()
     robot.hold(R, frame_id=seen.frame_id)
     tick = robot.tick()
-    assert [event.lesson.frame_id for event in tick.history_events] == [seen.frame_id]
+    assert [event.example.frame_id for event in tick.history_events] == [seen.frame_id]
 
 
 def test_it_drives_alone_what_it_was_taught_and_a_touch_is_a_lesson() -> None:
@@ -80,7 +80,7 @@ def test_it_drives_alone_what_it_was_taught_and_a_touch_is_a_lesson() -> None:
     taught_before = robot.loop.state.taught[L]
     tick = robot.step(2, L)
     assert tick.decision.driven_by is DrivenBy.PILOT
-    assert tick.history_events[0].lesson.is_intervention
+    assert tick.history_events[0].example.is_intervention
     assert robot.loop.state.taught[L] == taught_before + 1
     assert robot.step(1, None).decision.driven_by is DrivenBy.ROBOT
 

@@ -57,7 +57,7 @@ def test_a_lesson_may_be_passed_over_and_is_then_gone(
     online_learning.look(frame)
     online_learning.learn([hold(frame.frame_id, 50.0)], is_intervention=False, may_learn=False)
     online_learning.learn([hold(frame.frame_id, 50.1)], is_intervention=False, may_learn=True)
-    assert online_learning.history.lessons == 0
+    assert online_learning.history.n_examples == 0
     assert online_learning.agreement is None
 
 
@@ -69,7 +69,7 @@ def test_it_remembers_only_the_newest_frames(
     for scene in range(MEMORY_FRAMES):
         online_learning.look(camera.show(scene))
     online_learning.learn([hold(first.frame_id, 50.0)], is_intervention=False, may_learn=True)
-    assert online_learning.history.lessons == 0
+    assert online_learning.history.n_examples == 0
 
 
 def test_the_age_of_the_picture_that_the_pilot_saw(

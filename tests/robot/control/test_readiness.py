@@ -69,7 +69,7 @@ class Drive:
             example = Example(
                 frame_id=self.number + 1, label=action, is_intervention=is_intervention
             )
-            event = Taught(lesson=example, x=None, at_s=self.now_s + self.dt_s)
+            event = Taught(example=example, x=None, at_s=self.now_s + self.dt_s)
             self.tick(DrivenBy.PILOT, action, proposed or action, events=[event])
 
     def alone(self, seconds, action=F, **flags) -> None:

@@ -57,9 +57,9 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         os.write(out, (" ".join([kind, *map(str, values)]) + "\n").encode())
 
     def note(tick: Tick) -> None:
-        taught = [e.lesson.frame_id for e in tick.history_events if isinstance(e, Taught)]
+        taught = [e.example.frame_id for e in tick.history_events if isinstance(e, Taught)]
         if tick.decision.mode is not Mode.STOPPED or tick.history_events:
-            tell("tick", tick.now_s, rig.loop.history.lessons, *taught)
+            tell("tick", tick.now_s, rig.loop.history.n_examples, *taught)
 
     clock = RealClock()
     rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
@@ -70,7 +70,7 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     with rig:
         persistence.start()
         persistence.autosave.load_last()
-        tell("loaded", rig.loop.submit(lambda: rig.loop.history.lessons).result(5))
+        tell("loaded", rig.loop.submit(lambda: rig.loop.history.n_examples).result(5))
         rig.loop.subscribe(note)
         drive(rig)
 
@@ -141,8 +141,8 @@ def look_at_episodes(
             continue
         episode = open_episode(path)
         on_disk |= {
-            entry.event.lesson.frame_id
-            for entry in episode.lessons
+            entry.event.example.frame_id
+            for entry in episode.events
             if isinstance(entry.event, Taught)
         }
         end_s = max(end_s, episode.start_s + episode.duration_s)

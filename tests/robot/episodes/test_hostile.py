@@ -12,7 +12,7 @@ import zstandard
 from mcap.writer import CompressionType, Writer
 
 from robot.episodes.episode import open_episode
-from robot.episodes.summary import read_card
+from robot.episodes.summary import read_summary
 from robot.episodes.writer import RUN
 from robot.errors import RecordingError
 
@@ -61,7 +61,7 @@ def test_absurd_lengths_end_the_reading(tmp_path: Path, opcode: int, length: int
     path = tmp_path / "x.mcap"
     path.write_bytes(beginning(tmp_path) + record(opcode, b"\0" * 64, length))
     assert open_episode(path).damage
-    assert read_card(path).damage
+    assert read_summary(path).damage
 
 
 @pytest.mark.parametrize("opcode", [1, 3, 4, 9, 12])
@@ -94,7 +94,7 @@ def test_a_footer_that_points_elsewhere_is_not_followed(tmp_path: Path) -> None:
     path = tmp_path / "x.mcap"
     for start in (0, 7, len(data) - 5, 2**63, 2**40):
         path.write_bytes(data[:-28] + struct.pack("<QQI", start, 0, 0) + MAGIC)
-        assert read_card(path).frames > 50
+        assert read_summary(path).frames > 50
 
 
 @pytest.mark.parametrize("data", [b"", b"\x89MCAP", b"PK\x03\x04" + b"\0" * 99, MAGIC, MAGIC * 9])
@@ -103,8 +103,8 @@ def test_what_is_no_recording_is_refused_with_a_reason(tmp_path: Path, data: byt
     path.write_bytes(data)
     with pytest.raises(RecordingError, match=r"x\.mcap"):
         open_episode(path)
-    card = read_card(path)
-    assert not card.is_readable and card.damage
+    summary = read_summary(path)
+    assert not summary.is_readable and summary.damage
 
 
 def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:

@@ -34,31 +34,33 @@ def storage(tmp_path: Path) -> Storage:
 def read(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     """Which recordings were opened."""
     opened: list[str] = []
-    real = index_module.read_card
+    real = index_module.read_summary
 
     def note(path: Path) -> EpisodeSummary:
         opened.append(path.stem)
         return real(path)
 
-    monkeypatch.setattr(index_module, "read_card", note)
+    monkeypatch.setattr(index_module, "read_summary", note)
     yield opened
 
 
 def test_recordings_are_read_once_also_across_starts(storage: Storage, read: list[str]) -> None:
     store = EpisodeStore(storage)
-    listed = store.cards()
+    listed = store.summaries()
     assert len(listed) == len(read) == MANY
     read.clear()
-    assert store.cards() == listed
-    assert EpisodeStore(storage).cards() == listed
-    assert store.card("episode-00007") == next(c for c in listed if c.id == "episode-00007")
+    assert store.summaries() == listed
+    assert EpisodeStore(storage).summaries() == listed
+    assert store.summary("episode-00007") == next(c for c in listed if c.id == "episode-00007")
     assert read == []
 
 
 def test_four_callers_at_once_read_no_more_than_one(storage: Storage, read: list[str]) -> None:
     store = EpisodeStore(storage)
     lists: list[int] = []
-    callers = [threading.Thread(target=lambda: lists.append(len(store.cards()))) for _ in range(4)]
+    callers = [
+        threading.Thread(target=lambda: lists.append(len(store.summaries()))) for _ in range(4)
+    ]
     for caller in callers:
         caller.start()
     for caller in callers:
@@ -68,24 +70,24 @@ def test_four_callers_at_once_read_no_more_than_one(storage: Storage, read: list
 
 def test_only_what_changed_is_read_again(storage: Storage, read: list[str]) -> None:
     store = EpisodeStore(storage)
-    store.cards()
+    store.summaries()
     read.clear()
     store.set_title("episode-00003", "the hall")
     (storage.episodes / "episode-00004.mcap").unlink()
     (storage.episodes / "episode-00005.mcap").unlink()
     (storage.episodes / "episode-00005.mcap").write_bytes(b"rubbish")
-    listed = {card.id: card for card in store.cards()}
+    listed = {summary.id: summary for summary in store.summaries()}
     assert sorted(read) == ["episode-00003", "episode-00005"]
     assert listed["episode-00003"].title == "the hall"
     assert "episode-00004" not in listed and not listed["episode-00005"].is_readable
     read.clear()
-    assert {card.id: card for card in EpisodeStore(storage).cards()} == listed
+    assert {summary.id: summary for summary in EpisodeStore(storage).summaries()} == listed
     assert read == []
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_damaged_index_is_built_anew(storage: Storage, seed: int) -> None:
-    listed = EpisodeStore(storage).cards()
+    listed = EpisodeStore(storage).summaries()
     index = storage.episodes / ".index.json"
     rng = random.Random(seed)
     data = bytearray(index.read_bytes())
@@ -103,12 +105,12 @@ def test_a_damaged_index_is_built_anew(storage: Storage, seed: int) -> None:
         os.mkfifo(index)
     else:
         index.write_bytes(data)
-    assert EpisodeStore(storage).cards() == listed
+    assert EpisodeStore(storage).summaries() == listed
 
 
 def test_what_is_being_recorded_is_never_in_the_index(storage: Storage) -> None:
     store = EpisodeStore(storage, recording=lambda: "episode-00000")
-    assert len(store.cards()) == MANY
+    assert len(store.summaries()) == MANY
     assert b"episode-00000" not in (storage.episodes / ".index.json").read_bytes()
 
 
@@ -119,6 +121,6 @@ def test_no_name_is_more_than_not_found(storage: Storage, name: str) -> None:
     from robot.errors import NotFoundError
 
     store = EpisodeStore(storage)
-    for attempt in (store.card, store.open, store.notes, store.delete, store.compact):
+    for attempt in (store.summary, store.open, store.notes, store.delete, store.compact):
         with pytest.raises(NotFoundError):
             attempt(name)

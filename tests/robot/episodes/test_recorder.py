@@ -31,13 +31,13 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
     assert episode.run["robot"] == "bench" and episode.run["learner"] == "published-8"
     assert json.loads(episode.run["options"]) == {"world": "bench"}
     assert len(episode.frames) >= 40
-    assert len(taught_frames(episode)) == robot.loop.history.lessons == 40
-    held = [words["held"] for _, words in episode.words[COMMAND]]
+    assert len(taught_frames(episode)) == robot.loop.history.n_examples == 40
+    held = [words["held"] for _, words in episode.messages[COMMAND]]
     assert held[:5] == ["forward"] * 4 + ["left"]
-    assert {words["driven_by"] for _, words in episode.words[DECISION]} >= {"pilot"}
-    assert [words["mode"] for _, words in episode.words[MODE]] == ["train", "stopped"]
-    assert episode.words[SENSORS][0][1]["distance_m"] == 0.5
-    assert episode.words[PREDICTION][-1][1]["confidence"] > 0
+    assert {words["driven_by"] for _, words in episode.messages[DECISION]} >= {"pilot"}
+    assert [words["mode"] for _, words in episode.messages[MODE]] == ["train", "stopped"]
+    assert episode.messages[SENSORS][0][1]["distance_m"] == 0.5
+    assert episode.messages[PREDICTION][-1][1]["confidence"] > 0
     assert [name for name, _ in robot.told] == ["recording_on", "recording_done"]
 
 
@@ -172,10 +172,10 @@ def test_a_disk_that_crawls_costs_pictures_and_neither_memory_nor_lessons(tmp_pa
     robot.recorder.stop()
     (tmp_path / "slow.mcap").write_bytes(file.whole)
     episode = open_episode(tmp_path / "slow.mcap")
-    assert len(episode.lessons) == 100
+    assert len(episode.events) == 100
     assert all(
-        entry.x is not None or entry.event.lesson.frame_id in episode.frames
-        for entry in episode.lessons
+        entry.x is not None or entry.event.example.frame_id in episode.frames
+        for entry in episode.events
     )
     assert ("recording_lossy", {"dropped_frames": robot.recorder.dropped_frames}) in robot.told
 
@@ -242,5 +242,5 @@ def test_a_recording_says_what_the_learner_knew_before_and_after(
 ) -> None:
     episode = record_drive(tmp_path, learner)
     before, after = episode.model_before(), episode.model_after()
-    assert before is not None and before.card.lessons == 0
-    assert after is not None and after.card.lessons == 60
+    assert before is not None and before.summary.n_examples == 0
+    assert after is not None and after.summary.n_examples == 60

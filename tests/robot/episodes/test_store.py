@@ -11,7 +11,7 @@ from robot.episodes.editing import choose, kept_frames, moments
 from robot.episodes.edits import Edit, Notes, notes_path, trim
 from robot.episodes.episode import open_episode, taught_frames
 from robot.episodes.store import EpisodeStore
-from robot.episodes.summary import read_card
+from robot.episodes.summary import read_summary
 from robot.episodes.teaching import learn_again, same_nodes
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
 from robot.policy.registry import make_policy
@@ -33,13 +33,13 @@ def store(storage: Storage) -> EpisodeStore:
 
 
 def test_a_list_shows_what_an_episode_holds_without_reading_it_all(store: EpisodeStore) -> None:
-    [card] = store.cards()
-    episode = store.open(card.id)
-    assert card.damage is None and card.is_readable
-    assert card.frames == len(episode.frames)
-    assert dict(card.taught) == {"forward": 20, "left": 20, "right": 20}
-    assert card.duration_s == pytest.approx(episode.duration_s, abs=0.01)
-    assert card.started_at_s == pytest.approx(episode.origin_ns / 1e9 + 100, abs=5)
+    [summary] = store.summaries()
+    episode = store.open(summary.id)
+    assert summary.damage is None and summary.is_readable
+    assert summary.frames == len(episode.frames)
+    assert dict(summary.taught) == {"forward": 20, "left": 20, "right": 20}
+    assert summary.duration_s == pytest.approx(episode.duration_s, abs=0.01)
+    assert summary.started_at_s == pytest.approx(episode.origin_ns / 1e9 + 100, abs=5)
 
 
 def test_a_recording_cut_at_any_byte_lists_and_replays_up_to_the_cut(tmp_path: Path) -> None:
@@ -50,12 +50,12 @@ def test_a_recording_cut_at_any_byte_lists_and_replays_up_to_the_cut(tmp_path: P
     for _ in range(100):
         length = rng.randrange(len(data))
         cut_path.write_bytes(data[:length])
-        card = read_card(cut_path)
-        if not card.is_readable:
-            assert length < 400, f"nothing of {length} bytes can be read: {card.damage}"
+        summary = read_summary(cut_path)
+        if not summary.is_readable:
+            assert length < 400, f"nothing of {length} bytes can be read: {summary.damage}"
             continue
         episode = open_episode(cut_path)
-        assert card.damage and card.frames == len(episode.frames)
+        assert summary.damage and summary.frames == len(episode.frames)
         assert list(episode.frames) == list(whole.frames)[: len(episode.frames)]
         assert all(episode.frame(i).data == whole.frame(i).data for i in list(episode.frames)[::10])
         learn_again(make_policy("published-8"), [(episode, Notes())])
@@ -71,7 +71,7 @@ def test_damaged_bytes_never_raise_anything_but_our_own_errors(tmp_path: Path) -
         for _ in range(rng.randrange(1, 20)):
             damaged[rng.randrange(len(data))] = rng.randrange(256)
         path.write_bytes(damaged)
-        assert read_card(path).id == "damaged"
+        assert read_summary(path).id == "damaged"
         try:
             episode = open_episode(path)
             for frame_id in list(episode.frames)[::20]:
@@ -120,10 +120,10 @@ def test_compacting_works_the_edits_in_and_teaches_the_same(store: EpisodeStore)
     ids = list(store.open(episode_id).frames)
     store.edit(episode_id, trim(ids, ids[5], ids[-5]))
     store.edit(episode_id, Edit(verb="relabel", ranges=((ids[10], ids[20]),), label=Action.RIGHT))
-    before, size = make_policy("default-8"), store.card(episode_id).bytes
+    before, size = make_policy("default-8"), store.summary(episode_id).bytes
     learn_again(before, [(store.open(episode_id), store.notes(episode_id))])
     undo = store.compact(episode_id)
-    assert store.card(episode_id).bytes < size
+    assert store.summary(episode_id).bytes < size
     assert store.notes(episode_id).edits == ()
     after = make_policy("default-8")
     learn_again(after, [(store.open(episode_id), Notes())])
@@ -141,7 +141,7 @@ def test_delete_and_restore_take_the_edits_along(store: EpisodeStore) -> None:
     undo = store.delete(episode_id)
     assert store.ids() == []
     assert store.restore(undo) == episode_id
-    assert store.card(episode_id).title == "kept"
+    assert store.summary(episode_id).title == "kept"
     with pytest.raises(NotFoundError):
         store.restore(undo)
 
@@ -160,10 +160,10 @@ def test_beyond_the_budget_the_oldest_unprotected_are_offered_and_none_is_delete
     ids = [record_drive(storage.episodes, frames=20).id for _ in range(4)]
     store = EpisodeStore(storage)
     store.protect(ids[0], True)
-    size = store.card(ids[0]).bytes
+    size = store.summary(ids[0]).bytes
     store.budget_bytes = size * 5 // 2
     offer = store.budget()
-    assert [card.id for card in offer.offered] == ids[1:3]
+    assert [summary.id for summary in offer.offered] == ids[1:3]
     assert len(store.ids()) == 4
     store.budget_bytes = size * 10
     assert store.budget().offered == ()
@@ -179,7 +179,7 @@ def test_no_name_leads_out_of_the_folder(store: EpisodeStore, name: str) -> None
 def test_damaged_notes_are_named_and_hide_no_episode(store: EpisodeStore) -> None:
     [episode_id] = store.ids()
     notes_path(store.path(episode_id)).write_text("{")
-    assert "edits.json is damaged" in str(store.card(episode_id).damage)
+    assert "edits.json is damaged" in str(store.summary(episode_id).damage)
     assert len(taught_frames(store.open(episode_id))) == 60
     with pytest.raises(RecordingError, match="damaged"):
         store.set_title(episode_id, "x")

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from robot.episodes.edits import Notes
 from robot.episodes.episode import open_episode, taught_frames
 from robot.episodes.store import EpisodeStore
-from robot.episodes.summary import read_card
+from robot.episodes.summary import read_summary
 from robot.errors import ConfigurationError
 from robot.exchange.drive import Drive, Shot, write_episode
 from robot.exchange.film import check_suffix, repeats, write_look
@@ -68,10 +68,10 @@ def test_the_list_leaves_out_what_was_undone(tmp_path: Path) -> None:
     robot.loop.submit(lambda: robot.loop.history.undo(0.5))
     robot.tick()
     robot.drive(range(40, 50))
-    lessons = robot.loop.history.lessons
+    lessons = robot.loop.history.n_examples
     [path] = robot.finish()
     assert lessons < 50
-    listed = sum(read_card(path).taught.values())
+    listed = sum(read_summary(path).taught.values())
     assert listed == lessons == len(taught_frames(open_episode(path)))
     assert write_tub(open_episode(path), Notes(), tmp_path / "tub") == lessons
 
@@ -198,4 +198,4 @@ def test_runs_in_which_nothing_was_taught_or_driven_are_not_kept(tmp_path: Path,
 
 def test_what_is_kept_of_a_run_can_be_learned_again(tmp_path: Path) -> None:
     episode = record_drive(tmp_path, frames=12)
-    assert sum(read_card(episode.path).taught.values()) == 12
+    assert sum(read_summary(episode.path).taught.values()) == 12

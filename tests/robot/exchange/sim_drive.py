@@ -52,7 +52,7 @@ def drive_in_simulator(folder: Path, learner: str, steps: int = 200, undo_s: flo
         driver.disconnect()
         driver.simulation.close()
     [path] = folder.glob("*.mcap")
-    return Driven(path=path, state=loop.history.policy.get_state(), lessons=loop.history.lessons)
+    return Driven(path=path, state=loop.history.policy.get_state(), lessons=loop.history.n_examples)
 
 
 def _teach(

@@ -43,13 +43,13 @@ class KeptRobot(BenchRobot):
 
         def teach() -> None:
             history = self.loop.history
-            lesson = Example(frame_id=frame.frame_id, label=Action.LEFT, is_intervention=False)
-            history.teach(lesson, history.policy.extract(frame), frame.captured_s)
+            example = Example(frame_id=frame.frame_id, label=Action.LEFT, is_intervention=False)
+            history.teach(example, history.policy.extract(frame), frame.captured_s)
 
         return self.loop.submit(teach)
 
     def kept_lessons(self) -> list[int]:
-        return [model.card.lessons for _, model in self.store.good_models()]
+        return [model.summary.n_examples for _, model in self.store.good_models()]
 
 
 @pytest.fixture
@@ -98,7 +98,7 @@ def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot: KeptRo
     robot.teach(2)
     robot.autosave.load(name)  # which saves first
     assert not robot.autosave.has_unsaved
-    assert robot.loop.history.lessons == 2
+    assert robot.loop.history.n_examples == 2
     robot.teach(3)
     assert robot.autosave.has_unsaved
 

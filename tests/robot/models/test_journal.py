@@ -127,7 +127,7 @@ def test_a_position_rests_on_no_clock(tmp_path: Path) -> None:
     second.die()
     third = Life(tmp_path, wall_s, rng)
     assert same(third.state(), second.state())
-    assert third.loop.history.lessons == second.loop.history.lessons
+    assert third.loop.history.n_examples == second.loop.history.n_examples
 
 
 def test_an_undo_stays_undone_though_no_model_was_saved_after_it(tmp_path: Path) -> None:
@@ -136,10 +136,10 @@ def test_an_undo_stays_undone_though_no_model_was_saved_after_it(tmp_path: Path)
     for _ in range(10):
         life.teach()
     life.save()
-    before = life.loop.history.lessons
+    before = life.loop.history.n_examples
     life.loop.submit(lambda: life.loop.history.undo(2.0)).result(0)
     undone = life.state()
-    assert life.loop.history.lessons < before
+    assert life.loop.history.n_examples < before
     life.write()
     life.die()
     assert same(Life(tmp_path, [0.0], rng).state(), undone)

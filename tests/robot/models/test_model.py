@@ -11,7 +11,7 @@ import pytest
 
 from robot.errors import RecordingError
 from robot.learner.base import State
-from robot.models.model import Model, decode_card, decode_model, encode_model, take_model
+from robot.models.model import Model, decode_model, decode_summary, encode_model, take_model
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.types import Action
@@ -52,7 +52,7 @@ def test_a_model_comes_back_as_it_was(learner: str) -> None:
     model = some_model(learner)
     data = encode_model(model)
     back = decode_model(data)
-    assert back.card == model.card == decode_card(data)
+    assert back.summary == model.summary == decode_summary(data)
     assert same(back.state, model.state)
     assert np.array_equal(back.preview, model.preview)
     assert back.preview.size > 1
@@ -146,6 +146,6 @@ def test_a_description_of_another_form_is_refused(meta: bytes, word: str) -> Non
 
 def test_a_model_of_an_unknown_learner_is_refused() -> None:
     model = some_model()
-    object.__setattr__(model.card, "learner", "oracle-7")
+    object.__setattr__(model.summary, "learner", "oracle-7")
     with pytest.raises(RecordingError, match="oracle-7"):
         decode_model(encode_model(model)).to_policy()

@@ -29,11 +29,11 @@ def test_what_is_saved_is_listed_and_loaded(store: ModelStore) -> None:
     store.save("kitchen", model)
     store.save("hall", model)
     store.current = "kitchen"
-    hall, kitchen = store.shelved()
+    hall, kitchen = store.saved()
     assert (hall.name, hall.is_current) == ("hall", False)
     assert (kitchen.name, kitchen.is_current) == ("kitchen", True)
-    assert kitchen.card is not None and kitchen.card.lessons == 40
-    assert kitchen.card.place == "the kitchen"
+    assert kitchen.summary is not None and kitchen.summary.n_examples == 40
+    assert kitchen.summary.place == "the kitchen"
     assert same(store.load("kitchen").state, model.state)
 
 
@@ -51,14 +51,14 @@ def test_a_damaged_version_is_set_aside_and_the_one_before_is_used(
     store.save("kitchen", some_model())
     newest = store.save("kitchen", some_model())
     newest.write_bytes(newest.read_bytes()[:-100])
-    assert store.load("kitchen").card.lessons == 40
+    assert store.load("kitchen").summary.n_examples == 40
     assert [path.name for path in versions(store, tmp_path, "kitchen")] == [
         "00001.npz",
         "00002.npz.damaged",
     ]
-    assert store.shelved()[0].damaged == ("00002.npz.damaged",)
+    assert store.saved()[0].damaged == ("00002.npz.damaged",)
     store.save("kitchen", some_model())
-    assert store.load("kitchen").card.lessons == 40
+    assert store.load("kitchen").summary.n_examples == 40
 
 
 def test_the_next_best_model_serves_where_the_last_one_is_lost(store: ModelStore) -> None:
@@ -134,7 +134,7 @@ def test_a_full_disk_leaves_the_version_before(
         patch.setattr("os.fsync", refuse)
         with pytest.raises(OSError, match="No space"):
             store.save("kitchen", some_model())
-    assert store.load("kitchen").card.lessons == 40
+    assert store.load("kitchen").summary.n_examples == 40
 
 
 def test_halves_that_a_power_cut_left_are_swept_away(tmp_path: Path) -> None:
@@ -144,11 +144,11 @@ def test_halves_that_a_power_cut_left_are_swept_away(tmp_path: Path) -> None:
     empty = tmp_path / "episodes" / "x.mcap"
     empty.touch()
     storage = Storage(tmp_path)
-    assert ModelStore(storage).load("kitchen").card.lessons == 40
+    assert ModelStore(storage).load("kitchen").summary.n_examples == 40
     storage.sweep()
     assert half.exists() and empty.exists(), "another program may be writing them just now"
     for path in (half, empty):
         os.utime(path, (0, 0))
     storage.sweep()
     assert not half.exists() and not empty.exists()
-    assert ModelStore(storage).load("kitchen").card.lessons == 40
+    assert ModelStore(storage).load("kitchen").summary.n_examples == 40

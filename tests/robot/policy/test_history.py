@@ -24,8 +24,8 @@ def vectors(policy: Policy, count: int) -> list[np.ndarray]:
 
 def teach(history: TrainingHistory, xs: list[np.ndarray], first: int = 0) -> None:
     for i, x in enumerate(xs, start=first):
-        lesson = Example(frame_id=i, label=MOVES[i % 3], is_intervention=False)
-        history.teach(lesson, x, captured_s=i * STEP_S)
+        example = Example(frame_id=i, label=MOVES[i % 3], is_intervention=False)
+        history.teach(example, x, captured_s=i * STEP_S)
 
 
 def same(a: State, b: State) -> bool:
@@ -66,7 +66,7 @@ def test_undo_can_be_repeated_back_to_the_beginning() -> None:
     assert len(history.undo(5.0)) == 50
     assert len(history.undo(30.0)) == 20
     assert same(history.policy.get_state(), fresh)
-    assert history.lessons == 0
+    assert history.n_examples == 0
     assert history.undo(5.0) == []
 
 
@@ -83,8 +83,8 @@ def test_the_log_stays_small_however_long_one_teaches() -> None:
     xs = vectors(history.policy, 10)
     for round_ in range(200):
         teach(history, xs, first=round_ * 10)
-    assert len(history.last_lessons(1e9)) <= 10 * (35 + 10 + 10) / STEP_S / 10
-    assert history.lessons == 2000
+    assert len(history.last_examples(1e9)) <= 10 * (35 + 10 + 10) / STEP_S / 10
+    assert history.n_examples == 2000
 
 
 def test_an_edit_is_undone_alone_and_lessons_stay() -> None:

@@ -111,7 +111,7 @@ def drive(request_s: float, *, remote: bool, seconds: float = 20.0) -> Drive:
         else:
             did = isinstance(driver, DriverThread) and driver.step()
             heapq.heappush(events, (now_s + (request_s if did else TICK_S / 4), order, what))
-    result.lessons = loop.history.lessons
+    result.lessons = loop.history.n_examples
     result.stops = sum(loop.state.stops.values())
     return result
 

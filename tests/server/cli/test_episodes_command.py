@@ -48,9 +48,9 @@ def test_mend_and_undo(episode_id: str, data: Path, capsys: pytest.CaptureFixtur
     assert "x" in shown and "edit 2: relabel right" in shown
     say("episodes undo last", capsys)
     assert len(store.notes(episode_id).edits) == 2
-    before = store.card(episode_id).bytes
+    before = store.summary(episode_id).bytes
     say("episodes compact last", capsys)
-    assert store.card(episode_id).bytes < before
+    assert store.summary(episode_id).bytes < before
 
 
 def test_delete_restore_and_the_trash(
@@ -79,7 +79,7 @@ def test_learn_gives_the_nodes_of_driving_and_saves_them(
     told = say("learn last --check --out again", capsys)
     assert "the same nodes as driving made" in told
     model = ModelStore(Storage(data)).load("again")
-    assert (model.card.learner, model.card.lessons) == ("default-8", 60)
+    assert (model.summary.learner, model.summary.n_examples) == ("default-8", 60)
     say(f"learn {episode_id} --learner published --max-nodes 64 --out {tmp_path}/m.npz", capsys)
     assert (tmp_path / "m.npz").stat().st_size > 1000
 
@@ -91,7 +91,7 @@ def test_out_and_in_again(
     say(f"episodes export last --as {form} --out {data}/exports/{form}", capsys)
     say(f"episodes import {data}/exports/{form} --name back", capsys)
     say("learn back --learner default --max-nodes 8 --out back", capsys)
-    assert ModelStore(Storage(data)).load("back").card.lessons == 60
+    assert ModelStore(Storage(data)).load("back").summary.n_examples == 60
 
 
 def test_films_and_datasets_go_to_the_exports(
