@@ -57,7 +57,7 @@ def test_last_is_the_newest_by_time_and_never_by_name(
     assert main(["episodes", "export", "last", "--as", "folder"]) == 0
     assert f"{newest}-folder" in capsys.readouterr().out
     assert main(["learn", "last", "--learner", "published", "--max-nodes", "4"]) == 0
-    assert f"{20 if theirs_first else 3} lessons" in capsys.readouterr().out
+    assert f"{20 if theirs_first else 3} examples" in capsys.readouterr().out
     assert main(["episodes", "delete", "last"]) == 0
     assert newest in capsys.readouterr().out
 
