@@ -1,4 +1,4 @@
-"""Everything that can be set about the server: one frozen object, validated once."""
+"""The server's configuration: one frozen object, validated once."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from robot.storage.folder import default_root
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """How much one client, and all together, may ask of the server."""
+    """Limits for one client, and for all clients together."""
 
-    words_per_second: float = 60.0
-    """Messages on `/ws/drive`; a page sends some twelve a second."""
-    words_burst: float = 120.0
+    messages_per_second: float = 60.0
+    """Messages of one client on `/ws/drive`; a page sends about twelve a second."""
+    messages_burst: float = 120.0
     frames_per_second: float = 150.0
-    """Acknowledgements on `/ws/video`."""
+    """Acknowledgements of one client on `/ws/video`."""
     refused_before_closing: int = 500
-    """A client whose messages were refused so often is shown out."""
+    """A client is disconnected after so many refused messages."""
     clients: int = 64
-    """Websockets open at one time, of all clients together."""
+    """Open websockets of all clients together."""
     requests_per_second: float = 50.0
-    """Requests of one address in the long run."""
+    """Requests of one address, on average."""
     requests_burst: float = 300.0
     body_bytes: int = 1_000_000
     """The largest body of a request that has no limit of its own."""
     upload_bytes: int = 64_000_000
     """The largest model that may be uploaded."""
     idle_s: float = 30.0
-    """A client that says nothing for so long is shown out."""
+    """Idle timeout: a silent client is disconnected."""
     pairing_failures: int = 10
     """Wrong tokens from one address in a minute before it has to wait. The right token is
-    admitted even then."""
-    strangers: int = 128
-    """Connections of all that were not admitted yet."""
-    strangers_per_address: int = 32
-    """The same of one address: of IPv6, of one network of 64 bits."""
-    stranger_s: float = 5.0
-    """Such a connection is closed so long after its last whole request."""
+    accepted even then."""
+    pending: int = 128
+    """Connections that the guard has not admitted yet, of all addresses together."""
+    pending_per_address: int = 32
+    """The same of one address; for IPv6, of one /64 network."""
+    pending_s: float = 5.0
+    """A pending connection is closed so long after its last complete request."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class Config:
     lan: bool = False
     tls: bool = False
     hostname: str = "drivelesson"
-    """The robot answers to this name with `.local` behind it."""
+    """The robot's name on the local network, without `.local`."""
     data: Path = field(default_factory=default_root)
     web: Path | None = None
     jpeg_quality: int = 75
@@ -68,13 +68,13 @@ class Config:
             )
         if not self.lan and not is_loopback(self.host):
             raise ConfigurationError(
-                f"--host {self.host} can be reached by others; add --lan, "
-                "which lets only paired browsers in, or leave --host out"
+                f"--host {self.host} can be reached from other machines; add --lan, "
+                "which admits paired browsers only, or leave --host out"
             )
 
     @property
     def web_folder(self) -> Path:
-        """Where the page's files are: beside the package in a checkout, inside it in a wheel."""
+        """The folder of the page's files: beside the package in a clone, inside it in a wheel."""
         return self.web if self.web is not None else _find_web()
 
 
@@ -93,4 +93,6 @@ def _find_web() -> Path:
     for folder in (here.parent / "web", here / "web"):
         if (folder / "index.html").is_file():
             return folder
-    raise ConfigurationError(f"the page's files are not found beside {here}; install it again")
+    raise ConfigurationError(
+        f"the page's files are missing beside {here}; install drivelesson again"
+    )

@@ -1,4 +1,4 @@
-"""The wire between page and robot: bytes and text on one side, dataclasses on the other. Pure.
+"""The messages between page and robot: bytes or text on the wire, dataclasses in the code. Pure.
 
 Described in docs/reference/protocol.md; `web/js/protocol.js` is its mirror, and both pass the
 messages in tests/vectors/.
@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 from robot.types import Action, Encoding, Mode
 
 PROTOCOL_VERSION = 1
-MAX_WORD_BYTES = 4096
+MAX_DRIVE_MESSAGE_BYTES = 4096
 """A longer message on `/ws/drive` is refused with `too_large` and not even parsed."""
 MAX_COUNT = 2**53 - 1
 """The largest whole number that JavaScript can count to."""
@@ -54,7 +54,7 @@ class ProtocolError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveMessage:
-    """What is held now, and which frame is on the screen: command and heartbeat in one.
+    """The move that the pilot holds and the frame on the screen: command and heartbeat in one.
 
     `nonce` is the newest that the page has received. `frame_age_ms` is how old that frame is as
     the page reckons it, and `phone_ms` how much of that it has spent on the phone; None if the
@@ -71,7 +71,7 @@ class DriveMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeMessage:
-    """The explicit start after any stop, or the wish to stop."""
+    """Change the mode: start again after any stop, or stop."""
 
     mode: Mode
     seq: int
@@ -122,10 +122,10 @@ ClientMessage = DriveMessage | ModeMessage | BareMessage | Ping
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VideoFrame:
-    """One frame as it travels: what its header says, and the picture itself.
+    """One frame of `/ws/video`: the fields of its header, and the picture itself.
 
     A `quiet` frame need not be acknowledged: a later one will be, and stands for it. `nonce`
-    goes back with the next command, as proof that it was sent later; 0 is none.
+    comes back with the next command and proves that it was sent later; 0 is none.
     """
 
     frame_id: int
@@ -139,13 +139,18 @@ class VideoFrame:
 
 
 def parse_message(text: str, moves: Collection[Action]) -> ClientMessage:
-    """Read one message of `/ws/drive`.
+    """Parse one message of `/ws/drive`.
 
     Raises:
-        ProtocolError: If it is not one that the protocol knows; says which field and why.
+        ProtocolError: If it is not valid; says which field and why.
     """
-    if len(text) > MAX_WORD_BYTES or len(text.encode("utf-8", "replace")) > MAX_WORD_BYTES:
-        raise ProtocolError(ErrorCode.TOO_LARGE, f"a message has at most {MAX_WORD_BYTES} bytes")
+    if (
+        len(text) > MAX_DRIVE_MESSAGE_BYTES
+        or len(text.encode("utf-8", "replace")) > MAX_DRIVE_MESSAGE_BYTES
+    ):
+        raise ProtocolError(
+            ErrorCode.TOO_LARGE, f"a message has at most {MAX_DRIVE_MESSAGE_BYTES} bytes"
+        )
     message = _parse_object(text)
     seq = _sane_seq(message)
     kind = message.get("type")
@@ -160,13 +165,13 @@ def parse_message(text: str, moves: Collection[Action]) -> ClientMessage:
         )
     if kind == "ping":
         return Ping(client_ms=_parse_number(message, "client_ms", seq))
-    if isinstance(kind, str) and kind in _BARE_WORDS:
-        return _BARE_WORDS[kind]()
-    known = ", ".join(["drive", "mode", "ping", *_BARE_WORDS])
-    raise ProtocolError(ErrorCode.UNKNOWN_TYPE, f"there is no such type; there are {known}", seq)
+    if isinstance(kind, str) and kind in _BARE_MESSAGES:
+        return _BARE_MESSAGES[kind]()
+    known = ", ".join(["drive", "mode", "ping", *_BARE_MESSAGES])
+    raise ProtocolError(ErrorCode.UNKNOWN_TYPE, f"unknown message type; known types: {known}", seq)
 
 
-_BARE_WORDS: Mapping[str, type[BareMessage]] = {
+_BARE_MESSAGES: Mapping[str, type[BareMessage]] = {
     "stop": Stop,
     "release": Release,
     "take": Take,
@@ -178,7 +183,7 @@ _BARE_WORDS: Mapping[str, type[BareMessage]] = {
 
 def is_stop(text: str) -> bool:
     """True if this is an emergency stop, which no limit may hold up."""
-    if len(text) > MAX_WORD_BYTES or '"stop"' not in text:
+    if len(text) > MAX_DRIVE_MESSAGE_BYTES or '"stop"' not in text:
         return False
     try:
         return _parse_object(text).get("type") == "stop"
@@ -222,7 +227,7 @@ def _parse_id(message: dict[str, Any], name: str, seq: int | None) -> int | None
     if value is None:
         return None
     if not _is_count(value, 2**32 - 1):
-        raise _bad_field(name, f"the {name} that the page has, or null", seq)
+        raise _bad_field(name, "a whole number from 1 that fits into 32 bits, or null", seq)
     return int(value)
 
 
@@ -242,7 +247,7 @@ def _parse_number(message: dict[str, Any], name: str, seq: int | None) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise _bad_field(name, "a number", seq)
     if not math.isfinite(value) or abs(value) > MAX_COUNT:
-        raise _bad_field(name, "a number that JavaScript can count to", seq)
+        raise _bad_field(name, f"a finite number up to {MAX_COUNT}", seq)
     return value
 
 
@@ -267,7 +272,7 @@ def _bad_field(name: str, wanted: str, seq: int | None) -> ProtocolError:
 
 
 def encode_picture(picture: VideoFrame) -> bytes:
-    """Write a frame's message for `/ws/video`."""
+    """Encode a frame as a message of `/ws/video`."""
     header = FRAME_HEADER.pack(
         _FRAME,
         _ENCODINGS.index(picture.encoding),
@@ -282,10 +287,10 @@ def encode_picture(picture: VideoFrame) -> bytes:
 
 
 def parse_picture(message: bytes) -> VideoFrame:
-    """Read a frame's message.
+    """Parse a message of `/ws/video`.
 
     Raises:
-        ProtocolError: If it is none.
+        ProtocolError: If it is not valid.
     """
     if len(message) < FRAME_HEADER.size:
         raise ProtocolError(ErrorCode.MALFORMED, "a frame starts with a header of 24 bytes")
@@ -307,7 +312,7 @@ def parse_picture(message: bytes) -> VideoFrame:
 
 
 def encode_acknowledgement(frame_id: int) -> bytes:
-    """Write the acknowledgement of a drawn frame."""
+    """Encode the acknowledgement of a drawn frame."""
     return ACKNOWLEDGEMENT.pack(_ACKNOWLEDGEMENT, 0, 0, frame_id)
 
 
@@ -315,7 +320,7 @@ def parse_acknowledgement(message: bytes) -> int:
     """Return the id of the frame that was drawn.
 
     Raises:
-        ProtocolError: If the message is no acknowledgement.
+        ProtocolError: If the message is not an acknowledgement.
     """
     if len(message) > ACKNOWLEDGEMENT.size:
         raise ProtocolError(ErrorCode.TOO_LARGE, "an acknowledgement has 8 bytes")
@@ -323,16 +328,16 @@ def parse_acknowledgement(message: bytes) -> int:
         raise ProtocolError(ErrorCode.MALFORMED, "an acknowledgement has 8 bytes")
     kind, _, _, frame_id = ACKNOWLEDGEMENT.unpack(message)
     if kind != _ACKNOWLEDGEMENT:
-        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "only acknowledgements go up on this socket")
+        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "this socket receives acknowledgements only")
     return int(frame_id)
 
 
-def encode_words(kind: str, **fields: Any) -> str:
-    """Write one message for the page: `hello`, `state`, `pong` or `event`."""
+def encode_message(kind: str, **fields: Any) -> str:
+    """Encode one message for the page: `hello`, `state`, `pong` or `event`."""
     return json.dumps({"type": kind, **fields}, separators=(",", ":"), allow_nan=False)
 
 
 def encode_error(error: ProtocolError) -> str:
-    """Write the answer to a refused message."""
+    """Encode the answer to a refused message."""
     seq = {} if error.seq is None else {"seq": error.seq}
-    return encode_words("error", code=error.code.value, message=str(error), **seq)
+    return encode_message("error", code=error.code.value, message=str(error), **seq)

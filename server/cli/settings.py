@@ -1,7 +1,6 @@
 """Settings from a file and from the environment, as defaults for the command line.
 
-What a person types goes before the environment, the environment before the file, and the file
-before what is built in.
+The command line overrides the environment, the environment the file, and the file the defaults.
 """
 
 from __future__ import annotations
@@ -17,14 +16,22 @@ from robot.errors import ConfigurationError, did_you_mean
 
 PREFIX = "DRIVELESSON_"
 TABLES = ("limits", "gate", "governor", "patience")
-"""Tables of the file: settings too fine for flags."""
+"""Tables of the file: settings that have no flag."""
+_RENAMED = {
+    "words_per_second": "messages_per_second",
+    "words_burst": "messages_burst",
+    "strangers": "pending",
+    "strangers_per_address": "pending_per_address",
+    "stranger_s": "pending_s",
+}
+"""Former names of settings, which a file may still have."""
 _T = TypeVar("_T")
 _TRUE, _FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What file and environment say: flags by name, and the file's tables."""
+    """The settings of file and environment: flags by name, and the file's tables."""
 
     file: Path | None = None
     flags: Mapping[str, Any] = field(default_factory=dict)
@@ -32,15 +39,15 @@ class Settings:
     environ: Mapping[str, str] = field(default_factory=dict)
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Return a flag's value: the environment's, or the file's, or else the default."""
+        """Return a flag's value: from the environment, else from the file, else the default."""
         return self.environ.get(PREFIX + name.upper(), self.flags.get(name, default))
 
 
 def read_settings(file: Path | None, environ: Mapping[str, str]) -> Settings:
-    """Read the file; take note of the environment.
+    """Read the file; keep the environment with it.
 
     Raises:
-        ConfigurationError: If the file is missing or broken.
+        ConfigurationError: If the file is missing or not valid.
     """
     content = _read_file(file) if file else {}
     tables = {name: content.pop(name) for name in TABLES if name in content}
@@ -54,7 +61,7 @@ def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
     """Make the settings the parser's defaults.
 
     Raises:
-        ConfigurationError: If one is of the wrong kind, or the file has an unknown setting.
+        ConfigurationError: If a value is of the wrong type, or the file has an unknown setting.
     """
     actions = {action.dest: action for action in parser._actions}  # there is no public list
     unknown = [name for name in settings.flags if name not in actions]
@@ -78,18 +85,21 @@ def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
     """Make a dataclass of numbers from a table of the file.
 
     Raises:
-        ConfigurationError: If the table names what the dataclass does not have, or no number.
+        ConfigurationError: If the table has an unknown setting, or a value that is not a number.
     """
     known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
+    table = {key if key in known else _RENAMED.get(key, key): table[key] for key in table}
     for key, value in table.items():
         if key not in known:
             hint = did_you_mean(key, known)
             raise ConfigurationError(
-                f"[{name}] has no setting {key}{hint}; it has: {', '.join(known)}"
+                f"unknown setting {key} in [{name}]{hint}; known: {', '.join(known)}"
             )
 
         if isinstance(value, bool) or not isinstance(value, int | float) or value < 0:
-            raise ConfigurationError(f"[{name}] {key} must be a number from 0, not {value!r}")
+            raise ConfigurationError(
+                f"[{name}] {key} must be a number of at least 0, not {value!r}"
+            )
         if known[key].type == "int" and not isinstance(value, int):
             raise ConfigurationError(f"[{name}] {key} must be a whole number, not {value!r}")
     return kind(**table)

@@ -1,4 +1,4 @@
-"""One page at the other end of `/ws/drive`, and what it is still to be told."""
+"""One client of `/ws/drive`, and the messages that are queued for it."""
 
 from __future__ import annotations
 
@@ -11,58 +11,58 @@ from server.security.access import Role
 from server.security.pace import Pace
 
 _OUTBOX = 64
-"""Answers that may wait for one page; a page that reads so slowly loses the oldest."""
-
+"""Answers queued for one client; a client that reads more slowly loses the oldest."""
 
 IDLE_STATE_EVERY_S = 5.0
-"""A page that shows no picture is told the state so often, and whenever it changes."""
+"""How often the state is sent to an idle client, one that shows no picture. A change of mode,
+pilot or fault is sent at once."""
 
 
 class Client:
-    """One open `/ws/drive`: its order and pace, and what it is still to be told.
+    """One open `/ws/drive`: its sequence check, its rate limit and its outgoing messages.
 
-    Answers wait in a short queue; of states only the newest waits.
+    Answers and events wait in a short queue; of states only the newest waits.
     """
 
-    def __init__(self, client: str, role: Role, config: Config, now_s: float) -> None:
+    def __init__(self, client_id: str, role: Role, config: Config, now_s: float) -> None:
         limits = config.limits
-        self.client = client
+        self.id = client_id
         self.role = role
         self.order = Order()
-        self.pace = Pace(per_second=limits.words_per_second, burst=limits.words_burst)
+        self.pace = Pace(per_second=limits.messages_per_second, burst=limits.messages_burst)
         self.refused = 0
         self.is_idle = False
-        self._told: object = None
-        self._told_s = now_s
-        self.last_word_s = now_s
+        self._sent: object = None
+        self._sent_s = now_s
+        self.last_message_s = now_s
         self._answers: deque[str] = deque(maxlen=_OUTBOX)
         self._state: str | None = None
         self._waiting = asyncio.Event()
 
-    def tell(self, text: str) -> None:
-        """Have an answer or event sent."""
+    def send(self, text: str) -> None:
+        """Queue an answer or an event."""
         self._answers.append(text)
         self._waiting.set()
 
-    def tell_state(self, text: str) -> None:
-        """Have a state sent, in place of any that still waits."""
+    def send_state(self, text: str) -> None:
+        """Queue a state, in place of one that still waits."""
         self._state = text
         self._waiting.set()
 
-    def wants_state(self, gist: object, now_s: float) -> bool:
-        """True if a state is to be sent now; an idle page hears of changes, and of no more.
+    def is_state_due(self, urgent: object, now_s: float) -> bool:
+        """True if a state is to be sent now: to an idle client seldom, unless `urgent` changed.
 
         Args:
-            gist: What a page must hear of at once.
+            urgent: The part of the state whose changes are sent at once.
             now_s: The time.
         """
-        if self.is_idle and gist == self._told and now_s - self._told_s < IDLE_STATE_EVERY_S:
+        if self.is_idle and urgent == self._sent and now_s - self._sent_s < IDLE_STATE_EVERY_S:
             return False
-        self._told, self._told_s = gist, now_s
+        self._sent, self._sent_s = urgent, now_s
         return True
 
     async def next_text(self) -> str:
-        """Wait for what is to be sent next."""
+        """Wait for the next message to send, and return it."""
         while True:
             await self._waiting.wait()
             if self._answers:

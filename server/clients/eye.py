@@ -1,7 +1,7 @@
-"""The phone that is the robot's eye: its messages, and its clock beside ours. Pure.
+"""The phone that is the robot's eye: its messages, and its clock mapped onto the robot's. Pure.
 
-Up go pictures as bytes (a header of 16, then the JPEG) and words as text; down go acknowledgements
-as on `/ws/video`, and words. See docs/reference/protocol.md.
+The phone sends pictures as bytes (a header of 16 bytes, then the JPEG) and other messages as text.
+The robot sends acknowledgements as on `/ws/video`, and text. See docs/reference/protocol.md.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from server.protocol import ErrorCode, ProtocolError
 HEADER = struct.Struct("<BBHId")
 _EYE_FRAME, _COVERED = 3, 1
 CLOCK_SAMPLES = 8
-"""Round trips that are kept: phones' clocks drift by milliseconds a minute."""
+"""How many round trips are remembered: phones' clocks drift by milliseconds a minute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,47 +36,49 @@ class EyeFrame:
 
 
 class EyeClock:
-    """Maps the phone's clock onto the robot's: by the quickest of the last round trips.
+    """Maps the phone's clock onto the robot's, by the shortest of the last round trips.
 
-    The robot asks, so that no phone can claim a quicker way than there is: its answer came between
-    our question and its arrival, and half way between is off by half the round trip at most.
+    The robot sends the ping, so that no phone can claim a shorter round trip than there was. The
+    phone answered between ping and pong; the midpoint is off by half the round trip at most.
     """
 
     def __init__(self) -> None:
         self._samples: deque[tuple[float, float]] = deque(maxlen=CLOCK_SAMPLES)
 
     def note(self, asked_ms: float, eye_ms: float, now_ms: float) -> None:
-        """Take note that a question of `asked_ms` was answered at the phone's `eye_ms`."""
+        """Record that a ping sent at `asked_ms` was answered at `eye_ms` on the phone's clock."""
         if asked_ms <= now_ms:
             self._samples.append((now_ms - asked_ms, (asked_ms + now_ms) / 2 - eye_ms))
 
     def to_ours(self, eye_ms: float) -> float | None:
-        """Return the moment on our clock, in milliseconds; None before the first answer."""
+        """Convert to the robot's clock, in milliseconds; None before the first pong."""
         if not self._samples:
             return None
         return eye_ms + min(self._samples)[1]
 
 
 def parse_frame(message: bytes) -> EyeFrame:
-    """Read one picture.
+    """Parse one picture.
 
     Raises:
-        ProtocolError: If it is none; says why.
+        ProtocolError: If it is not valid; says why.
     """
     if len(message) <= HEADER.size:
-        raise ProtocolError(ErrorCode.MALFORMED, "a picture has a header of 16 bytes, and more")
+        raise ProtocolError(ErrorCode.MALFORMED, "a picture is a header of 16 bytes, then a JPEG")
     kind, flags, _, seq, taken_ms = HEADER.unpack_from(message)
     if kind != _EYE_FRAME:
-        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "only pictures go up as bytes")
+        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "a binary message must be a picture")
     if not math.isfinite(taken_ms):
-        raise ProtocolError(ErrorCode.BAD_FIELD, "a picture was taken at some moment")
+        raise ProtocolError(ErrorCode.BAD_FIELD, "the time of a picture must be a finite number")
     jpeg = message[HEADER.size :]
     try:
         width, height = jpeg_size(jpeg)
     except RecordingError as error:
         raise ProtocolError(ErrorCode.MALFORMED, str(error)) from error
     if not (0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX):
-        raise ProtocolError(ErrorCode.TOO_LARGE, f"a picture of {width}x{height} pixels")
+        raise ProtocolError(
+            ErrorCode.TOO_LARGE, f"a picture of {width}x{height} pixels is too large"
+        )
     return EyeFrame(
         seq=seq,
         taken_ms=taken_ms,
@@ -88,12 +90,12 @@ def parse_frame(message: bytes) -> EyeFrame:
 
 
 def encode_frame(seq: int, taken_ms: float, jpeg: bytes, *, is_covered: bool = False) -> bytes:
-    """Write one picture, as the page does."""
+    """Encode one picture, as the page does."""
     return HEADER.pack(_EYE_FRAME, _COVERED if is_covered else 0, 0, seq, taken_ms) + jpeg
 
 
-def parse_words(text: str) -> dict[str, Any]:
-    """Read one message of text: `stop`, or `pong` with two finite numbers.
+def parse_text(text: str) -> dict[str, Any]:
+    """Parse one text message: `stop`, or `pong` with two finite numbers.
 
     Raises:
         ProtocolError: If it is neither.
@@ -112,5 +114,5 @@ def parse_words(text: str) -> dict[str, Any]:
             if not is_number or value is None or not abs(value) < 1e15:
                 raise ProtocolError(ErrorCode.BAD_FIELD, f"{name!r} must be a number")
     elif kind != "stop":
-        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "there is no such type; there are stop, pong")
+        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "unknown message type; known types: stop, pong")
     return message

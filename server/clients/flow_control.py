@@ -1,6 +1,6 @@
-"""How fast and in what order a client sends, and how many frames are on their way to it. Pure.
+"""The sequence check of a client's messages, and the window of frames in flight to it. Pure.
 
-Nothing here knows sockets or clocks; the time is an argument.
+Nothing here uses sockets or clocks; the time is an argument.
 """
 
 from __future__ import annotations
@@ -12,20 +12,22 @@ from server.protocol import ErrorCode, ProtocolError
 
 
 class Order:
-    """Refuses what arrives late: the `seq` of one connection must grow."""
+    """Refuses messages that arrive out of order: the `seq` of one connection must grow."""
 
     def __init__(self) -> None:
         self._last = 0
 
     def check(self, seq: int) -> None:
-        """Take note of `seq`.
+        """Accept `seq` as the newest.
 
         Raises:
-            ProtocolError: If it is not above all before it.
+            ProtocolError: If it is not greater than all before it.
         """
         if seq <= self._last:
             raise ProtocolError(
-                ErrorCode.OUT_OF_ORDER, f"'seq' must be above {self._last}, the last one", seq
+                ErrorCode.OUT_OF_ORDER,
+                f"'seq' must be greater than {self._last}, the last one",
+                seq,
             )
         self._last = seq
 
@@ -38,23 +40,23 @@ class _Sent(NamedTuple):
 
 
 class VideoWindow:
-    """How many frames may be on their way to one viewer.
+    """How many frames may be in flight to one viewer: a congestion window.
 
-    One while bandwidth is short: then a second frame would only wait behind the first. More, up
-    to `LARGEST`, when it is only the round trip that is long: then the delay of an
-    acknowledgement does not grow with the window. Whether it does is found out by trying: the
-    window grows by one when frames had to be skipped, and falls back to one when the delay has
-    grown with it; after a try that failed the next waits four times as long.
+    One frame while bandwidth is the limit: a second one would only queue behind the first. Up to
+    `LARGEST` frames when only the round trip is long: then the delay of an acknowledgement does
+    not grow with the window. The window finds out by probing: it grows by one when frames had to
+    be skipped, and falls back to one when the delay has grown with it. After a failed probe it
+    waits four times as long before the next.
 
-    On an easy line, where acknowledgements come long before the next frame, only each third frame
-    asks for one: the others are *quiet*. That spares both ends a third of their work, and a
+    On an easy link, where acknowledgements come long before the next frame, only every third
+    frame asks for one; the others are *quiet*. That saves both ends a third of their work, and a
     phone's radio two packets of three.
     """
 
     LARGEST = 4
     LARGEST_BYTES = 60_000
-    """Below the 64 KiB at which a transport holds back its writer, so that sending never waits;
-    a single larger frame goes out alone."""
+    """Below the 64 KiB at which a transport pauses its writer, so that sending never waits;
+    a single larger frame is sent alone."""
     _TRIAL_ACKNOWLEDGEMENTS = 3
     _TOLERANCE, _DOUBLED, _SLACK_S = 1.3, 1.5, 0.008
     _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 64.0
@@ -81,8 +83,8 @@ class VideoWindow:
         return len(self._flight)
 
     def may_send(self, n_bytes: int) -> bool:
-        """True if another frame of this size may go; takes note of it if not."""
-        if not self._asked:  # nothing that goes on its way now waits behind what is unanswered
+        """True if another frame of this size may be sent; a refusal is counted."""
+        if not self._asked:  # nothing in flight is to be acknowledged
             return True
         if len(self._flight) < self.size and self._bytes + n_bytes <= self.LARGEST_BYTES:
             return True
@@ -90,7 +92,7 @@ class VideoWindow:
         return False
 
     def sent(self, frame_id: int, n_bytes: int, now_s: float) -> bool:
-        """Take note of a frame on its way; True if it is to be quiet."""
+        """Record a frame as in flight; True if it is to be quiet."""
         is_quiet = (
             self.is_easy
             and len(self._flight) + 1 < self._ASK_EVERY
@@ -104,13 +106,13 @@ class VideoWindow:
         return is_quiet
 
     def acknowledged(self, frame_id: int, now_s: float) -> None:
-        """Take note that a frame and all before it have been drawn.
+        """Record that a frame and all before it have been drawn.
 
         Raises:
-            ProtocolError: If this frame is not on its way.
+            ProtocolError: If this frame is not in flight.
         """
         if frame_id not in self._flight:
-            raise ProtocolError(ErrorCode.UNKNOWN_FRAME, f"frame {frame_id} is not on its way")
+            raise ProtocolError(ErrorCode.UNKNOWN_FRAME, f"frame {frame_id} is not in flight")
         while True:
             earlier_id, sent = self._flight.popitem(last=False)
             self._bytes -= sent.size
@@ -123,11 +125,11 @@ class VideoWindow:
         self._adapt(self.delay_s, now_s)
 
     def oldest_sent_s(self) -> float | None:
-        """When the oldest frame on its way was sent; None if there is none."""
+        """When the oldest frame in flight was sent; None if there is none."""
         return next(iter(self._flight.values())).at_s if self._flight else None
 
     def _note_lone_delay(self, delay_s: float) -> None:
-        """Keep the delay of a frame that had the link to itself, smoothed."""
+        """Update the smoothed delay of frames that had the link to themselves."""
         before_s = self._lone_delay_s if self._lone_delay_s is not None else delay_s
         self._lone_delay_s = min(delay_s, before_s + (delay_s - before_s) / 4)
 

@@ -1,4 +1,4 @@
-"""When a message can have been sent at the earliest: by the nonce that it carries. Pure."""
+"""Proof of freshness: a message cannot be older than the nonce that it carries. Pure."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import secrets
 from collections import OrderedDict
 
 NEVER_S = -math.inf
-"""The proof of a message that proves nothing."""
+"""The time of a message without a known nonce."""
 _KEPT_S = 2.0
-"""Long after a nonce is too old to move the robot."""
+"""A nonce is remembered long after it is too old to move the robot."""
 
 
 class NonceLedger:
-    """Issues nonces, and knows for a while when.
+    """Issues nonces, and remembers for a while when it issued each.
 
     Every state and every frame carries a nonce. A message that carries it back cannot have been
-    sent before the nonce was issued, however long it was held up: by a stalled link, by a frozen
+    sent before the nonce was issued, wherever it was delayed since: on a stalled link, in a frozen
     server, in a queue. No clock but the robot's own is trusted, and nobody can guess a nonce.
     """
 
@@ -33,5 +33,5 @@ class NonceLedger:
         return nonce
 
     def issued_s(self, nonce: int | None) -> float:
-        """Return when a nonce was issued; `NEVER_S` for one that is unknown or long gone."""
+        """Return when a nonce was issued; `NEVER_S` for an unknown or forgotten one."""
         return NEVER_S if nonce is None else self._issued_s.get(nonce, NEVER_S)

@@ -22,11 +22,11 @@ from server import protocol
 from server.clients.client import Client
 from server.clients.freshness import NonceLedger
 from server.clients.lease import Lease
-from server.clients.telemetry import describe
+from server.clients.telemetry import describe_state
 from server.clients.video import Encoder, VideoHub, Viewer
 from server.config import Config
 from server.events import EventBus
-from server.protocol import ErrorCode, ProtocolError
+from server.protocol import ErrorCode, ProtocolError, encode_message
 from server.security.access import Role
 
 log = logging.getLogger(__name__)
@@ -46,12 +46,12 @@ class Hub:
         self.lease = Lease(config.lease_lapse_s)
         self.nonces = NonceLedger()
         self.refused: Counter[ErrorCode] = Counter()
-        self.pages: dict[str, Client] = {}
+        self.clients: dict[str, Client] = {}
         driver = robot.driver
         self._declared_moves = describe_moves(driver.moves, driver.declared_moves)
         self._ids = itertools.count(1)
-        self._told: object = None
-        self._told_s = 0.0
+        self._sent: object = None
+        self._sent_s = 0.0
         self._frame: Frame | None = None
         self._is_tick_due = False
         self._events = events
@@ -59,29 +59,31 @@ class Hub:
         self._tasks: list[asyncio.Task[None]] = []
         self._event_loop: asyncio.AbstractEventLoop | None = None
 
-    # Life --------------------------------------------------------------------------------------
+    # Starting and stopping ---------------------------------------------------------------------
 
     async def start(self) -> None:
-        """Begin to listen to the robot's loop."""
+        """Subscribe to the control loop and the event bus."""
         event_loop = self._event_loop = asyncio.get_running_loop()
 
         def on_tick(tick: Tick) -> None:  # on the control loop's thread
             if tick.frame is not None:
                 self._frame = tick.frame
-            if not self._is_tick_due and (self.pages or self.video.viewers):
+            if not self._is_tick_due and (self.clients or self.video.viewers):
                 self._is_tick_due = True
                 with contextlib.suppress(RuntimeError):  # the server has just ended
                     event_loop.call_soon_threadsafe(self._note_tick)
 
         def on_event(name: str, fields: dict[str, object]) -> None:  # on any thread
             with contextlib.suppress(RuntimeError):  # the server has just ended
-                event_loop.call_soon_threadsafe(functools.partial(self.announce, name, **fields))
+                event_loop.call_soon_threadsafe(
+                    functools.partial(self.publish_event, name, **fields)
+                )
 
         self._unsubscribe = [self.robot.loop.subscribe(on_tick), self._events.subscribe(on_event)]
-        self._tasks = [asyncio.create_task(self._keep_time())]
+        self._tasks = [asyncio.create_task(self._run_timer())]
 
     async def stop(self) -> None:
-        """Stop listening, and stop the robot if somebody drove it from here."""
+        """Unsubscribe, and stop the robot if a client drove it."""
         for unsubscribe in self._unsubscribe:
             unsubscribe()
         self.robot.loop.empty_command()
@@ -90,21 +92,21 @@ class Hub:
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def tasks(self) -> int:
-        """Return how many tasks the server's event loop has: none may stay behind its page."""
+        """Return how many tasks the event loop has; no client may leave one behind."""
         return len(asyncio.all_tasks(self._event_loop)) if self._event_loop else 0
 
-    # Pages -------------------------------------------------------------------------------------
+    # Clients -----------------------------------------------------------------------------------
 
     def join(self, role: Role) -> Client:
-        """Let a page in; it gets the wheel if it may and the wheel is free."""
+        """Add a client; it gets the wheel if it may drive and the wheel is free."""
         now_s = self.clock.now_s()
-        page = Client(f"c{next(self._ids)}", role, self.config, now_s)
-        self.pages[page.client] = page
-        page.tell(
-            protocol.encode_words(
+        client = Client(f"c{next(self._ids)}", role, self.config, now_s)
+        self.clients[client.id] = client
+        client.send(
+            encode_message(
                 "hello",
                 protocol=protocol.PROTOCOL_VERSION,
-                client=page.client,
+                client=client.id,
                 role=role.value,
                 robot=self.name,
                 moves=list(self.robot.loop.state.moves),
@@ -113,200 +115,200 @@ class Hub:
             )
         )
         for name, fields in self._events.lasting:
-            page.tell(protocol.encode_words("event", name=name, **fields))
-        if role is Role.PILOT and self.lease.join(page.client, now_s):
-            self._change_hands()
+            client.send(encode_message("event", name=name, **fields))
+        if role is Role.PILOT and self.lease.join(client.id, now_s):
+            self._pilot_changed()
         self.publish_state()
-        log.info("join client=%s role=%s pilot=%s", page.client, role.value, self.lease.owner)
-        return page
+        log.info("join client=%s role=%s pilot=%s", client.id, role.value, self.lease.owner)
+        return client
 
     def watch(self, viewer: Viewer) -> None:
-        """Let a viewer of the picture in; it sees the newest frame at once."""
+        """Add a viewer of the video; the newest frame is sent to it at once."""
         self._show_newest()
         self.video.add(viewer)
 
     async def stream(self) -> AsyncGenerator[bytes, None]:
-        """Yield the newest frames as JPEG, for as long as they are asked for."""
+        """Yield the newest frames as JPEG until the caller closes the generator."""
         self._show_newest()
         async with contextlib.aclosing(self.video.stream()) as frames:
             async for jpeg in frames:
                 yield jpeg
 
-    def leave(self, page: Client) -> None:
-        """A page is gone; if it had the wheel the robot stops now."""
-        self.pages.pop(page.client, None)
+    def leave(self, client: Client) -> None:
+        """Remove a client that disconnected; if it had the wheel, the robot stops now."""
+        self.clients.pop(client.id, None)
         now_s = self.clock.now_s()
-        if self.lease.give_up(page.client, now_s):
+        if self.lease.give_up(client.id, now_s):
             self._offer_wheel(now_s)
-            self._change_hands()
+            self._pilot_changed()
         self.publish_state()
-        log.info("leave client=%s refused=%d", page.client, page.refused)
+        log.info("leave client=%s refused=%d", client.id, client.refused)
 
     def _offer_wheel(self, now_s: float) -> None:
-        """Give a wheel that nobody has or asked for to the only page that may drive: as a rule the
-        same pilot, come back while the line that it lost was still being closed."""
-        drivers = [page for page in self.pages.values() if page.role is Role.PILOT]
+        """Give a free wheel to the only client that may drive: usually the same pilot, who
+        reconnected before the old connection was closed."""
+        drivers = [client for client in self.clients.values() if client.role is Role.PILOT]
         if self.lease.owner is None and len(drivers) == 1:
-            self.lease.join(drivers[0].client, now_s)
+            self.lease.join(drivers[0].id, now_s)
 
-    def hear(self, page: Client, text: str) -> None:
-        """Act on one message of a page; what is refused is answered and counted."""
+    def receive(self, client: Client, text: str) -> None:
+        """Handle one message of a client; refused messages are answered and counted."""
         now_s = self.clock.now_s()
-        page.last_word_s = now_s
+        client.last_message_s = now_s
         try:
-            if not page.pace.allows(now_s) and not protocol.is_stop(text):
+            if not client.pace.allows(now_s) and not protocol.is_stop(text):
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many messages a second")
-            self._obey(page, protocol.parse_message(text, self.robot.loop.state.moves), now_s)
+            self._handle(client, protocol.parse_message(text, self.robot.loop.state.moves), now_s)
         except ProtocolError as error:
-            self.refuse(page, error)
+            self.refuse(client, error)
 
-    def refuse(self, page: Client, error: ProtocolError) -> None:
+    def refuse(self, client: Client, error: ProtocolError) -> None:
         """Answer a refused message, and count it."""
-        page.refused += 1
+        client.refused += 1
         self.refused[error.code] += 1
-        page.tell(protocol.encode_error(error))
+        client.send(protocol.encode_error(error))
 
-    def _obey(self, page: Client, word: protocol.ClientMessage, now_s: float) -> None:
+    def _handle(self, client: Client, message: protocol.ClientMessage, now_s: float) -> None:
         loop = self.robot.loop
-        if isinstance(word, protocol.DriveMessage):
-            self._obey_drive(page, word, now_s)
-        elif isinstance(word, protocol.ModeMessage):
-            self._obey_mode(page, word, now_s)
-        elif isinstance(word, protocol.Ping):
-            page.tell(
-                protocol.encode_words("pong", client_ms=word.client_ms, server_ms=self.now_ms())
+        if isinstance(message, protocol.DriveMessage):
+            self._handle_drive(client, message, now_s)
+        elif isinstance(message, protocol.ModeMessage):
+            self._handle_mode(client, message, now_s)
+        elif isinstance(message, protocol.Ping):
+            client.send(
+                encode_message("pong", client_ms=message.client_ms, server_ms=self.now_ms())
             )
-        elif isinstance(word, protocol.Stop):
-            self.stop_at_once(page.client)
-        elif isinstance(word, protocol.Release):
-            self._require_wheel(page)
+        elif isinstance(message, protocol.Stop):
+            self.stop_at_once(client.id)
+        elif isinstance(message, protocol.Release):
+            self._require_wheel(client)
             loop.release_emergency()
-            log.info("release client=%s", page.client)
-        elif isinstance(word, protocol.Take):
-            self._obey_take(page, now_s)
-        elif isinstance(word, protocol.Idle | protocol.Watch):
-            page.is_idle = isinstance(word, protocol.Idle)
-            if not page.is_idle:
+            log.info("release client=%s", client.id)
+        elif isinstance(message, protocol.Take):
+            self._handle_take(client, now_s)
+        elif isinstance(message, protocol.Idle | protocol.Watch):
+            client.is_idle = isinstance(message, protocol.Idle)
+            if not client.is_idle:
                 self.publish_state()  # with a fresh nonce
-        elif self.lease.give_up(page.client, now_s):
-            self._change_hands()
+        elif self.lease.give_up(client.id, now_s):
+            self._pilot_changed()
 
-    def stop_at_once(self, client: str) -> None:
-        """Latch the emergency stop, whoever asks."""
+    def stop_at_once(self, source: str) -> None:
+        """Latch the emergency stop; any client may do so."""
         self.robot.loop.latch_emergency()
-        log.warning("emergency client=%s", client)
+        log.warning("emergency client=%s", source)
 
-    def _obey_mode(self, page: Client, word: protocol.ModeMessage, now_s: float) -> None:
-        page.order.check(word.seq)
-        self._require_wheel(page, word.seq)
-        self.lease.renew(page.client, now_s)
-        if word.mode is not Mode.STOPPED:
-            self._require_taken(word.frame, word.seq)
-            self._require_sight(word)
+    def _handle_mode(self, client: Client, message: protocol.ModeMessage, now_s: float) -> None:
+        client.order.check(message.seq)
+        self._require_wheel(client, message.seq)
+        self.lease.renew(client.id, now_s)
+        if message.mode is not Mode.STOPPED:
+            self._require_known_frame(message.frame, message.seq)
+            self._require_fresh(message)
         self.robot.loop.set_mode(
-            word.mode, proven_s=self.nonces.issued_s(word.nonce), frame_id=word.frame
+            message.mode, proven_s=self.nonces.issued_s(message.nonce), frame_id=message.frame
         )
-        log.info("mode client=%s mode=%s", page.client, word.mode.value)
+        log.info("mode client=%s mode=%s", client.id, message.mode.value)
 
-    def _require_taken(self, frame: int | None, seq: int) -> None:
+    def _require_known_frame(self, frame: int | None, seq: int) -> None:
         if frame is not None and frame > (self.robot.loop.state.frame_id or 0):
             raise ProtocolError(
                 ErrorCode.UNKNOWN_FRAME, f"frame {frame} has not been taken yet", seq
             )
 
-    def _require_sight(self, word: protocol.DriveMessage | protocol.ModeMessage) -> None:
-        """Refuse what would be refused by the loop, and say why."""
-        if word.frame is None:
+    def _require_fresh(self, message: protocol.DriveMessage | protocol.ModeMessage) -> None:
+        """Refuse what the control loop would refuse, and say why."""
+        if message.frame is None:
             raise ProtocolError(
                 ErrorCode.NO_PICTURE,
-                "'frame' must name the picture on the screen: nobody drives who sees nothing",
-                word.seq,
+                "'frame' must be the frame on the screen: a client that shows none cannot drive",
+                message.seq,
             )
         limit_s = self.robot.loop.config.gate.command_timeout_s
-        if self.robot.clock.now_s() - self.nonces.issued_s(word.nonce) > limit_s:
+        if self.robot.clock.now_s() - self.nonces.issued_s(message.nonce) > limit_s:
             raise ProtocolError(
                 ErrorCode.STALE,
-                f"'nonce' is none of the last {1000 * limit_s:.0f} ms: this came too late",
-                word.seq,
+                f"'nonce' was not issued within the last {1000 * limit_s:.0f} ms: message too old",
+                message.seq,
             )
 
-    def _obey_drive(self, page: Client, word: protocol.DriveMessage, now_s: float) -> None:
-        page.order.check(word.seq)
-        self._require_wheel(page, word.seq)
-        self._require_taken(word.frame, word.seq)
-        self.lease.renew(page.client, now_s)
+    def _handle_drive(self, client: Client, message: protocol.DriveMessage, now_s: float) -> None:
+        client.order.check(message.seq)
+        self._require_wheel(client, message.seq)
+        self._require_known_frame(message.frame, message.seq)
+        self.lease.renew(client.id, now_s)
         self.robot.loop.command(
             PilotCommand(
-                held=word.held,
-                frame_id=word.frame,
-                seq=word.seq,
+                held=message.held,
+                frame_id=message.frame,
+                seq=message.seq,
                 received_s=self.clock.now_s(),
-                pilot=page.client,
-                frame_age_s=None if word.frame_age_ms is None else word.frame_age_ms / 1000,
-                phone_s=None if word.phone_ms is None else word.phone_ms / 1000,
-                proven_s=self.nonces.issued_s(word.nonce),
+                pilot=client.id,
+                frame_age_s=None if message.frame_age_ms is None else message.frame_age_ms / 1000,
+                phone_s=None if message.phone_ms is None else message.phone_ms / 1000,
+                proven_s=self.nonces.issued_s(message.nonce),
             )
         )
-        # The loop judges it again; here the client learns why it will be refused.
+        # The loop checks this again; here the client is told why it will be refused.
         if self.robot.loop.state.decision.mode is not Mode.STOPPED:
-            self._require_sight(word)
+            self._require_fresh(message)
 
-    def _obey_take(self, page: Client, now_s: float) -> None:
-        if page.role is not Role.PILOT:
+    def _handle_take(self, client: Client, now_s: float) -> None:
+        if client.role is not Role.PILOT:
             raise ProtocolError(ErrorCode.NOT_PILOT, "this browser was paired as a viewer")
         before = self.lease.owner
-        if not self.lease.take(page.client, now_s):
-            owner = self.pages.get(before or "")
+        if not self.lease.take(client.id, now_s):
+            owner = self.clients.get(before or "")
             if owner is not None:
-                owner.tell(protocol.encode_words("event", name="wheel_asked", client=page.client))
-            page.tell(protocol.encode_words("event", name="wheel_waiting", pilot=before))
-        elif before != page.client:
-            self._change_hands()
+                owner.send(encode_message("event", name="wheel_asked", client=client.id))
+            client.send(encode_message("event", name="wheel_waiting", pilot=before))
+        elif before != client.id:
+            self._pilot_changed()
 
-    def _require_wheel(self, page: Client, seq: int | None = None) -> None:
-        if self.lease.owner != page.client:
-            raise ProtocolError(ErrorCode.NOT_PILOT, "somebody else has the wheel", seq)
+    def _require_wheel(self, client: Client, seq: int | None = None) -> None:
+        if self.lease.owner != client.id:
+            raise ProtocolError(ErrorCode.NOT_PILOT, "another client has the wheel", seq)
 
-    def _change_hands(self) -> None:
-        """The wheel went to somebody else, or to nobody: what was held counts no more."""
+    def _pilot_changed(self) -> None:
+        """The wheel has another owner, or none: drop the last command."""
         self.robot.loop.empty_command()
         log.info("wheel pilot=%s", self.lease.owner)
         self.publish_state()
 
-    # What pages are told -----------------------------------------------------------------------
+    # Publishing --------------------------------------------------------------------------------
 
-    def announce(self, name: str, **fields: object) -> None:
-        """Tell every page that something happened once."""
-        text = protocol.encode_words("event", name=name, **fields)
-        for page in self.pages.values():
-            page.tell(text)
+    def publish_event(self, name: str, **fields: object) -> None:
+        """Send one event to all clients."""
+        text = encode_message("event", name=name, **fields)
+        for client in self.clients.values():
+            client.send(text)
 
     def now_ms(self) -> float:
-        """Return the robot's clock in milliseconds, as the wire has it."""
+        """Return the robot's clock in milliseconds, as messages carry it."""
         return self.clock.now_s() * 1000
 
     def publish_state(self) -> None:
-        """Tell every page how things are now."""
-        self._told = self._gist()
-        self._told_s = self.clock.now_s()
-        if not self.pages:
+        """Send the present state to all clients."""
+        self._sent = self._urgent()
+        self._sent_s = self.clock.now_s()
+        if not self.clients:
             return
         owner = self.lease.owner
-        state = describe(self.robot.loop.state, self.now_ms())
+        state = describe_state(self.robot.loop.state, self.now_ms())
         state["nonce"] = self.nonces.issue(self.robot.clock.now_s())
         state["pilot"] = owner
-        state["viewers"] = len(self.pages) - (owner in self.pages)
-        others = protocol.encode_words("state", you_are_pilot=False, **state)
-        for page in self.pages.values():
-            if not page.wants_state(self._told, self._told_s):
+        state["viewers"] = len(self.clients) - (owner in self.clients)
+        others = encode_message("state", you_are_pilot=False, **state)
+        for client in self.clients.values():
+            if not client.is_state_due(self._sent, self._sent_s):
                 continue
-            if page.client == owner:
-                page.tell_state(protocol.encode_words("state", you_are_pilot=True, **state))
+            if client.id == owner:
+                client.send_state(encode_message("state", you_are_pilot=True, **state))
             else:
-                page.tell_state(others)
+                client.send_state(others)
 
-    def _gist(self) -> object:
-        """What a page must hear of at once."""
+    def _urgent(self) -> object:
+        """What is published at once when it changes."""
         state = self.robot.loop.state
         decision = state.decision
         return (
@@ -320,14 +322,14 @@ class Hub:
             self.lease.owner,
         )
 
-    # The beat ----------------------------------------------------------------------------------
+    # Ticks -------------------------------------------------------------------------------------
 
     def _note_tick(self) -> None:
-        """Take over what the control loop left: on the event loop, at most once per wake-up."""
+        """Publish the newest tick: on the event loop, at most once per wake-up."""
         self._is_tick_due = False
         self._show_newest()
-        if self.pages and (
-            self.clock.now_s() - self._told_s >= STATE_EVERY_S or self._gist() != self._told
+        if self.clients and (
+            self.clock.now_s() - self._sent_s >= STATE_EVERY_S or self._urgent() != self._sent
         ):
             self.publish_state()
 
@@ -335,13 +337,13 @@ class Hub:
         if self._frame is not None and self._frame is not self.video.newest:
             self.video.show(self._frame, self.nonces.issue(self.robot.clock.now_s()))
 
-    async def _keep_time(self) -> None:
-        """Pass a lapsed wheel on, and go on telling even if the control loop were silent."""
+    async def _run_timer(self) -> None:
+        """Pass on a lapsed wheel, and publish the state even if the control loop stalls."""
         while True:
             await self.clock.pause(STATE_EVERY_S)
-            if not self.pages:
+            if not self.clients:
                 continue
             if self.lease.pass_on_if_lapsed(self.clock.now_s()):
-                self._change_hands()
-            if self.clock.now_s() - self._told_s >= STATE_EVERY_S:
+                self._pilot_changed()
+            if self.clock.now_s() - self._sent_s >= STATE_EVERY_S:
                 self.publish_state()

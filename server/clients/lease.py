@@ -1,13 +1,13 @@
-"""Who has the wheel: at most one client at a time. Pure; the time is an argument."""
+"""The lease of control: at most one client drives. Pure; the time is an argument."""
 
 from __future__ import annotations
 
 
 class Lease:
-    """The wheel: at most one client has it, renewed by its commands.
+    """The wheel: at most one client has it, and renews it by its commands.
 
-    A lease that was not renewed for `lapse_s` still belongs to its owner, but is anybody's who
-    asks for it. Who asks while it is held waits until it is yielded or lapses.
+    A lease that was not renewed for `lapse_s` has lapsed: its owner keeps it until another client
+    asks for it. A client that asks for a lease in use waits until it is yielded or lapses.
     """
 
     def __init__(self, lapse_s: float = 1.5) -> None:
@@ -17,28 +17,28 @@ class Lease:
         self._renewed_s = 0.0
 
     def join(self, client: str, now_s: float) -> bool:
-        """A possible pilot has come; True if the wheel was free and is now theirs."""
+        """Give the wheel to a client that may drive, if it is free; True if it was."""
         if self.owner is None or self._has_lapsed(now_s):
             self._give(client, now_s)
             return True
         return False
 
     def take(self, client: str, now_s: float) -> bool:
-        """Ask for the wheel; True if it is now theirs, False if they wait for it."""
+        """Ask for the wheel; True if the client has it now, False if it waits for it."""
         if self.owner == client or self.join(client, now_s):
             return True
         self.asked_by = client
         return False
 
     def renew(self, client: str, now_s: float) -> bool:
-        """A command of `client` has come; False if the wheel is not theirs."""
+        """Renew the lease on a command of `client`; False if that client is not the owner."""
         if self.owner != client:
             return False
         self._renewed_s = now_s
         return True
 
     def give_up(self, client: str, now_s: float) -> bool:
-        """`client` yields or has gone; True if the wheel was theirs. Who asked first gets it."""
+        """`client` yields or has disconnected; True if it was the owner. Who waits is next."""
         if self.asked_by == client:
             self.asked_by = None
         if self.owner != client:
@@ -49,7 +49,7 @@ class Lease:
         return True
 
     def pass_on_if_lapsed(self, now_s: float) -> bool:
-        """Give a lapsed wheel to who waits for it; True if it changed hands."""
+        """Give a lapsed wheel to the waiting client; True if the owner changed."""
         if self.asked_by is None or not self._has_lapsed(now_s):
             return False
         self._give(self.asked_by, now_s)

@@ -1,4 +1,4 @@
-"""What is measured for `/metrics`, and its text in Prometheus' form. Pure."""
+"""The measurements for `/metrics`, in Prometheus' text format. Pure."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AGE_BUCKETS_S = (0.025, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
 
 
 class Histogram:
-    """Counts of what was at most so much."""
+    """A histogram with fixed upper bounds."""
 
     def __init__(self, buckets: tuple[float, ...]) -> None:
         self.buckets = buckets
@@ -37,7 +37,7 @@ class Measured:
 
     state: LoopState
     now_s: float
-    pages: int
+    clients: int
     viewers: int
     frames_sent: int
     frames_encoded: int
@@ -50,7 +50,7 @@ CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
 
 def render(measured: Measured) -> bytes:
-    """Return the whole text. prometheus-client is imported only here: few ever ask."""
+    """Return the whole text. Imports prometheus-client only when asked for."""
     from prometheus_client import CollectorRegistry, generate_latest
 
     registry = CollectorRegistry(auto_describe=False)
@@ -76,7 +76,7 @@ class _Collector:
         yield _gauge("emergency", "1 while latched", int(state.emergency))
         stops = {reason.value: state.stops.get(reason, 0) for reason in StopReason}
         yield _counter("stops_total", "Stops by reason", stops, "reason")
-        yield _gauge("pages", "Open control sockets", m.pages)
+        yield _gauge("pages", "Open control sockets", m.clients)
         yield _gauge("viewers", "Browsers that see the picture", m.viewers)
         yield _counter("frames_sent_total", "Frames to viewers", m.frames_sent)
         yield _counter("frames_encoded_total", "Frames made ready to send", m.frames_encoded)

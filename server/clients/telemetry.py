@@ -1,4 +1,4 @@
-"""The control loop's state as the wire has it. Pure."""
+"""The control loop's state as a `state` message carries it. Pure."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from robot.control.state import LoopState
 from robot.types import Pose, Prediction, Sensors
 
 
-def describe(state: LoopState, now_ms: float) -> dict[str, Any]:
-    """Return the fields of a `state` message that are the robot's own."""
+def describe_state(state: LoopState, now_ms: float) -> dict[str, Any]:
+    """Return the fields of a `state` message that come from the control loop."""
     decision = state.decision
     return {
         "server_ms": round(now_ms, 1),
@@ -89,5 +89,5 @@ def _describe_pose(pose: Pose | None) -> dict[str, float] | None:
 
 
 def _rounded(value: float) -> float:
-    """Four places are plenty for a page; numpy's numbers become Python's."""
+    """Round to four places, which is enough for a page; numpy's numbers become Python's."""
     return round(float(value), 4)

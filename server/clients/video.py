@@ -1,4 +1,4 @@
-"""Pictures to many viewers: encoded once a frame, newest only, each viewer at its own pace."""
+"""Video for many viewers: each frame is encoded once; each viewer gets the newest it can take."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from server.protocol import VideoFrame, encode_picture
 
 _BINARY = 0x82
 _REMEMBERED_FRAMES = 256
-"""For how many frames it is known when they were taken."""
+"""How many frames' capture times are remembered."""
 
 
 class Encoder:
-    """Turns a frame into the message that all viewers get.
+    """Encodes a frame as the message that all viewers get.
 
-    A camera's JPEG and YUYV pass through as they are. RGB, which only simulations give, is
-    compressed where OpenCV is installed, and else sent as it is.
+    JPEG and YUYV of a camera are sent as they are. RGB, which only simulations give, is
+    compressed where OpenCV is installed, and otherwise sent as it is.
     """
 
     def __init__(self, jpeg_quality: int) -> None:
@@ -48,7 +48,7 @@ class Encoder:
         )
 
     def encode_jpeg(self, frame: Frame) -> bytes:
-        """Return the frame as JPEG, whatever the camera gives.
+        """Return the frame as JPEG, whatever its encoding.
 
         Raises:
             MissingExtraError: If OpenCV is needed for it and not installed.
@@ -56,7 +56,7 @@ class Encoder:
         if frame.encoding is Encoding.JPEG:
             return frame.data
         if not self._load_cv2():
-            raise MissingExtraError("JPEG from a camera that gives none", "camera")
+            raise MissingExtraError("JPEG from a camera of another format", "camera")
         return self._compress(frame)
 
     def _load_cv2(self) -> bool:
@@ -86,9 +86,9 @@ class Encoder:
 
 @dataclass(frozen=True, slots=True)
 class EncodedFrame:
-    """One frame ready to be sent: as a message, and as the bytes that a websocket makes of it.
+    """One frame ready to send: as a message, and as the bytes of a whole websocket frame.
 
-    The server's side of a websocket is not masked, so these bytes are the same for all viewers.
+    A server does not mask its websocket frames, so these bytes are the same for all viewers.
     """
 
     message: bytes
@@ -96,7 +96,7 @@ class EncodedFrame:
 
     @classmethod
     def of(cls, picture: VideoFrame) -> EncodedFrame:
-        """Frame the picture as one binary websocket message (RFC 6455, section 5.2)."""
+        """Encode the picture as one binary websocket message (RFC 6455, section 5.2)."""
         message = encode_picture(picture)
         size = len(message)
         if size < 126:
@@ -109,11 +109,11 @@ class EncodedFrame:
 
 
 class Viewer:
-    """One browser's picture: its window, and what it was sent last.
+    """One receiver of the video: its window, and the frame that it was sent last.
 
     Args:
-        send: Sends a shot. It must return at once; a viewer's window holds fewer bytes than its
-            transport takes without holding back the writer.
+        send: Sends a frame. It must return at once: a viewer's window holds fewer bytes than its
+            transport takes without pausing the writer.
     """
 
     def __init__(self, send: Callable[[EncodedFrame], None]) -> None:
@@ -123,7 +123,7 @@ class Viewer:
 
 
 class VideoHub:
-    """Shows the newest frame to all viewers, at each one's own pace.
+    """Sends the newest frame to all viewers, to each as fast as it acknowledges.
 
     Everything runs on the server's event loop and nothing waits, so one viewer delays no other.
     """
@@ -136,7 +136,7 @@ class VideoHub:
         self._frame: Frame | None = None
         self._nonce = 0
         self._picture: VideoFrame | None = None
-        self._shots: dict[bool, EncodedFrame] = {}
+        self._encoded: dict[bool, EncodedFrame] = {}
         self._jpeg: bytes | None = None
         self._shown = asyncio.Event()
         self._captured_s: OrderedDict[int, float] = OrderedDict()
@@ -146,28 +146,28 @@ class VideoHub:
 
     @property
     def viewers(self) -> int:
-        """How many see the picture now."""
+        """How many viewers there are now."""
         return len(self._viewers) + self._streams
 
     @property
     def newest(self) -> Frame | None:
-        """The frame that is shown now."""
+        """The newest frame; None before the first."""
         return self._frame
 
     def add(self, viewer: Viewer) -> None:
-        """Let a viewer in; it gets the newest frame at once."""
+        """Add a viewer; the newest frame is sent to it at once."""
         self._viewers[id(viewer)] = viewer
         self.offer(viewer)
 
     def remove(self, viewer: Viewer) -> None:
-        """Let a viewer go."""
+        """Remove a viewer."""
         self._viewers.pop(id(viewer), None)
 
     def show(self, frame: Frame, nonce: int = 0) -> None:
-        """Make `frame` the newest, and send it with `nonce` to all who have credit."""
+        """Make `frame` the newest, and send it with `nonce` to each viewer whose window allows."""
         self._frame, self._nonce = frame, nonce
         self._picture = self._jpeg = None
-        self._shots = {}
+        self._encoded = {}
         self._captured_s[frame.frame_id] = frame.captured_s
         if len(self._captured_s) > _REMEMBERED_FRAMES:
             self._captured_s.popitem(last=False)
@@ -178,7 +178,7 @@ class VideoHub:
             self.offer(viewer)
 
     def offer(self, viewer: Viewer) -> None:
-        """Send the newest frame, unless the viewer had it or is still busy with others."""
+        """Send the newest frame, unless the viewer has it or its window is full."""
         frame = self._frame
         if frame is None or frame.frame_id == viewer.last_sent_id:
             return
@@ -191,19 +191,19 @@ class VideoHub:
         is_quiet = window.sent(frame.frame_id, n_bytes, self._clock.now_s())
         viewer.last_sent_id = frame.frame_id
         self.frames_sent += 1
-        viewer.send(self._shot(self._picture, is_quiet))
+        viewer.send(self._encode_once(self._picture, is_quiet))
 
-    def _shot(self, picture: VideoFrame, is_quiet: bool) -> EncodedFrame:
-        """Return the frame ready to be sent; made once for all viewers of the same kind."""
-        if is_quiet not in self._shots:
-            self._shots[is_quiet] = EncodedFrame.of(replace(picture, quiet=is_quiet))
-        return self._shots[is_quiet]
+    def _encode_once(self, picture: VideoFrame, is_quiet: bool) -> EncodedFrame:
+        """Return the frame ready to send; it is encoded once for all viewers."""
+        if is_quiet not in self._encoded:
+            self._encoded[is_quiet] = EncodedFrame.of(replace(picture, quiet=is_quiet))
+        return self._encoded[is_quiet]
 
     def acknowledge(self, viewer: Viewer, frame_id: int, now_s: float) -> None:
-        """Take note that a viewer has drawn a frame, and send the next if there is one.
+        """Record that a viewer has drawn a frame, and send the next if there is one.
 
         Raises:
-            ProtocolError: If that frame is not on its way to this viewer.
+            ProtocolError: If that frame is not in flight to this viewer.
         """
         viewer.window.acknowledged(frame_id, now_s)
         captured_s = self._captured_s.get(frame_id)
@@ -212,14 +212,14 @@ class VideoHub:
         self.offer(viewer)
 
     def captured_s(self, frame_id: int) -> float | None:
-        """Return when a frame was taken; None for one that is unknown or long gone."""
+        """Return when a frame was taken; None for an unknown or forgotten one."""
         return self._captured_s.get(frame_id)
 
     async def stream(self) -> AsyncGenerator[bytes, None]:
-        """Yield each newest frame as JPEG, for viewers that cannot acknowledge.
+        """Yield the newest frames as JPEG, for viewers that cannot acknowledge.
 
         Raises:
-            MissingExtraError: If the camera gives no JPEG and OpenCV is not installed.
+            MissingExtraError: If the camera does not give JPEG and OpenCV is not installed.
         """
         last_id = 0
         self._streams += 1

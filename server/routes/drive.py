@@ -18,7 +18,7 @@ router = APIRouter()
 
 @router.post(STOP_PATH, dependencies=[Depends(require_viewer)])
 async def stop(request: Request) -> dict[str, bool]:
-    """Latch the emergency stop: for a page whose websocket is away. Whoever was let in may."""
+    """Latch the emergency stop, for a page without a websocket. Any admitted client may."""
     services_of(request).hub.stop_at_once("http")
     return {"emergency": True}
 
@@ -28,29 +28,29 @@ async def drive(websocket: WebSocket) -> None:
     """Serve one client until it disconnects."""
     hub = services_of(websocket).hub
     await websocket.accept()
-    page = hub.join(role_of(websocket))
+    client = hub.join(role_of(websocket))
     try:
-        await end_with_either(_hear(websocket, hub, page), _tell(websocket, hub.clock, page))
+        await end_with_either(_receive(websocket, hub, client), _send(websocket, hub.clock, client))
     finally:
-        hub.leave(page)
+        hub.leave(client)
 
 
-async def _hear(websocket: WebSocket, hub: Hub, page: Client) -> None:
+async def _receive(websocket: WebSocket, hub: Hub, client: Client) -> None:
     limits = hub.config.limits
     async for message in received(websocket, limits.idle_s):
         text = message.get("text")
         if text is None:
             error = ProtocolError(ErrorCode.MALFORMED, "messages are text, not bytes")
-            hub.refuse(page, error)
+            hub.refuse(client, error)
         else:
-            hub.hear(page, text)
-        if page.refused >= limits.refused_before_closing:
+            hub.receive(client, text)
+        if client.refused >= limits.refused_before_closing:
             await websocket.close(1008, "too many refused messages")
             return
 
 
-async def _tell(websocket: WebSocket, clock: Clock, page: Client) -> None:
+async def _send(websocket: WebSocket, clock: Clock, client: Client) -> None:
     while True:
-        text = await page.next_text()
+        text = await client.next_text()
         await websocket.send_text(text)
         await clock.pause(0)

@@ -1,4 +1,4 @@
-"""`/eye` and `/ws/eye`: the page by which a phone is the robot's eye. A thin shell."""
+"""`/eye` and `/ws/eye`: the page that makes a phone the robot's camera. A thin shell."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from fastapi.responses import FileResponse, Response
 
 from robot.cameras.phone import PhoneCamera
 from robot.clock import Clock
-from server.clients.eye import EyeClock, parse_frame, parse_words
+from server.clients.eye import EyeClock, parse_frame, parse_text
 from server.clients.hub import Hub
-from server.clients.telemetry import describe
-from server.protocol import ProtocolError, encode_acknowledgement, encode_words
+from server.clients.telemetry import describe_state
+from server.protocol import ProtocolError, encode_acknowledgement, encode_message
 from server.routes.sockets import end_with_either, received
 from server.security.access import Role
 from server.security.guard import role_of
@@ -22,19 +22,19 @@ from server.services import services_of
 log = logging.getLogger(__name__)
 router = APIRouter()
 STATE_EVERY_S = 0.2
-_TOLD = ("mode", "driven_by", "action", "stop_reason", "emergency", "fault", "frame_age_ms")
+_STATE_FIELDS = ("mode", "driven_by", "action", "stop_reason", "emergency", "fault", "frame_age_ms")
 
 
 @router.get("/eye", include_in_schema=False)
 async def eye_page(request: Request) -> Response:
-    """Return the page; it alone of all may ask for a camera."""
+    """Return the page; no other page may use a camera."""
     config = services_of(request).config
     policy = {"permissions-policy": "camera=(self), microphone=(), geolocation=()"}
     return FileResponse(config.web_folder / "eye.html", headers=policy)
 
 
 class _Eye:
-    """One phone's socket. The newest phone is the eye; the one before it is sent away."""
+    """One phone's socket. The newest phone is the eye; the one before it is disconnected."""
 
     def __init__(self, websocket: WebSocket, hub: Hub, camera: PhoneCamera) -> None:
         self._websocket = websocket
@@ -47,13 +47,13 @@ class _Eye:
         self._refusals_left = limits.refused_before_closing
 
     async def run(self) -> None:
-        """Serve the phone until it goes or another takes its place."""
+        """Serve the phone until it disconnects or another one takes its place."""
         before, self._camera.source = self._camera.source, self
         if isinstance(before, _Eye):
-            await before.send_away()
+            await before.disconnect()
         options = self._camera.options
         await self._send(
-            encode_words(
+            encode_message(
                 "hello",
                 width=options.eye_width,
                 height=options.eye_height,
@@ -62,14 +62,14 @@ class _Eye:
             )
         )
         try:
-            await end_with_either(self._receive(), self._keep_telling())
+            await end_with_either(self._receive(), self._publish())
         finally:
             if self._camera.source is self:
                 self._camera.source = None
                 self._camera.lose()
 
-    async def send_away(self) -> None:
-        """Close: another phone is the eye now."""
+    async def disconnect(self) -> None:
+        """Close the socket, because another phone is the eye now."""
         await self._websocket.close(4001, "another phone is the eye now")
 
     async def _send(self, text: str) -> None:
@@ -91,10 +91,12 @@ class _Eye:
     async def _take(self, data: bytes | None, text: str | None) -> None:
         now_s = self._clock.now_s()
         if text is not None:
-            words = parse_words(text)
-            if words["type"] == "pong":
-                self._eye_clock.note(words["server_ms"], words["eye_ms"], now_s * 1000)
-            else:  # whoever holds the phone may stop the robot, however fast he taps
+            message_fields = parse_text(text)
+            if message_fields["type"] == "pong":
+                self._eye_clock.note(
+                    message_fields["server_ms"], message_fields["eye_ms"], now_s * 1000
+                )
+            else:  # a stop passes before the rate limit
                 self._hub.robot.loop.latch_emergency()
                 log.warning("emergency client=eye")
         elif data is not None:
@@ -110,18 +112,20 @@ class _Eye:
                     covered=frame.is_covered,
                 )
 
-    async def _keep_telling(self) -> None:
+    async def _publish(self) -> None:
         while True:
             now_ms = self._hub.now_ms()
-            await self._send(encode_words("ping", server_ms=now_ms))
-            state = describe(self._hub.robot.loop.state, now_ms)
-            await self._send(encode_words("state", **{name: state[name] for name in _TOLD}))
+            await self._send(encode_message("ping", server_ms=now_ms))
+            state = describe_state(self._hub.robot.loop.state, now_ms)
+            await self._send(
+                encode_message("state", **{name: state[name] for name in _STATE_FIELDS})
+            )
             await self._clock.pause(STATE_EVERY_S)
 
 
 @router.websocket("/ws/eye")
 async def eye(websocket: WebSocket) -> None:
-    """Take one phone's pictures for as long as it is there."""
+    """Receive one phone's pictures until it disconnects."""
     hub = services_of(websocket).hub
     camera = hub.robot.camera
     await websocket.accept()

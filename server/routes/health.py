@@ -1,4 +1,4 @@
-"""`/healthz` and `/metrics`: the robot seen from outside."""
+"""`/healthz` and `/metrics`: for monitoring."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from server.services import services_of
 
 router = APIRouter()
 STALE_LOOP_S = 2.0
-"""A loop that has not turned for so long is not alive."""
+"""A control loop without a tick for so long has stalled."""
 
 
 @router.get("/healthz")
 async def healthz(request: Request) -> JSONResponse:
-    """Answer 200 while the control loop turns, else 503."""
+    """Answer 200 while the control loop runs, otherwise 503."""
     hub = services_of(request).hub
     state = hub.robot.loop.state
     is_alive = hub.robot.clock.now_s() - state.now_s < STALE_LOOP_S
@@ -29,13 +29,13 @@ async def healthz(request: Request) -> JSONResponse:
 
 @router.get("/metrics", response_class=PlainTextResponse)
 async def metrics(request: Request) -> Response:
-    """Return what Prometheus collects."""
+    """Return the measurements for Prometheus."""
     hub = services_of(request).hub
     video = hub.video
     measured = Measured(
         state=hub.robot.loop.state,
         now_s=hub.robot.clock.now_s(),
-        pages=len(hub.pages),
+        clients=len(hub.clients),
         viewers=video.viewers,
         frames_sent=video.frames_sent,
         frames_encoded=video.frames_encoded,

@@ -1,4 +1,4 @@
-"""`/video.mjpg`: the picture for VLC, dashboards and an `<img>`; the page itself does not use it.
+"""`/video.mjpg`: the video for VLC, dashboards and an `<img>`; the page itself does not use it.
 
 A stream cannot acknowledge, so behind a slow link it lags; `/ws/video` does not.
 """
@@ -29,10 +29,10 @@ _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
     include_in_schema=False,
 )
 async def mjpeg(request: Request) -> StreamingResponse:
-    """Stream the newest frames for as long as somebody looks."""
+    """Stream the newest frames until the viewer disconnects."""
     hub = services_of(request).hub
     if hub.video.viewers >= hub.config.limits.clients:
-        raise HTTPException(503, "Too many watch already.")
+        raise HTTPException(503, "Too many viewers are connected.")
     frame = hub.robot.camera.latest()
     if frame is not None and frame.encoding is not Encoding.JPEG:
         try:
@@ -45,8 +45,8 @@ async def mjpeg(request: Request) -> StreamingResponse:
 async def _parts(hub: Hub) -> AsyncIterator[bytes]:
     """Yield frames, each with the next part's header behind it.
 
-    Browsers show a part only when the header of the next one has come: sent with the frame, it
-    saves them a frame's time.
+    Browsers show a part only when the header of the next one has arrived; sending it with the
+    frame saves one frame's time.
     """
     yield _BOUNDARY
     async with contextlib.aclosing(hub.stream()) as frames:

@@ -11,7 +11,7 @@ from starlette.websockets import WebSocketDisconnect
 
 
 async def received(websocket: WebSocket, idle_s: float) -> AsyncIterator[dict[str, Any]]:
-    """Yield messages until the client goes, or has sent nothing for `idle_s`."""
+    """Yield messages until the client disconnects, or has sent nothing for `idle_s`."""
     while True:
         try:
             message = dict(await asyncio.wait_for(websocket.receive(), idle_s))
@@ -24,7 +24,7 @@ async def received(websocket: WebSocket, idle_s: float) -> AsyncIterator[dict[st
 
 
 async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
-    """Run both directions of a socket; when one ends, or the client goes, so does the other."""
+    """Run both directions of a socket; when one ends or the client disconnects, end the other."""
     tasks = [asyncio.create_task(part) for part in parts]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -37,7 +37,7 @@ async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
 
 
 def _means_gone(error: Exception) -> bool:
-    """True for the errors by which servers of all versions say that the client is gone."""
+    """True for the errors by which any server version reports a client that disconnected."""
     if isinstance(error, RuntimeError):
         return "close" in str(error) or "ASGI message" in str(error)
     return isinstance(error, WebSocketDisconnect | OSError) or type(error).__name__ in _GONE

@@ -1,4 +1,4 @@
-"""`/ws/video`: frames down, acknowledgements up. A thin shell around the video hub."""
+"""`/ws/video`: sends frames, receives acknowledgements. A thin shell around the video hub."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from server.services import services_of
 router = APIRouter()
 
 
-class _Watching:
+class _VideoClient:
     """One viewer's socket, read directly or through ASGI."""
 
     def __init__(self, websocket: WebSocket, hub: Hub) -> None:
@@ -31,13 +31,13 @@ class _Watching:
         self._direct: FastPath | None = websocket.scope.get("extensions", {}).get(EXTENSION)
         self.viewer = Viewer(self._send)
 
-    def _send(self, shot: EncodedFrame) -> None:
+    def _send(self, frame: EncodedFrame) -> None:
         if self._direct is not None:
-            self._direct.write_now(shot.wire)
+            self._direct.write_now(frame.wire)
         else:
-            self._waiting.put_nowait(shot)
+            self._waiting.put_nowait(frame)
 
-    def hear(self, message: object) -> None:
+    def receive(self, message: object) -> None:
         """Receive one message from the viewer; refused ones are counted."""
         try:
             now_s = self._hub.clock.now_s()
@@ -50,18 +50,18 @@ class _Watching:
             self._hub.refused[error.code] += 1
             self._refusals_left -= 1
             if self._refusals_left == 0:
-                self._show_out()
+                self._disconnect()
 
-    def _show_out(self) -> None:
+    def _disconnect(self) -> None:
         self._hub.video.remove(self.viewer)
         self._ending = asyncio.ensure_future(
             self._websocket.close(1008, "too many refused messages")
         )
 
     async def run(self) -> None:
-        """Serve the viewer until it goes."""
+        """Serve the viewer until it disconnects."""
         if self._direct is not None:
-            self._direct.on_bytes = self.hear
+            self._direct.on_bytes = self.receive
             await self._receive()
         else:
             await end_with_either(self._receive(), self._send_waiting())
@@ -72,7 +72,7 @@ class _Watching:
             if message["type"] == "websocket.disconnect":
                 return
             data = message.get("bytes")
-            self.hear(data if data is not None else message.get("text"))
+            self.receive(data if data is not None else message.get("text"))
 
     async def _send_waiting(self) -> None:
         while True:
@@ -81,12 +81,12 @@ class _Watching:
 
 @router.websocket("/ws/video")
 async def video(websocket: WebSocket) -> None:
-    """Show the picture to one viewer for as long as it is there."""
+    """Send the video to one viewer until it disconnects."""
     hub = services_of(websocket).hub
     await websocket.accept()
-    watching = _Watching(websocket, hub)
-    hub.watch(watching.viewer)
+    client = _VideoClient(websocket, hub)
+    hub.watch(client.viewer)
     try:
-        await watching.run()
+        await client.run()
     finally:
-        hub.video.remove(watching.viewer)
+        hub.video.remove(client.viewer)

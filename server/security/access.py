@@ -1,8 +1,8 @@
-"""Who may come in: Host, Origin and role of a request.
+"""Access rules: Host, Origin and role of a request.
 
-On loopback everybody on this machine is let in as a pilot, but Host and Origin are checked even
-there: a page of another site, open in the same browser, must not reach the robot by cross-site
-websockets or by DNS rebinding. On a local network only paired browsers are let in.
+On loopback every client is admitted as a pilot, but Host and Origin are checked even there: a page
+of another site, open in the same browser, must not reach the robot by cross-site websockets or by
+DNS rebinding. On a local network only paired browsers are admitted.
 """
 
 from __future__ import annotations
@@ -27,15 +27,14 @@ PUBLIC_PATHS = frozenset(
         "/manifest.webmanifest",
     }
 )
-"""What a browser needs before it is paired; nothing here says anything about the robot."""
-
+"""What a browser needs before it is paired; none of it tells anything about the robot."""
 
 EYE_PATHS = re.compile(r"/eye|/ws/eye|/api/unpair|/(js|css|icons)/.*")
-"""All that a phone needs which is the robot's eye: it lies on the robot, unattended."""
+"""All that the phone on the robot may request. It lies there unattended, so that is little."""
 
 
 class Role(StrEnum):
-    """What a browser may become."""
+    """What a paired browser may do."""
 
     VIEWER = "viewer"
     PILOT = "pilot"
@@ -44,27 +43,27 @@ class Role(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """An answer in place of what was asked for."""
+    """The answer to a refused request."""
 
     status: int
     reason: str
-    """A word for logs and metrics."""
+    """Short name for logs and metrics."""
     sentence: str
-    """For the person."""
+    """Text for the person."""
     location: str | None = None
-    """Where to go instead."""
+    """Address to redirect to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
-    """Who was let in: what it may do, and a name to count it by; "" where nobody is paired."""
+    """An admitted client: its role, and a name for its rate limit; "" where pairing is off."""
 
     role: Role
     name: str = ""
 
 
 class Sessions(Protocol):
-    """What knows the sessions: `server.security.pairing.Pairing`."""
+    """Looks up sessions: `server.security.pairing.Pairing`."""
 
     def role_of(self, secret: str) -> Role | None:
         """Return the role of a session, or None."""
@@ -77,8 +76,8 @@ class Access:
 
     Args:
         names: Names that the robot answers to.
-        allows_addresses: Answer to any IP address too: those cannot be rebound.
-        sessions: Who was paired; None where everybody is let in.
+        allows_addresses: Accept any IP address as Host too: DNS rebinding needs a name.
+        sessions: The paired browsers; None where every client is admitted.
         cookie: Name of the cookie that carries the session.
     """
 
@@ -88,7 +87,7 @@ class Access:
     cookie: str = ""
 
     def check_host(self, headers: Mapping[str, str]) -> Refusal | None:
-        """Refuse a request that was addressed to another name: DNS rebinding."""
+        """Refuse a request whose Host is another name: DNS rebinding."""
         name = host_name(headers.get("host", ""))
         if name in self.names or (self.allows_addresses and _is_address(name)):
             return None
@@ -99,10 +98,10 @@ class Access:
     def check_origin(
         self, headers: Mapping[str, str], scheme: str, method: str | None
     ) -> Refusal | None:
-        """Refuse what a page of another site has sent.
+        """Refuse a request that a page of another site has sent.
 
-        Browsers cannot be made to lie about it; programs send neither header, and can send what
-        they like anyway. `method` is the request's, None for a websocket.
+        A page cannot forge these headers; programs that are no browsers send neither, and could
+        send anything. `method` is the request's, None for a websocket.
         """
         origin = headers.get("origin")
         if origin is not None:
@@ -110,17 +109,17 @@ class Access:
         else:
             is_ours = (
                 headers.get("sec-fetch-site", "none") in ("none", "same-origin")
-                # A person followed a link: the page may be opened so, but not framed.
+                # A person followed a link: that may open the page, but not frame it.
                 or (method in ("GET", "HEAD") and headers.get("sec-fetch-mode") == "navigate")
             )
         if is_ours:
             return None
         return Refusal(
-            status=403, reason="origin", sentence="This was asked by a page of another site."
+            status=403, reason="origin", sentence="A page of another site has sent this request."
         )
 
     def session_of(self, headers: Mapping[str, str]) -> Session | None:
-        """Return who sends this; None for a browser that was not paired."""
+        """Return the session of a request; None for an unpaired browser."""
         if self.sessions is None:
             return Session(role=Role.PILOT)
         secret = session_of(headers, self.cookie)
@@ -128,7 +127,7 @@ class Access:
         return None if role is None else Session(role=role, name=f"session {secret}")
 
     def admit(self, path: str, headers: Mapping[str, str], address: str) -> Role | Refusal:
-        """Return what the browser may do, or why it stays outside."""
+        """Return the role of the client, or why it is refused."""
         if self.sessions is None:
             return Role.PILOT
         role = self.sessions.role_of(session_of(headers, self.cookie))
@@ -150,7 +149,7 @@ class Access:
 
 
 def session_of(headers: Mapping[str, str], cookie: str) -> str:
-    """Return the session's secret that a request carries; empty if it has none."""
+    """Return the session secret of a request; empty if it has none."""
     for part in headers.get("cookie", "").split(";"):
         name, _, value = part.strip().partition("=")
         if name == cookie:
@@ -159,7 +158,7 @@ def session_of(headers: Mapping[str, str], cookie: str) -> str:
 
 
 def host_name(host: str) -> str:
-    """Return the name in a Host header: without port, in lower case; empty if it is none."""
+    """Return the name in a Host header: without port, in lower case; empty if not valid."""
     try:
         return (urlsplit(f"//{host}").hostname or "").rstrip(".")
     except ValueError:

@@ -1,7 +1,7 @@
-"""A certificate authority made on the spot, so that a phone gets a secure context.
+"""A local certificate authority, so that a phone gets a secure context.
 
-The authority's key stays in the data folder and may vouch for private names and addresses only:
-a browser that trusts it does not thereby trust it about anybody's bank.
+The authority's key stays in the data folder. Name constraints limit it to private names and
+addresses: a browser that trusts it trusts it for no public site.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ _PRIVATE_NETWORKS = (
     "fc00::/7",
     "fe80::/10",
 )
-_AUTHORITY_DAYS, _SERVER_DAYS = 3650, 397  # phones refuse a server's certificate of longer life
+_AUTHORITY_DAYS, _SERVER_DAYS = 3650, 397  # phones reject a server certificate that is valid longer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificates:
-    """Files for uvicorn, and the authority's certificate for the phone."""
+    """Key and certificate files for uvicorn, and the authority's certificate for the phone."""
 
     key: Path
     chain: Path
@@ -43,14 +43,13 @@ class Certificates:
 
 
 def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> Certificates:
-    """Make a server certificate for `names`; the authority too where there is none yet.
+    """Make a server certificate for `names`, and the authority if there is none yet.
 
-    Names with dots that do not end in `.local` are left out: the authority may not vouch for
-    them.
+    Names with dots that do not end in `.local` are left out: the name constraints forbid them.
 
     Raises:
         MissingExtraError: If `cryptography` is not installed.
-        ConfigurationError: If the folder cannot be written, or holds something else.
+        ConfigurationError: If the folder cannot be written, or has files that are not valid.
     """
     try:
         import cryptography  # noqa: F401
@@ -68,7 +67,7 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
         write_whole(files.chain, certificate + _pem(authority), mode=0o600)
     except (OSError, ValueError) as error:
         raise ConfigurationError(
-            f"the certificates in {folder} cannot be made: {error}; mend or remove that folder"
+            f"the certificates in {folder} cannot be made: {error}; repair or remove that folder"
         ) from error
     return files
 
@@ -85,7 +84,7 @@ def _load_or_make_authority(
         key = serialization.load_pem_private_key(key_file.read_bytes(), None)
         certificate = x509.load_pem_x509_certificate(certificate_file.read_bytes())
         if not isinstance(key, ec.EllipticCurvePrivateKey):
-            raise ValueError("ca.key is of another kind")
+            raise ValueError("ca.key is not an elliptic curve key")
         return certificate, key
     key = ec.generate_private_key(ec.SECP256R1())
     certificate = (

@@ -1,10 +1,10 @@
-"""The door before the door: which connections may stay, long before one has said who it is. Pure.
+"""Limits on connections that are not admitted yet. Pure.
 
-Whoever can reach the port can open connections, and each costs a descriptor. So a connection that
-was not yet admitted is a *stranger*: it has little time, and there is room for few of them, per
-address and in all. When there is no room the oldest stranger goes, of the address that has most,
-so a flood pushes out itself and a newcomer always has a moment to show its cookie. Connections
-that the guard has admitted are never pushed out: what is left of the descriptors is theirs.
+Anyone who can reach the port can open connections, and each costs a file descriptor. So a
+connection is *pending* until the guard admits it: it has little time, and few of them may be open,
+per address and in all. When the limit is reached, the oldest pending connection of the address
+that has most is closed. A flood so evicts itself, and a new client always has a moment to send its
+cookie. Connections that the guard has admitted are never evicted.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from server.config import Limits
 
 Peer = tuple[str, int]
-"""Address and port of the other side, as the socket says."""
+"""Address and port of the remote side, as the socket reports them."""
 
 
 def address_key(address: str) -> str:
-    """Return what counts as one address: of IPv6 the network of 64 bits, which one host may own."""
+    """Return what counts as one address: for IPv6 the /64 network, which one host may own."""
     try:
         ip = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
@@ -34,35 +34,35 @@ def address_key(address: str) -> str:
 
 
 @dataclass(slots=True)
-class _Stranger:
+class _Pending:
     address: str
     deadline_s: float
     close: Callable[[], None]
 
 
 class Door:
-    """Counts connections, and closes those of strangers that are too many or too slow.
+    """Counts connections, and closes pending ones that are too many or too slow.
 
     Args:
-        limits: How many and how long.
-        capacity: Connections in all; the process's descriptors allow no more.
+        limits: How many pending connections, and for how long.
+        capacity: Connections in all, as the process's file descriptors allow.
     """
 
     def __init__(self, limits: Limits, capacity: int) -> None:
         self._limits = limits
         self._capacity = max(1, capacity)
-        self._strangers: OrderedDict[Hashable, _Stranger] = OrderedDict()
+        self._pending: OrderedDict[Hashable, _Pending] = OrderedDict()
         self._admitted: set[Hashable] = set()
         self._of_address: Counter[str] = Counter()
-        self.pushed_out = 0
+        self.evicted = 0
 
     @property
     def open(self) -> int:
         """How many connections are open."""
-        return len(self._strangers) + len(self._admitted)
+        return len(self._pending) + len(self._admitted)
 
     def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> bool:
-        """Let a new connection in; False if there is no room for it at all.
+        """Add a new connection as pending; False if there is no room for it.
 
         Args:
             peer: Its address and port.
@@ -71,57 +71,57 @@ class Door:
         """
         self.expire(now_s)
         address = address_key(peer[0])
-        if self._of_address[address] >= self._limits.strangers_per_address:
-            self._push_out(address)
-        elif len(self._strangers) >= self._limits.strangers:
-            self._push_out(self._of_address.most_common(1)[0][0])
+        if self._of_address[address] >= self._limits.pending_per_address:
+            self._evict(address)
+        elif len(self._pending) >= self._limits.pending:
+            self._evict(self._of_address.most_common(1)[0][0])
         while self.open >= self._capacity:
-            if not self._strangers:
+            if not self._pending:
                 return False
-            self._push_out(self._of_address.most_common(1)[0][0])
-        self._strangers[peer] = _Stranger(address, now_s + self._limits.stranger_s, close)
+            self._evict(self._of_address.most_common(1)[0][0])
+        self._pending[peer] = _Pending(address, now_s + self._limits.pending_s, close)
         self._of_address[address] += 1
         return True
 
     def asked(self, peer: Peer, now_s: float) -> None:
-        """Take note of a whole request: a stranger gets its time anew."""
-        stranger = self._strangers.get(peer)
-        if stranger is not None:
-            stranger.deadline_s = now_s + self._limits.stranger_s
+        """Record a complete request: the timeout of a pending connection starts again."""
+        connection = self._pending.get(peer)
+        if connection is not None:
+            connection.deadline_s = now_s + self._limits.pending_s
 
     def admit(self, peer: Peer) -> None:
-        """The guard knows who this is: it is no stranger any more."""
+        """Mark a connection as admitted by the guard; it is no longer pending."""
         if self._forget(peer) is not None:
             self._admitted.add(peer)
 
     def left(self, peer: Peer) -> None:
-        """A connection has ended."""
+        """Remove a closed connection."""
         self._forget(peer)
         self._admitted.discard(peer)
 
     def expire(self, now_s: float) -> None:
-        """Close strangers whose time is up."""
-        for peer, stranger in list(self._strangers.items()):
-            if now_s >= stranger.deadline_s:
+        """Close pending connections that have timed out."""
+        for peer, connection in list(self._pending.items()):
+            if now_s >= connection.deadline_s:
                 self._end(peer)
 
-    def _push_out(self, address: str) -> None:
-        """Close the oldest stranger of an address."""
-        for peer, stranger in self._strangers.items():
-            if stranger.address == address:
+    def _evict(self, address: str) -> None:
+        """Close the oldest pending connection of an address."""
+        for peer, connection in self._pending.items():
+            if connection.address == address:
                 self._end(peer)
                 return
 
     def _end(self, peer: Hashable) -> None:
-        stranger = self._forget(peer)
-        if stranger is not None:
-            self.pushed_out += 1
-            stranger.close()
+        connection = self._forget(peer)
+        if connection is not None:
+            self.evicted += 1
+            connection.close()
 
-    def _forget(self, peer: Hashable) -> _Stranger | None:
-        stranger = self._strangers.pop(peer, None)
-        if stranger is not None:
-            self._of_address[stranger.address] -= 1
-            if not self._of_address[stranger.address]:
-                del self._of_address[stranger.address]
-        return stranger
+    def _forget(self, peer: Hashable) -> _Pending | None:
+        connection = self._pending.pop(peer, None)
+        if connection is not None:
+            self._of_address[connection.address] -= 1
+            if not self._of_address[connection.address]:
+                del self._of_address[connection.address]
+        return connection

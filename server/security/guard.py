@@ -1,7 +1,7 @@
-"""The door: every request and every websocket passes here before any route sees it.
+"""Middleware that every request and every websocket passes before it reaches a route.
 
-It checks Host, Origin, size, rate and role, says no with a status and a sentence, and adds the
-headers that keep the page to itself. Routes that change something also ask `require_pilot`.
+It checks Host, Origin, size, rate and role, refuses with a status and a sentence, and adds the
+security headers. Routes that change something also depend on `require_pilot`.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 STOP_PATH = "/api/stop"
-"""The emergency stop for a page whose websocket is away."""
+"""The emergency stop for a page without a websocket."""
 _PARTS = ("/js/", "/css/", "/icons/")
 _ROLE = "drivelesson.role"
 _UPLOADS = re.compile(r"/api/models/[^/]+/file")
 """Paths whose bodies may be as large as a model."""
 _ADDRESSES = 1024
-"""How many addresses' pace is kept in mind."""
+"""For how many addresses the request rate is remembered."""
 
 
 def role_of(connection: HTTPConnection) -> Role:
@@ -48,17 +48,17 @@ def role_of(connection: HTTPConnection) -> Role:
 
 
 def address_of(connection: HTTPConnection) -> str:
-    """Return the address of the other side; empty if it is not known."""
+    """Return the address of the remote side; empty if it is unknown."""
     return connection.client.host if connection.client else ""
 
 
 def require_viewer(request: Request) -> Role:
-    """Dependency of routes that only read; the guard has let nobody else in."""
+    """Dependency of routes that only read; the guard has admitted the client already."""
     return role_of(request)
 
 
 def require_pilot(request: Request) -> Role:
-    """Dependency of routes that change something: 403 for who may only watch."""
+    """Dependency of routes that change something: 403 for a viewer."""
     if role_of(request) is not Role.PILOT:
         raise HTTPException(403, "This browser may watch; only a pilot may change things.")
     return Role.PILOT
@@ -86,7 +86,7 @@ class Guard:
         self._open_sockets = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Refuse, or pass on with a role."""
+        """Refuse the request, or pass it on with a role."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -117,14 +117,14 @@ class Guard:
             self._door.admit(tuple(scope["client"]))
         if scope["path"] == STOP_PATH and session is not None:
             return session.role  # a stop passes before all limits
-        # Who was paired has a pace of its own: strangers at the same address use up none of it.
+        # A paired browser has its own rate limit: unpaired clients at its address do not use it up.
         payer = session.name if session is not None and session.name else address_key(address)
         refusal = self._check_limits(scope, headers, payer)
         return refusal or access.admit(scope["path"], headers, address)
 
     def _check_limits(self, scope: Scope, headers: dict[str, str], payer: str) -> Refusal | None:
         if "\0" in scope["path"]:
-            return Refusal(status=400, reason="path", sentence="No page has such an address.")
+            return Refusal(status=400, reason="path", sentence="This address is not valid.")
         if scope["type"] == "websocket" and self._open_sockets >= self._limits.clients:
             return Refusal(status=503, reason="clients", sentence="Too many pages are open.")
         if not self._pace(payer).allows(self._clock.now_s()):
@@ -171,7 +171,7 @@ class Guard:
 
 
 def _limited(receive: Receive, most: int) -> Receive:
-    """Cut a body off that is longer than it may be, whatever its header said."""
+    """End a body that is longer than allowed, whatever its header says."""
     total = 0
 
     async def receive_limited() -> Message:
@@ -186,7 +186,7 @@ def _limited(receive: Receive, most: int) -> Receive:
 
 
 def _headers(scope: Scope) -> dict[str, str]:
-    """Return the request's headers; of one that came twice the first, except cookies."""
+    """Return the request's headers; the first of a repeated one, except that cookies are joined."""
     headers: dict[str, str] = {}
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
@@ -198,8 +198,8 @@ def _headers(scope: Scope) -> dict[str, str]:
 
 
 def _security_headers(scheme: str, host: str, path: str) -> list[tuple[bytes, bytes]]:
-    """Return what keeps the page to itself; a part of the page that is no document and no worker
-    runs under the document's policy, and has no use for one of its own."""
+    """Return the security headers. Only documents and workers need a content policy: scripts,
+    styles and icons run under the policy of the document that loads them."""
     if path.startswith(_PARTS) and not path.endswith("-worker.js"):
         return [
             (b"x-content-type-options", b"nosniff"),
@@ -236,7 +236,7 @@ def _security_headers(scheme: str, host: str, path: str) -> list[tuple[bytes, by
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:
-    """Answer with a status; a websocket on a server that cannot say one gets a plain 403."""
+    """Answer with a status; a websocket gets a plain 403 where the server supports no other."""
     kind = scope["type"]
     if kind == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
         await receive()

@@ -1,6 +1,6 @@
-"""A listening socket with a door: connections are counted where they are accepted.
+"""A listening socket that limits connections where they are accepted.
 
-It works below TLS and HTTP, so a handshake that never ends is counted too, and with every version
+It works below TLS and HTTP, so that an unfinished handshake is counted too, and with every version
 of uvicorn and asyncio.
 """
 
@@ -18,9 +18,9 @@ from robot.clock import Clock
 from server.security.door import Door, Peer
 
 _AT_ONCE = 64
-"""Connections accepted before other work gets its turn."""
+"""Connections accepted at once, before the event loop does other work."""
 _KEPT_BACK = 128
-"""Descriptors that connections never take: for files, cameras and the brick."""
+"""File descriptors reserved for files, cameras and the brick."""
 _MOST_CONNECTIONS = 512
 _SWEEP_S = 1.0
 _RESET = struct.pack("ii", 1, 0)
@@ -28,7 +28,7 @@ _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
 def connection_capacity() -> int:
-    """Return how many connections this process may have, by the descriptors it may open."""
+    """Return how many connections this process may have, by its limit of file descriptors."""
     try:
         import resource
     except ImportError:  # Windows counts handles, and allows many
@@ -38,7 +38,7 @@ def connection_capacity() -> int:
 
 
 class DoorListener(socket.socket):
-    """Asks the door about each connection that it accepts. Made by `behind`."""
+    """Accepts only connections that its `Door` has room for. Made by `behind`."""
 
     door: Door
     clock: Clock
@@ -58,10 +58,10 @@ class DoorListener(socket.socket):
     _is_sweeping: bool
 
     def accept(self) -> tuple[socket.socket, Any]:
-        """Accept the next connection that may come in; see `socket.socket.accept`.
+        """Accept the next connection that there is room for; see `socket.socket.accept`.
 
         Raises:
-            BlockingIOError: If there is none, or enough were accepted for now.
+            BlockingIOError: If none waits, or enough were accepted for now.
         """
         self._start_sweeping()
         while self._left_now > 0:
@@ -70,7 +70,7 @@ class DoorListener(socket.socket):
                 plain, address = super().accept()
             except OSError as error:
                 if error.errno in _EXHAUSTED:
-                    self._turn_one_away()
+                    self._reject_one()
                     continue
                 self._left_now = _AT_ONCE
                 raise
@@ -91,9 +91,9 @@ class DoorListener(socket.socket):
             os.close(self._spare)
             self._spare = None
 
-    def _turn_one_away(self) -> None:
-        """Take the next connection off the queue with the spare descriptor, and end it: left in
-        the queue it would wake this process without end."""
+    def _reject_one(self) -> None:
+        """Accept the next connection with the spare descriptor, and close it: left in the queue, it
+        would wake the event loop again and again."""
         if self._spare is not None:
             os.close(self._spare)
             self._spare = None
@@ -119,13 +119,13 @@ class DoorListener(socket.socket):
 
 
 class _Connection(socket.socket):
-    """An accepted socket that says when it is closed."""
+    """An accepted socket that tells the door when it is closed."""
 
     door: Door | None = None
     peer: Peer = ("", 0)
 
     def abort(self) -> None:
-        """Have both sides see the end at once; whoever owns this socket closes it then."""
+        """Reset the connection, so that both sides see the end; its owner then closes it."""
         with contextlib.suppress(OSError):
             self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
         with contextlib.suppress(OSError):

@@ -1,10 +1,10 @@
-"""How much one client or address may send. Pure: the time is an argument."""
+"""The rate limit of one client or address. Pure: the time is an argument."""
 
 from __future__ import annotations
 
 
 class Pace:
-    """A token bucket: so many messages a second in the long run, so many in one burst."""
+    """A token bucket: an average rate of messages a second, and a largest burst."""
 
     def __init__(self, *, per_second: float, burst: float) -> None:
         self._per_second = per_second

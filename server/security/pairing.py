@@ -1,6 +1,6 @@
-"""Letting a browser in: a one-time token becomes a session, and a session a role.
+"""Pairing of browsers: a one-time token is exchanged for a session, which has a role.
 
-Only hashes of sessions are kept, in memory and in one small file. Nothing here knows HTTP; the
+Only hashes of sessions are stored, in memory and in one small file. Nothing here uses HTTP; the
 time is an argument.
 """
 
@@ -25,36 +25,36 @@ from server.security.door import address_key
 log = logging.getLogger(__name__)
 
 _ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
-"""No letter or digit that could be taken for another."""
+"""Without letters and digits that look alike."""
 _TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
 _SESSIONS = 64
 _ADDRESSES = 1024
-"""Of how many addresses failures are remembered."""
+"""For how many addresses failures are remembered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paired:
-    """A browser that was let in: its role, and the secret that its cookie carries."""
+    """A paired browser: its role, and the secret in its cookie."""
 
     role: Role
     secret: str
 
 
 def cookie_name(config: Config) -> str:
-    """Return the session cookie's name. Cookies know no ports, so the name has the port in it.
+    """Return the session cookie's name. Cookies ignore ports, so the name contains the port.
 
-    Over TLS the prefix has browsers refuse one that was set without TLS or for another path.
+    The prefix makes browsers reject a cookie that was set without TLS or for another path.
     """
     return f"{'__Host-' if config.tls else ''}drivelesson-{config.port}"
 
 
 class Pairing:
-    """The tokens that may be redeemed now, and the sessions that were.
+    """The tokens that can be redeemed now, and the sessions of paired browsers.
 
     Args:
-        failures_a_minute: Wrong tokens of one address before it is told to wait.
-        file: Where sessions outlive a restart; None for nowhere.
-        on_token: Told of each new token, with its role: for the terminal.
+        failures_a_minute: Wrong tokens of one address before it has to wait.
+        file: Where sessions are saved; None to lose them at a restart.
+        on_token: Called with each new token and its role, to show it on the terminal.
     """
 
     def __init__(
@@ -71,15 +71,15 @@ class Pairing:
         self.tokens: dict[Role, str] = {role: _new_token() for role in Role}
 
     def redeem(self, token: str, now_s: float, address: str = "") -> Paired | Refusal:
-        """Turn a token into a session. Each token works once; then there is another.
+        """Exchange a token for a session. Each token works once and is then replaced.
 
-        The right token is admitted whatever came before: a stranger who tries wrong ones keeps
-        nobody out, and 78 bits are not guessed at any pace that the guard allows.
+        The right token is accepted whatever came before: wrong ones from the same address lock
+        nobody out, and 78 bits cannot be guessed at any rate that the guard allows.
         """
         given = "".join(letter for letter in token.upper()[:64] if letter in _ALPHABET)
         for role, wanted in self.tokens.items():
             if hmac.compare_digest(given.encode(), wanted.replace("-", "").encode()):
-                return self._let_in(role)
+                return self._pair(role)
         if self._must_wait(now_s, address_key(address)):
             return Refusal(
                 status=429,
@@ -90,7 +90,7 @@ class Pairing:
         return Refusal(
             status=403,
             reason="pairing",
-            sentence="That token is wrong or was used. The robot's terminal shows the next.",
+            sentence="That token is wrong or was used. The robot's terminal shows a valid one.",
         )
 
     def role_of(self, secret: str) -> Role | None:
@@ -103,7 +103,7 @@ class Pairing:
             self._save()
 
     def _must_wait(self, now_s: float, address: str) -> bool:
-        """Take note of a wrong token; True if there were too many from this address before."""
+        """Record a wrong token; True if there were too many from this address before."""
         failed_s = self._failed_s.pop(address, None)
         if failed_s is None:
             failed_s = deque(maxlen=self._failures_a_minute)
@@ -117,7 +117,7 @@ class Pairing:
         failed_s.append(now_s)
         return False
 
-    def _let_in(self, role: Role) -> Paired:
+    def _pair(self, role: Role) -> Paired:
         secret = secrets.token_urlsafe(32)
         self._sessions[_hash(secret)] = role
         while len(self._sessions) > _SESSIONS:
@@ -129,7 +129,7 @@ class Pairing:
         return Paired(role=role, secret=secret)
 
     def _save(self) -> None:
-        """Write the sessions' hashes beside the old file, and put it in its place."""
+        """Write the sessions' hashes to a new file, which replaces the old one."""
         if self._file is None:
             return
         rows = [{"sha256": key, "role": role.value} for key, role in self._sessions.items()]
@@ -140,7 +140,7 @@ class Pairing:
                 json.dump({"sessions": rows}, out)
             new.replace(self._file)
         except OSError as error:
-            log.warning("pairing not kept file=%s error=%r", self._file, str(error))
+            log.warning("pairing not saved file=%s error=%r", self._file, str(error))
 
 
 def _load(file: Path) -> dict[str, Role]:
@@ -155,7 +155,7 @@ def _load(file: Path) -> dict[str, Role]:
 
 
 def _hash(secret: str) -> str:
-    """One round will do: the secret has 256 bits, so there is nothing to guess from its hash."""
+    """Hash once: the secret has 256 random bits, so it cannot be guessed from its hash."""
     return hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()
 
 

@@ -33,7 +33,7 @@ def test_scanning_the_code_pairs_the_browser(tmp_path: Path, chromium: Any) -> N
         page.reload()  # a new fragment alone loads nothing
         page.wait_for_url(server.address + "/")
         page.wait_for_selector("video-view[data-frames]", state="attached", timeout=20_000)
-        assert server.hub.pages
+        assert server.hub.clients
         assert "script" not in context.cookies()[0]["value"]
         assert context.cookies()[0]["httpOnly"] and context.cookies()[0]["sameSite"] == "Strict"
         assert [text for text in complaints if "Content Security Policy" in text] == []

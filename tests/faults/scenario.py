@@ -62,7 +62,7 @@ class FaultWorld(ServedWorld):
         self.camera.age_s = self.dice.uniform(0.0, 0.04)
         self.link.conditions = LinkConditions(delay_s=self.dice.uniform(0.0, 0.02))
         self.page.vanish()
-        await self.until(lambda: not self.hub.pages)
+        await self.until(lambda: not self.hub.clients)
         self.page = await self.pilot(sees=True)
 
     async def drive(self, mode: str) -> None:
@@ -137,7 +137,7 @@ class FaultWorld(ServedWorld):
 
     def last_message_s(self) -> float:
         """When the server last received a message of the pilot."""
-        return max((page.last_word_s for page in self.hub.pages.values()), default=0.0)
+        return max((client.last_message_s for client in self.hub.clients.values()), default=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +158,9 @@ class HubSocket:
         self._down: Line = world.link.line(on_message, throttled=True)
         if path == "/ws/drive":
             client = hub.join(Role.PILOT)
-            self._up: Line = world.link.line(lambda text: hub.hear(client, text), throttled=False)
+            self._up: Line = world.link.line(
+                lambda text: hub.receive(client, text), throttled=False
+            )
             self._leave: Callable[[], None] = lambda: hub.leave(client)
             self.task: asyncio.Future[None] = asyncio.ensure_future(self._pass_on(client))
         else:

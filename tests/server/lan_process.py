@@ -50,7 +50,7 @@ def main(web: str) -> None:
                     {
                         "tokens": tokens,
                         "open": services.door.open,
-                        "pushed_out": services.door.pushed_out,
+                        "evicted": services.door.evicted,
                         "longest_stand_s": max(stood_s[1:], default=0.0),
                         "mode": rig.loop.state.decision.mode.value,
                         "stops": sum(rig.loop.state.stops.values()),

@@ -26,8 +26,8 @@ MESSAGES = int(os.environ.get("DRIVELESSON_FUZZ", "4000"))
 BATCH = 100
 _ENDLESS = """
 [limits]
-words_per_second = 1e12
-words_burst = 1e12
+messages_per_second = 1e12
+messages_burst = 1e12
 frames_per_second = 1e12
 refused_before_closing = 1_000_000_000
 requests_burst = 1e12

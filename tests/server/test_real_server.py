@@ -24,7 +24,7 @@ def test_a_pilot_drives_over_real_sockets_and_the_robot_stands_when_it_vanishes(
             wait_until(lambda: _drives(server, pilot), _PATIENCE_S, "it drives")
             pilot.vanish()
             wait_until(lambda: server.driver.now is Action.STOP, _PATIENCE_S, "it stands")
-        wait_until(lambda: not server.hub.pages, _PATIENCE_S, "the hub lets it go")
+        wait_until(lambda: not server.hub.clients, _PATIENCE_S, "the hub lets it go")
 
 
 def _drives(server: LiveServer, pilot: Pilot) -> bool:

@@ -174,7 +174,7 @@ def test_too_many_requests_are_refused() -> None:
 
 
 def test_too_many_words_are_refused_and_then_shown_out() -> None:
-    limits = Limits(words_per_second=5, words_burst=5, refused_before_closing=20)
+    limits = Limits(messages_per_second=5, messages_burst=5, refused_before_closing=20)
     with VirtualServer(Config(port=0, web=WEB, limits=limits)) as server, server.pilot() as pilot:
         for _ in range(10):
             pilot.send(type="ping", client_ms=1)

@@ -148,7 +148,7 @@ def test_a_stranger_neither_stops_the_pilot_nor_keeps_a_new_phone_out(
             sys.executable, "-m", "tests.server.stranger", server.address, stdout=subprocess.PIPE
         )
         attacking = asyncio.create_task(attack.communicate())
-        while server.ask()["pushed_out"] < 100:
+        while server.ask()["evicted"] < 100:
             await asyncio.sleep(0.05)
         second = Phone(server, await asyncio.to_thread(pair, server))  # new, in the middle of it
         coming = asyncio.create_task(second.drive())
@@ -172,7 +172,7 @@ def test_a_stranger_neither_stops_the_pilot_nor_keeps_a_new_phone_out(
     assert notes["longest_stand_s"] < 5.0
     assert phone.connections == 1, "the pilot's line was cut"
     assert ended > 0.9 * (HALF_REQUESTS + IDLE), "strangers are not shown out"
-    assert notes["pushed_out"] > 0
+    assert notes["evicted"] > 0
     assert log.stat().st_size < MOST_LOG_BYTES, log.read_text()[-2000:]
 
 

@@ -148,7 +148,7 @@ export function parseAcknowledgement(message) {
   }
   const view = new DataView(message);
   if (view.getUint8(0) !== ACKNOWLEDGEMENT) {
-    throw new ProtocolError('unknown_type', 'only acknowledgements go up on this socket');
+    throw new ProtocolError('unknown_type', 'this socket receives acknowledgements only');
   }
   return view.getUint32(4, true);
 }

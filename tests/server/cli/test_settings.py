@@ -63,9 +63,9 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        ({"warn": 1}, "has no setting warn"),
+        ({"warn": 1}, "unknown setting warn"),
         ({"warn_s": "soon"}, "must be a number"),
-        ({"warn_s": -1}, "must be a number from 0"),
+        ({"warn_s": -1}, "must be a number of at least 0"),
         ({"warn_s": True}, "must be a number"),
     ],
 )
@@ -78,6 +78,12 @@ def test_a_table_changes_what_it_names() -> None:
     assert build(LinkGovernorConfig, {"stop_s": 0.4}, "governor") == LinkGovernorConfig(stop_s=0.4)
     with pytest.raises(ConfigurationError, match="whole number"):
         build(Limits, {"clients": 1.5}, "limits")
+
+
+def test_a_renamed_setting_is_still_read() -> None:
+    former = {"words_per_second": 7, "words_burst": 8, "strangers": 9, "stranger_s": 2.5}
+    wanted = Limits(messages_per_second=7, messages_burst=8, pending=9, pending_s=2.5)
+    assert build(Limits, former, "limits") == wanted
 
 
 def test_every_setting_is_in_the_reference() -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.clients.eye import HEADER, EyeClock, encode_frame, parse_frame, parse_words
+from server.clients.eye import HEADER, EyeClock, encode_frame, parse_frame, parse_text
 from server.protocol import ErrorCode, ProtocolError
 
 JPEG = cv2.imencode(".jpg", np.zeros((24, 32, 3), np.uint8))[1].tobytes()
@@ -48,15 +48,15 @@ def test_other_words_are_refused(words: object) -> None:
     for text in (str(words), json.dumps(words), json.dumps({"type": words})):
         if words not in ("stop",):
             with pytest.raises(ProtocolError):
-                parse_words(text)
+                parse_text(text)
 
 
 @pytest.mark.parametrize("value", [None, True, "1", [], 1e300, float("inf"), float("nan")])
 def test_a_pong_needs_two_numbers(value: object) -> None:
     for name, other in (("server_ms", "eye_ms"), ("eye_ms", "server_ms")):
         with pytest.raises(ProtocolError):
-            parse_words(json.dumps({"type": "pong", name: value, other: 1.0}))
-    assert parse_words('{"type": "pong", "server_ms": 1, "eye_ms": 2.5}')["eye_ms"] == 2.5
+            parse_text(json.dumps({"type": "pong", name: value, other: 1.0}))
+    assert parse_text('{"type": "pong", "server_ms": 1, "eye_ms": 2.5}')["eye_ms"] == 2.5
 
 
 @given(

@@ -46,8 +46,8 @@ def test_a_connection_is_counted_from_accept_to_close() -> None:
     asyncio.run(scenario())
 
 
-def test_a_stranger_that_is_pushed_out_sees_the_end() -> None:
-    door = Door(Limits(strangers_per_address=1), 10)
+def test_an_evicted_connection_sees_the_end() -> None:
+    door = Door(Limits(pending_per_address=1), 10)
 
     async def scenario() -> None:
         listener = _listener(door)
@@ -97,7 +97,7 @@ def test_without_descriptors_it_turns_away_and_does_not_spin(
 
 
 def test_after_many_it_lets_others_work() -> None:
-    door = Door(Limits(strangers_per_address=500, strangers=500), 500)
+    door = Door(Limits(pending_per_address=500, pending=500), 500)
 
     async def scenario() -> None:
         listener = _listener(door)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from server.config import Limits
 from server.security.door import Door, Peer, address_key
 
-LIMITS = Limits(strangers=6, strangers_per_address=3, stranger_s=5.0)
+LIMITS = Limits(pending=6, pending_per_address=3, pending_s=5.0)
 ADDRESSES = ("10.0.0.1", "10.0.0.2", "fe80::1", "fe80::2", "2001:db8::1")
 STEPS = st.lists(
     st.tuples(
@@ -57,12 +57,12 @@ def test_bounds_hold_and_the_admitted_stay(
         elif what == "wait":
             now_s += port
             door.expire(now_s)
-            assert all(now_s - since_s < LIMITS.stranger_s for since_s in strangers.values())
+            assert all(now_s - since_s < LIMITS.pending_s for since_s in strangers.values())
         assert door.open == len(strangers) + len(admitted) <= capacity
-        assert len(strangers) <= LIMITS.strangers
+        assert len(strangers) <= LIMITS.pending
         for one in ADDRESSES:
             mine = [p for p in strangers if address_key(p[0]) == address_key(one)]
-            assert len(mine) <= LIMITS.strangers_per_address
+            assert len(mine) <= LIMITS.pending_per_address
 
 
 def test_a_newcomer_has_a_moment_in_the_middle_of_a_flood() -> None:
