@@ -37,14 +37,13 @@ class Novelty:
         """Take in the distance of one example from the nearest node that is held against it."""
         self.lengths.append(math.sqrt(squared_distance))
         self._n_new += 1
-        if self._n_new >= _RENEWED_EVERY:
+        if self._n_new >= _RENEWED_EVERY and len(self.lengths) >= _FEWEST:
             self._renew()
 
     def _renew(self) -> None:
         self._n_new = 0
-        if len(self.lengths) >= _FEWEST:
-            self._median, self._border = np.percentile(self.lengths, (50, _BORDER)).tolist()
-            self._border += 0.05 * self._median
+        self._median, self._border = np.percentile(self.lengths, (50, _BORDER)).tolist()
+        self._border += 0.05 * self._median
 
     def score(self, squared_distance: float) -> float:
         """Return 0 for a view no farther than usual, 1 at the border, more beyond."""
