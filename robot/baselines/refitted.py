@@ -39,7 +39,7 @@ class Refitted(BaseLearner):
     def learn_one(self, x: Vector, y: Label) -> None:
         """Keep one labelled vector."""
         if not isinstance(y, str) or not y:
-            raise ValueError(f"a label is a word, not {y!r}")
+            raise ValueError(f"a label must be a string, not {y!r}")
         self._xs.append(checked_vector(x, self._xs[0].size if self._xs else None).copy())
         self._ys.append(str(y))
         self._model = None

@@ -37,7 +37,7 @@ class Baseline(BaseLearner):
     def learn_one(self, x: Vector, y: Label) -> None:
         """Learn one labelled vector; raises ValueError on bad input, and is then unchanged."""
         if not isinstance(y, str) or not y:
-            raise ValueError(f"a label is a word, not {y!r}")
+            raise ValueError(f"a label must be a string, not {y!r}")
         array = checked_vector(x, self._xs[0].size if self._xs else None)
         if y not in self.labels_:
             self.labels_.append(y)

@@ -1,4 +1,4 @@
-"""A drive of somebody else's, on its way to become an episode."""
+"""A drive from another program, to be imported as an episode."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Shot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive:
-    """A drive: how it is called, where it is from, and its shots, read one at a time."""
+    """A drive: its name, its source, and its shots, read one at a time."""
 
     name: str
     source: str
@@ -46,7 +46,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
 
     Raises:
         RecordingError: If the drive is broken or empty; then no file is left.
-        OSError: If the disk refuses; neither.
+        OSError: If the disk refuses; no file is left either.
     """
     started_at_s = drive.started_at_s or time.time()
     run = Run(
@@ -107,9 +107,9 @@ def read_label(text: object, known: Collection[Action] = CLASSIC) -> Action | No
 
 
 def moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
-    """Return the usual three moves and whatever else is among the labels.
+    """Return the usual three moves and all other moves among the labels.
 
-    Where none of the three is among them, it is a drive of another kind: then only its own.
+    If none of the three is among them, return only the drive's own moves.
     """
     found = list(dict.fromkeys(label for label in labels if label is not None))
     ordered = [move for move in CLASSIC if move in found]

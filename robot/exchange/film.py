@@ -1,4 +1,4 @@
-"""Films: pictures to H.264, for a LeRobot dataset and for looking at."""
+"""Films: pictures to H.264, for a LeRobot dataset or for people."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def write_film(
 ) -> int:
     """Write pictures of one size, evenly spaced in time; return how many.
 
-    H.264 with 4:2:0 colour, which everything plays; it needs even sides, so an odd last row or
-    column is left out. A key frame each second makes single pictures quick to find.
+    H.264 with 4:2:0 colour, which every player supports; it needs even sides, so an odd last row or
+    column is left out. A key frame each second makes seeking fast.
 
     Raises:
         MissingExtraError: If `av` is not installed.
@@ -70,10 +70,10 @@ def write_film(
 
 
 def check_suffix(path: Path) -> None:
-    """Refuse a name by which no film can be written.
+    """Refuse a name without a supported suffix.
 
     Raises:
-        ConfigurationError: If it ends otherwise; says how it may end.
+        ConfigurationError: If the suffix is not supported; lists those that are.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise ConfigurationError(
@@ -91,11 +91,11 @@ def write_look(
 ) -> int:
     """Write an episode as a film to look at: large, with label and prediction below the picture.
 
-    It takes as long as the drive, but for what was deleted: where the camera gave no picture the
-    one before stays. Returns how many pictures the film has.
+    It lasts as long as the drive without what was deleted; while the camera gave no picture, the
+    last one stays. Returns how many pictures the film has.
 
     Raises:
-        ConfigurationError: If the file's name is none of a film.
+        ConfigurationError: If the suffix of the file's name is not supported.
         MissingExtraError: If `av` or OpenCV is not installed.
     """
     check_suffix(path)
@@ -114,7 +114,7 @@ def write_look(
 
 
 def _shown(found: list[EpisodeFrame]) -> tuple[list[EpisodeFrame], list[float]]:
-    """Return what nobody deleted, with times from which the deleted stretches are taken out."""
+    """Return what was not deleted, with times that skip the deleted stretches."""
     kept: list[EpisodeFrame] = []
     times_s: list[float] = []
     cut_s, deleted_from_s = 0.0, None
@@ -151,7 +151,7 @@ def frame_rate(times_s: list[float]) -> int:
 
 
 def _caption(picture: Pixels, moment: EpisodeFrame) -> Pixels:
-    """Enlarge the picture, and write below it what was held and what the robot would do."""
+    """Enlarge the picture, and write the label and the prediction below it."""
     import cv2
 
     scale = max(1, -(-_SMALLEST_HEIGHT_PX // picture.shape[0]))

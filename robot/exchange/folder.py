@@ -1,4 +1,4 @@
-"""A folder of pictures with a CSV table: the form that everything can read."""
+"""A folder of pictures with a CSV table, which any program can read."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def write_folder(
 ) -> int:
     """Write an episode as pictures and `frames.csv`; return how many pictures there are.
 
-    `moves.json` has what the driver said of its moves: so a label of its own is known for one.
+    `moves.json` has the driver's declared moves, so that its own labels are recognised.
     """
     folder.mkdir(parents=True)
     declared = describe(episode.moves, episode.declared_moves)

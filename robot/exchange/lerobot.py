@@ -78,9 +78,9 @@ def write_lerobot(
         mended: Recordings with their edits.
         folder: A new folder.
         fps: Pictures a second; None for the first recording's own.
-        task: What the robot was doing, in words.
+        task: What the robot was doing, as a text.
         robot_type: Name of the robot; None for the recording's.
-        on_frame: Told of each picture.
+        on_frame: Called for each picture.
 
     Raises:
         MissingExtraError: If pyarrow, av or OpenCV is not installed.
@@ -134,7 +134,7 @@ def _resample(run: list[EpisodeFrame], fps: int) -> list[EpisodeFrame]:
 
 
 def _action_names(parts: list[DatasetPart]) -> tuple[str, ...]:
-    """Return what an action's numbers are: angle and throttle, or else one place for each move."""
+    """Return the names of an action's elements: angle and throttle, or else one for each move."""
     done = [(_done(moment), part.episode) for part in parts for moment in part.moments]
     found = {(action, episode.declared_moves) for action, episode in done}
     if all(point_of(action, declared) is not None for action, declared in found):

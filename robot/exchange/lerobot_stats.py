@@ -1,4 +1,4 @@
-"""Statistics of a dataset as LeRobot has them: of pictures by colour, and of columns."""
+"""Statistics of a dataset in LeRobot's form: of pictures by colour, and of columns."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class PictureSums:
         self._least, self._most = np.ones(3), np.zeros(3)
 
     def add(self, picture: Pixels) -> Pixels:
-        """Take note of one picture, shape (height, width, 3), and return it as it is."""
+        """Add one picture, shape (height, width, 3), and return it unchanged."""
         shares = picture.reshape(-1, 3) / 255.0
         self._count += 1
         self._pixels += len(shares)
@@ -35,7 +35,7 @@ class PictureSums:
         return picture
 
     def stats(self) -> dict[str, list[Any]]:
-        """Return least, most, mean and deviation of each colour, and the count of pictures."""
+        """Return minimum, maximum, mean and deviation of each colour, and the count of pictures."""
         mean = self._sum / self._pixels
         variance = np.clip(self._squares / self._pixels - mean**2, 0, None)
         values = {"min": self._least, "max": self._most, "mean": mean, "std": np.sqrt(variance)}
@@ -56,7 +56,7 @@ def column_stats(values: NDArray[Any]) -> dict[str, list[Any]]:
 
 
 def joined_stats(parts: list[Stats]) -> Stats:
-    """Join the statistics of episodes, each weighed by its frames."""
+    """Join the statistics of episodes, each weighted by its frames."""
     joined: Stats = {}
     for name in parts[0]:
         counts = np.array([part[name]["count"][0] for part in parts], np.float64)

@@ -40,7 +40,7 @@ def write_episodes(folder: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def write_tasks(folder: Path, task: str) -> None:
-    """Write the tasks; their text is the index of the table, as pandas writes an index down."""
+    """Write the tasks; their text is the index of the table, as pandas stores an index."""
     pa, pq = require_pyarrow()
     described = [
         _pandas_column("task_index", "int64", "int64"),
@@ -74,7 +74,7 @@ def _write_table(pq: Any, table: Any, path: Path) -> None:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write plain values for people to read too."""
+    """Write plain values as readable JSON."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(value, indent=4), encoding="utf-8")
 

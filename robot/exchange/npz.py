@@ -50,10 +50,10 @@ class Recording:
 
 
 def load_recording(path: Path | str) -> Recording:
-    """Read one `.npz` recording; nothing in it is executed.
+    """Read one `.npz` recording; without executing anything in it.
 
     Raises:
-        RecordingError: If it is missing, broken or of another form.
+        RecordingError: If it is missing, broken or in another format.
     """
     path = Path(path)
     try:

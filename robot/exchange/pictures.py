@@ -1,4 +1,4 @@
-"""Picture files of others: looked at before they are believed, JPEG bytes kept as they are."""
+"""Picture files from other programs: checked before use; JPEG bytes are kept unchanged."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Picture:
 
 
 def read_picture_file(folder: Path, name: str) -> Picture:
-    """Read a picture of a folder, by a name that somebody else wrote.
+    """Read a picture of a folder, by an untrusted name.
 
     Raises:
         RecordingError: If the name leads out of the folder, there is no such file, or it is no
@@ -52,10 +52,10 @@ def read_picture_file(folder: Path, name: str) -> Picture:
 
 
 def read_picture(data: bytes, name: str) -> Picture:
-    """Look at the bytes of a JPEG or PNG, and unpack them once to be sure.
+    """Check the bytes of a JPEG or PNG by decoding them once.
 
     Raises:
-        RecordingError: If they are none, damaged, or larger than 4096 pixels a side.
+        RecordingError: If they are no picture, damaged, or larger than 4096 pixels a side.
         MissingExtraError: If OpenCV is not installed.
     """
     size = _size(data)
@@ -85,7 +85,7 @@ def write_picture(frame: Frame, folder: Path, stem: str) -> str:
 
 
 def _size(data: bytes) -> tuple[int, int] | None:
-    """Read width and height from the header alone: before anything is unpacked."""
+    """Read width and height from the header, before anything is decoded."""
     if not data.startswith((_PNG, _JPEG)):
         return None
     try:
@@ -100,7 +100,7 @@ def _size(data: bytes) -> tuple[int, int] | None:
 
 
 def jpeg_size(data: bytes) -> tuple[int, int]:
-    """Return width and height of a JPEG, as its header has them; nothing is unpacked.
+    """Return width and height of a JPEG, from its header; nothing is decoded.
 
     Raises:
         RecordingError: If it is none.

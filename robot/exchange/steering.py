@@ -1,5 +1,7 @@
-"""Steering angles of cars to moves, by a threshold that is stated. The way back is
-`robot.moves.point_of`: what the driver declared of each move."""
+"""Steering angles of cars to moves, by a threshold.
+
+The reverse is `robot.moves.point_of`: the steering and throttle that the driver declared for each
+move."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def _own_label(text: Any) -> Action | None:
 
 
 def _declared(records: list[Record], labels: list[Action | None]) -> tuple[Move, ...]:
-    """Return the points of a driver's own moves, as a tub of ours has them."""
+    """Return steering and throttle of the driver's own moves, as in a tub that we wrote."""
     found: dict[Action, Move] = {}
     for record, label in zip(records, labels, strict=True):
         if _LABEL in record and label is not None and label not in CLASSIC | found:
@@ -193,7 +193,7 @@ def write_tub(
         notes: Its edits.
         folder: A new folder.
         taught_only: Leave out the pictures that nobody taught.
-        on_frame: Told of each picture.
+        on_frame: Called for each picture.
     """
     folder.mkdir(parents=True)
     origin_ms = episode.origin_ns // 10**6

@@ -1,4 +1,4 @@
-"""What each part of the default learner is worth in driving: trials 2 and 3 without it."""
+"""What each part of the default learner contributes to driving: trials 2 and 3 without it."""
 
 from __future__ import annotations
 
@@ -51,5 +51,5 @@ class Ablation:
         ]
 
     def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """Return none: a table says it."""
+        """Return no plots: the table is enough."""
         return []

@@ -1,4 +1,4 @@
-"""Beyond the paper: other behaviours of its future work, and more than three moves."""
+"""Beyond the paper: other behaviours (its future work), and more than three moves."""
 
 from __future__ import annotations
 
@@ -108,8 +108,8 @@ class MoreMoves:
     name = "moves"
     title = "Beyond the paper: other moves"
     text = (
-        "The office with the teacher of trial 3, who turns about one wheel, and with one of the "
-        "same taste who spins on the spot. 90 s of teaching, 330 s of correction, 60 s alone."
+        "The office with the teacher of trial 3, who turns about one wheel, and with the same "
+        "teacher spinning on the spot. 90 s of teaching, 330 s of correction, 60 s alone."
     )
     SETS: Mapping[str, tuple[str, ...]] = {
         "about one wheel": ("forward", "left", "right"),

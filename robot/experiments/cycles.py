@@ -25,7 +25,7 @@ _PATIENT = LoopConfig(
 
 
 def run_cycles(params: Mapping[str, Any]) -> Result:
-    """Measure cycles a second while learning and while applying, on the machine at hand.
+    """Measure cycles a second while learning and while applying, on this machine.
 
     Parameters: `learner`, `robot` (`sim` goes as fast as it can; another robot's camera sets the
     pace), `cycles` (how many to time). The learner is filled up to its nodes first.
@@ -38,7 +38,7 @@ def run_cycles(params: Mapping[str, Any]) -> Result:
 
 
 def _fill(policy: Policy) -> None:
-    """Teach pictures of noise until every node is taken."""
+    """Teach pictures of noise until every node is used."""
     noise = np.random.default_rng(1)
     for number in range(policy.max_nodes + 8):
         pixels = noise.integers(0, 256, (12, 16, 3), dtype=np.uint8).repeat(10, 0).repeat(10, 1)
@@ -71,7 +71,7 @@ def _simulated(policy: Policy, params: Mapping[str, Any]) -> tuple[float, float]
 
 
 def _real(policy: Policy, params: Mapping[str, Any]) -> tuple[float, float]:
-    """Time a real robot: put it on a stand, its wheels turn."""
+    """Time a real robot. Its wheels turn: put it on a stand."""
     rig = build_rig(params["robot"], options=params.get("options", {}))
     with rig.driver, rig.camera:
         loop = ControlLoop(rig.driver, rig.camera, policy, rig.clock, _PATIENT)

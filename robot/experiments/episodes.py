@@ -1,4 +1,4 @@
-"""A behaviour taught in episodes, the world put back after each; judged by what it is for."""
+"""A behaviour taught in episodes, with the world reset after each, and measured by its purpose."""
 
 from __future__ import annotations
 

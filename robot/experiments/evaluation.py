@@ -27,7 +27,7 @@ class PairResult:
 
     `calibration_error` is the expected difference between confidence and accuracy in ten equal
     bins of confidence (Guo et al. 2017); `novel` the share of views unlike all examples;
-    `learn_ms` and `predict_ms` are what a frame cost on the machine at hand, features aside.
+    `learn_ms` and `predict_ms` are the times of a frame on this machine, without the features.
     """
 
     place: str
@@ -46,7 +46,7 @@ class PairResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pair:
-    """Two drives of one place: learn from `train`, be judged on `test`."""
+    """Two drives of one place: learn from `train`, test on `test`."""
 
     train: Recording
     test: Recording
@@ -79,7 +79,7 @@ def evaluate(
     """Yield each learner's result on each pair; `tick` is called after every one.
 
     Raises:
-        ConfigurationError: If there is no such learner.
+        ConfigurationError: If a learner is unknown.
         RecordingError: If a frame cannot be read.
     """
     for name in learners:
@@ -103,7 +103,7 @@ def _vectors(policy: Policy, recording: Recording, known: Vectors) -> list[Vecto
 
 
 def judge(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
-    """Teach a new policy one drive and test it on the other; `vectors` keeps the features."""
+    """Teach a new policy one drive and test it on the other; `vectors` caches the features."""
     _vectors(policy, pair.train, vectors)
     started_s = time.perf_counter()
     teach(policy, pair.train, vectors)

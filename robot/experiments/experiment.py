@@ -12,7 +12,7 @@ from robot.experiments.task import Result, Task
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentSettings:
-    """What a person chose."""
+    """The options of a run of experiments."""
 
     seeds: int = 10
     quick: bool = False
@@ -27,7 +27,7 @@ class ExperimentSettings:
 
     @property
     def n_seeds(self) -> int:
-        """How many runs of each kind: one of each when it has to be quick."""
+        """How many runs of each kind; one with `--quick`."""
         return 1 if self.quick else self.seeds
 
 

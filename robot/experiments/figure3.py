@@ -16,7 +16,7 @@ LEARNERS = ("knn-3", "knn-9", "published-32", "published-64", "published-128", "
 
 
 class Figure3:
-    """How many of 700 frames are rightly classified."""
+    """How many of 700 frames are classified correctly."""
 
     name = "figure3"
     title = "Figure 3: footage"

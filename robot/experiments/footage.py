@@ -1,4 +1,4 @@
-"""Figure 3's question without a robot: trained on one drive, how much of another is right?"""
+"""Figure 3 without a robot: trained on one drive, how much of another is classified correctly?"""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ DRIFT_SHARE = 0.15
 
 
 def make_habit_pilot(habit: Habit, seed: str) -> SimulatedPilot:
-    """Return the whole pilot: teacher, hand and takeover."""
+    """Return the whole pilot: teacher, human delays and takeover."""
     return SimulatedPilot(
         habit.teacher(habit.turns, seed),
         (Action.FORWARD, *habit.turns),
@@ -118,7 +118,7 @@ def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:
 
 
 def drive_by_hand(place: Place, pilot: SimulatedPilot, number: int) -> DriveLog:
-    """Return a minute in which the pilot drives a robot that sees and learns nothing."""
+    """Return a drive of a minute in which the pilot drives and the robot learns nothing."""
     clock = ManualClock()
     driver = SimDriver(SimOptions(world=place.world, seed=place.seed + 1000 * number))
     driver.connect()

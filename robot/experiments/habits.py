@@ -21,7 +21,7 @@ QUICK = (("irregular", "fork", 30.0), ("wall", "office", 10.0), ("sloppy", "box"
 
 
 class Habits:
-    """Does it drive like its pilot, whoever that is, and does it never get stuck?"""
+    """Does it drive like its pilot, for every kind of pilot, and never get stuck?"""
 
     name = "habits"
     title = "Habits: every kind of pilot"
@@ -56,7 +56,7 @@ class Habits:
     def tables(
         self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
-        """Return the gate, then one table each by rate, habit and place."""
+        """Return the release criteria, then one table each by rate, habit and place."""
         long = [(t, r) for t, r in zip(tasks, results, strict=True) if t.params["teach_s"] > 60]
         tables = [_gate(tasks, results)]
         for name in ("rate_hz", "habit", "world"):
@@ -73,7 +73,7 @@ class Habits:
         return tables
 
     def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """Tables say it all."""
+        """Return no plots: the tables are enough."""
         return []
 
 
@@ -143,7 +143,7 @@ def _share(drives: Sequence[_Drive], name: str) -> float:
 
 
 def _gate(tasks: Sequence[Task], results: Sequence[Result]) -> Table:
-    """Return what is asked beside what was measured."""
+    """Return each criterion beside the measured value."""
 
     def of(is_wanted: Callable[[Any], bool], *phases: str) -> list[_Drive]:
         wanted = [r for t, r in zip(tasks, results, strict=True) if is_wanted(t.params)]

@@ -1,4 +1,4 @@
-"""Learners and teachers by name: the project's own, an entry point's, or `path.py:Name`."""
+"""Learners and teachers by name: a built-in one, an entry point, or `path.py:Name`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot.policy.features import GradientFeatures
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.simulation.pilots.behaviours import Follower, Pusher, WallFollower
-from robot.simulation.pilots.teachers import TASTES, SonarController, Teacher, Wanderer
+from robot.simulation.pilots.teachers import TEACHER_PARAMS, SonarController, Teacher, Wanderer
 from robot.types import Action
 
 LEARNERS = "drivelesson.learners"
@@ -33,12 +33,12 @@ def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
 
     Args:
         name: `default-32`, the name of an entry point, or `path.py:Name`, a class or function
-            that without arguments gives a `Policy` or a `Learner` (which then sees the default's
-            features and is steadied as the default is).
+            that, called without arguments, returns a `Policy` or a `Learner` (which then gets the
+            default's features and action filter).
         moves: What it may propose.
 
     Raises:
-        ConfigurationError: If there is none, or it is neither; says which file and why.
+        ConfigurationError: If it is unknown, or returns neither; says which file and why.
     """
     made = _make_idea(name, LEARNERS)
     if made is None:
@@ -52,28 +52,30 @@ def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
 
 
 def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
-    """Return a teacher: `sonar`, one of the tastes, an entry point's, or `path.py:Name`.
+    """Return a teacher: a built-in one such as `sonar`, an entry point, or `path.py:Name`.
 
     Raises:
-        ConfigurationError: If there is none, or it does not teach.
+        ConfigurationError: If it is unknown, or is not a teacher.
     """
     made = _make_idea(name, TEACHERS)
     if made is not None:
         if not (hasattr(made, "choose") and hasattr(made, "tolerates")):
-            raise ConfigurationError(f"{name} is no teacher: it needs `choose` and `tolerates`")
+            raise ConfigurationError(f"{name} is not a teacher: it needs `choose` and `tolerates`")
         return made  # type: ignore[no-any-return]
     if name in _TEACHERS:
         return _TEACHERS[name]()
-    if name not in TASTES:
+    if name not in TEACHER_PARAMS:
         raise ConfigurationError(
-            f"no teacher is called {name!r}; there are: "
-            f"{', '.join([*_TEACHERS, *TASTES])}, or path.py:Name"
+            f"unknown teacher {name!r}; there are: "
+            f"{', '.join([*_TEACHERS, *TEACHER_PARAMS])}, or path.py:Name"
         )
-    return Wanderer(tuple(move for move in moves if move is not Action.FORWARD), TASTES[name])
+    return Wanderer(
+        tuple(move for move in moves if move is not Action.FORWARD), TEACHER_PARAMS[name]
+    )
 
 
 def _make_idea(name: str, group: str) -> Any:
-    """Return what an outside idea makes, or None if the name is one of the project's own."""
+    """Return what an entry point or a file makes, or None if the name is a built-in one."""
     found = {point.name: point for point in entry_points(group=group)}
     file, colon, attribute = name.rpartition(":")
     try:
@@ -94,7 +96,7 @@ def _load_file(path: Path) -> Any:
     name = f"drivelesson_idea_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise ImportError(f"{path} is no Python file")
+        raise ImportError(f"{path} is not a Python file")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)

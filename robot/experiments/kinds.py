@@ -1,4 +1,4 @@
-"""What can be run: each kind of task, from its parameters to plain figures."""
+"""The kinds of tasks: each turns parameters into plain figures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from robot.types import Action, DrivenBy, Mode
 
 
 def run_task(task: Task) -> Result:
-    """Run one task from nothing; the same task gives the same figures, wherever it runs."""
+    """Run one task from the start; the same task gives the same figures on every machine."""
     return RUNNERS[task.kind](task.params)
 
 
@@ -72,10 +72,10 @@ def figures(
     """Return all figures of one drive.
 
     Args:
-        drive: What is judged.
+        drive: The drive to measure.
         teacher: The teacher's profile, from all of its driving.
-        taught: The same from the minutes of teaching alone, as the paper has it.
-        moves: What could be done.
+        taught: The same from the minutes of teaching only, as in the paper.
+        moves: The possible moves.
     """
     own = drive.profile()
     difference = compare(teacher, own, moves)

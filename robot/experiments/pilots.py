@@ -14,7 +14,7 @@ from robot.types import Action
 def make_pilot(params: Mapping[str, Any], moves: tuple[Action, ...]) -> SimulatedPilot:
     """Build it from `teacher`, `seed`, and if there are `delay_ms`, `names_frame`, `lenience`.
 
-    The sonar controller is a program on the robot: it has no hand, and no link between.
+    The sonar controller is a program on the robot, so it has no human delay and no link.
     """
     delay_s = params.get("delay_ms", 0) / 1000
     hand = HumanDelayConfig(link_delay_s=delay_s, names_frame=params.get("names_frame", True))

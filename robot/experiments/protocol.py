@@ -1,8 +1,8 @@
-"""The paper's lesson: teach, correct, let it drive alone, judge. Pure; time comes with the ticks.
+"""The paper's study: teach, correct, let it drive alone, judge. Pure; each tick brings its time.
 
-A phase's clock runs only while the robot is in the mode that the phase asks for, so that a stop
-costs nothing. What the pilot did while teaching and what the robot did alone become two Behavior
-Profiles, and their difference is the lesson's result.
+A phase's clock runs only while the robot is in the mode that the phase needs, so a stop costs no
+time of the phase. What the pilot did while teaching and what the robot did alone become two
+Behavior Profiles, and their difference is the result.
 
 Source: FLAIRS-30 (2017), experiment with human teachers: trials 1 to 3; 90 s of teaching and
 330 s with corrections, or 180 s and 240 s; then 60 s alone, and a question on a 7-point scale.
@@ -36,7 +36,7 @@ TRIALS: Mapping[int, tuple[str, tuple[Action, ...]]] = {
 
 
 class Phase(StrEnum):
-    """Where the lesson is."""
+    """A phase of the study."""
 
     TEACH = "teach"
     CORRECT = "correct"
@@ -61,15 +61,15 @@ class _Drive:
 
 
 class StudyRun:
-    """One guided lesson.
+    """One guided run of the study.
 
     Args:
         trial: 1, 2 or 3.
         teach_s: 90 or 180 seconds of teaching.
-        pace: Seconds of the lesson per second of the clock: 1, but for demonstrations and tests.
+        pace: Seconds of the study per second of the clock: 1, except in demonstrations and tests.
 
     Raises:
-        ConfigurationError: If there is no such trial or teaching time.
+        ConfigurationError: If the trial or the teaching time is unknown.
     """
 
     def __init__(self, trial: int, teach_s: int, pace: float = 1.0) -> None:
@@ -104,7 +104,7 @@ class StudyRun:
         return max(0.0, self.wanted_s.get(self.phase, 0.0) - self.done_s.get(self.phase, 0.0))
 
     def note(self, tick: Tick) -> bool:
-        """Take note of one turn of the loop; True if it ended a phase: the robot shall stop."""
+        """Record one tick of the loop; True if it ended a phase, and the robot has to stop."""
         step_s = 0.0 if self._last_s is None else min(tick.now_s - self._last_s, LONGEST_STEP_S)
         self._last_s = tick.now_s
         if self.mode is None or tick.decision.mode is not self.mode:
@@ -132,10 +132,10 @@ class StudyRun:
             self._robot.distances_m.append(distance_m)
 
     def judge(self, answer: int) -> None:
-        """Take the pilot's answer to the closing question.
+        """Record the pilot's answer to the closing question.
 
         Raises:
-            ConfigurationError: If the lesson is not at its end, or the answer is not 1 to 7.
+            ConfigurationError: If the robot has not driven alone yet, or the answer is not 1 to 7.
         """
         if self.phase is not Phase.QUESTION:
             raise ConfigurationError("the question comes after the robot drove alone")
@@ -145,7 +145,7 @@ class StudyRun:
         self.phase = Phase.DONE
 
     def result(self) -> dict[str, object]:
-        """Return what came out, as plain values for JSON; profiles at 0, 0.02, ..., 4 m."""
+        """Return the result as plain values for JSON; profiles at 0, 0.02, ..., 4 m."""
         pilot, robot = self._pilot.profile(), self._robot.profile()
         difference = compare(pilot, robot, self.moves)
         is_known = bool(self._pilot.moves and self._robot.moves)

@@ -1,4 +1,4 @@
-"""The figures of the paper (FLAIRS-30, 2017), to hold beside ours."""
+"""The figures of the paper (FLAIRS-30, 2017), to compare with ours."""
 
 from __future__ import annotations
 

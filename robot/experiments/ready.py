@@ -1,4 +1,4 @@
-"""Does "ready" mean ready? Forty pilots do what the page says; then the robot drives a minute."""
+"""Does "ready" mean ready? Forty pilots follow the page's hints; then the robot drives a minute."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Ready:
         return [Table(title="The minute after", columns=("pilots", *_COLUMNS), rows=tuple(rows))]
 
     def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """A table says it all."""
+        """Return no plots: the table is enough."""
         return []
 
 

@@ -1,4 +1,4 @@
-"""One pilot who does what the page says until it says "ready"; and the minute after."""
+"""One pilot who follows the page's hints until it shows "ready", and the minute after."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TEACH_STEP_S, TRY_STEP_S = 10.0, 40.0
 
 
 def run_ready(params: Mapping[str, Any]) -> Result:
-    """Teach, try and teach again as `Readiness` says, then let it drive a minute alone.
+    """Teach, try and teach again as `Readiness` advises, then let it drive alone for a minute.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `drift`.
     """

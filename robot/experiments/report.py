@@ -1,4 +1,4 @@
-"""All results in one HTML file that needs nothing else: tables, plots, and how it was made."""
+"""All results in one self-contained HTML file: tables, plots, and how they were made."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def write_html(sections: Sequence[Section], command: str, notes: Sequence[str] =
     Args:
         sections: The experiments.
         command: The command line that made it.
-        notes: Sentences for the top: what a reader should know first.
+        notes: Sentences for the top of the report.
     """
     parts = [
         "<!doctype html><html lang=en><meta charset=utf-8>",
@@ -61,7 +61,7 @@ def write_html(sections: Sequence[Section], command: str, notes: Sequence[str] =
 
 
 def machine() -> list[str]:
-    """Return what the figures were made on: processor, Python, and the libraries that count."""
+    """Return what the figures were made on: processor, Python, and the relevant libraries."""
     names = ("drivelesson", "numpy", "panda3d", "scikit-learn", "joblib")
     return [
         f"{platform.system()} {platform.machine()}, {processor()}",
@@ -71,7 +71,7 @@ def machine() -> list[str]:
 
 
 def processor() -> str:
-    """Return the processor's name as Linux tells it, or what Python knows."""
+    """Return the processor's name from Linux, else from Python."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
             if line.startswith("model name"):

@@ -21,15 +21,15 @@ def run_all(
     scheduler: str | None = None,
     on_done: Callable[[Task], object] = lambda task: None,
 ) -> list[Result]:
-    """Return the results of all tasks, in their order; what the store has is not run again.
+    """Return the results of all tasks, in their order; tasks with a stored result are not run.
 
     Args:
         tasks: What to run.
-        store: Where finished runs are kept as soon as they are finished.
+        store: Where each run is saved as soon as it is finished.
         jobs: How many at a time on this machine; 1 runs them here, without other processes.
         backend: `processes`, or `dask` for the cluster whose `scheduler` is named.
         scheduler: Address of a Dask scheduler.
-        on_done: Told of each task as it is done.
+        on_done: Called with each task when it is done.
 
     Raises:
         MissingExtraError: If joblib or dask is not installed.

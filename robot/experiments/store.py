@@ -18,7 +18,7 @@ class Store:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise ConfigurationError(f"cannot keep results in {folder}: {error}") from error
+            raise ConfigurationError(f"cannot save results in {folder}: {error}") from error
 
     def get(self, task: Task) -> Result | None:
         """Return the result of a task that is done; None if it is not, or its file is broken."""
@@ -29,13 +29,13 @@ class Store:
             return None
 
     def put(self, task: Task, result: Result) -> None:
-        """Keep a result: the whole file or none of it, whatever happens meanwhile."""
+        """Save a result atomically: the whole file or nothing."""
         path = self._path(task)
         text = json.dumps({"kind": task.kind, "params": dict(task.params), "result": result})
         try:
             write_whole(path, text.encode())
         except OSError as error:
-            raise ConfigurationError(f"cannot keep results in {self.folder}: {error}") from error
+            raise ConfigurationError(f"cannot save results in {self.folder}: {error}") from error
 
     def _path(self, task: Task) -> Path:
         return self.folder / f"{task.kind}-{task.key()}.json"

@@ -47,7 +47,7 @@ def format_cell(cell: Cell) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """Some numbers in short."""
+    """A summary of some numbers."""
 
     mean: float
     sd: float

@@ -22,9 +22,9 @@ class Task:
     params: Mapping[str, Any] = field(default_factory=dict)
 
     def key(self) -> str:
-        """Return the name under which its result is kept: a fingerprint of task and program.
+        """Return the name under which its result is saved: a fingerprint of task and program.
 
-        A changed program or idea file gives another key: old results are not taken for new ones.
+        A changed program or idea file gives another key, so old results are not reused.
         """
         text = json.dumps([self.kind, dict(self.params), program_fingerprint()], sort_keys=True)
         files = [_content(value) for value in self.params.values() if isinstance(value, str)]

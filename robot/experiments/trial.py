@@ -1,4 +1,4 @@
-"""One simulated drive lesson, faster than real time, through the real control loop.
+"""One simulated trial, faster than real time, through the real control loop.
 
 Teaching, driving alone, driving with corrections: the phases of the paper's trials. A simulated
 pilot holds directions as a phone would; `ControlLoop.tick` decides, drives and learns.
@@ -32,14 +32,14 @@ PATIENT_LINK = LinkGovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """Where a drive is and how its chance falls."""
+    """Where a drive takes place, and its random seed."""
 
     world: str
     seed: int
 
 
 class Trial:
-    """A simulated robot, its loop and its pilot, on a clock that goes as fast as it can.
+    """A simulated robot, its loop and its pilot, on a clock that runs as fast as the machine can.
 
     Use it as a context manager: it holds a renderer, which belongs to this thread.
 
@@ -47,7 +47,7 @@ class Trial:
         place: Where it drives.
         policy: What learns.
         pilot: Who teaches.
-        governor: How patient the robot is with the link.
+        governor: The limits of the link governor.
         rate_hz: Frames, ticks and heartbeats a second.
         drift: How far the wheels drift apart while the pilot teaches (`Simulation.drift_share`).
     """
@@ -88,7 +88,7 @@ class Trial:
         Args:
             mode: TRAIN: the pilot drives. AUTONOMOUS: the robot does.
             seconds: How long.
-            supervised: False: the pilot only watches, and never takes the wheel.
+            supervised: False: the pilot only watches and never takes the wheel.
             until: The drive ends early after the first moment for which this is true.
 
         Raises:
@@ -107,14 +107,14 @@ class Trial:
         return log
 
     def _start(self, mode: Mode) -> None:
-        """Wait, standing, until pictures and words are under way on the link; then start."""
+        """Wait, standing, until pictures and commands are under way on the link; then start."""
         self.loop.set_mode(Mode.STOPPED)
         for _ in range(math.ceil(self.pilot.link_delay_s * self.rate_hz) + 1):
             self._turn()
         self.loop.set_mode(mode)
 
     def _turn(self) -> DriveSample:
-        """Let a frame's time pass, show it to the pilot, and turn the loop once."""
+        """Advance by one frame, show it to the pilot, and tick the loop."""
         self.clock.advance(1 / self.rate_hz)
         self.driver.advance(1 / self.rate_hz)
         frame = self.camera.capture()
@@ -152,7 +152,7 @@ class Trial:
         return state.fault or str(state.decision.stop_reason)
 
     def close(self) -> None:
-        """Let go of the renderer."""
+        """Close the renderer."""
         self.driver.disconnect()
         self.driver.simulation.close()
 

@@ -1,4 +1,4 @@
-"""Online learners from labelled examples; they need numpy and nothing else of the project.
+"""Online learners from labelled examples. This package needs only numpy.
 
 Example:
     >>> import numpy as np

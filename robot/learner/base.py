@@ -1,4 +1,4 @@
-"""What every learner can do, whatever it is made of."""
+"""The protocol that every learner implements."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Label = str
 
 
 class NotFittedError(ValueError):
-    """A prediction was asked of a learner that has learned nothing."""
+    """A prediction was requested from a learner that has learned nothing."""
 
 
 def checked_vector(x: Vector, n_features: int | None = None) -> Vector:
-    """Return `x` as an array, or refuse it.
+    """Return `x` as an array, if it is a valid vector.
 
     Raises:
         ValueError: If `x` is not a non-empty, finite vector of numbers, or has not
@@ -47,8 +47,8 @@ class Evidence:
     """A prediction together with what it rests on.
 
     `probabilities` sum to 1. `confidence` is a calibrated chance that `label` is right.
-    `novelty` is 0 for a familiar view; 1 or more means: unlike all that was learned. It stays 0
-    where the learner's abilities lack novelty.
+    `novelty` is 0 for a familiar view; 1 or more means: unlike all that was learned. It is always 0
+    if the learner's abilities lack novelty.
     `node` is the id of the nearest learned image (None where the learner keeps none).
     """
 
@@ -88,7 +88,7 @@ class Node:
 
 @dataclass(slots=True)
 class State:
-    """All that a learner knows, as arrays and plain values: what is saved, sent and compared."""
+    """All that a learner has learned, as arrays and plain values, to be saved and compared."""
 
     kind: str
     params: dict[str, Any]
@@ -98,12 +98,12 @@ class State:
 
 @runtime_checkable
 class Learner(Protocol):
-    """One frame at a time: learn it, or say what it is.
+    """Protocol of an online classifier: learns one frame at a time, and predicts its label.
 
-    A learner that keeps no images derives from `BaseLearner`, which answers the second half.
+    A learner that keeps no images derives from `BaseLearner`, which implements the second half.
 
     Attributes:
-        abilities: What it can do beyond that.
+        abilities: What it can do beyond learning and predicting.
         sharpness: The power that turns shares of votes into calibrated chances; 1 for none.
         n_nodes_: How many images it keeps.
         last_node_: Id of the image that took in the latest example; None if there is none.
@@ -140,17 +140,17 @@ class Learner(Protocol):
     def get_state(self) -> State:
         """Return a copy of all that was learned; `set_state` of it changes no prediction.
 
-        It is what saving and undoing rest on: learning on from a state that was set gives the
-        same learner, bit for bit, as learning on without it.
+        Saving and undo rely on it: further learning after `set_state` gives the same learner,
+        bit for bit, as without it.
         """
         ...
 
     def set_state(self, state: State) -> None:
-        """Become the learner that gave `state`. Raises ValueError if it is of another kind."""
+        """Restore `state`. Raises ValueError if it is of another kind."""
         ...
 
     def reset(self) -> None:
-        """Forget what belongs to one drive, such as the place: a new drive begins."""
+        """Forget what belongs to one drive, such as the place, before a new drive."""
         ...
 
     def nodes(self) -> list[Node]:

@@ -3,7 +3,7 @@
 Source: Ferrer, "Bounded Self-Organizing Clusters", FLAIRS-30 (2017). The paper compares images
 pixel by pixel after every merge; here a merged node's distances follow from those already known
 (Lance and Williams 1967, centroid linkage), so that a training step is one pass over the nodes.
-`robot.learner.published` is the paper to the letter.
+`robot.learner.published` is the algorithm exactly as published.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _ARRAYS = ("ids", "touched", "groups", "pinned", "distances")
 class Merge(NamedTuple):
     """Node `removed` was merged into node `kept`, and its index given to the newest frame.
 
-    A plain tuple: one is made at every other training step, and costs a third of a dataclass.
+    A plain tuple, because it is made often and is three times as fast as a dataclass.
     """
 
     kept: int
@@ -38,7 +38,7 @@ class BSOC:
     Args:
         max_nodes: How many nodes to keep at most; the only parameter of the algorithm.
         group_cost: How many times dearer it is to merge nodes of two groups (labels, say).
-            1 is the paper, which knows no groups.
+            1 is as in the paper, which has no groups.
         integer: Compute on pixels in whole numbers alone; vectors are then bytes.
 
     Attributes:
@@ -164,7 +164,7 @@ class BSOC:
         return int(distances.argmin())
 
     def _held_out(self, distances: Floats) -> float | None:
-        """Return the least of the (halved) distances to nodes not touched of late, doubled."""
+        """Return the squared distance to the nearest node that no recent frame went into."""
         if self._next_id <= HELD_OUT:
             return None
         held = distances[self._touched[: distances.size] < self._next_id - HELD_OUT]
@@ -172,7 +172,7 @@ class BSOC:
         return 2.0 * float((held if held.size else distances).min()) if distances.size else None
 
     def _absorb(self, node: int, distances: Floats) -> None:
-        """Merge the measured frame into a node; `distances` become those after it."""
+        """Merge the measured frame into a node; updates `distances`."""
         self._touched[node] = self._next_id
         count = self._counts[node]
         share = 1.0 / (count + 1)
@@ -183,7 +183,7 @@ class BSOC:
         distances[node] *= (1.0 - share) ** 2
 
     def _merge(self, kept: int, removed: int, distances: Floats) -> None:
-        """Merge one node into another; `distances`, of the measured frame, follow."""
+        """Merge one node into another; updates `distances` of the measured frame."""
         count, other = self._counts[kept], self._counts[removed]
         share = other / (count + other)
         between = float(self._distances[kept, removed])
@@ -296,7 +296,7 @@ class BSOC:
         return State(kind=self.kind, params=params, arrays=arrays)
 
     def set_state(self, state: State) -> None:
-        """Become the clustering that gave `state`; raises ValueError if of another kind."""
+        """Restore `state`; raises ValueError if it is of another kind."""
         if state.kind != self.kind:
             raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
         self.max_nodes = int(state.params["max_nodes"])
@@ -318,5 +318,5 @@ class BSOC:
 
     @property
     def kind(self) -> str:
-        """Name of the form that its state has."""
+        """Name of the format of its state."""
         return "bsoc-integer" if self.integer else "bsoc"

@@ -100,7 +100,7 @@ class BSOCClassifier:
             ValueError: If `x` or `y` cannot be learned; the learner is then unchanged.
         """
         if not isinstance(y, str) or not y:
-            raise ValueError(f"a label is a word, not {y!r}")
+            raise ValueError(f"a label must be a string, not {y!r}")
         column = self.labels_.index(y) if y in self.labels_ else len(self.labels_)
         node = self.cluster.train(x, column)
         self._know(y)
@@ -115,7 +115,7 @@ class BSOCClassifier:
             self.linear.learn(x, np.eye(len(self.labels_))[column])
 
     def _know(self, y: Label) -> int:
-        """Return the column of a label, a new one if it is not known yet."""
+        """Return the column of a label; adds one for a new label."""
         if y not in self.labels_:
             self.labels_.append(y)
             new = np.zeros((self.max_nodes, 1), np.int64)
@@ -170,7 +170,7 @@ class BSOCClassifier:
         self._histograms[merge.removed] = 0
 
     def reset(self) -> None:
-        """Forget nothing: what it learned belongs to no drive."""
+        """Do nothing: all that it learned is kept between drives."""
 
     def nodes(self) -> list[Node]:
         """Return the learned images, in the clustering's order."""
@@ -216,7 +216,7 @@ class BSOCClassifier:
         )
 
     def set_state(self, state: State) -> None:
-        """Become the classifier that gave `state`; raises ValueError if it is of another kind."""
+        """Restore `state`; raises ValueError if it is of another kind."""
         if state.kind != self._kind:
             raise ValueError(f"the model is a {state.kind}, not a {self._kind}")
         prefix = "cluster_"

@@ -1,4 +1,4 @@
-"""The weights between all pairs of nodes, and which pair has the least."""
+"""The weights between all pairs of nodes, and the pair with the smallest."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Edges:
         self._partner = np.zeros(max_nodes, np.int64)
 
     def smallest(self) -> tuple[float, int, int]:
-        """Return weight and ends of the least edge; the lowest indices on a tie."""
+        """Return weight and ends of the smallest edge; the lowest indices on a tie."""
         if self._is_cached:
             one = int(self._least.argmin())
             return float(self._least[one]), one, int(self._partner[one])
@@ -54,13 +54,13 @@ class Edges:
         self.rebuild()
 
     def rebuild(self) -> None:
-        """Find each row's least anew, after the weights were written from outside."""
+        """Find each row's smallest weight again, after the weights were replaced."""
         self._flat = self.weights.reshape(-1)
         self._partner = self.weights.argmin(axis=1)
         self._least = self.weights[np.arange(self._n), self._partner]
 
     def _update(self, node: int, weights: Floats) -> None:
-        """Keep each row's least after one node's weights changed."""
+        """Update each row's smallest weight after one node's weights changed."""
         size = weights.size
         least, partner = self._least[:size], self._partner[:size]
         lost = np.flatnonzero(partner == node)

@@ -1,4 +1,4 @@
-"""The pixels of the nodes: measuring and blending, in float32 or in whole numbers alone."""
+"""The pixels of the nodes: distances and means, in float32 or in integers only."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Images(Protocol):
         ...
 
     def measure(self, x: Vector, size: int) -> Floats:
-        """Take `x` in and return half its squared distances to the first `size` images.
+        """Store `x` and return half its squared distances to the first `size` images.
 
-        Half, for |n|^2 / 2 - n.x + |x|^2 / 2 is one operation less, and compares as well.
+        Half, because |n|^2 / 2 - n.x + |x|^2 / 2 needs one operation less and has the same order.
 
         Raises:
             ValueError: If `x` is of another length, not finite, or no vector of numbers.

@@ -1,4 +1,4 @@
-"""How unlike all that was learned a view is, measured by the learner's own history."""
+"""How unlike all that was learned a view is, compared with the distances of earlier examples."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ _BORDER = 98
 
 
 class Novelty:
-    """Compares a view's distance with those at which earlier examples came in.
+    """Compares a view's distance with those of earlier examples.
 
-    Every example, before it is learned, lies at some distance from the nearest node that none of
-    the latest examples went into: a distance as the robot will meet it when it comes by again. The
-    median of these is novelty 0, a little beyond their 98th percentile 1. Old examples fade, for
-    nodes come nearer as they spread over the place.
+    Every example, before it is learned, has a distance from the nearest node that none of the
+    latest examples went into. Such distances occur when the robot comes by again. The
+    median of these is novelty 0, a little beyond their 98th percentile 1. Old examples count less,
+    because distances shrink as the nodes cover the place.
 
     Args:
-        memory: How many examples it looks back on.
+        memory: How many of the latest examples it compares with.
     """
 
     def __init__(self, *, memory: int = 600) -> None:
@@ -34,7 +34,7 @@ class Novelty:
         self._n_new = 0
 
     def learn(self, squared_distance: float) -> None:
-        """Take in the distance of one example from the nearest node that is held against it."""
+        """Add the distance of one example from the nearest node without recent examples."""
         self.lengths.append(math.sqrt(squared_distance))
         self._n_new += 1
         if self._n_new >= _RENEWED_EVERY and len(self.lengths) >= _FEWEST:
@@ -46,7 +46,7 @@ class Novelty:
         self._border += 0.05 * self._median
 
     def score(self, squared_distance: float) -> float:
-        """Return 0 for a view no farther than usual, 1 at the border, more beyond."""
+        """Return 0 for a view no farther away than usual, 1 at the limit, more beyond."""
         span = self._border - self._median
         if span <= 0.0:
             return 0.0
@@ -57,14 +57,14 @@ class Novelty:
         return np.array([self._median, self._border, self._n_new, *self.lengths])
 
     def set_array(self, values: NDArray[np.float64]) -> None:
-        """Become what gave `values`."""
+        """Restore what `get_array` returned."""
         self._median, self._border = float(values[0]), float(values[1])
         self._n_new = int(values[2])
         self.lengths.clear()
         self.lengths.extend(values[3:].tolist())
 
     def set_moments(self, n: int, mean: float, variance: float) -> None:
-        """Become one of about this scale: models of version 0.1 keep mean and variance alone."""
+        """Restore an approximate scale: models of version 0.1 have only mean and variance."""
         self.lengths.clear()
         self.lengths.extend([mean] * min(int(n), self.lengths.maxlen or 0))
         self._median, self._border = mean, mean + 4.0 * math.sqrt(variance) + 0.05 * mean

@@ -1,8 +1,8 @@
-"""One network for each place, and an index of binary features that tells which place this is.
+"""One classifier for each place, and an index of binary features that recognises the place.
 
 Source: the paper's first item of future work. The features are those of BRIEF (Calonder et al.
 2010) at fixed points: is this spot brighter than that one? A place's index keeps some of its
-views as strings of such bits; the nearest by Hamming distance says how well a view fits.
+views as strings of such bits; the smallest Hamming distance shows how well a view fits.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class BinaryFeatures:
 
 
 class PlaceIndex:
-    """The views kept of one place; the oldest goes when there are too many."""
+    """The stored views of one place; the oldest is dropped when there are too many."""
 
     def __init__(self) -> None:
         self.views = np.zeros((0, N_BITS // 8), np.uint8)
@@ -81,13 +81,13 @@ class PlaceIndex:
 
 
 class _Tracker:
-    """How well the latest frames fit each place, smoothed: a robot does not jump about."""
+    """How well the latest frames fit each place, smoothed: a robot does not jump between places."""
 
     def __init__(self) -> None:
         self.levels: list[float] = []
 
     def update(self, differences: list[float]) -> int:
-        """Take in one frame and return the place that fits best."""
+        """Add one frame and return the place that fits best."""
         old = self.levels + differences[len(self.levels) :]
         self.levels = [
             _SMOOTHING * level + (1.0 - _SMOOTHING) * new
@@ -97,12 +97,12 @@ class _Tracker:
 
 
 class MultiPlace:
-    """A learner that keeps one network for each place it meets, up to `max_places`.
+    """A learner with one classifier for each place that it meets, up to `max_places`.
 
     Args:
-        make: Makes the network for a new place.
+        make: Makes the classifier for a new place.
         features: Binary features of the grey picture at the end of each vector.
-        max_places: Beyond, a new place joins the one most like it.
+        max_places: Beyond this number a new place shares the classifier of the one most like it.
     """
 
     kind = "multi-place"
@@ -127,17 +127,17 @@ class MultiPlace:
 
     @property
     def abilities(self) -> Abilities:
-        """Those of its networks."""
+        """The abilities of its classifiers."""
         return (self.networks_[0] if self.networks_ else self._make()).abilities
 
     @property
     def sharpness(self) -> float:
-        """The power that turns shares of votes into chances, as the networks have it."""
+        """The power that turns shares of votes into chances, as the classifiers have it."""
         return self.networks_[0].sharpness if self.networks_ else 1.0
 
     @property
     def n_nodes_(self) -> int:
-        """Nodes of all networks together."""
+        """Nodes of all classifiers together."""
         return sum(len(network.cluster) for network in self.networks_)
 
     def reset(self) -> None:
@@ -147,10 +147,10 @@ class MultiPlace:
         self._driving = _Tracker()
 
     def learn_one(self, x: Vector, y: Label) -> None:
-        """Teach the network of the place that this view belongs to, a new one if to none.
+        """Teach the classifier of this view's place, or a new one if no place fits.
 
-        A robot that drives stays in its place, however new the views it meets; it is carried
-        to another only between drives. So after `reset` the place is looked for: the next
+        A robot changes its place only between drives, when a person carries it; new views during a
+        drive belong to the same place. So the place is determined after `reset`: the next
         `_SEARCH` examples wait until they show together which place fits, or that none does.
 
         Raises:
@@ -158,7 +158,7 @@ class MultiPlace:
         """
         bits = self._bits(x)
         if not isinstance(y, str) or not y:
-            raise ValueError(f"a label is a word, not {y!r}")
+            raise ValueError(f"a label must be a string, not {y!r}")
         if self.networks_:
             checked_vector(x, self._size)
         self.n_seen_ += 1
@@ -200,15 +200,15 @@ class MultiPlace:
             index.add(bits)
 
     def predict_one(self, x: Vector) -> Label:
-        """Return the label that this place's network gives; raises NotFittedError."""
+        """Return the label that this place's classifier predicts; raises NotFittedError."""
         return self.explain_one(x).label
 
     def predict_proba_one(self, x: Vector) -> dict[Label, float]:
-        """Return the labels' shares in this place's network."""
+        """Return the labels' shares in this place's classifier."""
         return dict(self.explain_one(x).probabilities)
 
     def explain_one(self, x: Vector) -> Evidence:
-        """Recognise the place from this and the latest views, and ask its network."""
+        """Recognise the place from this and the latest views, and predict with its classifier."""
         if not self.networks_:
             raise NotFittedError("nothing was learned yet")
         bits = self._bits(x)
@@ -259,7 +259,7 @@ class MultiPlace:
         return self._features.extract(array[-size:])
 
     def get_state(self) -> State:
-        """Return a copy of all networks and indices."""
+        """Return a copy of all classifiers and indices."""
         arrays: dict[str, NDArray[Any]] = {}
         places = []
         for i, (network, index) in enumerate(zip(self.networks_, self._indices, strict=True)):
@@ -286,7 +286,7 @@ class MultiPlace:
         return State(kind=self.kind, params=params, arrays=arrays)
 
     def set_state(self, state: State) -> None:
-        """Become the learner that gave `state`; raises ValueError if it is of another kind."""
+        """Restore `state`; raises ValueError if it is of another kind."""
         if state.kind != self.kind:
             raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
         self.networks_, self._indices = [], []

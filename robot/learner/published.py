@@ -1,4 +1,4 @@
-"""The paper's clustering to the letter: every distance measured, its ties broken as published.
+"""The clustering exactly as published: every distance computed, the same tie-breaking.
 
 Source: Ferrer, FLAIRS-30 (2017), with the details of the authors' program: the distance is the
 sum of squared differences; a new node takes the lowest free index, a merged one the lower of its
@@ -94,7 +94,7 @@ class PublishedBSOC:
     def train(self, x: Vector, group: int = 0) -> int:
         """Add one frame, merge the closest pair if there are too many; return x's nearest node.
 
-        `group` is of no consequence: the published algorithm knows none. Raises as `lookup`.
+        `group` is ignored: the published algorithm has no groups. Raises as `lookup`.
         """
         image = self._checked(x)
         if self._size == 0:
@@ -170,7 +170,7 @@ class PublishedBSOC:
         self._weights[:, source] = np.inf
 
     def set_group(self, node: int, group: int) -> None:
-        """Do nothing: the published algorithm knows no groups."""
+        """Do nothing: the published algorithm has no groups."""
 
     def pin(self, node: int, pinned: bool = True) -> None:
         """Keep one node out of all merges, or let it take part again.

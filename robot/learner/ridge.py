@@ -36,7 +36,7 @@ class RecursiveRidge:
         self._work = np.zeros((size, size))
 
     def add_label(self) -> None:
-        """Make room for one more label: no frame so far had it."""
+        """Add a column for a new label, which no frame so far had."""
         self._weights = np.hstack([self._weights, np.zeros((len(self._weights), 1))])
 
     def scores(self, x: NDArray[Any]) -> Floats:
@@ -68,7 +68,7 @@ class RecursiveRidge:
         return {"inverse": self._inverse.copy(), "linear": self._weights.copy()}
 
     def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Become what gave `arrays`; raises ValueError if it had other features."""
+        """Restore what `get_arrays` returned; raises ValueError if it had other features."""
         if arrays["inverse"].shape != self._inverse.shape:
             raise ValueError("the model was learned on another number of features")
         self._inverse = arrays["inverse"].copy()

@@ -1,4 +1,4 @@
-"""Which label a view deserves, from the labels and distances of the learned images near it."""
+"""Votes on a view's label, from the labels and distances of the learned images near it."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def nearest_nodes(distances: Distances, histograms: NDArray[np.int64], n_voters:
 def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
     """Return the chance that the label `best` is right: its share after sharpening.
 
-    Votes of neighbours and a penalised linear part hedge: where they say 75 %, they are right in
-    87 % of frames. Raising shares to a power (a temperature below 1) mends that at every level.
+    Votes of neighbours and of a penalised linear part are underconfident: at 75 % they are right in
+    87 % of frames. Raising shares to a power (a temperature below 1) corrects that at every level.
     """
     powers = [vote**sharpness for vote in votes]  # of a few numbers: no task for numpy
     total = sum(powers)

@@ -7,7 +7,7 @@ Every constant is a time or a share of votes, never a number of frames.
 3. A straight move without effect is given up (`stall_detector.py`).
 4. A turn that has gone on for longer than the pilot's own longest loses votes, and its opposite is
    barred until it has been paid back by driving straight (`progress_clock.py`).
-5. When nothing of that helps, the robot stands and asks for help.
+5. If none of this helps, the robot stops and asks for help.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _USUAL_STEP_S = 0.1
 
 
 class RunningVotes:
-    """Exponential average of the votes: one odd frame does not turn the wheels.
+    """Exponential average of the votes, so that a single frame does not change the move.
 
     Args:
         keep: Share of the old average that is left after a tenth of a second, in [0, 1).
@@ -60,7 +60,7 @@ class RunningVotes:
     def update(
         self, shares: Mapping[Action, float], at_s: float | None = None
     ) -> dict[Action, float]:
-        """Take in one frame's shares and return the average; it sums to 1.
+        """Add one frame's shares and return the average; it sums to 1.
 
         Args:
             shares: The votes for each move.
@@ -89,10 +89,10 @@ class RunningVotes:
 
 
 class Commitment:
-    """A robot goes on with the move under way unless the votes for another clearly exceed it.
+    """Hysteresis: keeps the move under way unless the votes for another clearly exceed it.
 
-    And after a turn it does not turn the other way until it has paid it back by driving straight:
-    LEFT and RIGHT in turn lead nowhere.
+    After a turn it bars the opposite turn until the robot has driven straight for long enough:
+    LEFT and RIGHT alternating lead nowhere.
 
     Args:
         turn_inertia: By how much the votes for another move must exceed those for a turn under way.
@@ -120,14 +120,14 @@ class Commitment:
         *,
         urge: float = 0.0,
     ) -> Action:
-        """Return the action of most votes that the turn begun allows; the first on a tie.
+        """Return the allowed action with most votes; the first on a tie.
 
         Args:
             shares: The votes for each move.
-            under_way: What the robot is doing by its own choice; None if it is not: what the
-                pilot does must not weigh in a judgement that is compared with the pilot's.
-            futile: A move that leads nowhere now: taken only if there are no votes for another.
-            urge: What is taken off the votes of all turns.
+            under_way: The move that the robot makes while it drives itself, else None: the pilot's
+                move must not influence a prediction that is compared with the pilot's move.
+            futile: A move without effect: chosen only if there are no votes for another.
+            urge: How much is subtracted from the votes of all turns.
         """
         barred = OPPOSITE.get(self._turn) if self._turn is not None else None
         allowed = [action for action in shares if action is not barred] or list(shares)
@@ -146,13 +146,13 @@ class Commitment:
         return chosen
 
     def free(self) -> None:
-        """Let any turn follow: the last one is paid back."""
+        """Allow every turn again: the last one is paid back."""
         self._turn = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """One frame, as far as the filter goes: in grey, when it was taken, if a bumper was pressed."""
+    """What the filter sees of a frame: grey values, time, and whether a bumper was pressed."""
 
     picture: NDArray[np.uint8]
     at_s: float
@@ -160,15 +160,15 @@ class View:
 
 
 class ActionFilter:
-    """All that lies between the votes on one frame and a steady drive.
+    """Makes steady driving of the votes on single frames.
 
     Args:
         votes_kept: Share of the running average of votes that is left after a tenth of a second.
-        commitment: To the move under way, and to a turn begun.
-        gives_up: False: nothing that leads nowhere is given up, as in the paper.
+        commitment: Hysteresis of the move under way and of turns.
+        gives_up: False: moves without effect are not given up, as in the paper.
 
     Attributes:
-        needs_help: True while the robot stands and asks, because nothing led anywhere.
+        needs_help: True while the robot stands and asks for help, because no move had effect.
     """
 
     def __init__(
@@ -188,13 +188,13 @@ class ActionFilter:
 
     @classmethod
     def none(cls) -> Self:
-        """Return none at all: each frame's own votes decide, as in the paper."""
+        """Return a filter that does nothing: each frame's own votes decide, as in the paper."""
         return cls(0.0, Commitment(0.0, 0.0, bars_opposite=False), gives_up=False)
 
     def average(
         self, shares: Mapping[Action, float], at_s: float | None = None
     ) -> dict[Action, float]:
-        """Take in the votes on one more frame, and return their running average."""
+        """Add the votes on one more frame, and return their running average."""
         return self._average.update(shares, at_s)
 
     def choose(
@@ -212,7 +212,7 @@ class ActionFilter:
             shares: The averaged votes.
             view: The frame.
             under_way: As `Commitment.choose` has it.
-            longest_debt_s: The pilot's longest debt (`PilotPace`).
+            longest_debt_s: The pilot's largest debt (`PilotPace`).
             patience_s: How long a straight move may be without effect.
         """
         if not self._gives_up:  # on an EV3 each comparison of pictures counts
@@ -229,7 +229,7 @@ class ActionFilter:
         return self._commitment.choose(shares, under_way, futile, urge=urge)
 
     def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
-        """Keep the clock; return what to take off the votes of turns, and set `needs_help`."""
+        """Update the clock and `needs_help`; return what to subtract from the votes of turns."""
         clock = self._clock
         if under_way is None:  # the pilot drives, and knows the way out
             clock.reset()

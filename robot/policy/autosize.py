@@ -1,4 +1,4 @@
-"""The one dial, made practical: how many nodes does this machine allow at a given frame rate?"""
+"""Chooses `max_nodes`: how many nodes does this machine allow at a given frame rate?"""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class Cost:
 
     @property
     def frame_s(self) -> float:
-        """What one taught frame costs, as a rule: medians, because one turn in a hundred tells
-        more of what else the machine was doing; the margin pays for those."""
+        """Typical time of one taught frame: medians, because the slowest ticks show what else the
+        machine was doing; the margin covers those."""
         return self.extract_s + self.propose_s + self.learn_s
 
     @property
@@ -41,7 +41,7 @@ class Cost:
 
 
 def sample_frames(count: int, seed: int = 0) -> list[Frame]:
-    """Return made-up frames of one drive: coarse scenes that slide by, with noise on them."""
+    """Return synthetic frames of one drive: coarse scenes that slide by, with noise."""
     rng = np.random.default_rng(seed)
     panorama = np.kron(rng.integers(30, 220, (12, 160)), np.ones((10, 10)))
     frames = []
@@ -101,8 +101,8 @@ def choose_max_nodes(
 ) -> Cost:
     """Return the cost of the largest size in `SIZES` that holds the rate with a margin.
 
-    Sizes are tried upwards and the first too slow ends the search, so that a slow machine is
-    not kept waiting by sizes that it could never run.
+    Sizes are tried in rising order, and the first that is too slow ends the search, so that a slow
+    machine wastes no time on sizes that it cannot run.
 
     Raises:
         ConfigurationError: If not even the smallest size holds the rate.

@@ -17,7 +17,7 @@ THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT = 40, 30
 
 
 class Features(Protocol):
-    """A pure function from frame to vector, and the way back to something a person can see."""
+    """A pure function from frame to vector, and from vector to a thumbnail."""
 
     name: str
 

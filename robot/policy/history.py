@@ -53,7 +53,7 @@ class Undone:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replaced:
-    """Another policy took the place of the one before: a loaded model, another size."""
+    """Another policy replaced the one before: a loaded model, another size."""
 
     policy_name: str
 
@@ -114,8 +114,8 @@ class TrainingHistory:
     def changes(self) -> int:
         """How often the learner was changed, in any way; it only grows.
 
-        Safe to read from any thread: who waited for a request that changes the learner finds the
-        change counted.
+        Safe to read from any thread: after a request that changes the learner has returned, the
+        change is counted.
         """
         return self._changes
 

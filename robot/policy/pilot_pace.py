@@ -1,7 +1,7 @@
-"""How long the pilot turns and pushes: the measure for how long the robot may.
+"""How long the pilot turns and pushes: it sets how long the robot may.
 
-Learned from the labelled frames and their teaching time alone, so that it is the same again when
-examples are learned again after an undo.
+Learned only from the labelled frames and their teaching time, so that learning the same examples
+again after an undo gives the same values.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _PAUSE_S = 0.45
 
 
 class PilotPace:
-    """What a pilot's manoeuvres are like.
+    """How long a pilot's manoeuvres take.
 
     Attributes:
-        longest_debt_s: The largest debt that the pilot's own driving came to, within bounds.
+        longest_debt_s: Largest debt (`ProgressClock`) of the pilot's own driving, within bounds.
     """
 
     def __init__(self) -> None:
@@ -41,11 +41,11 @@ class PilotPace:
 
     @property
     def patience_s(self) -> float:
-        """How long the robot may push: 1.5 times what the pilot did three times or more."""
+        """How long the robot may push: 1.5 times as long as the pilot did at least three times."""
         return min(max(STUCK_S, _PATIENCE * min(self._pushes_s)), _LONGEST_PATIENCE_S)
 
     def learn(self, label: Action, picture: NDArray[np.uint8], at_s: float) -> None:
-        """Take note of one labelled frame.
+        """Update from one labelled frame.
 
         Args:
             label: What the pilot did.
@@ -85,7 +85,7 @@ class PilotPace:
         return values, {} if before is None else {"pace_picture": before.copy()}
 
     def set_state(self, values: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
-        """Become the pace that gave these."""
+        """Restore what `get_state` returned."""
         self.longest_debt_s = float(values["longest_debt_s"])
         self._pushes_s = [float(push_s) for push_s in values["pushes_s"]]
         self._push_s, self._last_s = float(values["push_s"]), float(values["last_s"])

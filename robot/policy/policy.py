@@ -45,10 +45,10 @@ class LearnedImage:
 class Policy:
     """Proposes an action for each frame, and learns from examples.
 
-    Not safe for several threads: one loop owns it.
+    Not thread-safe: only the control loop's thread may use it.
 
     Args:
-        name: What it is called.
+        name: Its name, such as `default-32`.
         max_nodes: How many images its learner keeps at most.
         learner: Learns and recognises.
         features: From frame to vector.
@@ -103,7 +103,7 @@ class Policy:
         at_s: float | None = None,
         bumped: bool = False,
     ) -> Prediction:
-        """Return what to do on this frame. Call it once a frame, in order.
+        """Return what to do on this frame. Call it once for each frame, in order.
 
         Before the first example the action is None and there are no probabilities.
 
@@ -148,7 +148,7 @@ class Policy:
         """Learn one example.
 
         Given times, examples less than a tenth of a second after the last are counted but not
-        learned, unless their label is another: they show next to nothing new.
+        learned, unless their label differs: they show almost nothing new.
 
         Args:
             x: The frame's vector.
@@ -181,7 +181,7 @@ class Policy:
         self.learner.reset()
 
     def get_state(self) -> State:
-        """Return a copy of all that was learned, and of nothing that passes with the drive."""
+        """Return a copy of all that was learned, without what belongs to one drive."""
         state = self.learner.get_state()
         params = {
             "learner": state.params,
@@ -195,7 +195,7 @@ class Policy:
         return State(kind=f"policy:{state.kind}", params=params, arrays=arrays, labels=state.labels)
 
     def set_state(self, state: State) -> None:
-        """Become the policy that gave `state`, at the beginning of a drive.
+        """Restore `state`, at the beginning of a drive.
 
         Raises:
             ValueError: If it is of another kind.
@@ -204,7 +204,7 @@ class Policy:
         self.learner.reset()
 
     def restore(self, state: State) -> None:
-        """Go back to `state` in the middle of a drive: the same predictions and future learning.
+        """Restore `state` in the middle of a drive: the same predictions and future learning.
 
         Raises:
             ValueError: If it is of another kind.
@@ -261,7 +261,7 @@ class Policy:
         self.learner.pin_node(node_id, pinned)
 
     def _chance(self, shares: dict[Action, float], action: Action, novelty: float) -> float:
-        """Return how likely the action is right; towards a guess on a view that is not known."""
+        """Return how likely the action is right; near a guess on an unknown view."""
         values = list(shares.values())
         chance = votes.chance(values, list(shares).index(action), self.learner.sharpness)
         if novelty <= 1.0:

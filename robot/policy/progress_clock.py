@@ -1,6 +1,6 @@
-"""A clock of progress: time spent without getting anywhere, paid back by driving straight.
+"""Counts time without progress as a debt, which driving straight pays back.
 
-The same clock runs for the pilot and for the robot, so that the pilot's own longest manoeuvre says
+The same clock runs for the pilot and for the robot, so that the pilot's own longest manoeuvre sets
 how long the robot may turn before it has to try something else.
 """
 
@@ -29,7 +29,7 @@ class ProgressClock:
         self._last_s: float | None = None
 
     def note(self, action: Action | None, at_s: float, *, is_stalled: bool = False) -> None:
-        """Take note of the move that has been under way since the last call.
+        """Update the debt by the move that has been under way since the last call.
 
         Args:
             action: The move; None or STOP change nothing.
@@ -58,6 +58,6 @@ class ProgressClock:
         return [self.debt_s, self.straight_s, self._last_s]
 
     def set_state(self, values: list[float | None]) -> None:
-        """Become the clock that gave `values`."""
+        """Restore what `get_state` returned."""
         self.debt_s, self.straight_s = values[0] or 0.0, values[1] or 0.0
         self._last_s = values[2]

@@ -44,7 +44,7 @@ def _baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) 
 
 
 def _rival(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return a baseline that has all else that the default has: features and average."""
+    """Return a baseline with the default's features and running average."""
     from robot import baselines
 
     kind = split_name(name)[0].removeprefix("fair-")

@@ -1,7 +1,7 @@
 """Detects a stalled robot: straight motion is commanded, the image does not change.
 
 A pilot seldom lets it come to that, so no example shows the view from there, and votes alone would
-push on for ever. A picture that does not move tells it, and a bumper where there is one. A turn is
+push on for ever. An image that does not change shows it, or a bumper where there is one. A turn is
 not watched here: near a plain wall it changes the picture little. `progress_clock.py` watches it.
 """
 
@@ -25,7 +25,7 @@ _RISE, _FALL = 0.1, 0.001
 class StillnessMeter:
     """Compares each picture with the one of a tenth of a second before.
 
-    What counts as still follows from how much the picture usually changes: a scale that rises
+    What counts as still depends on how much the picture usually changes: a scale that rises
     quickly (though not by a single flash of light) and falls slowly.
 
     Attributes:
@@ -58,7 +58,7 @@ class StillnessMeter:
         return change < _STILL_SHARE * self._usual
 
     def reset(self) -> None:
-        """Begin another drive; the scale stays."""
+        """Forget what belongs to one drive; the scale stays."""
         self.before = None
 
     def get_state(self) -> list[float]:
@@ -66,7 +66,7 @@ class StillnessMeter:
         return [self._before_s, self._usual]
 
     def set_state(self, values: list[float], before: NDArray[np.uint8] | None) -> None:
-        """Become the meter that gave `values` and had `before`."""
+        """Restore what `get_state` returned, with `before`."""
         self._before_s, self._usual = values
         self.before = None if before is None else before.copy()
 
@@ -96,7 +96,7 @@ class StallDetector:
         *,
         bumped: bool = False,
     ) -> Action | None:
-        """Look at one more frame; return the move that leads nowhere now, if there is one.
+        """Look at one more frame; return the move that has no effect now, if there is one.
 
         Args:
             picture: The frame in grey, of any one shape.
@@ -122,7 +122,7 @@ class StallDetector:
             self._stuck_since_s = None
 
     def reset(self) -> None:
-        """Begin another drive; the scale of change stays."""
+        """Forget what belongs to one drive; the scale of change stays."""
         self._stillness.reset()
         self._stuck_since_s = self._barred = None
         self.is_stalled = False

@@ -22,7 +22,7 @@ Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """What a learner of the default's kind is made of; every constant as measured best."""
+    """The parts and constants of a learner; the defaults are those that measured best."""
 
     features: Callable[[], Features] = GradientFeatures
     action_filter: Callable[[], ActionFilter] = ActionFilter

@@ -1,4 +1,4 @@
-"""The robot's body: how wheels move it, what it bumps into, and what its sonar hears. Pure.
+"""The robot's body: how wheels move it, what it bumps into, and what its sonar measures. Pure.
 
 Speeds are the paper's: 16 cm/s forward; a turn drives one wheel backward at a quarter of that
 while the other stands, which turns the robot by 18.5 degrees a second about the standing wheel.
@@ -47,12 +47,12 @@ class Contact:
 
     @property
     def presses_left(self) -> bool:
-        """True if the left bump sensor feels it."""
+        """True if it presses the left bump sensor."""
         return -math.radians(10) <= self.bearing_rad <= _BUMPER_HALF_ARC_RAD
 
     @property
     def presses_right(self) -> bool:
-        """True if the right bump sensor feels it."""
+        """True if it presses the right bump sensor."""
         return -_BUMPER_HALF_ARC_RAD <= self.bearing_rad <= math.radians(10)
 
 

@@ -1,6 +1,6 @@
 """What the simulated camera sees: Panda3D's software renderer, without display or GPU.
 
-A renderer belongs to the thread that made it.
+A renderer must be used only on the thread that made it.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Renderer:
         return pixels[::-1].copy()
 
     def close(self) -> None:
-        """Let go of the window."""
+        """Close the window."""
         self._engine.removeAllWindows()
 
     def _open_window(self) -> None:
@@ -118,7 +118,7 @@ class Renderer:
         node.setTexture(texture)
 
     def _add_thing(self, obstacle: Obstacle) -> Any:
-        """Add a thing round its own middle; what never moves is put in its place for good."""
+        """Add a thing round its own centre; a fixed thing is placed once and for all."""
         node = self._root.attachNewNode(obstacle.name)
         own = replace(obstacle, x_m=0.0, y_m=0.0, heading_rad=0.0)
         if not (obstacle.is_movable or obstacle.path):

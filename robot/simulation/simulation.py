@@ -1,6 +1,6 @@
 """A simulated robot in a world: body, sensors, camera and chance, moved by `step`.
 
-It knows no clock and no thread. The driver and the camera of the simulator run it in real time;
+It uses no clock and no thread. The driver and the camera of the simulator run it in real time;
 experiments step it as fast as they can. The same world, seed and actions give the same numbers.
 """
 
@@ -69,13 +69,13 @@ class Simulation:
         self.time_s = 0.0
 
     def step(self, dt_s: float) -> None:
-        """Let `dt_s` seconds pass under the present action."""
+        """Advance by `dt_s` seconds with the current action."""
         parts = max(1, math.ceil(dt_s / _LONGEST_STEP_S - 1e-9))
         for _ in range(parts):
             self._step_once(dt_s / parts)
 
     def restart(self) -> None:
-        """Put robot and things back to where they start; chance goes on, so the start varies."""
+        """Put robot and things back to their starts; the random state goes on, so starts vary."""
         self.world = self._first_world
         self._contacts = []
         self.action = Action.STOP
@@ -112,7 +112,7 @@ class Simulation:
         return bool(self._contacts)
 
     def render(self) -> NDArray[np.uint8]:
-        """Return the camera's picture, shape (120, 160, 3), RGB; always from one thread.
+        """Return the camera's picture, shape (120, 160, 3), RGB; call it always on the same thread.
 
         Raises:
             MissingExtraError: If Panda3D is not installed.
@@ -125,7 +125,7 @@ class Simulation:
         return picture
 
     def close(self) -> None:
-        """Let go of the renderer; on the thread that rendered."""
+        """Close the renderer; call it on the thread that rendered."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -145,7 +145,7 @@ class Simulation:
         self.time_s += dt_s
 
     def _drift_on(self, dt_s: float) -> None:
-        """Let the drift wander: an Ornstein-Uhlenbeck process of deviation `drift_share`."""
+        """Update the drift: an Ornstein-Uhlenbeck process of deviation `drift_share`."""
         share = dt_s / DRIFT_S
         step = self._drift_rng.normal(0.0, self.drift_share * math.sqrt(2 * share))
         self._drift += float(step) - share * self._drift

@@ -1,4 +1,4 @@
-"""What moves in a world besides the robot: things that go round, and things that yield. Pure."""
+"""What moves in a world besides the robot: things on a path, and things that it pushes. Pure."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def move_things(world: World, robot: Pose, dt_s: float) -> World:
 
 
 def _go_on(thing: Obstacle, robot: Pose, dt_s: float) -> Obstacle:
-    """Go on along the closed path, unless the robot stands in the way."""
+    """Move on along the closed path, unless the robot stands in the way."""
     gone_m = thing.gone_m + thing.speed_mps * dt_s
     x_m, y_m = _along(thing.path, gone_m)
     before_m = math.hypot(robot.x_m - thing.x_m, robot.y_m - thing.y_m)
@@ -75,7 +75,7 @@ def _fits(thing: Obstacle, world: World) -> bool:
 
 
 def wall_gap_m(thing: Obstacle, world: World) -> float:
-    """Return the way between a thing and the nearest wall; negative if it stands in it."""
+    """Return the distance between a thing and the nearest wall; negative if they overlap."""
     if thing.shape == "cylinder":
         half_x = half_y = thing.width_m / 2
     else:

@@ -1,6 +1,6 @@
 """Worlds as data: a rectangular room, what stands in it, and where the robot starts.
 
-A world is a TOML file; the ones that come along lie in `robot/simulation/worlds/`. Lengths are
+A world is a TOML file; the built-in ones are in `robot/simulation/worlds/`. Lengths are
 metres, angles degrees in the file and radians here, colours red, green, blue from 0 to 255.
 The room's corner is the origin; x runs along its width, y along its depth.
 """
@@ -29,8 +29,8 @@ WALLS = ("south", "east", "north", "west")
 class Obstacle:
     """Something that stands in the room. A cylinder's `width_m` is its diameter.
 
-    One that `is_movable` yields to the robot's push. One with a closed `path` goes round it and
-    has gone `gone_m` so far.
+    The robot can push one that `is_movable`. One with a closed `path` moves along it, `gone_m`
+    so far.
     """
 
     name: str
@@ -67,20 +67,20 @@ class World:
 
 
 def world_names() -> list[str]:
-    """Names of the worlds that come along."""
+    """Names of the built-in worlds."""
     return sorted(path.stem for path in _FOLDER.glob("*.toml"))
 
 
 def load_world(name: str) -> World:
-    """Load a world by name, or from a TOML file of one's own by its path.
+    """Load a built-in world by name, or another one by the path of its TOML file.
 
     Raises:
-        ConfigurationError: If there is none, or the file is not a world; says where and why.
+        ConfigurationError: If it is unknown, or the file is not a world; says where and why.
     """
     path = _FOLDER / f"{name}.toml" if name in world_names() else Path(name)
     if not path.is_file():
         raise ConfigurationError(
-            f"no world is called {name!r}; there are: {', '.join(world_names())}, "
+            f"unknown world {name!r}; there are: {', '.join(world_names())}, "
             "or the path of a TOML file"
         )
     try:

@@ -1,4 +1,4 @@
-"""An EV3 made of files, as one is found, with a thread that plays the kernel's motor driver.
+"""An EV3 made of files, with a thread that simulates the kernel's motor driver.
 
 Plain files keep old bytes behind a shorter value, so only the first line of each counts. A file
 cannot refuse a write (EINVAL): the thread keeps such a command in `refused`, and nothing moves.
@@ -43,7 +43,7 @@ LEFTOVERS = {
 
 @dataclass(frozen=True)
 class Command:
-    """One command as the kernel got it; `time_ms` is None for a move without an end."""
+    """One command as the kernel received it; `time_ms` is None for a move without an end."""
 
     at_s: float
     port: str
@@ -75,9 +75,9 @@ class FakeMotor:
 
 
 class FakeBrick:
-    """The tree and its kernel thread; a context manager. Motors at outB and outC.
+    """The files and the kernel thread; a context manager. Motors at outB and outC.
 
-    As a brick is found: another program's leftovers in both motors (`leftovers`).
+    Both motors have settings left over by another program (`leftovers`).
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class FakeBrick:
         motor.folder.rename(self.root / f"unplugged-{port}")
 
     def stall_motor(self, port: str) -> None:
-        """Hold a wheel fast: it is told to turn and does not."""
+        """Block a wheel, so that it does not turn on command."""
         self.motors[port].is_stalled = True
 
     def keep_leftover(self, port: str, name: str) -> None:
@@ -201,7 +201,7 @@ class FakeBrick:
         started_s = _CLOCK.now_s()
         while not is_so():
             if _CLOCK.now_s() - started_s > timeout_s:
-                raise AssertionError("waited in vain")
+                raise AssertionError("timed out waiting for the condition")
             _CLOCK.sleep(POLL_S)
         return _CLOCK.now_s() - started_s
 

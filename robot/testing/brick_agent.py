@@ -23,7 +23,7 @@ AGE_S, AGE_SPREAD_S = 0.095, 0.05
 
 @dataclass
 class FakeVideo:
-    """What a reader's `video` says of the camera; its `fileno` is never readable."""
+    """What a reader's `video` reports of the camera; its `fileno` is never readable."""
 
     path: str = "/dev/video0"
     width: int = 160
@@ -32,7 +32,7 @@ class FakeVideo:
     pipe: tuple[int, int] = field(default_factory=os.pipe)
 
     def fileno(self) -> int:
-        """A descriptor to wait on, in vain: the agent polls besides."""
+        """A descriptor that never becomes readable; the agent polls as well."""
         return self.pipe[0]
 
 
@@ -55,7 +55,7 @@ class FakeCameraReader:
         return VideoFrame(data, now_s - AGE_S - AGE_SPREAD_S * (self._n % 6) / 5)
 
     def close(self) -> None:
-        """Let go of the descriptors."""
+        """Close the descriptors."""
         for end in self.video.pipe:
             os.close(end)
 

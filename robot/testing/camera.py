@@ -1,4 +1,4 @@
-"""A camera that takes its pictures when a test says so, or at a steady rate."""
+"""A camera that takes pictures on a test's request, or at a steady rate."""
 
 from __future__ import annotations
 
@@ -75,11 +75,11 @@ class FakeCamera(Camera):
         return self._show(np.ascontiguousarray(picture[: self.height, : self.width]).tobytes())
 
     def show_rubbish(self) -> Frame:
-        """Publish bytes that are no picture."""
+        """Publish bytes that are not a picture."""
         return self._show(b"no picture")
 
     def break_down(self, sentence: str) -> None:
-        """Freeze, and say what is wrong."""
+        """Freeze, and report a fault."""
         self.is_frozen = True
         self._report_fault(sentence)
 

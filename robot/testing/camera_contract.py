@@ -82,7 +82,7 @@ class CameraContract:
         assert set(threading.enumerate()) == before
 
     def test_a_frozen_source_is_a_fault(self, camera_case: CameraCase) -> None:
-        """A source that gives nothing more is said to, and its last picture is not passed on as
+        """A frozen source is reported, and its last picture is not passed on as
         a new one."""
         import pytest
 
@@ -93,5 +93,5 @@ class CameraContract:
             told = threading.Event()
             camera.listen(lambda: told.set() if camera.fault else None)
             camera_case.freeze()
-            assert told.wait(DEADLINE_S) or camera.fault, "it froze, and no fault was said"
+            assert told.wait(DEADLINE_S) or camera.fault, "it froze, and reported no fault"
             camera.listen(None)

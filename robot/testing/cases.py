@@ -16,9 +16,9 @@ class DriverCase:
     Attributes:
         driver: Not connected yet.
         forward: Lets seconds pass: `time.sleep`, or a virtual clock's `advance`.
-        is_moving: Whether the body moves now; None if nobody can tell, and then what needs it is
-            skipped. It must be the body's own word, not the driver's.
-        cut_link: Has the body, or the line to it, fall silent for good; None if there is no line.
+        is_moving: Whether the body moves now; None if that is unknown: tests that need it
+            are skipped. It must ask the body, not the driver.
+        cut_link: Cuts the connection to the body for good; None if there is none.
     """
 
     driver: Driver
@@ -33,7 +33,7 @@ class CameraCase:
 
     Attributes:
         camera: Not started yet.
-        freeze: Has the source give no more pictures, without closing; None if it cannot.
+        freeze: Makes the source give no more pictures, without closing; None if it cannot.
     """
 
     camera: Camera

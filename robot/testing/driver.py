@@ -1,4 +1,4 @@
-"""A body that only notes what it is told."""
+"""A driver that only records its commands."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from robot.types import Action, Sensors
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoOptions:
-    """Nothing to choose."""
+    """No options."""
 
 
 class FakeDriver(Driver):
-    """Notes what it is told and when; ends each move by itself; can be made to fail.
+    """Records commands and their times; ends each move by itself; can be made to fail.
 
     Attributes:
         sent: Every action sent, with its speed scale.
         changes: When (seconds of `clock`) the action changed, and to what.
-        moved_s: When it was last told to move.
+        moved_s: When it last received a move.
         stops: How often `stop` was called.
         failure: What `send_action` raises as a DriveError; None lets it work.
         sensors: What `sense` returns.
@@ -64,7 +64,7 @@ class FakeDriver(Driver):
         self.stop()
 
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        """Note the action."""
+        """Record the action."""
         if self.failure is not None:
             raise DriveError(self.failure)
         self.sent.append((action, speed_scale))
@@ -78,7 +78,7 @@ class FakeDriver(Driver):
         return self.sensors
 
     def stop(self) -> None:
-        """Note the stop."""
+        """Record the stop."""
         self.stops += 1
         self._note(Action.STOP)
 

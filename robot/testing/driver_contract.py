@@ -22,7 +22,7 @@ from robot.types import Action, Mode, Sensors
 LOCAL_BUDGET_S = 0.01
 """The quickest of some requests must not take longer: the control loop waits for it."""
 REMOTE_BUDGET_S = 0.2
-"""The same for a driver that says `is_remote`; a move must be renewed in time (0.4 s)."""
+"""The same for a driver that declares `is_remote`; a move must be renewed in time (0.4 s)."""
 STANDS_WITHIN_S = 0.5
 """When the line to the body is cut, the body stands after so long."""
 _REAL = RealClock()
@@ -31,7 +31,7 @@ _PATIENCE_S = 5.0
 
 
 def moving(case: DriverCase) -> bool:
-    """Return whether the body moves; skips the test where nobody can tell."""
+    """Return whether the body moves; skips the test if that is unknown."""
     if case.is_moving is None:
         pytest.skip("nobody can tell whether this body moves; give the case an is_moving")
     return case.is_moving()
@@ -99,7 +99,7 @@ class DriverContract:
                 assert not moving(driver_case), move
 
     def test_an_action_ends_by_itself(self, driver_case: DriverCase) -> None:
-        """A body that is told nothing more stands after `ACTION_TIMEOUT_S`."""
+        """A body that receives nothing more stops after `ACTION_TIMEOUT_S`."""
         with driver_case.driver as driver:
             assert is_moving_half_way(driver_case, driver.moves[0])
             driver_case.forward(ACTION_TIMEOUT_S)
@@ -149,7 +149,7 @@ class DriverContract:
                 assert driver.send_action(driver.moves[0]) is driver.moves[0]
 
     def test_requests_are_quick_enough(self, driver_case: DriverCase) -> None:
-        """The latency budget. A driver that cannot keep to it must say `is_remote`."""
+        """The latency budget. A driver that cannot keep to it must declare `is_remote`."""
         is_remote = type(driver_case.driver).is_remote
         budget_s = REMOTE_BUDGET_S if is_remote else LOCAL_BUDGET_S
         with driver_case.driver as driver:
@@ -157,7 +157,7 @@ class DriverContract:
                 took_s = _quickest_s(request)
                 assert took_s <= budget_s, (
                     f"{1000 * took_s:.0f} ms a request; {1000 * budget_s:.0f} ms are allowed"
-                    + ("" if is_remote else " unless the driver says is_remote = True")
+                    + ("" if is_remote else " unless the driver declares is_remote = True")
                 )
 
     def test_it_leaves_nothing_behind(self, driver_case: DriverCase) -> None:
@@ -175,7 +175,7 @@ class DriverContract:
     def test_a_body_whose_line_is_cut_stands_and_the_driver_says_so(
         self, driver_case: DriverCase
     ) -> None:
-        """Nothing is silently lost: the body stands in time, and a request raises DriveError."""
+        """The body stops in time, and a request raises DriveError."""
         if driver_case.cut_link is None:
             pytest.skip("there is no line to cut")
         with driver_case.driver as driver:

@@ -1,7 +1,7 @@
 """A link between page and robot in virtual time: it delays, jitters, throttles, or goes silent.
 
-Messages keep their order, as over TCP: loss and disorder show as a line that stands still and then
-delivers all at once.
+Messages keep their order, as over TCP: loss and reordering appear as a line that stalls and then
+delivers everything at once.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 @dataclass(slots=True, kw_only=True)
 class LinkConditions:
-    """What the link is like. May be changed while it is used; counts for what comes after."""
+    """What the link is like. Can be changed during use, for all later messages."""
 
     delay_s: float = 0.0
     jitter_s: float = 0.0
@@ -27,14 +27,14 @@ class LinkConditions:
     """Share of packets that have to be sent again, by which all behind them wait."""
     stall_s: float = 0.2
     is_silent: bool = False
-    """Nothing passes any more, and nobody is told."""
+    """Nothing passes any more, and neither side is notified."""
 
 
 class Link:
     """A link with two directions per connection, all under the same conditions.
 
     Args:
-        dice: Draws jitter and stalls.
+        dice: Random source of jitter and stalls.
     """
 
     def __init__(self, dice: random.Random) -> None:
@@ -60,7 +60,7 @@ class Link:
         return line
 
     def forget(self, line: Line) -> None:
-        """Cut a direction off: what is under way in it is lost."""
+        """Close a direction: messages under way in it are lost."""
         line.is_cut = True
         if line in self._lines:
             self._lines.remove(line)

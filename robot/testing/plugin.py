@@ -2,9 +2,9 @@
 
     pytest --drivelesson-driver NAME --drivelesson-camera NAME [--drivelesson-option KEY=VALUE]
 
-runs the contract suites on the installed plugin of that name, beside the package's own tests. How
-the suite sees whether a body moves, the package's conftest.py says in `pytest_drivelesson_driver`;
-without it the suite drives whatever the options lead to, a real robot as well.
+runs the contract suites on the installed plugin of that name, beside the package's own tests. The
+hook `pytest_drivelesson_driver` in the package's conftest.py shows the suite whether a body moves;
+without the hook the suite drives whatever the options name, even a real robot.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have the suites collected beside what was asked for."""
+    """Collect the suites beside the requested tests."""
     for kind in ("driver", "camera"):
         if config.getoption(f"--drivelesson-{kind}"):
             config.args.append(str(_HERE / f"run_{kind}.py"))

@@ -1,4 +1,4 @@
-"""A policy that costs nothing: whatever it was taught first, it does everywhere."""
+"""A policy without cost: it always proposes the first label that it learned."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ class VirtualRobot:
         policy: What drives; `published-8` by default.
         config: The loop's limits.
         camera: Takes the pictures; 30 a second by default.
-        seed: Decides whatever happens by chance.
+        seed: Of all random numbers.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class VirtualRobot:
         return event_loop.time() - start_s
 
     def poke(self) -> None:
-        """Have `until` look again: something has happened."""
+        """Make `until` check its condition again."""
         if self._happened is not None:
             self._happened.set_result(None)
             self._happened = None
@@ -130,7 +130,7 @@ class VirtualRobot:
 
 
 class _Wake(threading.Event):
-    """Has the loop tick as soon as it is woken."""
+    """Makes the loop tick as soon as it is woken."""
 
     def __init__(self, listener: Callable[[], None]) -> None:
         super().__init__()

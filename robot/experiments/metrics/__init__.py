@@ -1,1 +1,1 @@
-"""Figures of how a robot drives. Pure: logs in, numbers out."""
+"""Measures of how a robot drives. Pure: logs in, numbers out."""

@@ -1,4 +1,4 @@
-"""How well a drive went: collisions, pushing, way, floor covered, interventions, agreement."""
+"""Measures of a drive: collisions, pushing, distance, floor covered, interventions, agreement."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def first_collision_s(log: DriveLog) -> float | None:
 
 
 def collisions_per_minute(log: DriveLog) -> float:
-    """Return how often a minute the body came to touch something; being in touch counts once."""
+    """Return how often a minute the body touched something anew; a lasting contact counts once."""
     touches = [moment.is_touching for moment in log.moments]
     began = sum(now and not before for before, now in zip([False, *touches], touches, strict=False))
     return _per_minute(began, log)
@@ -46,7 +46,7 @@ def longest_push_s(log: DriveLog) -> float:
 
 
 def driven_m(log: DriveLog) -> float:
-    """Return the length of the way, in metres."""
+    """Return the distance driven, in metres."""
     return sum(
         math.hypot(b.pose.x_m - a.pose.x_m, b.pose.y_m - a.pose.y_m)
         for a, b in pairwise(log.moments)
@@ -54,7 +54,7 @@ def driven_m(log: DriveLog) -> float:
 
 
 def covered_m2(log: DriveLog) -> float:
-    """Return the floor over which the robot's middle came, in squares of 10 cm."""
+    """Return the floor that the robot's centre crossed, in squares of 10 cm."""
     cells = {
         (math.floor(moment.pose.x_m / CELL_M), math.floor(moment.pose.y_m / CELL_M))
         for moment in log.moments
@@ -63,7 +63,7 @@ def covered_m2(log: DriveLog) -> float:
 
 
 def longest_stay_s(log: DriveLog) -> float:
-    """Return the longest time for which the robot's middle stayed within a square of `STAY_M`."""
+    """Return the longest time for which the robot's centre stayed within a square of `STAY_M`."""
     longest_s, start = 0.0, 0
     xs = [moment.pose.x_m for moment in log.moments]
     ys = [moment.pose.y_m for moment in log.moments]
@@ -100,7 +100,7 @@ def interventions_per_minute(log: DriveLog) -> float:
 
 
 def asking_share(log: DriveLog) -> float:
-    """Return the share of ticks in which the robot said that it does not know the view."""
+    """Return the share of ticks with a view that the robot did not know."""
     if not log.moments:
         return 0.0
     return sum(moment.asks_pilot for moment in log.moments) / len(log)

@@ -1,4 +1,4 @@
-"""What happened on a drive, tick by tick, as columns: what all metrics are made from."""
+"""The log of a drive, tick by tick, as columns; all metrics are made from it."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class DriveLog:
         return len(self.moments)
 
     def add(self, moment: DriveSample) -> None:
-        """Note one more tick."""
+        """Add one more tick."""
         self.moments.append(moment)
 
     @property
@@ -55,7 +55,7 @@ class DriveLog:
         return span_s * len(self.moments) / (len(self.moments) - 1)
 
     def driven_by(self, who: DrivenBy) -> DriveLog:
-        """Return the part in which `who` drove. Its ticks need not be neighbours."""
+        """Return the part in which `who` drove. Its ticks need not be consecutive."""
         return DriveLog([moment for moment in self.moments if moment.driven_by is who])
 
     def last(self, seconds: float) -> DriveLog:

@@ -3,7 +3,7 @@
 P(d < c | move) for c = 0, 0.02, ..., 4 m, d the sonar reading, and the sum of squared differences
 (SSD) of two profiles over all moves and all c: the measure of FLAIRS-30, 2017.
 
-The paper leaves open what a move that was never made counts. Here its profile is 0 for every c,
+The paper does not say how to count a move that was never made. Here its profile is 0 for every c,
 as that of no reading at all: a robot that never turns is then far from a teacher who does. Such
 moves are named, and `made` gives the same sum over the moves that both made.
 """
@@ -91,7 +91,7 @@ def move_shares(moves: Sequence[Action]) -> dict[Action, float]:
 
 
 def rare_moves(teacher: Mapping[Action, float], robot: Mapping[Action, float]) -> set[Action]:
-    """Return the moves that both make on less than `RARE_SHARE` of their ticks: told apart."""
+    """Return the moves that both make on less than `RARE_SHARE` of their ticks."""
     return {
         move
         for move in {*teacher, *robot}

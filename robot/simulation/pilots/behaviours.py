@@ -1,4 +1,4 @@
-"""Teachers of what the paper leaves to the future: follow a wall, follow a thing, push a thing."""
+"""Teachers for the paper's future work: follow a wall, follow a thing, push a thing."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robot.types import Action
 class WallFollower:
     """Keeps the wall on its right at about 30 cm, as far as a turn about one wheel allows.
 
-    It looks where the right edge of the picture shows the wall's foot, 28 degrees from ahead:
+    It measures at the right edge of the picture, 28 degrees from straight ahead:
     there a parallel wall at 30 cm is 64 cm away.
     """
 
@@ -40,7 +40,7 @@ class WallFollower:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Let pass what it would do itself; and driving on, while there is room."""
+        """Accept the move that it would make itself; and driving on, while there is room."""
         if action is Action.FORWARD:
             return situation.free_ahead_m > 0.08 and not situation.is_pushing
         return action is self._turning
@@ -49,7 +49,7 @@ class WallFollower:
 class Follower:
     """Follows the thing that moves: turns to it, drives after it, and backs off when too near.
 
-    Standing teaches nothing (a stopped robot does not learn), so it never stands.
+    It never stands, because a stopped robot does not learn.
     """
 
     TURN_AT_RAD, GOOD_RAD = math.radians(16.0), math.radians(6.0)
@@ -76,7 +76,7 @@ class Follower:
         return Action.BACKWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Let pass what it would do itself, and either of two moves at the border."""
+        """Accept the move that it would make itself, and either of two moves at the border."""
         target = situation.target
         if target is None or action is Action.STOP:
             return action is not Action.STOP
@@ -89,7 +89,7 @@ class Follower:
 
 
 class Pusher(Follower):
-    """Turns to the thing and drives against it, and on, until a wall ends the way."""
+    """Turns to the thing and pushes it until it is at a wall."""
 
     TURN_AT_RAD, GOOD_RAD = math.radians(10.0), math.radians(4.0)
     NEAR_M = 0.0

@@ -1,7 +1,8 @@
-"""Pilots as different as people are: regularity, speed, side, slips, and what they drive for.
+"""Pilots who differ as people do: in regularity, speed, side, slips and aim.
 
-A `Habit` is a teacher, a hand and a way of correcting. `drivelesson experiment habits` teaches
-robots with all of them: what holds for one kind of pilot alone holds for nobody.
+A `Habit` is a teacher, a model of human delays and a policy of taking over.
+`drivelesson experiment habits` teaches robots with all of them, so that results do not depend on
+one kind of pilot.
 """
 
 from __future__ import annotations
@@ -14,21 +15,21 @@ from robot.simulation.pilots.behaviours import WallFollower
 from robot.simulation.pilots.hand import HumanDelayConfig
 from robot.simulation.pilots.pilot import TakeoverPolicy
 from robot.simulation.pilots.situation import Situation
-from robot.simulation.pilots.teachers import TASTES, Teacher, TeacherParams, Wanderer
+from robot.simulation.pilots.teachers import TEACHER_PARAMS, Teacher, TeacherParams, Wanderer
 from robot.types import Action
 
 BOTH = (Action.LEFT, Action.RIGHT)
 
 
 class Person(Wanderer):
-    """A wanderer who is not a program: no turn begins or ends quite as the last.
+    """A wanderer as irregular as a person: no two turns begin or end alike.
 
     Args:
         turns: The turns it uses.
         params: What it aims at.
-        irregularity: Deviation of each turn's beginning and end, as a share of what it aims at.
+        irregularity: Deviation of each turn's beginning and end, as a share of its distance.
         overshoot_s: How long it goes on turning when the way is free: mean of an exponential.
-        seed: Of all chance.
+        seed: Of its random numbers.
     """
 
     def __init__(
@@ -46,7 +47,7 @@ class Person(Wanderer):
         self._on_until_s: float | None = None
 
     def choose(self, situation: Situation) -> Action:
-        """Return FORWARD or the turn begun, which goes on a little too long."""
+        """Return FORWARD or the turn under way, which goes on a little too long."""
         turning = self._turning
         wanted = super().choose(situation)
         if turning is not None and wanted is Action.FORWARD:
@@ -70,7 +71,7 @@ class Person(Wanderer):
 
 
 class Bouncer(Wanderer):
-    """Drives until something is near, then turns for a while, to whichever side, how far ever."""
+    """Drives until something is near, then turns to a random side for a random time."""
 
     SHORTEST_S, LONGEST_S = 2.0, 8.0
 
@@ -80,7 +81,7 @@ class Bouncer(Wanderer):
         self._until_s = 0.0
 
     def choose(self, situation: Situation) -> Action:
-        """Return FORWARD, or for some seconds a turn whose side was left to chance."""
+        """Return FORWARD, or for some seconds a turn to a random side."""
         is_near = situation.free_ahead_m < self.params.turn_at_m
         if self._turning is None and is_near:
             self._turning = self._chance.choice(list(self._turns.values()))
@@ -95,7 +96,9 @@ Maker = Callable[[tuple[Action, ...], str], Teacher]
 
 
 def _person(
-    params: TeacherParams = TASTES["usual"], irregularity: float = 0.1, overshoot_s: float = 0.1
+    params: TeacherParams = TEACHER_PARAMS["usual"],
+    irregularity: float = 0.1,
+    overshoot_s: float = 0.1,
 ) -> Maker:
     return lambda turns, seed: Person(
         turns, params, irregularity=irregularity, overshoot_s=overshoot_s, seed=seed
@@ -114,8 +117,8 @@ class Habit:
 
 HABITS: Mapping[str, Habit] = {
     "regular": Habit(teacher=_person(irregularity=0.03, overshoot_s=0.0)),
-    "early": Habit(teacher=_person(TASTES["early"])),
-    "late": Habit(teacher=_person(TASTES["late"])),
+    "early": Habit(teacher=_person(TEACHER_PARAMS["early"])),
+    "late": Habit(teacher=_person(TEACHER_PARAMS["late"])),
     "left": Habit(turns=(Action.LEFT,)),
     "right": Habit(turns=(Action.RIGHT,)),
     "irregular": Habit(teacher=_person(irregularity=0.3, overshoot_s=0.3)),
@@ -127,7 +130,7 @@ HABITS: Mapping[str, Habit] = {
         hand=HumanDelayConfig(reaction_s=0.25, pauses_per_min=8.0, pause_s=1.2, looks_hz=5.0)
     ),
     "slow": Habit(
-        teacher=_person(replace(TASTES["usual"], turn_at_m=0.30)),
+        teacher=_person(replace(TEACHER_PARAMS["usual"], turn_at_m=0.30)),
         hand=HumanDelayConfig(reaction_s=0.35, lapses_per_min=3.0, looks_hz=5.0),
     ),
     "wall": Habit(
@@ -135,7 +138,7 @@ HABITS: Mapping[str, Habit] = {
         hand=HumanDelayConfig(looks_hz=8.0),
     ),
     "bouncer": Habit(
-        teacher=lambda turns, seed: Bouncer(turns, TASTES["usual"], seed),
+        teacher=lambda turns, seed: Bouncer(turns, TEACHER_PARAMS["usual"], seed),
         hand=HumanDelayConfig(looks_hz=7.0),
         takeover=TakeoverPolicy(lenience=0.8),
     ),

@@ -1,6 +1,6 @@
-"""Between wish and button: reaction time, tremor, lapses, and the delay of the link.
+"""Human delays and errors: reaction time, tremor, lapses, and the delay of the link.
 
-A picture reaches the screen half the link's delay after it was taken. The hand follows the wish
+A picture reaches the screen half the link's delay after it was taken. The hand follows a decision
 `reaction_s` later. Its command names the frame that is on the screen at that moment, and reaches
 the robot after the other half of the delay.
 """
@@ -20,7 +20,7 @@ _EPSILON_S = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HumanDelayConfig:
-    """How good a hand it is. The default is a practised person on a fast link."""
+    """How fast and how exact a person is. The default is a practised person on a fast link."""
 
     reaction_s: float = 0.2
     tremors_per_min: float = 4.0
@@ -48,11 +48,11 @@ STEADY = HumanDelayConfig(
 
 
 class HumanDelayModel:
-    """Turns wishes into commands, in time.
+    """Turns decisions into commands, with human delays and errors.
 
     Args:
-        config: How good it is.
-        buttons: What a slipping finger may hit.
+        config: Delays and errors.
+        buttons: The moves that a slipping finger may hit.
         seed: Of tremor and lapses.
     """
 
@@ -72,7 +72,7 @@ class HumanDelayModel:
         """Decide now to hold `action` (or nothing); the hand follows."""
         self._wishes.append((now_s + self.config.reaction_s, action))
 
-    def say(self, frame_id: int | None, frame_age_s: float, now_s: float) -> None:
+    def send(self, frame_id: int | None, frame_age_s: float, now_s: float) -> None:
         """Send what is held, naming the frame on the screen. Call it at every heartbeat."""
         held = self._hold(now_s)
         self._seq += 1
@@ -94,8 +94,8 @@ class HumanDelayModel:
             commands.append(self._under_way.popleft()[1])
         return commands
 
-    def let_go(self) -> None:
-        """Take the finger off at once, and forget what was meant."""
+    def release(self) -> None:
+        """Release the button at once, and forget the last decision."""
         self._wishes.clear()
         self._held = None
 
@@ -113,7 +113,7 @@ class HumanDelayModel:
         return self._held
 
     def _begin_by_chance(self, now_s: float, dt_s: float) -> None:
-        """Begin a tremor or a lapse with its chance in `dt_s`; as many draws at every call."""
+        """Begin a tremor or a lapse at random; every call draws equally many random numbers."""
         config = self.config
         tremor, lapse = self._chance.random(), self._chance.random()
         other = self._chance.choice(self._buttons)

@@ -1,4 +1,4 @@
-"""A whole simulated pilot: eyes, a teacher's judgement, and a hand on the phone."""
+"""A whole simulated pilot: a screen, a teacher's judgement, and human delays."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class TakeoverPolicy:
 
 
 class SimulatedPilot:
-    """Drives as a phone does: sees frames, holds directions, beats ten times a second.
+    """Drives as a phone does: sees frames, holds directions, sends ten heartbeats a second.
 
     Args:
-        teacher: Knows what to do.
+        teacher: Chooses the moves.
         moves: The buttons of the pad.
-        hand: How good its hand is.
-        manners: When it corrects the robot.
-        seed: Of all chance.
+        hand: Its delays and errors.
+        takeover: When it corrects the robot.
+        seed: Of its random numbers.
     """
 
     def __init__(
@@ -65,13 +65,13 @@ class SimulatedPilot:
 
     @property
     def link_delay_s(self) -> float:
-        """Time from a picture to the command that answers it, the pilot's own time aside."""
+        """Time from a picture to the command that answers it, without the pilot's own delay."""
         return self._hand.config.link_delay_s
 
     def change_mode(self, mode: Mode) -> None:
         """Begin another phase, with the finger off the pad."""
         self.mode = mode
-        self._hand.let_go()
+        self._hand.release()
         self._holds_since_s = self._annoyed_since_s = self._content_since_s = None
 
     def see(self, situation: Situation, proposed: Action | None) -> None:
@@ -79,11 +79,11 @@ class SimulatedPilot:
         self._coming.append((situation, proposed))
 
     def act(self, now_s: float, newest_frame_id: int) -> list[PilotCommand]:
-        """Look at what has reached the screen, and return what has reached the robot.
+        """Look at the frames on the screen; return the commands that have reached the robot.
 
         Args:
             now_s: The clock's time.
-            newest_frame_id: What a command is taken to mean if it names no frame.
+            newest_frame_id: The frame of a command that names none.
         """
         half_s = self._hand.config.link_delay_s / 2
         while self._coming and self._coming[0][0].at_s + half_s <= now_s + _EPSILON_S:
@@ -93,14 +93,14 @@ class SimulatedPilot:
                 self._looks_at_s = now_s + 1 / self._hand.config.looks_hz
                 self._hand.wish(self._judge(situation, proposed, now_s), now_s)
         if self._screen is not None:
-            self._hand.say(self._screen.frame_id, now_s - self._screen.at_s, now_s)
+            self._hand.send(self._screen.frame_id, now_s - self._screen.at_s, now_s)
         commands = self._hand.arrived(now_s)
         if self._hand.config.names_frame:
             return commands
         return [_renamed(command, newest_frame_id) for command in commands]
 
     def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:
-        """Return what to hold; None leaves the wheel to the robot, or the robot standing."""
+        """Return the move to hold; None lets the robot drive, or leaves it standing."""
         if self.mode is Mode.STOPPED:
             return None
         wanted = self.teacher.choose(situation)

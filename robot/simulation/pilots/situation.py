@@ -1,7 +1,7 @@
 """What a pilot sees on the screen, in a few numbers instead of a picture.
 
-A person looks at the frame and knows where there is room. A simulated pilot is told: these figures
-come from the simulated world, for the instant of one frame.
+A person looks at the frame and knows where there is room. A simulated pilot gets these figures from
+the simulated world, for the instant of one frame.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _MARGIN_M = 0.015
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """Where the thing of interest is: its bearing, the way to its middle, and from it to a wall."""
+    """Where the thing of interest is: its bearing, its distance, and its distance from a wall."""
 
     bearing_rad: float
     distance_m: float
@@ -83,7 +83,7 @@ class Situation:
         return abs(float(FAN_RAD[_AHEAD + int(free[0])])) if len(free) else math.pi
 
     def room_m(self, side: int) -> float:
-        """Return the mean free way on one side, as far as it matters."""
+        """Return the mean free way on one side, up to a limit."""
         half = self.ranges_m[_AHEAD + 4 :] if side > 0 else self.ranges_m[: _AHEAD - 3]
         return float(np.minimum(half, 1.2).mean())
 

@@ -1,8 +1,7 @@
-"""What simulated teachers want the robot to do. Each has a taste of its own.
+"""Simulated teachers: what they want the robot to do.
 
-A teacher looks at a situation and says which move it would make, and which moves of the robot it
-lets pass. How fast and how steadily a hand follows is `hand.py`'s part; when it takes the wheel,
-`pilot.py`'s.
+A teacher looks at a situation and chooses a move, and decides which moves of the robot it
+tolerates. Human delays and errors are in `hand.py`; when a pilot takes the wheel is in `pilot.py`.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from robot.types import Action, Pose
 
 
 class Teacher(Protocol):
-    """Anything with these two methods teaches; ideas come in as files of their own."""
+    """Protocol of a teacher; one can be loaded from a file of your own."""
 
     def choose(self, situation: Situation) -> Action:
         """Return the move that this teacher makes; called once a frame, in order."""
@@ -48,7 +47,7 @@ class SonarController:
         return Action.LEFT if situation.at_s < self._turns_until_s - 1e-9 else Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Let everything pass: this teacher never corrects."""
+        """Return True: this teacher never corrects."""
         return True
 
 
@@ -62,7 +61,7 @@ _SIDES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TeacherParams:
-    """How somebody likes to drive."""
+    """How a teacher drives: the distances at which it turns and goes on."""
 
     turn_at_m: float = 0.22
     """Turns when there is less free way than this."""
@@ -81,7 +80,7 @@ class Wanderer:
     Args:
         turns: The turns it uses. With one alone it always turns that way; with two it chooses
             the shorter turn, and stays with it until the way is free.
-        taste: Early or late, wide or narrow.
+        params: Its distances and margins.
     """
 
     LONG_TURN_S = 8.0
@@ -102,7 +101,7 @@ class Wanderer:
         self._anchored_s = 0.0
 
     def choose(self, situation: Situation) -> Action:
-        """Return FORWARD or the turn begun."""
+        """Return FORWARD or the turn under way."""
         free_m = situation.free_ahead_m
         if self._turning is None and free_m < self.params.turn_at_m:
             self._turning = self._choose_turn(situation)
@@ -112,7 +111,7 @@ class Wanderer:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Refuse to drive on where it is tight, to turn the wrong way or for nothing, to dawdle."""
+        """Reject driving on where it is tight, needless or wrong turns, and standing."""
         if action is Action.STOP or self._is_stuck(situation):
             return False
         if action is Action.FORWARD:
@@ -138,7 +137,7 @@ class Wanderer:
         return self.params.go_at_m
 
     def _choose_turn(self, situation: Situation) -> Action:
-        """Follow a habit; else choose the side on which less turning makes the way free."""
+        """Follow the habit, if any; else choose the side on which less turning is needed."""
         for side, habit in ((1, self.params.left_at), (-1, self.params.right_at)):
             if situation.ahead in habit and side in self._turns:
                 return self._turns[side]
@@ -157,10 +156,10 @@ SHELVES = ("east wall", "west wall")
 WALLS = ("south wall", "north wall")
 """Dark shelves stand along two walls of the office; the two others are light."""
 
-TASTES: dict[str, TeacherParams] = {
+TEACHER_PARAMS: dict[str, TeacherParams] = {
     "usual": TeacherParams(),
     "early": TeacherParams(turn_at_m=0.35, go_at_m=0.55, danger_m=0.10),
     "late": TeacherParams(turn_at_m=0.14, go_at_m=0.35, danger_m=0.04),
     "habit": TeacherParams(left_at=WALLS, right_at=SHELVES),
 }
-"""Drivers of different taste, by name."""
+"""Parameters of the simulated teachers, by name."""

@@ -94,7 +94,7 @@ def test_the_key_follows_the_task_and_the_files_it_names(tmp_path: Path) -> None
 
 def test_a_folder_that_cannot_be_written_is_a_clear_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigurationError, match="cannot keep results"):
+    with pytest.raises(ConfigurationError, match="cannot save results"):
         Store(tmp_path / "file" / "folder")
 
 

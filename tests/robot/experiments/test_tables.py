@@ -101,7 +101,7 @@ def test_spread_by_hand() -> None:
     ("words", "complaint"),
     [
         (["--learner", "nobody-3"], "nobody"),
-        (["--teacher", "nobody"], "no teacher is called 'nobody'"),
+        (["--teacher", "nobody"], "unknown teacher 'nobody'"),
         (["--delay", "soon"], "--delay expects"),
         (["--recordings", "/nowhere/at/all"], "no folder"),
     ],

@@ -19,7 +19,7 @@ def test_the_worlds_of_the_paper_are_there() -> None:
 
 
 def test_an_unknown_world_names_those_that_exist() -> None:
-    with pytest.raises(ConfigurationError, match=r"no world is called 'moon'.*box.*office"):
+    with pytest.raises(ConfigurationError, match=r"unknown world 'moon'.*box.*office"):
         load_world("moon")
 
 

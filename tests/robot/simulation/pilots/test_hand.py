@@ -21,7 +21,7 @@ def held_over_time(
     for tick, wish in enumerate(wishes):
         now_s = tick / 10
         hand.wish(wish, now_s)
-        hand.say(tick, 0.0, now_s)
+        hand.send(tick, 0.0, now_s)
         commands = hand.arrived(now_s)
         heard.append(
             "".join(command.held.value[0] if command.held else "." for command in commands)
@@ -46,8 +46,8 @@ def test_commands_take_half_of_the_links_delay() -> None:
 def test_commands_count_up_and_name_the_frame_on_the_screen() -> None:
     hand = HumanDelayModel(STEADY, (F, L), "0")
     hand.wish(F, 1.0)
-    hand.say(17, 0.25, 1.0)
-    hand.say(18, 0.25, 1.1)
+    hand.send(17, 0.25, 1.0)
+    hand.send(18, 0.25, 1.1)
     commands = hand.arrived(1.1)
     assert [(c.frame_id, c.seq, c.received_s, c.frame_age_s) for c in commands] == [
         (17, 1, 1.0, 0.25),
@@ -80,6 +80,6 @@ def test_nothing_held_means_nothing_to_slip_from() -> None:
 def test_letting_go_is_at_once() -> None:
     hand = HumanDelayModel(replace(STEADY, reaction_s=0.2), (F, L), "0")
     hand.wish(F, 0.0)
-    hand.let_go()
-    hand.say(1, 0.0, 1.0)
+    hand.release()
+    hand.send(1, 0.0, 1.0)
     assert hand.arrived(1.0)[0].held is None
