@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; in an environment with Robot Framework, say why that cannot be."""
+    """Run the command line; explain the conflict where Robot Framework is installed."""
     try:
         import robot
     except ImportError as error:
@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     try:
         return run(argv)
-    except BrokenPipeError:  # whoever read our output, such as `head`, has ended
+    except BrokenPipeError:  # the reader of our output, such as `head`, has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
 

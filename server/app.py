@@ -20,8 +20,8 @@ from server.services import Services
 def create_app(services: Services) -> FastAPI:
     """Make the application for one robot. Nothing happens at import time.
 
-    Robot and persistence are started and stopped by whoever built them; the application starts
-    what belongs to the server alone. Routes find everything through `services_of(request)`.
+    The caller starts and stops robot and persistence; the application starts the other services.
+    Routes find all of them through `services_of(request)`.
     """
     config = services.config
     for suffix in (".js", ".mjs"):
@@ -42,7 +42,7 @@ def create_app(services: Services) -> FastAPI:
         finally:
             await services.hub.stop()
 
-    # NOTE: set so, and not as an argument, because FastAPI knows the argument only since 0.93.
+    # NOTE: set here, because FastAPI has the argument `lifespan` only since 0.93.
     app.router.lifespan_context = lifespan
     access = Access(
         names=frozenset(host_names(config)),

@@ -1,4 +1,4 @@
-"""What happens once, from the parts that notice it to the clients."""
+"""The event bus: from the parts that notice an event to those that publish it to clients."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ Subscriber = Callable[[str, dict[str, object]], None]
 
 
 class EventBus:
-    """Hands each event to all subscribers, on the publisher's thread.
+    """Passes each event to all subscribers, on the publisher's thread.
 
-    It is made before everything that publishes, so that nothing has to be connected afterwards.
+    It is created before all publishers, so that nothing has to be connected afterwards.
     """
 
     def __init__(self) -> None:
         self._subscribers: tuple[Subscriber, ...] = ()
         self.lasting: tuple[tuple[str, dict[str, object]], ...] = ()
-        """What holds for as long as the program runs: told to everybody who joins later, too."""
+        """Events that hold as long as the program runs: also sent to clients that join later."""
 
     def subscribe(self, subscriber: Subscriber) -> Callable[[], None]:
-        """Call `subscriber(name, fields)` for each event; return what ends that.
+        """Call `subscriber(name, fields)` for each event; return a function that unsubscribes.
 
         Args:
             subscriber: Called on any thread; must return at once and not raise.
@@ -32,11 +32,11 @@ class EventBus:
         return unsubscribe
 
     def publish(self, name: str, **fields: object) -> None:
-        """Publish one event; where nobody has subscribed it is dropped."""
+        """Publish one event; without subscribers it is dropped."""
         for subscriber in self._subscribers:
             subscriber(name, fields)
 
     def publish_lasting(self, name: str, **fields: object) -> None:
-        """Publish one event now, and to whoever joins from now on."""
+        """Publish one event now, and to each client that joins later."""
         self.lasting = (*self.lasting, (name, fields))
         self.publish(name, **fields)

@@ -1,4 +1,4 @@
-"""What people call this robot, and its colour on the teacher's board: kept in the data folder."""
+"""The robot's name and its colour on the teacher's board, saved in the data folder."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _NAMES = (
     " Rover Scout Tango Umi Vega Wren Yuki Ziggy"
 )
 NAMES = tuple(_NAMES.split())
-"""A robot that nobody named yet is called one of these, and keeps it."""
+"""A robot without a name gets one of these, and keeps it."""
 COLOURS = ("grey", "green", "purple", "pink", "brown", "teal")
-"""None of them is the pilot's amber, the robot's blue or the red of stopping."""
+"""None is used elsewhere on the page: amber is the pilot, blue the robot, red stops."""
 LONGEST_NAME = 24
 
 
@@ -35,7 +35,7 @@ class Identity:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
-            raise ConfigurationError("a robot's name is a text")
+            raise ConfigurationError("a robot's name must be text")
         check_name(self.name)  # models are named after the robot
         if len(self.name) > LONGEST_NAME:
             raise ConfigurationError(f"a robot's name has at most {LONGEST_NAME} characters")
@@ -44,32 +44,32 @@ class Identity:
 
 
 class IdentityFile:
-    """Keeps the identity of one robot in `robot.json`.
+    """Saves the identity of one robot in `robot.json`.
 
     Args:
-        folder: The data folder; None keeps it in memory alone.
-        name: A name given at the start, in place of the one that was kept.
+        folder: The data folder; None keeps it in memory only.
+        name: A name that replaces the saved one.
     """
 
     def __init__(self, folder: Path | None, name: str | None = None) -> None:
         self._path = folder / "robot.json" if folder is not None else None
-        kept = self._read()
+        saved = self._read()
         if name is not None:
-            self.now = Identity(name.strip(), kept.colour if kept else COLOURS[0])
+            self.now = Identity(name.strip(), saved.colour if saved else COLOURS[0])
         else:
-            self.now = kept or Identity(secrets.choice(NAMES))
-        if self.now != kept:
+            self.now = saved or Identity(secrets.choice(NAMES))
+        if self.now != saved:
             try:
                 self._write()
-            except OSError as error:  # no reason not to start
-                log.warning("the robot's name was not kept: %s", error)
+            except OSError as error:  # the robot starts anyway
+                log.warning("the robot's name was not saved: %s", error)
 
     def change(self, **fields: Any) -> Identity:
-        """Give another name or colour.
+        """Change name or colour.
 
         Raises:
-            ConfigurationError: If it is none.
-            OSError: If it cannot be kept; then nothing is changed.
+            ConfigurationError: If a value is not valid.
+            OSError: If it cannot be saved; then nothing is changed.
         """
         before, self.now = self.now, replace(self.now, **fields)
         try:
@@ -80,7 +80,7 @@ class IdentityFile:
         return self.now
 
     def _read(self) -> Identity | None:
-        """Read what was kept; a damaged file counts as none, for a name is quickly given again."""
+        """Read the saved identity; a damaged file counts as none."""
         if self._path is None:
             return None
         try:

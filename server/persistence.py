@@ -1,4 +1,4 @@
-"""What the server keeps on disk for one robot: models, and the recordings of its runs."""
+"""What the server saves for one robot: models, and the recordings of its runs."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Persistence(StartStop):
     Args:
         storage: The data folder.
         rig: The robot.
-        name: What a new model is called.
-        options: Written into recordings.
+        name: The name of a new model.
+        options: The options of the run, written into recordings.
         announce: Called with events that clients should know.
-        fault: Why nothing can be kept, if so: the robot then drives without it.
+        fault: Why nothing can be saved, if so; the robot then drives without saving.
     """
 
     def __init__(
@@ -80,9 +80,8 @@ class Persistence(StartStop):
     def start(self) -> None:
         """Lock the folder, recover from a power cut, and start saving and recording.
 
-        What was kept before is loaded by `autosave.load_last`.
-
-        Where nothing can be kept, say so, and leave it at that: the robot drives.
+        `autosave.load_last` loads the last model. Where nothing can be saved, this only reports
+        it, and the robot drives.
 
         Raises:
             ConfigurationError: If another program uses the folder.
@@ -107,19 +106,19 @@ class Persistence(StartStop):
     def _recover(self) -> Recovered | None:
         try:
             return recover(self.storage.journal, self.models)
-        except Exception:  # whatever stands on the disk, the robot starts
+        except Exception:  # the robot starts, whatever the files contain
             log.exception("nothing was recovered from the journal")
             return None
 
     def _adopt(self, recovered: Recovered) -> None:
         try:
             self.autosave.adopt(recovered)
-        except Exception as error:  # the same
-            log.exception("what the last run knew could not be taken over")
+        except Exception as error:  # as above
+            log.exception("the recovered model could not be loaded")
             self._announce("model_not_saved", detail=str(error))
 
     def stop(self) -> None:
-        """Finish the recording and save what was learned; the loop must still run. Idempotent."""
+        """Finish the recording and save the model; the loop must still run. Idempotent."""
         self.recorder.stop()
         self.autosave.stop()
         self.journal.stop()

@@ -1,7 +1,7 @@
-"""What the page shows of the training: how agreement rose, and what is in the gallery.
+"""The training progress that the page shows: the curve of agreement, and the gallery.
 
-The loop's thread only records here; pictures are fetched from the learner when a page asks,
-and kept until something is taught or changed.
+The control loop's thread only records; images are fetched from the learner when a client asks,
+and cached until something is taught or changed.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from robot.policy.history import Replaced, Taught, Undone
 from robot.policy.policy import LearnedImage
 
 MARK_EVERY = 10
-"""Examples between two marks of the curve."""
+"""Examples between two points of the curve."""
 _MARKS = 2000
 _REMEMBERED = 512
-"""So many images are remembered, also those that are no longer there."""
+"""How many images are cached, including those that are gone."""
 _REFRESH_S = 0.4
-"""The gallery of a robot that learns is fetched no more often than so."""
+"""The gallery is fetched at most so often while the robot learns."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
-    """How things stood after so many examples. `at_s` is in seconds since 1970."""
+    """One point of the curve: agreement after `n_examples`. `at_s` is in seconds since 1970."""
 
-    lessons: int
+    n_examples: int
     agreement: float
     at_s: float
     episode: str | None = None
 
 
 class Progress(StartStop):
-    """Follows one robot's training. A context manager: it follows inside the block."""
+    """Follows one robot's training while its context is open."""
 
     def __init__(
         self,
@@ -61,36 +61,36 @@ class Progress(StartStop):
         self._unsubscribe: Callable[[], None] = lambda: None
 
     def start(self) -> None:
-        """Begin to follow the loop."""
+        """Subscribe to the control loop."""
         self._unsubscribe = self._loop.subscribe(self.note)
 
     def stop(self) -> None:
-        """End following."""
+        """Unsubscribe."""
         self._unsubscribe()
 
     def note(self, tick: Tick) -> None:
-        """Take note of one tick, on the loop's thread."""
+        """Record one tick, on the loop's thread."""
         self.readiness.note(tick)
         if not tick.history_events:
             return
         self._is_stale = True
-        lessons = self._loop.history.policy.n_seen
+        n_examples = self._loop.history.policy.n_seen
         for event in tick.history_events:
             if isinstance(event, Replaced):
                 self._marks = []
                 self._seen = OrderedDict()  # its images have the same numbers as others
             elif isinstance(event, Undone):
-                self._marks = [mark for mark in self._marks if mark.lessons <= lessons]
+                self._marks = [mark for mark in self._marks if mark.n_examples <= n_examples]
             elif isinstance(event, Taught):
-                self._mark(lessons)
+                self._mark(n_examples)
 
-    def _mark(self, lessons: int) -> None:
+    def _mark(self, n_examples: int) -> None:
         agreement = self._loop.state.agreement
-        last = self._marks[-1].lessons if self._marks else 0
-        if agreement is None or lessons - last < MARK_EVERY:
+        last = self._marks[-1].n_examples if self._marks else 0
+        if agreement is None or n_examples - last < MARK_EVERY:
             return
         mark = Mark(
-            lessons=lessons,
+            n_examples=n_examples,
             agreement=agreement,
             at_s=self._clock.wall_s(),
             episode=self._episode(),
@@ -98,22 +98,22 @@ class Progress(StartStop):
         self._marks = [*self._marks[-_MARKS:], mark]
 
     def history(self, points: int = 200) -> list[Mark]:
-        """Return at most so many marks, spread over the whole training, oldest first."""
+        """Return at most `points` marks, spread over the whole training, oldest first."""
         marks = self._marks
         step = max(1, -(-len(marks) // points))
         return marks[::-1][::step][::-1]
 
-    def mark_of(self, lesson: int) -> Mark | None:
-        """Return the mark that covers an example; None if it was taught before this start."""
+    def mark_of(self, example: int) -> Mark | None:
+        """Return the mark that covers an example; None if an earlier run taught it."""
         marks = self._marks
-        at = bisect_left(marks, lesson, key=lambda mark: mark.lessons)
-        if lesson < 1 or at == len(marks):
+        at = bisect_left(marks, example, key=lambda mark: mark.n_examples)
+        if example < 1 or at == len(marks):
             return None
-        is_covered = at > 0 or marks[0].lessons - lesson < MARK_EVERY
+        is_covered = at > 0 or marks[0].n_examples - example < MARK_EVERY
         return marks[at] if is_covered else None
 
     async def gallery(self, *, fresh: bool = False) -> list[LearnedImage]:
-        """Return the learned images; `fresh` after a change made just now."""
+        """Return the learned images; `fresh` skips the cache."""
         now_s = self._clock.now_s()
         if fresh or (self._is_stale and now_s - self._fetched_s > _REFRESH_S):
             self._is_stale, self._fetched_s = False, now_s
@@ -124,10 +124,10 @@ class Progress(StartStop):
         return self._gallery
 
     async def image(self, node: int) -> LearnedImage | None:
-        """Return a learned image, as it was last seen if it has been merged since.
+        """Return a learned image; if it has been merged since, as it was last seen.
 
-        A page asks for what it was told a moment ago, and an image may be merged with every
-        example: what it was is then still the best answer. None for one never seen.
+        A client asks for images that it was told of a moment ago, and each example may merge
+        some: the last version is then the best answer. None for one never seen.
         """
         await self.gallery()
         if node not in self._seen:

@@ -1,4 +1,4 @@
-"""Teaching again from recordings, in the background: before and after, then keep or drop."""
+"""Training again from recordings, in the background; its result is then saved or dropped."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from robot.policy.registry import make_policy
 from robot.types import DEFAULT_MOVES
 
 _BREATH_S = 0.0005
-"""After each step the control loop's thread gets its turn."""
+"""Pause after each step, so that the control loop's thread can run."""
 
 
 class _DroppedError(Exception):
-    """A person dropped what is being taught."""
+    """The run was dropped."""
 
 
 class Retraining:
-    """At most one run at a time; its outcome stays until it is kept or dropped."""
+    """At most one run at a time; its result stays until it is dropped."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -35,53 +35,55 @@ class Retraining:
         self._run: _Run | None = None
 
     def begin(self, store: EpisodeStore, episode_ids: Sequence[str], learner: str) -> None:
-        """Begin to teach an empty learner again, in place of any run before.
+        """Start to train an empty learner, in place of any earlier run.
 
         Args:
-            store: Where the recordings are.
-            episode_ids: Which ones, in any order: they are taught in the order they were driven.
+            store: The recordings.
+            episode_ids: Which ones, in any order; they are taught in the order of recording.
             learner: Name of the learner.
 
         Raises:
-            ConfigurationError: If a run is under way, or there is nothing to learn.
-            NotFoundError: If there is no such recording.
+            ConfigurationError: If a run is in progress, or there is nothing to learn.
+            NotFoundError: If a recording is unknown.
             RecordingError: If one cannot be read.
         """
         if not episode_ids:
-            raise ConfigurationError("choose at least one recording to teach from")
+            raise ConfigurationError("choose at least one recording")
         episodes = [
             (store.open(episode_id), store.notes(episode_id))
             for episode_id in sorted(set(episode_ids))
         ]
         if not plan(episodes):
-            raise ConfigurationError("nothing was taught in these recordings, or all is left out")
+            raise ConfigurationError(
+                "these recordings have no examples, or all of them were deleted"
+            )
         run = _Run(episodes, learner, self._clock)
         with self._lock:
             if self._run is not None and self._run.is_running:
-                raise ConfigurationError("something is being taught already; drop it first")
+                raise ConfigurationError("another training run is in progress; drop it first")
             self._run = run
         self._clock.start_thread(run.work, "retraining")
 
     def take(self) -> Model:
-        """Return the model that was taught; it stays until `drop`.
+        """Return the trained model; it stays until `drop`.
 
         Raises:
             ConfigurationError: If there is none yet.
         """
         run = self._run
         if run is None or run.model is None:
-            raise ConfigurationError("nothing has been taught again yet")
+            raise ConfigurationError("no training run has finished yet")
         return run.model
 
     def drop(self) -> None:
-        """Forget the run, or end it."""
+        """Drop the result, or cancel the run."""
         with self._lock:
             run, self._run = self._run, None
         if run is not None:
             run.is_dropped = True
 
     def describe(self) -> dict[str, Any]:
-        """Return how it stands, as the page gets it."""
+        """Return the state of the run, as the page gets it."""
         run = self._run
         return {"state": "idle"} if run is None else run.describe()
 
@@ -99,7 +101,7 @@ class _Run:
         self.model: Model | None = None
 
     def work(self) -> None:
-        """Compare, then teach everything; on a thread of its own."""
+        """Compare, then train on everything; on a thread of its own."""
         try:
             self._comparison = compare(self._episodes, self._new_policy, self._step)
             policy = self._new_policy()

@@ -1,4 +1,4 @@
-"""Everything that serves one robot, made once and handed to the routes."""
+"""All services of one robot's server, created once and passed to the routes."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ class Services:
     """The parts of one server. Routes get them from `services_of(request)`.
 
     Attributes:
-        config: What was set.
-        robot: The robot, started and stopped by whoever built it.
-        events: Where parts publish what clients should know.
+        config: The configuration.
+        robot: The robot, started and stopped by the caller.
+        events: The bus for events that clients should know.
         identity: The robot's name and colour.
         hub: The clients, and who of them drives.
-        progress: Curve and gallery of the model in use.
-        retraining: Teaching again from recordings.
+        progress: Learning curve and gallery of the model in use.
+        retraining: Training again from recordings.
         study: The guided study.
-        persistence: Models and recordings; None where nothing is kept.
-        pairing: Who was let in; None lets in whoever can reach the port.
-        door: Which connections may stay before they are admitted.
+        persistence: Models and recordings; None where nothing is saved.
+        pairing: The paired browsers; None admits every client that can reach the port.
+        door: Limits on connections that are not admitted yet.
         turned_away: How many requests the guard refused, by reason.
     """
 
@@ -66,16 +66,16 @@ def make_services(
     persistence: Persistence | None = None,
     pairing: Pairing | None = None,
 ) -> Services:
-    """Make the parts of a server for one robot. Nothing starts yet.
+    """Create the services for one robot. Nothing starts yet.
 
     Args:
-        config: What was set.
+        config: The configuration.
         robot: The robot, running or not.
-        name: What pages call it, where `identity` does not say.
-        identity: Keeps the robot's name and colour; by default nothing is kept.
+        name: The robot's name, if `identity` is not given.
+        identity: Stores the robot's name and colour; by default in memory only.
         events: The bus that `persistence` publishes to; a new one by default.
-        persistence: What keeps models and recordings; started and stopped by the caller.
-        pairing: Who was let in; None lets in whoever can reach the port.
+        persistence: Stores models and recordings; started and stopped by the caller.
+        pairing: The paired browsers; None admits every client that can reach the port.
     """
     events = events or EventBus()
     identity = identity or IdentityFile(None, name)
@@ -111,8 +111,8 @@ def services_of(connection: HTTPConnection) -> Services:
 
 
 def persistence_of(connection: HTTPConnection) -> Persistence:
-    """Return what keeps models and recordings; 503 where nothing is kept."""
+    """Return the storage of models and recordings; 503 where nothing is saved."""
     persistence = services_of(connection).persistence
     if persistence is None:
-        raise HTTPException(503, "Nothing is kept here: start the server with --data FOLDER.")
+        raise HTTPException(503, "Nothing is saved here: start the server with --data FOLDER.")
     return persistence

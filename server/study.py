@@ -24,7 +24,7 @@ _RESULT = re.compile(r"\d{8}-\d{6}-trial-[1-3]")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialModels:
-    """The model of a trial that is on, and what the robot knew before it."""
+    """The model of the trial in progress, and the model in use before it."""
 
     own: str
     before: str | None
@@ -32,7 +32,7 @@ class TrialModels:
 
 
 def name_of_world(body: object) -> str | None:
-    """Return the world that a simulated body is in, None for a real one.
+    """Return the world of a simulated body, None for a real one.
 
     By attribute, not by class: a server on a brick never imports the simulation.
     """
@@ -40,10 +40,10 @@ def name_of_world(body: object) -> str | None:
 
 
 def check_world(body: object, trial: int) -> None:
-    """Refuse a trial in a simulated world that is not the trial's; a real place is not known.
+    """Refuse a trial in the wrong simulated world; the place of a real robot is unknown.
 
     Raises:
-        ConfigurationError: If the robot is simulated, and elsewhere.
+        ConfigurationError: If the robot is simulated, in another world.
     """
     place, here = TRIALS[trial][0], name_of_world(body)
     if here not in (None, place):
@@ -54,9 +54,9 @@ def check_world(body: object, trial: int) -> None:
 
 
 class Study(StartStop):
-    """Follows the loop during a study run. A context manager: it follows inside the block.
+    """Follows the control loop during a study run, while its context is open.
 
-    `pace` is how many seconds of a run pass in a second: 1 except in demonstrations and tests.
+    `pace` is how many seconds of a run pass in one second: 1 except in demonstrations and tests.
     """
 
     def __init__(
@@ -79,15 +79,15 @@ class Study(StartStop):
         self._unsubscribe: Callable[[], None] = lambda: None
 
     def start(self) -> None:
-        """Begin to follow the loop."""
+        """Subscribe to the control loop."""
         self._unsubscribe = self._loop.subscribe(self.note)
 
     def stop(self) -> None:
-        """End following."""
+        """Unsubscribe."""
         self._unsubscribe()
 
     def note(self, tick: Tick) -> None:
-        """Take note of one turn, on the loop's thread; stop the robot where a phase ends."""
+        """Record one tick, on the loop's thread; stop the robot when a phase ends."""
         lesson = self.lesson
         if lesson is None or lesson.mode is None:
             return
@@ -99,26 +99,26 @@ class Study(StartStop):
             self._announce("lesson", phase=lesson.phase.value)
 
     def begin(self, trial: int, teach_s: int) -> StudyRun:
-        """Begin a run in place of any in progress."""
+        """Start a run, in place of one in progress."""
         self.lesson = StudyRun(trial, teach_s, self.pace)
         self.result, self._episodes, self._began_s = None, [], self._clock.wall_s()
         return self.lesson
 
     def abandon(self) -> TrialModels | None:
-        """End the trial; return the models of one that was not finished, to be put back."""
+        """End the trial; if it was not finished, return its models to restore."""
         is_done = self.lesson is None or self.lesson.phase is Phase.DONE
         models, self.models = self.models, None
         self.lesson = self.result = None
         return None if is_done else models
 
     def judge(self, answer: int, folder: Path) -> dict[str, Any]:
-        """Take the closing answer and keep the result.
+        """Record the closing answer and save the result.
 
         Raises:
             ConfigurationError: If no run has reached its end, or the answer is not valid.
         """
         if self.lesson is None:
-            raise ConfigurationError("no lesson is in progress")
+            raise ConfigurationError("no study run is in progress")
         self.lesson.judge(answer)
         began = time.strftime("%Y%m%d-%H%M%S", time.localtime(self._began_s))
         self.result = {
@@ -153,7 +153,7 @@ class Study(StartStop):
 
 
 def list_results(folder: Path) -> list[dict[str, Any]]:
-    """Return a line about each result that is kept, the newest first, but for unreadable ones."""
+    """Summarize each saved result, the newest first; unreadable ones are left out."""
     lines = []
     for file in sorted(folder.glob("*.json"), reverse=True):
         try:
@@ -169,12 +169,12 @@ def read_result(folder: Path, result_id: str) -> bytes:
     """Return the file of one result.
 
     Raises:
-        NotFoundError: If there is none of that name.
+        NotFoundError: If the result is unknown.
         RecordingError: If it cannot be read.
     """
     if not _RESULT.fullmatch(result_id) or not (folder / f"{result_id}.json").is_file():
-        raise NotFoundError(f"there is no lesson {result_id!r}")
+        raise NotFoundError(f"unknown study result {result_id!r}")
     try:
         return (folder / f"{result_id}.json").read_bytes()
     except OSError as error:
-        raise RecordingError(f"the lesson {result_id!r} cannot be read: {error}") from error
+        raise RecordingError(f"the study result {result_id!r} cannot be read: {error}") from error

@@ -114,9 +114,9 @@ def drive(
     now_s: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
 ) -> tuple[float, float]:
-    """Move so for some seconds; return how far each wheel turned, in degrees as if forward.
+    """Drive for some seconds; return how far each wheel turned, in degrees, forward positive.
 
-    The move is renewed all the time, so that the robot stops if this program does.
+    The command is sent again and again, so that the robot stops if this program does.
     """
     sign = -1 if driver.options.reversed_motors else 1
     before = driver.wheel_positions_deg()
@@ -133,14 +133,14 @@ def drive(
 
 
 def ask(question: str) -> float:
-    """Ask until the answer is a number above 0; nothing typed at all is an error."""
+    """Ask until the answer is a number above 0; the end of input is an error."""
     while True:
         try:
             number = float(input(question).strip().replace(",", "."))
         except ValueError:
             number = 0.0
         except EOFError:
-            raise ConfigurationError("calibrate needs somebody to answer its questions") from None
+            raise ConfigurationError("calibrate asks questions; run it in a terminal") from None
         if 0 < number < 100_000:
             return number
         print("A number above 0, please.")
@@ -150,11 +150,11 @@ def _wait_for_person(what: str) -> None:
     try:
         input(f"\n{what}, and press Enter.")
     except EOFError:
-        raise ConfigurationError("calibrate needs somebody to answer its questions") from None
+        raise ConfigurationError("calibrate asks questions; run it in a terminal") from None
 
 
 def keep(file: Path, values: Mapping[str, float]) -> None:
-    """Set these at the head of a TOML file; all else in it, comments too, stays as it is.
+    """Set values at the head of a TOML file; all other lines, comments too, stay unchanged.
 
     Raises:
         ConfigurationError: If the file cannot be written.

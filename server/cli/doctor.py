@@ -20,7 +20,7 @@ CONSENT = (
 
 
 def examine_brick(args: argparse.Namespace) -> int:
-    """Examine, and print the report; 1 if something is wrong."""
+    """Examine a brick and print the report; return 1 if something is wrong."""
     if args.fake:
         with fake_brick() as (address, secret):
             return _examine(address, secret, lambda: True)
@@ -43,7 +43,7 @@ def _examine(address: str, secret: str, may_turn_wheels: Callable[[], bool]) -> 
 
 
 def ask_consent() -> bool:
-    """Ask whether the wheels may turn; nobody there to answer is a no."""
+    """Ask whether the wheels may turn; the end of input means no."""
     try:
         return input(CONSENT).strip().lower() in ("", "y", "yes")
     except EOFError:

@@ -125,11 +125,11 @@ def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storag
 
 
 def _remarks(summary: EpisodeSummary) -> str:
-    words = [summary.title]
-    words += ["protected"] if summary.is_protected else []
-    words += [f"{summary.edits} edits"] if summary.edits else []
-    words += [f"damaged: {summary.damage}"] if summary.damage else []
-    return ", ".join(word for word in words if word)
+    remarks = [summary.title]
+    remarks += ["protected"] if summary.is_protected else []
+    remarks += [f"{summary.edits} edits"] if summary.edits else []
+    remarks += [f"damaged: {summary.damage}"] if summary.damage else []
+    return ", ".join(remark for remark in remarks if remark)
 
 
 def show(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
@@ -178,14 +178,14 @@ def play_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage
     return main([*words, "--data", str(storage.root)])
 
 
-# Mending -----------------------------------------------------------------------------------------
+# Editing -----------------------------------------------------------------------------------------
 
 
 def trim_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Keep only a range."""
     episode_id = find_id(store, args.episode)
     episode = store.open(episode_id)
-    _tell_edits(store.edit(episode_id, trim(episode.frames, *_range(args, episode))))
+    _print_edits(store.edit(episode_id, trim(episode.frames, *_range(args, episode))))
 
 
 def relabel(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
@@ -194,7 +194,7 @@ def relabel(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> 
     episode = store.open(episode_id)
     label = read_move(args.label, episode)
     edit = Edit(verb="relabel", ranges=(_range(args, episode),), label=label)
-    _tell_edits(store.edit(episode_id, edit))
+    _print_edits(store.edit(episode_id, edit))
 
 
 def delete(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
@@ -205,27 +205,27 @@ def delete(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> N
         print(f"{episode_id} is in the trash; back with: drivelesson episodes restore {key}")
         return
     between = _range(args, store.open(episode_id))
-    _tell_edits(store.edit(episode_id, Edit(verb="delete", ranges=(between,))))
+    _print_edits(store.edit(episode_id, Edit(verb="delete", ranges=(between,))))
 
 
 def undo(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Take the last edit back."""
-    _tell_edits(store.undo_edit(find_id(store, args.episode)))
+    """Undo the last edit."""
+    _print_edits(store.undo_edit(find_id(store, args.episode)))
 
 
-def _tell_edits(notes: Notes) -> None:
+def _print_edits(notes: Notes) -> None:
     print(f"{len(notes.edits)} edits; the recording itself is not touched")
 
 
 def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Bring a deleted episode back; without a word, the one deleted last."""
+    """Restore a deleted episode; without a key, the one deleted last."""
     keys = sorted(p.name for p in storage.trash.iterdir() if any(p.glob("*.mcap")))
     key = args.key or (keys[-1] if keys else "")
     print(f"{store.restore(key)} is back")
 
 
 def compact(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Work the edits in."""
+    """Apply the edits to the recording."""
     key = store.compact(find_id(store, args.episode))
     print(f"done; the recording as it was is back with: drivelesson episodes restore {key}")
 
@@ -241,7 +241,7 @@ def protect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> 
 
 
 def unprotect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Protect one no more."""
+    """Remove the protection of one."""
     store.protect(find_id(store, args.episode), False)
 
 
@@ -249,7 +249,7 @@ def unprotect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -
 
 
 def show_budget(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Say what is kept and offer the oldest; nothing is deleted."""
+    """Print the disk usage, and the oldest episodes that could be deleted."""
     if args.gigabytes is not None:
         store.budget_bytes = round(args.gigabytes * 1e9)
     usage, budget = storage.usage(), store.budget()

@@ -46,7 +46,7 @@ def configure_import(parser: argparse.ArgumentParser) -> None:
 
 
 def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Read somebody else's drive as an episode."""
+    """Import a drive of another program as an episode."""
     from robot.exchange.drive import write_episode
     from robot.exchange.sources import read_drive
 
@@ -66,7 +66,7 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
     if args.form == "film":
         check_suffix(out)
     if out.exists():
-        raise ConfigurationError(f"{out} is there already; choose another with --out")
+        raise ConfigurationError(f"{out} exists already; choose another with --out")
     total = sum(len(episode.frames) for episode, _ in episodes)
     try:
         with _progress(total, "picture") as bar:

@@ -1,4 +1,4 @@
-"""What a person means by the name of an episode, and where things are kept."""
+"""Find episodes by what was typed, and the option for the data folder."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ EPISODE_HELP = "name, beginning of a name, file, or last"
 
 
 def add_data(parser: argparse.ArgumentParser) -> None:
-    """Declare where things are kept."""
+    """Declare the data folder."""
     parser.add_argument("--data", type=Path, default=None, help="folder for what is kept")
 
 
-def find_id(store: EpisodeStore, word: str) -> str:
-    """Return the episode that a person means.
+def find_id(store: EpisodeStore, name: str) -> str:
+    """Return the id of the episode with this name, or the only one that begins with it.
 
     Raises:
-        NotFoundError: If there is none, or more than one begins so.
+        NotFoundError: If there is none, or more than one.
     """
     ids = store.ids()
-    if word == "last" and word not in ids:
+    if name == "last" and name not in ids:
         return find_last(store)
-    found = [i for i in ids if i == word] or [i for i in ids if i.startswith(word)]
+    found = [i for i in ids if i == name] or [i for i in ids if i.startswith(name)]
     if len(found) != 1:
         what = "no episode" if not found else f"{len(found)} episodes"
-        raise NotFoundError(f"{what} of this name: {word!r}; see: drivelesson episodes list")
+        raise NotFoundError(f"{what} of this name: {name!r}; see: drivelesson episodes list")
     return found[0]
 
 
@@ -47,14 +47,14 @@ def find_last(store: EpisodeStore) -> str:
     return summaries[0].id
 
 
-def find_episodes(store: EpisodeStore, words: list[str]) -> list[EditedEpisode]:
-    """Open the episodes that a person means, by name or by file, oldest first as given."""
+def find_episodes(store: EpisodeStore, names: list[str]) -> list[EditedEpisode]:
+    """Open episodes by name or by file, in the order given."""
     found: list[EditedEpisode] = []
-    for word in words:
-        path = Path(word)
+    for name in names:
+        path = Path(name)
         if path.suffix == ".mcap" and path.is_file():
             found.append((open_episode(path), read_notes(path)))
         else:
-            episode_id = find_id(store, word)
+            episode_id = find_id(store, name)
             found.append((open_episode(store.path(episode_id)), store.notes(episode_id)))
     return found

@@ -51,7 +51,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Learn, say what came of it, and save the model."""
+    """Learn, print the result, and save the model."""
     storage = Storage(args.data or default_root())
     episodes = find_episodes(EpisodeStore(storage), args.episodes)
     policy, taught = _begin(args, episodes)
@@ -102,13 +102,13 @@ def _say(report: Report, policy: Policy, episodes: list[EditedEpisode], seconds:
 
 
 def _compare(policy: Policy, episodes: list[EditedEpisode], args: argparse.Namespace) -> bool:
-    """Say whether driving made the same nodes, where the recording can tell."""
+    """Print whether driving made the same nodes, if the recording has them."""
     last, notes = episodes[-1]
     after = last.model_after()
     comparable = after is not None and after.summary.learner == policy.name and not notes.edits
     if not comparable or after is None:
         if args.check:
-            raise ConfigurationError(f"{last.id} does not tell what driving made of {policy.name}")
+            raise ConfigurationError(f"{last.id} has no model of {policy.name} to compare with")
         return False
     is_same = same_nodes(policy.get_state(), after.state)
     print("the same nodes as driving made" if is_same else "not the nodes that driving made")

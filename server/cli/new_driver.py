@@ -27,11 +27,11 @@ def run(args: argparse.Namespace) -> int:
     name: str = args.name
     if _NAME.fullmatch(name) is None:
         raise ConfigurationError(
-            f"{name!r} is no name for a robot: use a small letter, then 1 to 20 small letters or "
-            "digits, as in: drivelesson new-driver wheely"
+            f"{name!r} is not a valid robot name: use a lower-case letter, then 1 to 20 lower-case "
+            "letters or digits, as in: drivelesson new-driver wheely"
         )
     if name in driver_names():
-        raise ConfigurationError(f"there is a robot {name!r} already; choose another name")
+        raise ConfigurationError(f"the robot {name!r} exists already; choose another name")
     folder: Path = args.out or Path(f"drivelesson-{name}")
     template = files("robot.testing.template")
     try:
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
             text = text.replace("mybot", name).replace("Mybot", name.capitalize())
             (folder / file.replace("mybot", name)).write_text(text, encoding="utf-8")
     except FileExistsError as error:
-        raise ConfigurationError(f"{folder} is there already; choose another with --out") from error
+        raise ConfigurationError(f"{folder} exists already; choose another with --out") from error
     except OSError as error:
         raise ConfigurationError(f"cannot write {folder}: {error.strerror or error}") from error
     print(f"{folder} has a driver for {name!r}. Try it:")

@@ -147,7 +147,7 @@ def run(args: argparse.Namespace) -> int:
     with_eye = rig.camera.name == "phone"
     if with_eye and config.lan and not config.tls:
         raise ConfigurationError(
-            "a phone gives its camera to pages over https only; add --tls to --camera phone --lan"
+            "phones allow the camera on https pages only; add --tls to --camera phone --lan"
         )
     prepared = prepare(config.data)
     listener = open_socket(config.host, config.port)
@@ -157,7 +157,7 @@ def run(args: argparse.Namespace) -> int:
     addresses = [f"{scheme}://{_bracketed(a)}:{config.port}" for a in _reached_at(config)]
     pairing = _open_pairing(config, addresses[0]) if config.lan else None
     events = EventBus()
-    options = {name: str(value) for name, value in vars(args).items() if _says_something(value)}
+    options = {name: str(value) for name, value in vars(args).items() if _is_given(value)}
     identity = IdentityFile(config.data, args.name)
     persistence = Persistence(
         Storage(config.data, must_be_usable=False),
@@ -167,7 +167,7 @@ def run(args: argparse.Namespace) -> int:
         announce=events.publish,
         fault=prepared.fault,
     )
-    _say_what_was_found(prepared, events)
+    _report_problems(prepared, events)
     services = make_services(
         config, rig, identity=identity, events=events, persistence=persistence, pairing=pairing
     )
@@ -189,17 +189,17 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _say_what_was_found(prepared: Prepared, events: EventBus) -> None:
-    """Say on the page and in one line what was set aside, and that nothing can be kept."""
+def _report_problems(prepared: Prepared, events: EventBus) -> None:
+    """Report on the page and in the log what was set aside, or that nothing can be saved."""
     if prepared.sentence:
         log.warning("set aside in the data folder: %s", prepared.sentence)
         events.publish_lasting("set_aside", detail=prepared.sentence)
     if prepared.fault:
-        log.warning("nothing can be kept: %s", prepared.fault)
+        log.warning("nothing can be saved: %s", prepared.fault)
         events.publish_lasting("nothing_kept", detail=prepared.fault)
 
 
-def _says_something(value: Any) -> bool:
+def _is_given(value: Any) -> bool:
     return isinstance(value, str | int | float | Path) and value not in ("", False)
 
 
@@ -220,7 +220,7 @@ def _name_learner(args: argparse.Namespace) -> str:
 
 
 def _choose_model(autosave: Autosave, args: argparse.Namespace, learner: str) -> None:
-    """Go on with the model that was asked for, or the last good one of what was asked for."""
+    """Load the requested model, or else the last good one of the requested learner."""
     if args.model is None:
         autosave.load_last(learner if args.learner or args.max_nodes else None)
         return
@@ -229,7 +229,7 @@ def _choose_model(autosave: Autosave, args: argparse.Namespace, learner: str) ->
             autosave.load(args.model)
         else:
             autosave.begin(args.model)
-    except (OSError, RecordingError) as error:  # no reason not to start
+    except (OSError, RecordingError) as error:  # the robot starts anyway
         log.warning("the model %s is not in use: %s", args.model, error)
         autosave.announce("model_not_saved", detail=str(error))
 
@@ -258,7 +258,7 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
 
 
 def _reached_at(config: Config) -> list[str]:
-    """Return names and addresses for the person, the best first."""
+    """Return the names and addresses to show, the best first."""
     if not config.lan:
         return [config.host]
     return [*lan_addresses(config), f"{config.hostname}.local"]
@@ -287,7 +287,7 @@ def _open_pairing(config: Config, address: str) -> Pairing:
 
 @contextlib.contextmanager
 def _announced(config: Config) -> Iterator[None]:
-    """Answer to a name on the network; where that cannot be, say so and go on."""
+    """Answer to a name on the network; without zeroconf, print a hint and go on."""
     if not config.lan:
         yield
         return

@@ -1,4 +1,4 @@
-"""What the terminal says when the robot is ready: where to point the phone."""
+"""What the terminal shows when the robot is ready: the addresses, and QR codes for phones."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from server.security.access import Role
 
 
 def greet_here(address: str, *, with_eye: bool = False) -> str:
-    """Say where the page is, for a browser on this machine."""
+    """Return the page's address, for a browser on this machine."""
     eye = f"The robot's eye: open {address}/eye\n" if with_eye else ""
     return f"Drivelesson is ready: open {address}\n{eye}"
 
 
 def greet_phones(addresses: Sequence[str], tokens: dict[Role, str]) -> str:
-    """Say where the page is on the network, and how a phone gets in."""
-    lines = ["Drivelesson is ready. Only paired browsers are let in.", ""]
+    """Return the addresses on the network, and how a phone pairs."""
+    lines = ["Drivelesson is ready. Only paired browsers are admitted.", ""]
     pilot = pairing_address(addresses[0], tokens[Role.PILOT])
     lines += ["To drive, scan this with the phone:", "", *draw_qr(pilot).splitlines(), ""]
     lines += [f"  or open   {pilot}"]
@@ -27,12 +27,12 @@ def greet_phones(addresses: Sequence[str], tokens: dict[Role, str]) -> str:
         eye = pairing_address(addresses[0], tokens[Role.EYE])
         lines += ["The phone on the robot, its eye, scans this:", "", *draw_qr(eye).splitlines()]
         lines += ["", f"  or opens  {eye}", ""]
-    lines += ["Each address works once; the next is shown when it was used."]
+    lines += ["Each address works once; then a new one is shown."]
     return "\n".join(lines) + "\n"
 
 
 def greet_next(address: str, role: Role, token: str) -> str:
-    """Say how the next browser gets in."""
+    """Return how the next browser pairs."""
     verb = {Role.PILOT: "drive", Role.VIEWER: "watch", Role.EYE: "be the robot's eye"}[role]
     return (
         f"A browser was paired. The next one that is to {verb}: {pairing_address(address, token)}"
@@ -40,7 +40,7 @@ def greet_next(address: str, role: Role, token: str) -> str:
 
 
 def pairing_address(address: str, token: str) -> str:
-    """Return the address that pairs; what is behind the `#` stays in the browser."""
+    """Return the address that pairs; the part after the `#` stays in the browser."""
     return f"{address}/pair#{token}"
 
 

@@ -14,9 +14,9 @@ log = logging.getLogger(__name__)
 
 @contextlib.contextmanager
 def announced(hostname: str, port: int, addresses: Sequence[str], *, tls: bool) -> Iterator[None]:
-    """Answer to `hostname`.local while the block runs.
+    """Answer to `hostname`.local inside the block.
 
-    A network that allows no multicast is no reason not to drive: it is logged, and that is all.
+    Where the network allows no multicast, that is only logged, and the robot drives.
 
     Raises:
         MissingExtraError: If zeroconf is not installed.

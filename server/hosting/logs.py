@@ -7,11 +7,11 @@ import time
 from collections import OrderedDict
 
 _KINDS = 256
-"""Of how many kinds of line the pace is remembered."""
+"""For how many kinds of line the rate is remembered."""
 
 
 class OneLine(logging.Formatter):
-    """One line whatever is logged: what a client sent cannot forge a second one."""
+    """Puts each record on one line, so that text from a client cannot forge a second one."""
 
     converter = staticmethod(time.gmtime)
     default_msec_format = "%s.%03d"
@@ -22,10 +22,10 @@ class OneLine(logging.Formatter):
 
 
 class RepeatFilter(logging.Filter):
-    """Lets through a few lines of one kind a minute, and says how many it left out.
+    """Passes a few lines of one kind a minute, and reports how many it left out.
 
-    A kind is a logger, a level and a message before its values are filled in. A stranger can
-    cause any number of some lines; they must not fill the disk of the robot.
+    A kind is a logger, a level and a message before formatting. An unpaired client can cause any
+    number of some lines; they must not fill the robot's disk.
     """
 
     def __init__(self, most: int = 5, window_s: float = 60.0) -> None:
@@ -34,7 +34,7 @@ class RepeatFilter(logging.Filter):
         self._seen: OrderedDict[tuple[str, int, str], tuple[float, int]] = OrderedDict()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return False for a line too many; see `logging.Filter`."""
+        """Return False for a line over the limit; see `logging.Filter`."""
         if record.levelno < logging.WARNING:
             return True
         kind = (record.name, record.levelno, str(record.msg)[:80])
@@ -51,7 +51,7 @@ class RepeatFilter(logging.Filter):
 
 
 def start_logging(*, verbose: bool) -> None:
-    """Log to standard error, which leaves standard output to the person."""
+    """Log to standard error, so that standard output is for the user."""
     handler = logging.StreamHandler()
     handler.setFormatter(OneLine("%(asctime)sZ %(levelname)s %(name)s %(message)s"))
     handler.addFilter(RepeatFilter())

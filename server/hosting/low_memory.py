@@ -1,8 +1,8 @@
-"""Leaving out what a server on a brick never uses, though the libraries below it import it.
+"""Leaves out modules that libraries import but a server on a brick never uses.
 
 With `DRIVELESSON_LEAN=1`, as the brick's start-up unit sets it, these modules are replaced before
-anything imports them: 64 MB is all there is, and OpenSSL alone takes five. https is then not to
-be had; `hashlib` does the same sums with Python's own code.
+anything imports them: a brick has 64 MB, and OpenSSL alone takes five. https is then
+unavailable; `hashlib` computes the same with Python's own code.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from types import ModuleType
 from typing import Any
 
 LEFT_OUT = ("_hashlib", "_ssl")
-"""OpenSSL by its two doors. Whoever asks gets an ImportError, and each caller has another way."""
+"""The two modules that load OpenSSL. Importing them fails, and each importer has a fallback."""
 
 
 class StandIn(ModuleType):
-    """A module that has every name, so that `import` and annotations work, and does nothing.
+    """A module that has every name and does nothing, so that imports and annotations work.
 
-    A name in capitals is the number 0, any other an exception of its own: some libraries say
+    A name in capitals is the number 0, any other an exception class: some libraries use
     `int(ssl.PROTOCOL_TLS_SERVER)` or `except ssl.SSLError`.
     """
 
@@ -33,7 +33,7 @@ class StandIn(ModuleType):
 
 
 def leave_out_unused(environ: Mapping[str, str] = os.environ) -> None:
-    """Put the stand-ins in place if the environment asks for it; what is loaded already stays."""
+    """Install the stand-ins if the environment asks for it; modules already loaded stay."""
     if environ.get("DRIVELESSON_LEAN") != "1":
         return
     for name in LEFT_OUT:

@@ -1,4 +1,4 @@
-"""The names and addresses by which this machine can be reached."""
+"""The names and addresses of this machine."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from server.config import Config
 
 
 def lan_addresses(config: Config) -> list[str]:
-    """Return the IPv4 addresses for the terminal and the certificate, the likeliest first."""
+    """Return the IPv4 addresses for the terminal and the certificate, the most likely first."""
     if config.host not in ("0.0.0.0", "::"):
         return [config.host]
     found = [_outward_address()]
@@ -22,7 +22,7 @@ def lan_addresses(config: Config) -> list[str]:
 
 
 def host_names(config: Config) -> list[str]:
-    """Return the names that this machine goes by."""
+    """Return the host names of this machine."""
     own = socket.gethostname().lower()
     names = ["localhost", "127.0.0.1", "::1"]
     if config.lan:
@@ -31,7 +31,7 @@ def host_names(config: Config) -> list[str]:
 
 
 def _outward_address() -> str | None:
-    """Return the address that packets to elsewhere would carry. Nothing is sent."""
+    """Return the source address of packets to other networks. Nothing is sent."""
     with contextlib.suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.connect(("192.0.2.1", 9))
         return str(probe.getsockname()[0])

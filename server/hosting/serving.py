@@ -1,4 +1,4 @@
-"""Uvicorn, set up for robots: no deflate, small messages, no delay, whatever its version."""
+"""Uvicorn, set up for low latency: no compression, small messages, no delay, on any version."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _DEAD_PEER_MS = 15_000
 
 
 def open_socket(host: str, port: int) -> socket.socket:
-    """Listen on an address, ready for connections that must not wait.
+    """Listen on an address, with socket options for low latency.
 
     Raises:
         ConfigurationError: If the port is taken or the address is not this machine's.
@@ -29,8 +29,8 @@ def open_socket(host: str, port: int) -> socket.socket:
     listener = socket.socket(family, socket.SOCK_STREAM)
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        # Connections inherit these on Linux: small words go at once, and a peer that
-        # acknowledges nothing is given up.
+        # Connections inherit these on Linux: small messages are sent at once, and the
+        # connection to a peer that acknowledges nothing is closed.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if hasattr(socket, "TCP_USER_TIMEOUT"):
             listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _DEAD_PEER_MS)
@@ -60,7 +60,7 @@ def uvicorn_settings(certificates: Certificates | None = None) -> dict[str, Any]
         "ws_ping_timeout": 20.0,
         "http": "h11",
         "access_log": False,
-        # Who sends X-Forwarded-For could say that it comes from anywhere.
+        # A client could claim any address with X-Forwarded-For.
         "proxy_headers": False,
         "log_config": None,
         "log_level": "warning",
@@ -86,7 +86,7 @@ def _behind_door(app: Any, listener: socket.socket) -> DoorListener:
 
 @contextlib.contextmanager
 def served(app: Any, config: Config, certificates: Certificates | None = None) -> Iterator[str]:
-    """Serve on a thread of its own while the block runs, and give the address. For tests."""
+    """Serve on a thread of its own inside the block; yield the address. For tests."""
     import threading
 
     import uvicorn

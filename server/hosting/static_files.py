@@ -1,4 +1,4 @@
-"""The page's files, packed for the way: gzip where the browser takes it, packed once a version."""
+"""The page's files, compressed with gzip where the browser accepts it, once a version."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _TEXT = ("text/", "application/json", "application/manifest+json", "image/svg+xm
 
 
 class CompressedFiles(StaticFiles):
-    """Serves a folder as `StaticFiles` does, text in a quarter of its bytes."""
+    """Serves a folder as `StaticFiles` does, with text compressed."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Answer with the file, packed if that is worth it."""
+        """Answer with the file, compressed if it is text."""
         response = await super().get_response(path, scope)
         takes_gzip = "gzip" in Headers(scope=scope).get("accept-encoding", "")
         kind = response.headers.get("content-type", "")
@@ -38,5 +38,5 @@ class CompressedFiles(StaticFiles):
 
 @lru_cache(maxsize=128)
 def _pack(path: str, version: str) -> bytes:
-    """Return the file's bytes, packed; `version` changes with the file."""
+    """Return the file's bytes, compressed; `version` changes with the file."""
     return gzip.compress(Path(path).read_bytes(), 9, mtime=0)

@@ -1,8 +1,8 @@
-"""The routes, one module a theme. Each has a `router`; `routers` lists them all.
+"""The routes, one module for each topic. Each has a `router`; `routers` lists them all.
 
-A route that reads depends on `server.guard.require_viewer`, one that changes something on
-`require_pilot`; everything behind a route is in `services_of(request)`. Requests
-that touch the learner go through `robot.loop.submit`. See docs/reference/http.md.
+A route that reads depends on `server.security.guard.require_viewer`, one that changes
+something on `require_pilot`; all services are in `services_of(request)`. Requests that touch the
+learner go through `robot.loop.submit`. See docs/reference/http.md.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MODULES = (
     "settings",
     "lesson",
 )
-"""Modules of this package; a new one is added here, and nowhere else."""
+"""Modules of this package; a new one is registered here only."""
 
 
 def routers() -> list[APIRouter]:

@@ -1,4 +1,4 @@
-"""What routes have in common: reading a JSON body, and turning errors into answers."""
+"""Helpers for routes: read a JSON body, and turn errors into HTTP answers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, R
 
 @contextmanager
 def refusals() -> Iterator[None]:
-    """Turn what went wrong into a status and a sentence for the page."""
+    """Turn an error into an HTTP status and a sentence for the page."""
     try:
         yield
     except NotFoundError as error:
@@ -26,11 +26,13 @@ def refusals() -> Iterator[None]:
     except RobotError as error:
         raise HTTPException(422, str(error)) from error
     except OSError as error:
-        raise HTTPException(507, f"The disk refused: {error.strerror or error}") from error
+        raise HTTPException(
+            507, f"The data folder cannot be used: {error.strerror or error}"
+        ) from error
 
 
 async def do(action: Callable[..., Any], *args: Any) -> Any:
-    """Run what touches the disk off the event loop, with errors as answers."""
+    """Run an action that uses the disk in a thread, with errors as HTTP answers."""
     with refusals():
         return await run_in_threadpool(action, *args)
 
@@ -52,12 +54,12 @@ async def read_body(request: Request) -> dict[str, Any]:
 
 
 def text_field(body: dict[str, Any], name: str, default: str | None = None) -> str | None:
-    """Return a text of the body, or the default; 400 if it is none, or overlong."""
+    """Return a text field of the body, or the default; 400 if it is not text, or too long."""
     value = body.get(name, default)
     if value is not None and (not isinstance(value, str) or len(value) > 200):
         raise HTTPException(400, f"{name!r} must be a text of at most 200 characters.")
     try:
         (value or "").encode()
-    except UnicodeEncodeError as error:  # half an emoji: no file and no answer could hold it
-        raise HTTPException(400, f"{name!r} must be made of whole characters.") from error
+    except UnicodeEncodeError as error:  # half a surrogate pair cannot be encoded
+        raise HTTPException(400, f"{name!r} must be valid Unicode text.") from error
     return value

@@ -42,7 +42,7 @@ _COLUMNS = (
 )
 
 
-def describe(summary: EpisodeSummary, recording: str | None = None) -> dict[str, Any]:
+def describe_episode(summary: EpisodeSummary, recording: str | None = None) -> dict[str, Any]:
     """Return one episode as the page gets it."""
     return {
         "id": summary.id,
@@ -64,7 +64,7 @@ def describe(summary: EpisodeSummary, recording: str | None = None) -> dict[str,
     }
 
 
-def describe_moment(moment: EpisodeFrame) -> dict[str, Any]:
+def describe_frame(moment: EpisodeFrame) -> dict[str, Any]:
     """Return one picture of the strip as the page gets it."""
     return {
         "frame": moment.frame_id,
@@ -95,28 +95,28 @@ def list_episodes(request: Request) -> Response:
         "recording": recorder.episode_id,
         "fault": recorder.fault,
         "dropped_frames": recorder.dropped_frames,
-        "episodes": [describe(summary, recorder.episode_id) for summary in summaries],
+        "episodes": [describe_episode(summary, recorder.episode_id) for summary in summaries],
     }
-    # NOTE: as bytes, for FastAPI takes a second to walk through a list of 2,000.
+    # NOTE: encoded here, because FastAPI takes a second for a list of 2,000.
     return Response(json.dumps(answer, allow_nan=False), media_type="application/json")
 
 
 @router.get("/storage", dependencies=[VIEWER])
 def show_storage(request: Request) -> dict[str, Any]:
-    """Say how much is kept, and which episodes could go if it is too much."""
+    """Return the disk usage, and which episodes could be deleted if it is too much."""
     persistence = persistence_of(request)
     with refusals():
         usage, budget = persistence.storage.usage(), persistence.episodes.budget()
     return {
         **dataclasses.asdict(usage),
         "budget": budget.budget_bytes,
-        "offered": [describe(summary) for summary in budget.offered],
+        "offered": [describe_episode(summary) for summary in budget.offered],
     }
 
 
 @router.post("/episodes/restore", dependencies=[PILOT])
 async def restore_episode(request: Request) -> dict[str, str]:
-    """Bring a deleted episode back: {undo}, as `delete` returned it."""
+    """Restore a deleted episode: {undo}, as `delete` returned it."""
     key = text_field(await read_body(request), "undo", "") or ""
     return {"id": await do(persistence_of(request).episodes.restore, key)}
 
@@ -133,7 +133,7 @@ def show_episode(request: Request, episode_id: str) -> dict[str, Any]:
         summary = persistence.episodes.summary(episode_id)
     ids = list(episode.frames)
     return {
-        **describe(summary, persistence.recorder.episode_id),
+        **describe_episode(summary, persistence.recorder.episode_id),
         "run": episode.run,
         "moves": [move.value for move in episode.moves],
         "declared_moves": [
@@ -154,7 +154,7 @@ def show_strip(
     first: int | None = None,
     last: int | None = None,
 ) -> dict[str, Any]:
-    """Show pictures at even distances, each with label, prediction and driver."""
+    """Return evenly spaced pictures, each with label, prediction and driver."""
     persistence = persistence_of(request)
     with refusals():
         episode, notes = (
@@ -167,25 +167,25 @@ def show_strip(
         if (first is None or moment.frame_id >= first) and (last is None or moment.frame_id <= last)
     ]
     chosen = choose(found, min(max(count, 1), _MOST_IN_A_STRIP))
-    return {"frames": [describe_moment(moment) for moment in chosen], "of": len(found)}
+    return {"frames": [describe_frame(moment) for moment in chosen], "of": len(found)}
 
 
 @router.get("/episodes/{episode_id}/timeline", dependencies=[VIEWER])
 def show_timeline(request: Request, episode_id: str) -> dict[str, Any]:
-    """Give every picture's label, prediction and driver, as columns for drawing."""
+    """Return every picture's label, prediction and driver, as columns for drawing."""
     persistence = persistence_of(request)
     with refusals():
         episode, notes = (
             persistence.episodes.open(episode_id),
             persistence.episodes.notes(episode_id),
         )
-    rows = [describe_moment(moment) for moment in moments(episode, notes)]
+    rows = [describe_frame(moment) for moment in moments(episode, notes)]
     return {"columns": {name: [row[name] for row in rows] for name in _COLUMNS}}
 
 
 @router.get("/episodes/{episode_id}/frames/{frame_id}", dependencies=[VIEWER])
 def show_frame(request: Request, episode_id: str, frame_id: int) -> Response:
-    """Show one picture: JPEG as the camera gave it, or PNG."""
+    """Return one picture: JPEG as recorded, or PNG."""
     persistence = persistence_of(request)
     with refusals():
         frame = persistence.episodes.open(episode_id).frame(frame_id)
@@ -201,7 +201,7 @@ def _picture(data: bytes, kind: str) -> Response:
 
 @router.get("/episodes/{episode_id}/file", dependencies=[VIEWER])
 def download_episode(request: Request, episode_id: str) -> Response:
-    """Download the recording as it was made."""
+    """Download the recording without its edits."""
     with refusals():
         path = persistence_of(request).episodes.path(episode_id)
     return FileResponse(path, media_type="application/octet-stream", filename=path.name)
@@ -209,7 +209,7 @@ def download_episode(request: Request, episode_id: str) -> Response:
 
 @router.patch("/episodes/{episode_id}", dependencies=[PILOT])
 async def change_episode(request: Request, episode_id: str) -> dict[str, Any]:
-    """Give an episode a title, or protect it: {title?, protected?}."""
+    """Set the title of an episode, or protect it: {title?, protected?}."""
     body = await read_body(request)
     title, protected = text_field(body, "title"), body.get("protected")
     if protected is not None and not isinstance(protected, bool):
@@ -219,38 +219,38 @@ async def change_episode(request: Request, episode_id: str) -> dict[str, Any]:
         await do(store.set_title, episode_id, title)
     if protected is not None:
         await do(store.protect, episode_id, protected)
-    return describe(await do(store.summary, episode_id))
+    return describe_episode(await do(store.summary, episode_id))
 
 
 @router.post("/episodes/{episode_id}/edits", dependencies=[PILOT], status_code=201)
 async def edit_episode(request: Request, episode_id: str) -> dict[str, Any]:
-    """Mend: {verb: delete | trim | relabel, first, last, label?}; frames, both ends included."""
+    """Edit: {verb: delete | trim | relabel, first, last, label?}; frames, both ends included."""
     body = await read_body(request)
     store = persistence_of(request).episodes
 
-    def mend() -> Notes:
+    def edit() -> Notes:
         return store.edit(episode_id, _read_edit(body, store.open(episode_id)))
 
-    return {"edit_list": _describe_edits(await do(mend))}
+    return {"edit_list": _describe_edits(await do(edit))}
 
 
 @router.delete("/episodes/{episode_id}/edits/last", dependencies=[PILOT])
 async def undo_edit(request: Request, episode_id: str) -> dict[str, Any]:
-    """Take the last edit back."""
+    """Undo the last edit."""
     notes = await do(persistence_of(request).episodes.undo_edit, episode_id)
     return {"edit_list": _describe_edits(notes)}
 
 
 @router.post("/episodes/{episode_id}/edits/redo", dependencies=[PILOT])
 async def redo_edit(request: Request, episode_id: str) -> dict[str, Any]:
-    """Make the edit again that was taken back last."""
+    """Redo the edit that was undone last."""
     notes = await do(persistence_of(request).episodes.redo_edit, episode_id)
     return {"edit_list": _describe_edits(notes)}
 
 
 @router.post("/episodes/{episode_id}/split", dependencies=[PILOT], status_code=201)
 async def split_episode(request: Request, episode_id: str) -> dict[str, str]:
-    """Make two recordings of one: {frame}, the first picture of the second."""
+    """Split a recording in two: {frame} is the first of the second part."""
     frame = (await read_body(request)).get("frame")
     if not isinstance(frame, int) or isinstance(frame, bool):
         raise HTTPException(400, "'frame' must be a frame's number.")
@@ -259,13 +259,13 @@ async def split_episode(request: Request, episode_id: str) -> dict[str, str]:
 
 @router.post("/episodes/{episode_id}/compact", dependencies=[PILOT])
 async def compact_episode(request: Request, episode_id: str) -> dict[str, str]:
-    """Work the edits into the recording; `undo` brings it back as it was."""
+    """Apply the edits to the recording; `undo` restores the original."""
     return {"undo": await do(persistence_of(request).episodes.compact, episode_id)}
 
 
 @router.delete("/episodes/{episode_id}", dependencies=[PILOT])
 async def delete_episode(request: Request, episode_id: str) -> dict[str, str]:
-    """Move an episode to the trash; `undo` is the word that brings it back."""
+    """Move an episode to the trash; `undo` is the key that restores it."""
     return {"undo": await do(persistence_of(request).episodes.delete, episode_id)}
 
 

@@ -1,4 +1,4 @@
-"""`/api/gallery`: what the robot has learned, image by image. See docs/reference/http.md."""
+"""`/api/gallery`: the learned images. See docs/reference/http.md."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ async def list_images(request: Request) -> dict[str, Any]:
     images = await progress.gallery()
     return {
         "moves": [move.value for move in state.moves],
-        # A learner of several places keeps so many for each of them.
+        # A learner of several places has `max_nodes` images for each of them.
         "max_nodes": max(state.max_nodes, len(images)),
         "images": [_describe(image, progress) for image in images],
     }
@@ -37,7 +37,7 @@ async def show_image(request: Request, node: int) -> Response:
     """Return one learned image as a small PNG."""
     image = await services_of(request).progress.image(node)
     if image is None:
-        raise HTTPException(404, "There never was such an image.")
+        raise HTTPException(404, "Unknown image.")
     return Response(
         encode_png(image.thumbnail),
         media_type="image/png",
@@ -47,7 +47,7 @@ async def show_image(request: Request, node: int) -> Response:
 
 @router.post("/undo", dependencies=[PILOT])
 async def undo_edit(request: Request) -> dict[str, bool]:
-    """Take the last change to an image back; `undone` is false if there is none to take back."""
+    """Undo the last change to an image; `undone` is false if there is none to undo."""
     loop = services_of(request).robot.loop
     undone = await asyncio.wrap_future(loop.submit(lambda: loop.history.undo_edit()))
     await services_of(request).progress.gallery(fresh=True)

@@ -1,4 +1,4 @@
-"""`/api/lesson`: the paper's study, guided and timed. See docs/reference/http.md."""
+"""`/api/lesson`: the paper's study with a person. See docs/reference/http.md."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ def describe_lesson(request: Request) -> dict[str, Any]:
 
 @router.post("", dependencies=[PILOT], status_code=201)
 async def begin_lesson(request: Request) -> dict[str, Any]:
-    """Begin a study run with an empty model: {trial, teach_s}; 409 unless the robot is stopped."""
+    """Start a study run with an empty model: {trial, teach_s}; 409 unless the robot is stopped."""
     body = await read_body(request)
     trial, teach_s = _whole(body, "trial"), _whole(body, "teach_s")
-    room, persistence = _study(request), persistence_of(request)
+    study, persistence = _study(request), persistence_of(request)
     if trial not in TRIALS:
         raise HTTPException(400, "'trial' must be 1, 2 or 3.")
     moves = TRIALS[trial][1]
@@ -53,21 +53,21 @@ async def begin_lesson(request: Request) -> dict[str, Any]:
     with refusals():
         known = await run_in_threadpool(autosave.save) if before.taught else autosave.name
         name = await run_in_threadpool(autosave.begin, f"Trial {trial}", None, None, moves)
-        room.begin(trial, teach_s)
-    room.models = TrialModels(own=name, before=known, moves_before=before.moves)
-    return {"lesson": room.describe()}
+        study.begin(trial, teach_s)
+    study.models = TrialModels(own=name, before=known, moves_before=before.moves)
+    return {"lesson": study.describe()}
 
 
 @router.delete("", dependencies=[PILOT])
 async def abandon_lesson(request: Request) -> dict[str, Any]:
-    """End the trial. One that is not finished leaves no model: the robot knows what it knew."""
+    """End the trial. If it is not finished, the model in use before it is loaded again."""
     await _leave(request)
     return {"lesson": None}
 
 
 async def _leave(request: Request) -> None:
-    room, services = _study(request), services_of(request)
-    models = room.abandon()
+    study, services = _study(request), services_of(request)
+    models = study.abandon()
     if models is None:
         return
     loop, autosave = services.robot.loop, persistence_of(request).autosave
@@ -87,7 +87,7 @@ async def _leave(request: Request) -> None:
 
 @router.post("/answer", dependencies=[PILOT])
 async def answer_question(request: Request) -> dict[str, Any]:
-    """Answer the closing question, {answer: 1 to 7}, and keep the result."""
+    """Answer the closing question, {answer: 1 to 7}, and save the result."""
     answer = _whole(await read_body(request), "answer")
     with refusals():
         return await run_in_threadpool(_study(request).judge, answer, _folder(request))
@@ -95,7 +95,7 @@ async def answer_question(request: Request) -> dict[str, Any]:
 
 @router.get("/results", dependencies=[VIEWER])
 def results(request: Request) -> dict[str, Any]:
-    """List the results that are kept, the newest first."""
+    """List the saved results, the newest first."""
     return {"results": list_results(_folder(request))}
 
 

@@ -19,7 +19,7 @@ router = APIRouter(prefix="/api/models")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 
 
-def describe(saved: StoredModel) -> dict[str, Any]:
+def describe_model(saved: StoredModel) -> dict[str, Any]:
     """Return one model as the page gets it."""
     summary = saved.summary
     return {
@@ -39,7 +39,7 @@ def describe(saved: StoredModel) -> dict[str, Any]:
 
 
 MOST_NODES = 2048
-"""Memory grows with the square of it: 2048 images take some 50 MB."""
+"""Memory grows with its square: 2048 images take about 50 MB."""
 
 
 @router.get("", dependencies=[VIEWER])
@@ -47,13 +47,13 @@ def list_models(request: Request) -> dict[str, Any]:
     """List all models, the one saved last first."""
     persistence = persistence_of(request)
     with refusals():
-        models = [describe(saved) for saved in persistence.models.saved()]
+        models = [describe_model(saved) for saved in persistence.models.saved()]
     return {"current": persistence.autosave.name, "models": models}
 
 
 @router.post("", dependencies=[PILOT], status_code=201)
 async def begin_model(request: Request) -> dict[str, str]:
-    """Save the model in use and begin an empty one: {name?, learner?, place?}."""
+    """Save the model in use and start an empty one: {name?, learner?, place?}."""
     body = await read_body(request)
     name, learner, place = (text_field(body, field) for field in ("name", "learner", "place"))
     with refusals():
@@ -70,21 +70,21 @@ async def save_model(request: Request) -> dict[str, str]:
 
 @router.post("/restore", dependencies=[PILOT])
 async def restore_model(request: Request) -> dict[str, str]:
-    """Bring a deleted model back: {undo}, as `delete` returned it."""
+    """Restore a deleted model: {undo}, as `delete` returned it."""
     key = text_field(await read_body(request), "undo", "") or ""
     return {"name": await do(persistence_of(request).models.restore, key)}
 
 
 @router.post("/{name}/load", dependencies=[PILOT])
 async def load_model(request: Request, name: str) -> dict[str, str]:
-    """Save the model in use and go on with this one; 409 unless the robot is stopped."""
+    """Save the model in use and load this one; 409 unless the robot is stopped."""
     await do(persistence_of(request).autosave.load, name)
     return {"name": name}
 
 
 @router.patch("/{name}", dependencies=[PILOT])
 async def change_model(request: Request, name: str) -> dict[str, str]:
-    """Rename a model, or say where it was taught: {name?, place?}."""
+    """Rename a model, or set the place where it was taught: {name?, place?}."""
     body = await read_body(request)
     new_name, place = text_field(body, "name"), text_field(body, "place")
     persistence = persistence_of(request)
@@ -104,13 +104,13 @@ async def copy_model(request: Request, name: str) -> dict[str, str]:
 
 @router.delete("/{name}", dependencies=[PILOT])
 async def delete_model(request: Request, name: str) -> dict[str, str]:
-    """Move a model to the trash; `undo` is the word that brings it back."""
+    """Move a model to the trash; `undo` is the key that restores it."""
     return {"undo": await do(persistence_of(request).autosave.delete, name)}
 
 
 @router.get("/{name}/preview", dependencies=[VIEWER])
 def preview_model(request: Request, name: str) -> Response:
-    """Show the model's most used learned image, as PNG."""
+    """Return the model's most used learned image, as PNG."""
     persistence = persistence_of(request)
     with refusals():
         model = decode_model(persistence.models.read_file(name))
@@ -131,7 +131,7 @@ def download_model(request: Request, name: str) -> Response:
 
 @router.put("/{name}/file", dependencies=[PILOT], status_code=201)
 async def upload_model(request: Request, name: str) -> dict[str, str]:
-    """Keep an uploaded file as a model of this name, or of one like it if it is taken."""
+    """Save an uploaded model under this name, or under a similar one if it is taken."""
     persistence = persistence_of(request)
     data = await request.body()
     if not data:

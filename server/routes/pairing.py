@@ -1,4 +1,4 @@
-"""`/pair` and `/api/pair`: how a browser gets in. Only with `--lan`."""
+"""`/pair` and `/api/pair`: pairing of browsers. Only with `--lan`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ async def pair_page(request: Request) -> Response:
 
 @router.post("/api/pair", responses={400: {}, 403: {}, 404: {}, 429: {}})
 async def pair(request: Request) -> JSONResponse:
-    """Redeem `{"token": ...}` for a cookie. The token never stands in an address that is sent."""
+    """Exchange `{"token": ...}` for a session cookie. The token is never sent in an address."""
     pairing = _require_pairing(request)
     try:
         token = json.loads(await request.body())["token"]
@@ -54,7 +54,7 @@ async def pair(request: Request) -> JSONResponse:
 
 @router.post("/api/unpair", responses={404: {}})
 async def unpair(request: Request) -> JSONResponse:
-    """Forget this browser."""
+    """End the session of this browser."""
     pairing = _require_pairing(request)
     config = services_of(request).config
     name = cookie_name(config)
@@ -70,12 +70,12 @@ async def authority(request: Request) -> Response:
     config = services_of(request).config
     file = config.data / "tls" / "ca.crt"
     if not config.tls or not file.is_file():
-        raise HTTPException(404, "There is none: the robot is served without --tls.")
+        raise HTTPException(404, "There is no certificate: the robot is served without --tls.")
     return FileResponse(file, media_type="application/x-x509-ca-cert")
 
 
 def _require_pairing(request: Request) -> Pairing:
     pairing = services_of(request).pairing
     if pairing is None:
-        raise HTTPException(404, "There is nothing to pair: the robot is open on this machine.")
+        raise HTTPException(404, "Pairing is off: the robot is served to this machine only.")
     return pairing

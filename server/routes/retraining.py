@@ -1,4 +1,4 @@
-"""`/api/retraining`: teach again from recordings; see before and after; keep or drop."""
+"""`/api/retraining`: train again from recordings, compare, then save or drop the result."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _MOST_EPISODES = 100
 
 @router.get("", dependencies=[VIEWER])
 def describe_retraining(request: Request) -> dict[str, Any]:
-    """Return how it stands: idle, running, done or failed."""
+    """Return the state of the run: idle, running, done or failed."""
     return services_of(request).retraining.describe()
 
 
 @router.post("", dependencies=[PILOT], status_code=202)
 async def begin_retraining(request: Request) -> dict[str, Any]:
-    """Teach an empty learner again: {episodes: [id, ...], learner?}."""
+    """Train an empty learner: {episodes: [id, ...], learner?}."""
     body = await read_body(request)
     episodes = body.get("episodes")
     if not isinstance(episodes, list) or not all(isinstance(name, str) for name in episodes):
@@ -39,7 +39,7 @@ async def begin_retraining(request: Request) -> dict[str, Any]:
 
 @router.post("/keep", dependencies=[PILOT], status_code=201)
 async def keep(request: Request) -> dict[str, str]:
-    """Keep what was taught as a model, {name?}, and use it; 409 unless the robot is stopped."""
+    """Save the result as a model, {name?}, and load it; 409 unless the robot is stopped."""
     name = text_field(await read_body(request), "name")
     services, persistence = services_of(request), persistence_of(request)
 
@@ -60,6 +60,6 @@ async def keep(request: Request) -> dict[str, str]:
 
 @router.delete("", dependencies=[PILOT])
 def drop(request: Request) -> dict[str, Any]:
-    """Drop what was taught, or what is being taught."""
+    """Drop the result, or cancel the run."""
     services_of(request).retraining.drop()
     return {"state": "idle"}

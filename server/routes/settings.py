@@ -1,4 +1,4 @@
-"""`/api/settings`: the little that a person changes about a robot. See docs/reference/http.md."""
+"""`/api/settings`: the settings that the page can change. See docs/reference/http.md."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _REAL = RealClock()
 
 @router.get("", dependencies=[VIEWER])
 async def describe_settings(request: Request) -> dict[str, Any]:
-    """Return what is set, and what may be chosen."""
+    """Return the settings and their possible values."""
     robot = services_of(request).robot
     loop: ControlLoop = robot.loop
     state = loop.state
@@ -62,7 +62,7 @@ async def describe_settings(request: Request) -> dict[str, Any]:
 
 @router.put("", dependencies=[PILOT])
 async def change_settings(request: Request) -> dict[str, Any]:
-    """Set {speed, name, colour}; {max_nodes} or {moves} begin an empty model, 409 if it drives."""
+    """Set {speed, name, colour}; {max_nodes} or {moves} start an empty model, 409 if it drives."""
     body = await read_body(request)
     loop = services_of(request).robot.loop
     if "speed" in body:
@@ -92,7 +92,7 @@ def _checked_speed(speed: Any) -> float:
     if isinstance(speed, bool) or not isinstance(speed, int | float):
         raise HTTPException(400, "'speed' must be a number.")
     if not SLOWEST <= speed <= FASTEST:
-        raise HTTPException(400, f"'speed' must lie between {SLOWEST} and {FASTEST}.")
+        raise HTTPException(400, f"'speed' must be between {SLOWEST} and {FASTEST}.")
     return float(speed)
 
 

@@ -1,4 +1,4 @@
-"""`/shell.json`: the page's own files, so that a browser keeps them all on its first visit."""
+"""`/shell.json`: the page's files, so that the service worker caches them on the first visit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from server.services import services_of
 router = APIRouter()
 _KEPT = {".css", ".js", ".png", ".svg", ".webmanifest"}
 _APART = {"sw.js", "js/pair.js", "css/pair.css"}
-"""The keeper itself, and the page that lets a browser in: of no use without the robot."""
+"""Not cached: the service worker itself, and the pairing page."""
 
 
 def shell_files(folder: Path) -> list[str]:

@@ -1,4 +1,4 @@
-"""`/api/teaching`: how the training goes, and undoing the latest. See docs/reference/http.md."""
+"""`/api/teaching`: the training progress, and undo of the latest. See docs/reference/http.md."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ _STRIP = 24
 
 @router.get("", dependencies=[VIEWER])
 def describe_teaching(request: Request) -> dict[str, Any]:
-    """Return what was taught, and how agreement rose with the examples."""
+    """Return what was taught, and the curve of agreement over the examples."""
     state = services_of(request).robot.loop.state
     return {
         "lessons": sum(state.taught.values()),
         "taught": {move.value: state.taught.get(move, 0) for move in state.moves},
         "agreement": state.agreement,
         "history": [
-            [mark.lessons, round(mark.agreement, 4)]
+            [mark.n_examples, round(mark.agreement, 4)]
             for mark in services_of(request).progress.history()
         ],
     }
@@ -43,7 +43,7 @@ def describe_teaching(request: Request) -> dict[str, Any]:
 
 @router.get("/readiness", dependencies=[VIEWER])
 async def show_readiness(request: Request) -> dict[str, Any]:
-    """Return if the robot is ready to drive alone, or what is missing and where."""
+    """Return whether the robot is ready to drive alone, or what is missing and where."""
     services = services_of(request)
     readiness = services.progress.readiness
     loop = services.robot.loop
@@ -52,7 +52,7 @@ async def show_readiness(request: Request) -> dict[str, Any]:
 
 @router.get("/last", dependencies=[VIEWER])
 async def show_last(request: Request, seconds: float = 5.0) -> dict[str, Any]:
-    """Show what undoing the last seconds would take away."""
+    """Return the examples that undoing the last seconds would remove."""
     loop = services_of(request).robot.loop
     wanted_s = _checked(seconds)
     return dict(await asyncio.wrap_future(loop.submit(lambda: _preview(loop.history, wanted_s))))
@@ -60,7 +60,7 @@ async def show_last(request: Request, seconds: float = 5.0) -> dict[str, Any]:
 
 @router.post("/undo", dependencies=[PILOT])
 async def undo(request: Request) -> dict[str, Any]:
-    """Un-learn the last seconds of teaching: {seconds}."""
+    """Undo the last seconds of training: {seconds}."""
     seconds = _checked((await read_body(request)).get("seconds"))
     loop = services_of(request).robot.loop
     gone = await asyncio.wrap_future(loop.submit(lambda: loop.history.undo(seconds)))
@@ -99,7 +99,7 @@ def _checked(seconds: Any) -> float:
     if isinstance(seconds, bool) or not isinstance(seconds, int | float):
         raise HTTPException(400, "'seconds' must be a number.")
     if not 0 < seconds <= UNDO_HORIZON_S:
-        raise HTTPException(400, f"'seconds' must lie between 0 and {UNDO_HORIZON_S:.0f}.")
+        raise HTTPException(400, f"'seconds' must be between 0 and {UNDO_HORIZON_S:.0f}.")
     return float(seconds)
 
 

@@ -1,4 +1,4 @@
-"""`/api/world`: the simulated world from above, for drawing; a real robot's is not known."""
+"""`/api/world`: the simulated world from above, for drawing; unknown for a real robot."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def show_world(request: Request) -> dict[str, Any]:
     body: object = services_of(request).robot.driver
     if not hasattr(body, "simulation"):
         return {"world": None}
-    return {"world": describe(body.simulation.world)}
+    return {"world": describe_world(body.simulation.world)}
 
 
-def describe(world: World) -> dict[str, Any]:
+def describe_world(world: World) -> dict[str, Any]:
     """Return a world as the page draws it."""
     return {
         "name": world.name,
