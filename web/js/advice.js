@@ -1,4 +1,4 @@
-// What to tell a person about their robot now: one sentence and its next step. Pure.
+// Advice for the pilot: one sentence about the robot's state, and the next step. Pure.
 
 /** @typedef {import('./store.js').PageState} PageState */
 /** @typedef {{key: string, values?: Record<string, string | number>, step?: string, level: 'info' | 'ask' | 'stop'}} Advice */
@@ -21,7 +21,7 @@ export function usedMoves(taught) {
 }
 
 /**
- * The move in use of which too little was taught; null if none is starved or it is too early to say.
+ * The move in use with too few examples; null if there is none or it is too early to know.
  * @param {Record<string, number>} taught
  * @returns {{move: string, share: number} | null}
  */
@@ -102,7 +102,7 @@ function lagAdvice(page) {
   return null;
 }
 
-/** What the guided lesson asks for next. @param {PageState} page @returns {Advice | null} */
+/** What the study run asks for next. @param {PageState} page @returns {Advice | null} */
 function lessonAdvice({ lesson, robot }) {
   if (!lesson || lesson.phase === 'done') return null;
   if (lesson.phase === 'question') return { key: 'lesson.over', step: 'lesson', level: 'info' };

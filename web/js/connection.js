@@ -1,4 +1,4 @@
-// The two sockets, kept open. A reconnect begins anew: nothing that was held is ever replayed.
+// The two websockets, reconnected when they close. No earlier command is ever replayed.
 
 import {
   encodeAcknowledgement,
@@ -13,7 +13,7 @@ const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 2000;
 const PING_EVERY_MS = 1000;
 const CLOCK_SAMPLES = 8;
-const IDLE_SILENCE_MS = 4000; // an idle page hears the answer to its ping each second, and little else
+const IDLE_SILENCE_MS = 4000; // an idle page receives a pong each second, and little else
 
 /**
  * Events: `open`, `lost`, and `words` and `picture` with the message as `detail`.
@@ -66,7 +66,7 @@ export class Connection extends EventTarget {
   /** How old a moment of the server's clock is now; null before the first pong. @param {number} serverMs */
   ageMs(serverMs) {
     if (!this.samples.length) return null;
-    // The quickest round trip tells the clocks' difference best.
+    // The shortest round trip gives the best estimate of the clock offset.
     const best = this.samples.reduce((a, b) => (b.rttMs < a.rttMs ? b : a));
     return Math.max(0, this.env.nowMs() + best.offsetMs - serverMs);
   }
@@ -102,7 +102,7 @@ export class Connection extends EventTarget {
     return true;
   }
 
-  /** Send a word without fields. @param {import('./protocol.js').Word} type */
+  /** Send a message without fields. @param {import('./protocol.js').Word} type */
   say(type) {
     return this.send(encodeWord(type));
   }

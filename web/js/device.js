@@ -1,6 +1,6 @@
-// What the browser can do for a page that drives: keep the screen on, and say what is off and why.
+// Browser features that driving needs: keep the screen on, and report what is unavailable and why.
 
-/** Keep the screen on while `wanted` says so; plain HTTP cannot. */
+/** Keep the screen on while `wanted` is true; unavailable over plain HTTP. */
 export class WakeLock {
   constructor() {
     /** @type {any} */

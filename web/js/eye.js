@@ -1,4 +1,4 @@
-// The page of the phone that is the robot's eye: rear camera, screen kept on, a big STOP.
+// The page of the phone that is the robot's eye: rear camera, screen stays on, a big STOP.
 
 import { WakeLock } from './device.js';
 import { EyeLink } from './eye-link.js';

@@ -7,7 +7,7 @@ import { encodeDrive, encodeMode } from './protocol.js';
 
 export const HEARTBEAT_MS = 100;
 const EARLY_MS = 15;
-const IDLE_BEATS = 5; // of so many beats an idle page sends one: enough to keep the wheel
+const IDLE_BEATS = 5; // an idle page sends every fifth heartbeat: enough to renew its lease
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 
@@ -28,7 +28,7 @@ export class Helm extends EventTarget {
     this.hasWheel = false;
     /** @type {Mode} */
     this.mode = 'stopped';
-    /** True where no picture is shown: nothing can be held, and the wheel alone is kept. */
+    /** True while no picture is shown: no move can be held, only the lease is renewed. */
     this.isIdle = false;
     this.beats = 0;
     this.beatMs = -HEARTBEAT_MS;
@@ -100,7 +100,7 @@ export class Helm extends EventTarget {
     this.connection.send(encodeMode(mode, this.connection.nextSeq(), this.lookingAt()));
   }
 
-  /** Take over what the robot says. @param {{mode: Mode, you_are_pilot: boolean}} robot @param {readonly string[]} moves */
+  /** Apply a state message. @param {{mode: Mode, you_are_pilot: boolean}} robot @param {readonly string[]} moves */
   follow(robot, moves) {
     this.moves = moves;
     this.hasWheel = robot.you_are_pilot;

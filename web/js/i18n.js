@@ -1,4 +1,4 @@
-// The page's words in the person's language: plain message files, English where one is missing.
+// The page's texts in the user's language: plain message files, English where one is missing.
 
 export const LANGUAGES = { en: 'English', es: 'Español', zh: '中文' };
 const KEY = 'drivelesson.language';
@@ -21,18 +21,18 @@ export async function loadLanguage() {
   document.documentElement.lang = language;
 }
 
-/** Add words that a robot brought along. @param {Record<string, string>} words */
+/** Add texts of the robot's driver. @param {Record<string, string>} words */
 export function learn(words) {
   messages = { ...messages, ...words };
 }
 
-/** A robot's own move that came without words goes by its name. @param {string} key */
+/** A driver's own move without a text is shown by its name. @param {string} key */
 function nameOf(key) {
   const name = key.match(/^moves?\.(\w+)$/)?.[1].replaceAll('_', ' ') ?? key;
   return name === key ? key : name[0].toUpperCase() + name.slice(1);
 }
 
-/** Tests and tools speak a language without loading it. @param {Record<string, string>} words */
+/** Set a language without loading it, for tests and tools. @param {Record<string, string>} words */
 export function speak(words) {
   messages = words;
 }

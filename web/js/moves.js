@@ -1,4 +1,4 @@
-// What a robot says of its moves: labels, icons and places, for every screen that shows a move.
+// The robot's declared moves: labels, icons and places, for every screen that shows a move.
 
 import { signs } from './dom.js';
 import { language, learn } from './i18n.js';
@@ -12,7 +12,7 @@ const LAST = 3;
 /** @type {Map<string, Move>} */
 const known = new Map();
 
-/** Take over what a driver declared; the page's own words stand in for what it left out. @param {Move[]} moves */
+/** Apply a driver's declaration; the page's own texts are used for what it leaves out. @param {Move[]} moves */
 export function declare(moves) {
   for (const move of moves) {
     known.set(move.name, move);

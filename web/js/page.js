@@ -1,4 +1,4 @@
-// What a person does on the page, and what the robot says to it.
+// Actions of the user, and messages of the robot.
 
 import { ask } from './api.js';
 import { Helm } from './helm.js';
@@ -168,7 +168,7 @@ export class Page {
     if (event.name === 'wheel_waiting') this.store.set({ wheelWaiting: true });
   }
 
-  /** Ask how the guided lesson stands; while one is on, again every second. */
+  /** Fetch the state of the study run; while one is in progress, again every second. */
   async refreshLesson() {
     clearTimeout(this.lessonTimer);
     const answer = await ask('GET', '/api/lesson').catch(() => null);
@@ -176,14 +176,14 @@ export class Page {
     if (this.store.state.lesson?.mode) this.lessonTimer = setTimeout(() => this.refreshLesson(), LESSON_MS);
   }
 
-  /** Say something for a moment. @param {string} notice */
+  /** Show a notice for a moment. @param {string} notice */
   mention(notice) {
     clearTimeout(this.noticeTimer);
     this.store.set({ notice });
     this.noticeTimer = setTimeout(() => this.store.set({ notice: null }), NOTICE_MS);
   }
 
-  /** Say something on whatever screen is open, with one step to take. @param {string} text @param {{label: string, act: () => void} | null} [step] */
+  /** Show a notice on any screen, with one action. @param {string} text @param {{label: string, act: () => void} | null} [step] */
   toast(text, step = null) {
     clearTimeout(this.toastTimer);
     this.store.set({ toast: { text, step } });
@@ -244,7 +244,7 @@ export class Page {
     this.store.set({ hint: null });
   }
 
-  /** The picture is fetched where it is shown, and only who sees it may have a robot drive. */
+  /** The video is fetched only where it is shown, and only a page that shows it may drive. */
   followScreen() {
     const shows = SHOWING.includes(this.store.state.screen) && !document.hidden;
     if (!shows && !document.hidden) this.hide('elsewhere');

@@ -1,6 +1,6 @@
 // Redeems the one-time token behind the # of the address, or one typed by hand, for a cookie.
 // What stands behind the # is never sent to a server or written into a log. This page speaks for
-// itself: a stranger is given nothing else of the program.
+// itself: an unpaired browser gets nothing else of the program.
 
 const WORDS = {
   en: {

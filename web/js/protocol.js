@@ -23,7 +23,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {number} [nonce]  goes back with the next command, as proof that it was sent later
  */
 /**
- * What the pilot sees, and proof of when: the parts of a command that say so.
+ * The fields of a command that name the frame on the screen and prove when it was seen.
  * @typedef {object} Sight
  * @property {number | null} frame  id of the frame on the screen
  * @property {number | null} [nonce]  the newest that was received
@@ -181,7 +181,7 @@ export function encodePing(clientMs) {
 }
 
 /**
- * Read one message of `/ws/drive`; unknown fields are kept and may be ignored.
+ * Read one message of `/ws/drive`; unknown fields are passed on and may be ignored.
  * @param {string} text
  * @returns {{type: string} & Record<string, any>}
  */

@@ -2,11 +2,11 @@
 // finger comes upon it: pressed there or slid there, captured by another element or not.
 //
 // Each button keeps a place in the page's layout and is laid exactly over it. What is pressed is
-// told by geometry, before any element hears of it, so nothing can lie in between.
+// decided by geometry, before any element gets the event, so nothing can lie in between.
 
 import { h } from './dom.js';
 
-const AGAIN_MS = 500; // one finger, one stop: pointer, touch and click tell of the same press
+const AGAIN_MS = 500; // one finger, one stop: pointer, touch and click report the same press
 
 /** @typedef {{button: HTMLElement, place: HTMLElement, box: DOMRect | null}} Stop */
 

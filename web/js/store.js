@@ -2,7 +2,7 @@
 
 /** @typedef {import('./protocol.js').RobotState} RobotState */
 /**
- * The guided lesson that is on; see docs/reference/http.md.
+ * The study run in progress; see docs/reference/http.md.
  * @typedef {{trial: number, phase: string, mode: string | null, left_s: number,
  *   wanted_s: Record<string, number>, done_s: Record<string, number>, interventions: number, result: any}} LessonState
  */
@@ -18,7 +18,7 @@
  * @property {number | null} pictureAgeMs  how old that picture was when it was drawn
  * @property {number | null} drawnAgeMs  how old pictures are when they are drawn, smoothed
  * @property {number} drawingMs  how much of that they spend on this phone, smoothed
- * @property {number | null} delayMs  round trip of a word
+ * @property {number | null} delayMs  round trip of a message
  * @property {string | null} held  what the pilot holds here
  * @property {string} screen
  * @property {'hidden' | 'elsewhere' | null} localStop  a stop that this page asked for by itself
@@ -28,7 +28,7 @@
  * @property {LessonState | null} lesson
  * @property {string | null} hint  which of the first visit's hints is shown
  * @property {Toast | null} toast  a sentence that goes away by itself, on any screen
- * @property {string | null} notice  a short word that goes away by itself
+ * @property {string | null} notice  a short text that disappears by itself
  */
 
 /** @returns {PageState} */
@@ -63,7 +63,7 @@ export class Store extends EventTarget {
     this.state = { ...initialState(), ...state };
   }
 
-  /** Change some fields; watchers of those that really changed are told. @param {Partial<PageState>} patch */
+  /** Change some fields; watchers of those that really changed are called. @param {Partial<PageState>} patch */
   set(patch) {
     const before = this.state;
     this.state = { ...before, ...patch };

@@ -95,7 +95,7 @@ class Player {
     return box;
   }
 
-  /** Each move has a lane of its own, so that it is told by place; the sonar is below. */
+  /** Each move has a lane of its own, so that its place identifies it; the sonar is below. */
   timeline() {
     const { columns } = this;
     const size = columns.frame.length;

@@ -89,7 +89,7 @@ export function begins(flags) {
   return flags.flatMap((flag, i) => (flag && !flags[i - 1] ? [i] : []));
 }
 
-/** A sign of its own for each, so that it is not told by colour. @param {string} kind @param {number} x @param {number} y */
+/** Each has its own sign, so that colour is not needed to tell them apart. @param {string} kind @param {number} x @param {number} y */
 function mark(kind, x, y) {
   /** @type {Record<string, string>} */
   const signs = { asked: 'M0 .05V-.02M0 -.05V-.055', pushed: 'M-.04 -.04L.04 .04M-.04 .04L.04 -.04', corrected: 'M-.045 0A.045 .045 0 1 0 .045 0A.045 .045 0 1 0 -.045 0' };

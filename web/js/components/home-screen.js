@@ -1,4 +1,4 @@
-// <home-screen>: the models that are kept on this robot, and the recordings of its drives.
+// <home-screen>: the models saved on this robot, and the recordings of its drives.
 
 import { ask } from '../api.js';
 import { append, fill, h, icon } from '../dom.js';

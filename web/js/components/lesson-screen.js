@@ -1,4 +1,4 @@
-// <lesson-screen>: the paper's lesson, guided: choose a trial, see where it stands, answer the
+// <lesson-screen>: the paper's study: choose a trial, follow its progress, answer the
 // closing question, and see how pilot and robot drove.
 
 import { ask } from '../api.js';

@@ -35,7 +35,7 @@ export class Screen extends HTMLElement {
     if (end) this.endings?.push(end);
   }
 
-  /** Do what may be refused, and say so if it is. @param {() => Promise<any>} act */
+  /** Run an action that may be refused, and show the error. @param {() => Promise<any>} act */
   async attempt(act) {
     try {
       return await act();

@@ -66,7 +66,7 @@ export class SettingsScreen extends Screen {
       ...boxes.map((box) => h('label', { class: 'choice' }, box, h('span', {}, t(`move.${box.value}`)))));
   }
 
-  /** A model of another kind begins empty; the one before is kept. @param {object} change */
+  /** A model of another kind starts empty; the one before is saved. @param {object} change */
   async begin(change) {
     const done = await this.attempt(() => ask('PUT', '/api/settings', change));
     if (done) this.page?.toast(t('settings.begun'));

@@ -1,4 +1,4 @@
-// Teaching again from recordings: progress, then before and after side by side, then keep or drop.
+// Training again from recordings: progress, then before and after side by side, then keep or drop.
 
 import { ask } from '../api.js';
 import { fill, h, icon } from '../dom.js';
