@@ -62,7 +62,7 @@ NOTICES: list[dict[str, Any]] = [
 
 
 def drive_faults(page: Any) -> list[str]:
-    """List the faults of the drive screen under everything that it may have to say."""
+    """List the faults of the drive screen under every message that it may show."""
     found: list[str] = page.evaluate(
         """(notices) => {
           const list = MEASURE;

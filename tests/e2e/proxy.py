@@ -1,4 +1,4 @@
-"""A wire between page and robot that can be cut without anybody being told."""
+"""A proxy between page and robot that can drop the link without closing it."""
 
 from __future__ import annotations
 

@@ -238,7 +238,7 @@ def _save_film(frames: list[tuple[float, bytes]], path: Path) -> None:
 
 
 def _take_pairing(browser: Any, folder: Path) -> None:
-    """What a phone sees that was not let in yet."""
+    """What an unpaired phone shows."""
     with tempfile.TemporaryDirectory() as kept:
         config = Config(port=0, web=WEB, lan=True, data=Path(kept))
         with live_server(config, pairing=Pairing(10)) as server:

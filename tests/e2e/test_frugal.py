@@ -1,4 +1,4 @@
-"""Nothing crosses the link that is not shown, and what was kept is enough to come back."""
+"""Only what is shown crosses the link, and the cached page is enough to reconnect."""
 
 from __future__ import annotations
 

@@ -175,7 +175,7 @@ def open_recording(phone: Any) -> None:
 def test_two_relabels_repair_a_recording_and_before_and_after_say_so(
     phone: Any, world: World
 ) -> None:
-    """A fifth of the labels is wrong; on the page they are put right, taught again, and kept."""
+    """A fifth of the labels is wrong; they are corrected on the page, taught again, and saved."""
     shots, repairs = spoil(film_a_good_pilot(400))
     assert sum(last - first + 1 for first, last, _ in repairs) >= 0.15 * len(shots)
     store = world.services.persistence.episodes

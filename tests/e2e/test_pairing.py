@@ -1,4 +1,4 @@
-"""A phone that scans the code in the terminal is let in; one that does not stays outside."""
+"""A phone that scans the code in the terminal is paired; one that does not is refused."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def test_undo_restores_the_exact_learner_from_before(phone: Any, world: World) -
 
 
 def _seconds_of_last(world: World, lessons: int) -> float:
-    """How many seconds of teaching the last so many lessons are."""
+    """How many seconds of training the last so many examples cover."""
     seconds = 0.05
     while len(world.rig.loop.history.last_examples(seconds)) < lessons:
         seconds += 0.01

@@ -108,7 +108,7 @@ def test_space_stops_from_every_screen(desktop: Any, world: World) -> None:
         world.rig.loop.release_emergency().result(5)
         world.rig.loop.set_mode(Mode.TRAIN).result(5)
         wait_for(lambda: world.mode is Mode.TRAIN, "started again")
-        desktop.wait_for_timeout(150)  # the page hears of it
+        desktop.wait_for_timeout(150)  # until the page knows
 
 
 def test_a_gamepad_drives_and_its_button_stops(chromium: Any, world: World) -> None:

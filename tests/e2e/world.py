@@ -215,7 +215,7 @@ def pad(move: str) -> str:
 
 
 def choose(page: Any, world: World, mode: Mode) -> None:
-    """Choose a mode on the page as a person does, who taps again if the robot was stopped at once
+    """Choose a mode on the page as a user does, who taps again if the robot was stopped at once
     (a link that has just come back is still slow), and wait until the robot is in it."""
     button = page.locator(f"mode-bar [data-mode={mode.value}]")
     deadline_s = time.monotonic() + 15.0

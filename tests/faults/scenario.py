@@ -175,7 +175,7 @@ class HubSocket:
         self._up.send(message, len(message))
 
     def close(self) -> None:
-        """Say good-bye: the server notices when the link has carried it."""
+        """Close the connection; the server notices when the link has delivered it."""
         self._goodbye = self._world.link.line(lambda _: self.cut(), throttled=False)
         self._goodbye.send(None, 8)
 
@@ -209,7 +209,7 @@ class Fault:
     begin: Change
     end: Change = lambda world: None
     reasons: tuple[str, ...]
-    """Why the robot may say that it stands."""
+    """The stop reasons that the robot may report."""
     counts_from: Condition | None = None
     """What has to be so before the robot must stand; None: it must from the beginning."""
     counts_from_last_message: bool = False

@@ -1,4 +1,4 @@
-"""The server of a robot elsewhere is killed or frozen: what the body was told ends within 500 ms.
+"""The server of a robot elsewhere is killed or frozen: the body's last command ends within 500 ms.
 
 Judged is what the body was told and when its own clock ends it, not how soon a test notices.
 """

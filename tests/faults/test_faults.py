@@ -1,4 +1,4 @@
-"""Each fault in each mode: the robot stands in time, says why, and never starts again by itself.
+"""Each fault in each mode: the robot stops in time, reports why, and never starts again by itself.
 
 In virtual time. `DRIVELESSON_SEEDS` is how many drives there are in each cell (`.ci/run`: 1,000).
 """

@@ -32,7 +32,7 @@ def test_a_frozen_server_lets_the_body_stop_and_does_not_move_it_again(mode: str
         pilot.wait_for_state(driven_by="pilot", action="forward")
         os.kill(subject.pid, signal.SIGSTOP)
         frozen_s = time.monotonic()
-        time.sleep(1.0)  # the pilot holds on, and its words pile up
+        time.sleep(1.0)  # the pilot holds on, and its messages pile up
         os.kill(subject.pid, signal.SIGCONT)
         pilot.wait_for_state(mode="stopped")
         time.sleep(0.2)

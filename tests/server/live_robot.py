@@ -85,7 +85,7 @@ def live_server(
 
 
 class Pilot:
-    """A page without a screen: holds what it is told to, and beats every 100 ms until it ends."""
+    """A client without a screen: holds a move, and sends a heartbeat every 100 ms until it ends."""
 
     def __init__(self, url: str, *, sees: bool = False, **options: Any) -> None:
         self._stack = contextlib.ExitStack()
@@ -209,7 +209,7 @@ class Pilot:
             thread.join(2)
 
     def vanish(self) -> None:
-        """Go as a killed browser goes: the connection ends without a word."""
+        """Disconnect like a killed browser: no closing handshake."""
         self._ending.set()
         linger = struct.pack("ii", 1, 0)  # the end is a reset, not a farewell
         self.socket.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)

@@ -1,4 +1,4 @@
-"""`drivelesson serve` in a process of its own, as a person starts it."""
+"""`drivelesson serve` in a process of its own, as a user starts it."""
 
 from __future__ import annotations
 

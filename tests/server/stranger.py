@@ -1,4 +1,4 @@
-"""A stranger's program that floods a server: for test_strangers, in a process of its own."""
+"""An unpaired program that floods a server: for test_strangers, in a process of its own."""
 
 from __future__ import annotations
 

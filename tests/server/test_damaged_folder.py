@@ -1,4 +1,4 @@
-"""Whatever stands in the data folder: the server starts, lists, drives, and says what it moved."""
+"""Any damage in the data folder: the server starts, lists, drives, and reports what it moved."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class running:  # noqa: N801
-    """A rig with what keeps, started as `drivelesson serve` starts it."""
+    """A rig with persistence, started as `drivelesson serve` starts it."""
 
     def __init__(self, root: Path) -> None:
         self.prepared = prepare(root)

@@ -1,4 +1,4 @@
-"""The phone's socket on a real server: pictures in, STOP, another phone, and who may not."""
+"""The phone's socket on a real server: pictures, STOP, a second phone, and refused roles."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def phone(address: str) -> Iterator[Phone]:
 
 
 def wait_until(rig: Rig, is_so: Any) -> None:
-    """Wait for the camera to change; it tells whenever it does."""
+    """Wait for the camera to change; it notifies on every change."""
     told = threading.Event()
     rig.camera.listen(told.set)
     for _ in range(400):

@@ -40,7 +40,7 @@ def serving(data: Path, *words: str) -> Iterator[tuple[subprocess.Popen[str], st
 
 
 def teach(address: str, lessons: int) -> int:
-    """Hold a direction until so many lessons were given; return how many were in the end."""
+    """Hold a move until so many examples were taught; return how many there were in the end."""
     with Pilot(address.replace("http", "ws") + "/ws/drive") as pilot:
         pilot.mode("train")
         pilot.hold("left")

@@ -38,7 +38,7 @@ def lan(tmp_path: Path) -> Iterator[VirtualServer]:
 
 
 def _socket_status(server: VirtualServer, path: str = "/ws/drive", **headers: str) -> int:
-    """Open a websocket; 101 if it was let in."""
+    """Open a websocket; 101 if it was admitted."""
     options: dict[str, Any] = {"additional_headers": headers, "compression": None}
     try:
         with connect(server.ws(path), **options):
@@ -199,18 +199,18 @@ def test_a_huge_message_closes_the_connection() -> None:
 @pytest.mark.parametrize(
     "path", ["/", "/api/unpair", "/openapi.json", "/index.html", "/js/main.js"]
 )
-def test_nothing_is_shown_to_strangers(lan: VirtualServer, path: str) -> None:
+def test_an_unpaired_client_gets_nothing(lan: VirtualServer, path: str) -> None:
     assert httpx.get(lan.address + path).status_code == 401
 
 
 @pytest.mark.parametrize("path", ["/ws/drive", "/ws/video"])
-def test_no_websocket_is_opened_to_strangers(lan: VirtualServer, path: str) -> None:
+def test_an_unpaired_client_gets_no_websocket(lan: VirtualServer, path: str) -> None:
     assert _socket_status(lan, path) == 401
     cookie = f"{cookie_name(lan.services.config)}=guess"
     assert _socket_status(lan, path, cookie=cookie) == 401
 
 
-def test_a_stranger_with_a_screen_is_led_to_the_pairing_page(lan: VirtualServer) -> None:
+def test_an_unpaired_browser_is_redirected_to_the_pairing_page(lan: VirtualServer) -> None:
     answer = httpx.get(lan.address, headers={"accept": "text/html"})
     assert (answer.status_code, answer.headers["location"]) == (303, "/pair")
     for path in ("/pair", "/js/pair.js", "/css/pair.css", "/healthz"):

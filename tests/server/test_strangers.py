@@ -1,4 +1,4 @@
-"""No stranger shuts the door: a flood from an unpaired program while a paired pilot drives."""
+"""A flood from an unpaired program locks nobody out while a paired pilot drives."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_LOG_BYTES = 100_000
 
 
 class Process:
-    """The server, and what it says of itself."""
+    """The server, and its report on itself."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
@@ -134,7 +134,7 @@ class Phone:
                 await drive.send(json.dumps(again))
 
 
-def test_a_stranger_neither_stops_the_pilot_nor_keeps_a_new_phone_out(
+def test_a_flood_neither_stops_the_pilot_nor_locks_out_a_new_phone(
     lan: tuple[Process, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     server, log = lan
@@ -168,10 +168,10 @@ def test_a_stranger_neither_stops_the_pilot_nor_keeps_a_new_phone_out(
     phone, ended = asyncio.run(asyncio.wait_for(scenario(), 10 * PATIENCE_S))
     notes = server.ask()
     with capsys.disabled():
-        print(f"\nstrangers: {notes}, log {log.stat().st_size} B, lines {phone.connections}")
+        print(f"\nflood: {notes}, log {log.stat().st_size} B, lines {phone.connections}")
     assert notes["longest_stand_s"] < 5.0
     assert phone.connections == 1, "the pilot's line was cut"
-    assert ended > 0.9 * (HALF_REQUESTS + IDLE), "strangers are not shown out"
+    assert ended > 0.9 * (HALF_REQUESTS + IDLE), "pending connections are not closed"
     assert notes["evicted"] > 0
     assert log.stat().st_size < MOST_LOG_BYTES, log.read_text()[-2000:]
 

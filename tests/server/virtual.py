@@ -142,7 +142,7 @@ class Socket:
         self._up.send({"type": "websocket.receive", kind: message}, len(message))
 
     def close(self) -> None:
-        """Say good-bye: the server hears of it when the link has carried it."""
+        """Close the connection; the server notices when the link has delivered it."""
         self._up.send({"type": "websocket.disconnect", "code": 1001}, 8)
 
     def cut(self) -> None:
@@ -178,7 +178,7 @@ class Socket:
 
 
 class Pilot:
-    """A page without a screen: holds what it is told to, and beats every 100 ms until it ends."""
+    """A client without a screen: holds a move, and sends a heartbeat every 100 ms until it ends."""
 
     def __init__(self, world: Any, *, sees: bool, headers: dict[str, str] | None = None) -> None:
         self._world = world
@@ -203,7 +203,7 @@ class Pilot:
         return self.messages[0]
 
     def hold(self, held: str | None) -> None:
-        """Press or let go, and say so at once."""
+        """Press or release a move, and send it at once."""
         self.held = held
         self._say_drive()
 
@@ -231,7 +231,7 @@ class Pilot:
             socket.close()
 
     def vanish(self) -> None:
-        """Go as a killed browser goes: the connection ends without a word."""
+        """Disconnect like a killed browser: no closing handshake."""
         self.has_ended = True
         for socket in self._open_sockets():
             socket.cut()

@@ -1,4 +1,4 @@
-"""`drivelesson episodes` and `drivelesson learn`, as a person types them."""
+"""`drivelesson episodes` and `drivelesson learn`, as a user types them."""
 
 from __future__ import annotations
 

@@ -44,9 +44,9 @@ def test_a_moment_that_is_no_number_and_a_huge_picture_are_refused() -> None:
 
 
 @given(st.one_of(st.text(), st.recursive(st.none() | st.floats() | st.text(), st.lists)))
-def test_other_words_are_refused(words: object) -> None:
-    for text in (str(words), json.dumps(words), json.dumps({"type": words})):
-        if words not in ("stop",):
+def test_other_messages_are_refused(message: object) -> None:
+    for text in (str(message), json.dumps(message), json.dumps({"type": message})):
+        if message not in ("stop",):
             with pytest.raises(ProtocolError):
                 parse_text(text)
 

@@ -1,4 +1,4 @@
-"""What the terminal says, and the name on the network."""
+"""The banner on the terminal, and the name on the network."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever strangers do: bounds hold, and who was admitted stays."""
+"""Whatever pending connections do: limits hold, and admitted connections stay."""
 
 from __future__ import annotations
 
@@ -27,41 +27,41 @@ def test_bounds_hold_and_the_admitted_stay(
     steps: list[tuple[str, str, int]], capacity: int
 ) -> None:
     door, now_s = Door(LIMITS, capacity), 0.0
-    strangers: dict[Peer, float] = {}
+    pending: dict[Peer, float] = {}
     admitted: set[Peer] = set()
 
     for what, address, port in steps:
         peer = (address, port)
-        if what == "arrive" and peer not in strangers and peer not in admitted:
+        if what == "arrive" and peer not in pending and peer not in admitted:
 
             def close(peer: Peer = peer) -> None:
-                assert peer not in admitted, "who was admitted is shown out"
-                del strangers[peer]
+                assert peer not in admitted, "an admitted connection is closed"
+                del pending[peer]
 
-            strangers[peer] = now_s
+            pending[peer] = now_s
             if not door.arrive(peer, now_s, close):
-                del strangers[peer]
+                del pending[peer]
                 assert len(admitted) == capacity, "turned away although there is room"
         elif what == "asked":
             door.asked(peer, now_s)
-            if peer in strangers:
-                strangers[peer] = now_s
-        elif what == "admit" and peer in strangers:
+            if peer in pending:
+                pending[peer] = now_s
+        elif what == "admit" and peer in pending:
             door.admit(peer)
-            del strangers[peer]
+            del pending[peer]
             admitted.add(peer)
         elif what == "leave":
             door.left(peer)
-            strangers.pop(peer, None)
+            pending.pop(peer, None)
             admitted.discard(peer)
         elif what == "wait":
             now_s += port
             door.expire(now_s)
-            assert all(now_s - since_s < LIMITS.pending_s for since_s in strangers.values())
-        assert door.open == len(strangers) + len(admitted) <= capacity
-        assert len(strangers) <= LIMITS.pending
+            assert all(now_s - since_s < LIMITS.pending_s for since_s in pending.values())
+        assert door.open == len(pending) + len(admitted) <= capacity
+        assert len(pending) <= LIMITS.pending
         for one in ADDRESSES:
-            mine = [p for p in strangers if address_key(p[0]) == address_key(one)]
+            mine = [p for p in pending if address_key(p[0]) == address_key(one)]
             assert len(mine) <= LIMITS.pending_per_address
 
 
