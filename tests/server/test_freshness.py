@@ -181,11 +181,19 @@ def _break(page: Page, fault: str, lasts_s: float) -> None:
         page.cut()
 
 
+def _teach(world: ServedWorld) -> None:
+    """Have the robot know a move for what it sees, so that it drives by itself when asked to."""
+    frame, policy = world.camera.latest(), world.loop.history.policy
+    assert frame is not None
+    policy.learn(policy.extract(frame), Action.FORWARD)
+
+
 async def play(world: ServedWorld, case: tuple[str, str, str, str]) -> list[str]:
     """Drive, let the fault happen about the message, and watch; return what was wrong."""
     fault, moment, client, kind = case
     dice, page = world.dice, Page(world)
     await world.until(lambda: page.sight["frame"] is not None and "nonce" in page.state)
+    _teach(world)
     await world.forward(dice.uniform(0.0, 0.2))
     watch = Watch(world, page)
     if dice.random() < 0.7:
