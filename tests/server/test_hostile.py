@@ -26,6 +26,8 @@ from server.services import make_services
 
 from .live_robot import WEB
 
+pytestmark = pytest.mark.realtime
+
 MOST_GROWTH_BYTES = 150_000_000
 VALUES: list[Any] = [
     "\ud83d",

@@ -23,6 +23,8 @@ client = pytest.importorskip(
     "websockets.asyncio.client", reason="Debian 12's websockets has it not"
 )
 
+pytestmark = pytest.mark.realtime
+
 MOST_LOG_BYTES = 100_000
 
 
