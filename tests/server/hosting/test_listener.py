@@ -16,6 +16,9 @@ from server.security.door import Door
 from server.security.listener import DoorListener
 
 
+pytestmark = pytest.mark.realtime
+
+
 def _listener(door: Door) -> DoorListener:
     listener = DoorListener.behind(door, open_socket("127.0.0.1", 0), ManualClock())
     listener.setblocking(False)
