@@ -64,7 +64,7 @@ class DatasetPart:
 
 
 def write_lerobot(
-    mended: Sequence[tuple[Episode, Notes]],
+    episodes: Sequence[tuple[Episode, Notes]],
     folder: Path,
     *,
     fps: int | None = None,
@@ -75,7 +75,7 @@ def write_lerobot(
     """Write recordings as one dataset; return how many LeRobot episodes it has.
 
     Args:
-        mended: Recordings with their edits.
+        episodes: Recordings with their edits.
         folder: A new folder.
         fps: Pictures a second; None for the first recording's own.
         task: What the robot was doing, as a text.
@@ -88,7 +88,7 @@ def write_lerobot(
     """
     require_pyarrow()
     require_av()
-    shown = [(episode, moments(episode, notes)) for episode, notes in mended]
+    shown = [(episode, moments(episode, notes)) for episode, notes in episodes]
     rate = fps or frame_rate([moment.at_s for moment in shown[0][1]])
     parts = [part for episode, found in shown for part in _split(episode, found, rate)]
     if not parts:
@@ -106,7 +106,7 @@ def write_lerobot(
     write_data(folder, tables)
     write_episodes(folder, rows)
     write_tasks(folder, task)
-    name = robot_type or mended[0][0].run.get("robot") or "drivelesson"
+    name = robot_type or episodes[0][0].run.get("robot") or "drivelesson"
     shape = to_rgb(parts[0].episode.frame(parts[0].moments[0].frame_id)).shape
     write_json(folder / "meta/info.json", _info(rows, rate, name, shape, names, actions))
     write_json(folder / "meta/stats.json", joined_stats([row["stats"] for row in rows]))

@@ -20,10 +20,10 @@ class Figure5:
     name = "figure5"
     title = "Figure 5: speed"
     text = (
-        "One cycle: picture, features, decision, drive, and while learning a lesson. Every node "
-        "is taken before the clock starts. In the simulator a cycle also renders the picture and "
-        "moves the world; a real robot (--robot) waits for its camera, as in the paper. Runs one "
-        "at a time, whatever --jobs says."
+        "One cycle: picture, features, decision, drive, and while learning an example. Every "
+        "node is used before the clock starts. In the simulator a cycle also renders the picture "
+        "and moves the world; a real robot (--robot) waits for its camera, as in the paper. Runs "
+        "one at a time, whatever --jobs says."
     )
 
     def plan(self, settings: ExperimentSettings) -> list[Task]:

@@ -26,7 +26,7 @@ class TakeoverPolicy:
     longest_hold_s: float = 8.0
     lenience: float = 0.5
     """Share of incidents in which it lets the robot get stuck first and then shows the way out:
-    without such lessons nothing ever shows the robot a wall from near."""
+    without such examples nothing ever shows the robot a wall from near."""
     lenient_patience_s: float = 2.0
 
 

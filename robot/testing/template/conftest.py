@@ -1,4 +1,4 @@
-"""A stand-in for mybot on this machine: it tells the tests whether it moves."""
+"""A stand-in for mybot on this machine, which the tests can ask whether it moves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robot.testing.cases import DriverCase
 
 
 class Mybot(ThreadingHTTPServer):
-    """Moves until its time is over; `is_silent` answers nobody any more."""
+    """Moves until its time is over; with `is_silent` it no longer answers."""
 
     moves_until_s = 0.0
     is_silent = False

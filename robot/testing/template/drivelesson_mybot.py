@@ -20,7 +20,7 @@ class MybotOptions:
 
 
 class MybotDriver(Driver):
-    """Every move carries its time limit along, so the robot stops by itself."""
+    """Every move carries its time limit, so the robot stops by itself."""
 
     name = "mybot"
     default_camera = "replay"
