@@ -1,4 +1,4 @@
-"""How patient to be with this camera: its period and delivery age, measured. Pure.
+"""Timeouts that adapt to the camera: its period and delivery age are measured. Pure.
 
 A webcam on a fast bus gives thirty pictures a second, 5 ms old; the one that the guide recommends
 for an EV3 gives ten, 95 to 145 ms old. A fixed limit is too strict for one or too lax for the
@@ -20,7 +20,7 @@ _LEAST_SCALE = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraTimingConfig:
-    """Bounds of what is adapted, in seconds."""
+    """Bounds of the adapted limits, in seconds."""
 
     longest_timeout_s: float = 0.5
     """A picture that is older stops the robot, whatever the camera: 8 cm at 0.16 m/s."""
@@ -105,7 +105,7 @@ class CameraTiming:
 
     @property
     def state(self) -> CameraState:
-        """All of it, as one frozen value."""
+        """The estimates and limits, as one frozen value."""
         return CameraState(
             period_s=self.period_s,
             delivery_age_s=self.delivery_age_s,

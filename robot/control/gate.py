@@ -28,15 +28,16 @@ from robot.types import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GateConfig:
-    """Limits of patience, in seconds."""
+    """Time limits, in seconds."""
 
     pilot_timeout_s: float = 0.3
     """For how long the pilot may be silent while it drives, or waits to drive, in TRAIN."""
     supervision_timeout_s: float = 0.45
-    """How long ago the pilot may have been there for certain, in every mode: counted from what
-    its last command proves, so time under way counts. With one tick the robot stands in 0.5 s."""
+    """How long ago the pilot may have been there for certain, in every mode: counted from the
+    time that its last command proves, so transit time counts. With one tick more the robot stands
+    within 0.5 s."""
     command_timeout_s: float = 0.3
-    """How old a command may be, by what it proves, to be obeyed at all."""
+    """How old a command may be, by the time that it proves, to be obeyed at all."""
     frame_timeout_s: float = 0.2
     """How old the newest picture may be while the robot may move. A slower camera is given more:
     see `robot.control.camera_timing`."""
@@ -78,7 +79,7 @@ class Gate:
         The command is emptied: what was held before does not count in the new mode.
 
         Args:
-            mode: The mode that the pilot asked for. STOPPED is always obeyed.
+            mode: The mode that the pilot asked for. STOPPED is always accepted.
             now_s: The loop's clock.
             proven_s: A time before which the request cannot have been sent; None: now.
         """
@@ -103,8 +104,8 @@ class Gate:
     def receive(self, command: PilotCommand, now_s: float) -> bool:
         """Take the pilot's newest command; False if it is refused.
 
-        Refused is what is too old, and what names no frame: a pilot who sees nothing neither
-        drives nor supervises. It counts as silence.
+        A command is refused if it is too old or names no frame: a pilot who sees nothing can
+        neither drive nor supervise. A refused command counts as silence.
         """
         proven_s = command.received_s if command.proven_s is None else command.proven_s
         if command.frame_id is None or not self.is_fresh(min(proven_s, now_s), now_s):
@@ -130,7 +131,7 @@ class Gate:
         self.emergency = True
 
     def release_emergency(self) -> None:
-        """Let modes be chosen again. The robot still waits for one."""
+        """Allow modes to be chosen again. The robot still waits for one."""
         self.emergency = False
 
     def select(
@@ -148,7 +149,7 @@ class Gate:
             now_s: The loop's clock.
             prediction: What the policy makes of the newest frame; None before any.
             frame_captured_s: When the newest frame was taken; None before any.
-            camera_fault: The camera says that it is faulty.
+            camera_fault: The camera reports a fault.
             frame_timeout_s: How old the newest frame may be; None: as configured.
         """
         if self.mode is not Mode.STOPPED:

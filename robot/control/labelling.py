@@ -26,10 +26,10 @@ class Labeller:
     def label(
         self, command: PilotCommand, known_frame_ids: Iterable[int]
     ) -> Iterator[tuple[int, Action]]:
-        """Yield the frames that `command` settles, oldest first.
+        """Yield the frames that `command` labels, oldest first.
 
         Args:
-            command: The pilot's newest word.
+            command: The pilot's newest command.
             known_frame_ids: Ids still remembered, ascending; others cannot be labelled.
         """
         if command.frame_id is None:

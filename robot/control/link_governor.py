@@ -1,7 +1,7 @@
-"""What a slow link allows: warn, slow down, stop learning, stop. Pure; time is an argument.
+"""Reacts to a slow link: warn, slow down, stop learning, stop. Pure; time is an argument.
 
-The measure is the age of the picture that the pilot acts upon. Steps up are taken at once; steps
-down only after the link has been clearly better for a while, so that nothing flutters.
+The measure is the age of the picture that the pilot acts upon. A step up is taken at once; a
+step down only after the link has been clearly better for a while (hysteresis).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from enum import StrEnum
 
 
 class LinkLevel(StrEnum):
-    """How far the link has to be mistrusted, from not at all to wholly."""
+    """How bad the link is, from good to unusable."""
 
     GOOD = "good"
     SLOW = "slow"  # the pilot is warned
@@ -48,10 +48,10 @@ def age_of_link_s(
         picture_age_s: Age of the named picture when the command came, counted from its delivery
             to the loop: both ways of the link and the time on the phone are in it. Measured on
             one clock, so it cannot be wrong.
-        reported_age_s: The same when the command was sent, as the page reckons it; None if it
-            does not say. Then the whole of `picture_age_s` is held against the link.
-        phone_s: How much of that the picture had spent on the phone. That is no fault of the
-            link: a slow phone costs pictures, not examples. None: nothing is known of it.
+        reported_age_s: The same when the command was sent, as the page estimates it; None if
+            it does not report it. Then the whole `picture_age_s` is attributed to the link.
+        phone_s: How much of that the picture had spent on the phone. It is not
+            attributed to the link: a slow phone costs pictures, not examples. None: not known.
     """
     if reported_age_s is None:
         return picture_age_s
@@ -70,21 +70,21 @@ class LinkGovernor:
         self.forget()
 
     def forget(self) -> None:
-        """Another pilot, another link: nothing is known of it."""
+        """Reset: another pilot has another link."""
         self.level = LinkLevel.GOOD
         self.age_s: float | None = None
         self._better_since_s: float | None = None
         self._seen_s: float | None = None
 
-    def has_seen(self, delivered_s: float) -> None:
+    def note_seen(self, delivered_s: float) -> None:
         """Take note that the pilot saw a picture that reached the loop at `delivered_s`."""
         self._seen_s = delivered_s
 
     def is_blind(self, now_s: float, slack_s: float = 0.0) -> bool:
-        """True if the pilot has seen nothing for too long, whatever its heartbeat says."""
+        """True if the pilot has seen nothing for too long, even if heartbeats arrive."""
         return self._seen_s is not None and now_s - self._seen_s > self.config.stop_s + slack_s
 
-    def hear(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:
+    def note_age(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:
         """Take note of an age, and step up at once or down when it has been better long enough.
 
         `slack_s` is the part of it that is the camera's own period.

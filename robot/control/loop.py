@@ -1,8 +1,8 @@
 """The control loop: newest frame, features, policy, gate, drive; and only then learning.
 
-`ControlLoop.tick` runs one tick, with time as an argument, and does not wait: experiments call it
-directly, as fast as they can. `robot.control.thread` calls it in real time. Nothing here waits for
-a network: other threads put their requests into a mailbox.
+`ControlLoop.tick` runs one tick, with time as an argument, and never waits. Experiments call it
+directly, as fast as they can; `robot.control.thread` calls it in real time. Other threads queue
+their requests in a mailbox, so the loop never waits for a network.
 
 One file because the order of the steps in a tick is what keeps the robot safe: whoever changes one
 must see the others.
@@ -53,12 +53,12 @@ class LoopConfig:
     governor: LinkGovernorConfig = field(default_factory=LinkGovernorConfig)
     camera: CameraTimingConfig = field(default_factory=CameraTimingConfig)
     longest_wait_s: float = 0.05
-    """A turn is made at least so often, even when the camera is silent."""
+    """Longest time between two ticks, even when the camera sends nothing."""
     late_cycle_s: float = 0.1
-    """A turn that takes longer counts as late."""
+    """A tick that takes longer counts as late."""
     stall_s: float = 0.3
-    """After a longer gap between two turns the robot stops: whatever the pilot said meanwhile is
-    of the past (the computer slept, or the process was held up)."""
+    """After a longer gap between two ticks the robot stops: commands received meanwhile are out of
+    date (the computer slept, or the process was held up)."""
 
 
 class ControlLoop:
@@ -89,7 +89,7 @@ class ControlLoop:
             self._online_learning, self._governor, self._camera_timing, self.config.late_cycle_s
         )
         self._board.show(clock.now_s(), self._idle_decision(), Sensors())
-        self._last_turn_s: float | None = None
+        self._last_tick_s: float | None = None
         self._fault: str | None = None
         self._last_mode = Mode.TRAIN
         self._shown_mode = Mode.STOPPED
@@ -101,7 +101,7 @@ class ControlLoop:
 
     @property
     def wake(self) -> threading.Event:
-        """Set when there is a reason to turn: a frame, a command, a request."""
+        """Set when there is a reason for a tick: a frame, a command, a request."""
         return self._mailbox.wake
 
     @property
@@ -111,12 +111,12 @@ class ControlLoop:
 
     @property
     def history(self) -> TrainingHistory:
-        """Where the policy is taught; only to be touched through `submit`."""
+        """The training history of the policy; use it only through `submit`."""
         return self._online_learning.history
 
     @property
     def mode(self) -> Mode:
-        """The mode at this moment, for requests: `state` has the one of the last whole turn."""
+        """The mode at this moment, for requests: `state` has that of the last complete tick."""
         return self._gate.mode
 
     @property
@@ -131,12 +131,12 @@ class ControlLoop:
     def set_mode(
         self, mode: Mode, *, proven_s: float | None = None, frame_id: int | None = None
     ) -> Future[bool]:
-        """Choose a mode: the explicit start after any stop. The future says if it was taken.
+        """Choose a mode: the explicit start after any stop. The future is True if it was taken.
 
         Args:
-            mode: The mode; STOPPED is always taken.
+            mode: The mode; STOPPED is always accepted.
             proven_s: A time before which the request cannot have been made; None: now. The loop
-                judges it when it comes to the request, so time in the queue counts.
+                checks it when it runs the request, so time in the queue counts.
             frame_id: The frame that the pilot sees; None: not known.
         """
         if proven_s is None:
@@ -153,12 +153,12 @@ class ControlLoop:
         return self.submit(lambda: self._trip(reason))
 
     def latch_emergency(self) -> Future[None]:
-        """Stop until `release_emergency`; goes before all that is queued."""
+        """Stop until `release_emergency`; it is run before all queued requests."""
         self._emergencies += 1
         return self._mailbox.put_request(self._latch_emergency, is_urgent=True)
 
     def release_emergency(self) -> Future[None]:
-        """Let modes be chosen again; the robot goes on standing."""
+        """Allow modes to be chosen again; the robot stays stopped."""
         epoch = self._emergencies
 
         def release() -> None:
@@ -168,29 +168,29 @@ class ControlLoop:
         return self.submit(release)
 
     def submit(self, request: Callable[[], _T]) -> Future[_T]:
-        """Have `request` run at the beginning of a turn, on the loop's own thread.
+        """Queue `request`, to be run at the beginning of a tick on the loop's own thread.
 
-        Whatever reads or changes the school goes this way: undo, edits, saving, replacing. The
-        future is done at the end of that turn: `state` holds then what the request changed.
+        Everything that reads or changes the training history is submitted here: undo, edits,
+        saving, replacing. The future is done at the end of that tick, when `state` is up to date.
         """
         return self._mailbox.put_request(request)
 
     def subscribe(self, listener: Callable[[Tick], None]) -> Callable[[], None]:
-        """Have `listener` told of each turn, on the loop's thread; it must only take note.
+        """Call `listener` after each tick, on the loop's thread; it must return at once.
 
         Returns:
             A function that ends the subscription.
         """
         return self._board.subscribe(listener)
 
-    # One turn --------------------------------------------------------------------------------
+    # One tick --------------------------------------------------------------------------------
 
     def tick(self, now_s: float) -> Tick:
-        """Make one turn. Never raises: what goes wrong stops the robot and is said in `state`."""
+        """Run one tick. Never raises: an error stops the robot and is reported in `state`."""
         started_s = self._clock.now_s()
         try:
-            return self._turn(now_s, started_s)
-        except Exception as error:  # top of the loop: whatever it is, first of all stop
+            return self._run_tick(now_s, started_s)
+        except Exception as error:  # top of the loop: whatever it is, stop first
             self._driver.stop()
             self._trip(StopReason.LOOP_FAULT)
             fault = f"Something went wrong inside: {error}"
@@ -201,7 +201,7 @@ class ControlLoop:
         finally:
             self._mailbox.answer_requests()
 
-    def _turn(self, now_s: float, started_s: float) -> Tick:
+    def _run_tick(self, now_s: float, started_s: float) -> Tick:
         self._check_stall(now_s)
         self._mailbox.serve_requests()
         self._heed_button()
@@ -221,7 +221,7 @@ class ControlLoop:
         return self._finish(now_s, started_s, frame, commands, decision, sent, sensors)
 
     def _check_stall(self, now_s: float) -> None:
-        before_s, self._last_turn_s = self._last_turn_s, now_s
+        before_s, self._last_tick_s = self._last_tick_s, now_s
         if before_s is not None:
             self._trip_if_held_up(now_s - before_s)
 
@@ -252,22 +252,22 @@ class ControlLoop:
         return [command for command in commands if self._gate.receive(command, now_s)]
 
     def _judge_link(self, command: PilotCommand, now_s: float) -> None:
-        """Have the governor weigh how old the picture is that the pilot acts upon."""
+        """Pass the age of the picture that the pilot acts upon to the link governor."""
         picture_age_s = self._online_learning.picture_age_s(command)
         if command.frame_id is None or picture_age_s is None:
             return
         captured_s, delivered_s = self._online_learning.times_of(command.frame_id) or (0.0, 0.0)
-        self._governor.has_seen(delivered_s)
+        self._governor.note_seen(delivered_s)
         reported_s = command.frame_age_s
         if reported_s is not None:
             reported_s -= delivered_s - captured_s
-        # A page that says how long the phone had the picture leaves no period to be allowed for.
+        # If the page reports how long the phone had the picture, no period has to be allowed for.
         slack_s = self._camera_timing.slack_s if command.phone_s is None else 0.0
         age_s = age_of_link_s(picture_age_s, reported_s, command.phone_s)
-        self._governor.hear(age_s, now_s, slack_s)
+        self._governor.note_age(age_s, now_s, slack_s)
 
     def _look(self, now_s: float) -> Frame | None:
-        """Have the newest frame looked at; return it if it is new."""
+        """Process the newest frame; return it if it is new."""
         delivered_s = max(now_s, self._clock.now_s())
         try:
             is_new = self._online_learning.look(
@@ -288,7 +288,7 @@ class ControlLoop:
         return frame
 
     def _under_way(self) -> Action | None:
-        """Return the move that the robot makes by its own choice; None if it does not drive."""
+        """Return the move that the policy is making; None if the policy does not drive."""
         decision = self.state.decision
         return decision.action if decision.driven_by is DrivenBy.ROBOT else None
 
@@ -318,9 +318,9 @@ class ControlLoop:
         return replace(decision, speed_scale=scale)
 
     def _drive(self, decision: Decision, started_s: float) -> Action | None:
-        """Send the decision to the motors; None, and the motors told to stop, if they failed.
+        """Send the decision to the motors; on failure stop the motors and return None.
 
-        The process may be held up within a turn, too: what was decided before is not sent after.
+        The process may be held up within a tick, too: an outdated decision is not sent.
         """
         if self._is_too_late(started_s):
             return None
@@ -366,10 +366,10 @@ class ControlLoop:
         )
         return tick
 
-    # What requests do, on the loop's thread ----------------------------------------------------
+    # Requests, run on the loop's thread ----------------------------------------------------
 
     def _is_latest(self, epoch: int) -> bool:
-        """False if an emergency stop overtook, in the queue, what was asked for before it."""
+        """False if an emergency stop was requested after this request was queued."""
         return self._emergencies == epoch
 
     def _start(
@@ -386,7 +386,7 @@ class ControlLoop:
             self._fault = None
             self._last_mode = mode
             times = self._online_learning.times_of(frame_id) if frame_id is not None else None
-            self._governor.has_seen(times[1] if times else now_s)
+            self._governor.note_seen(times[1] if times else now_s)
         elif was_moving and self._gate.stop_reason is not None:
             self._note_stop(self._gate.stop_reason)
         return is_taken
@@ -409,8 +409,8 @@ class ControlLoop:
     def _reset(self) -> None:
         """Forget whatever belongs to the drive that ends here.
 
-        Commands that are still queued do not count in the next one, but how late they are is
-        known of the link.
+        Commands that are still queued do not count in the next drive, but their delay still counts
+        as a measurement of the link.
         """
         now_s = self._clock.now_s()
         for command in self._mailbox.take_commands():

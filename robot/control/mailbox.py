@@ -1,4 +1,4 @@
-"""What other threads leave for the loop: the pilot's commands, and requests to run in between."""
+"""Queues from other threads to the loop: pilot commands, and requests to run between ticks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _T = TypeVar("_T")
 
 
 class Mailbox:
-    """Filled from any thread, emptied by the loop's. `wake` is set whenever something comes."""
+    """Filled from any thread, emptied by the loop's. `wake` is set whenever something is queued."""
 
     def __init__(self, wake: threading.Event | None = None) -> None:
         self.wake = wake or threading.Event()
@@ -25,32 +25,32 @@ class Mailbox:
         self._answers: list[Callable[[], None]] = []
 
     def put_command(self, command: PilotCommand) -> None:
-        """Leave one word of the pilot."""
+        """Queue a pilot command."""
         with self._lock:
             self._commands.append(command)
         self.wake.set()
 
     def take_commands(self) -> list[PilotCommand]:
-        """Take what the pilot said since the last time, oldest first; also to drop it."""
+        """Return and remove all queued commands, oldest first."""
         with self._lock:
             commands, self._commands = self._commands, []
         return commands
 
     def put_request(self, request: Callable[[], _T], *, is_urgent: bool = False) -> Future[_T]:
-        """Leave something to be run on the loop's thread; before all others if it is urgent.
+        """Queue a request to be run on the loop's thread; before all others if it is urgent.
 
         Returns:
-            A future with what comes of it, done when the turn is that ran it: who waited for it
-            finds the state published and every listener told.
+            A future with its result. It is done at the end of the tick that ran the request, when
+            the state is published and every listener was called.
         """
         future: Future[_T] = Future()
 
         def run() -> Callable[[], None]:
-            if not future.set_running_or_notify_cancel():  # whoever asked does not want it any more
+            if not future.set_running_or_notify_cancel():  # it was cancelled
                 return lambda: None
             try:
                 result = request()
-            except Exception as error:  # handed to whoever asked; the loop goes on
+            except Exception as error:  # goes to the caller; the loop goes on
                 return partial(future.set_exception, error)
             return partial(future.set_result, result)
 
@@ -63,9 +63,9 @@ class Mailbox:
         return future
 
     def serve_requests(self) -> None:
-        """Run all requests, in their order, those that come meanwhile included.
+        """Run all requests in order, including those that are queued meanwhile.
 
-        What comes of them is held back until `answer_requests`.
+        Their results are held back until `answer_requests`.
         """
         while True:
             with self._lock:
@@ -75,7 +75,7 @@ class Mailbox:
             self._answers.append(request())
 
     def answer_requests(self) -> None:
-        """Tell those who asked what came of it: the turn is over."""
+        """Complete the futures of the requests that were run: the tick is over."""
         answers, self._answers = self._answers, []
         for answer in answers:
             answer()

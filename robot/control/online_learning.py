@@ -1,8 +1,7 @@
-"""The half of the loop that looks and learns: it sees each frame once, says what it would do, and
-is taught what the pilot did on it.
+"""Perception and online learning: predicts a move for each new frame, and learns from the pilot's.
 
-It remembers the newest frames as vectors, because a command labels the frame that the pilot was
-looking at, which is a little older than the newest.
+It keeps the feature vectors of the newest frames, because a command labels the frame that the pilot
+was looking at, which is a little older than the newest.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from robot.policy.policy import Policy
 from robot.types import Action, Example, Frame, PilotCommand, Prediction
 
 AGREEMENT_FRAMES = 100
-"""Over how many of the last lessons agreement is counted."""
+"""Over how many of the latest examples agreement is measured."""
 MEMORY_FRAMES = 64
 """How many of the newest frames can still be labelled: two seconds at 30 frames a second."""
 
@@ -36,13 +35,13 @@ class _Seen:
 
 
 class OnlineLearning:
-    """Looks, proposes and learns; for one thread.
+    """Predicts and learns; for one thread.
 
     Attributes:
-        school: Where it is taught, and where lessons are taken back.
-        frame: The newest frame that it has looked at.
-        prediction: What it would do on that frame.
-        timings: How long proposing and learning took, by name.
+        history: The training history: it teaches the policy, and can undo.
+        frame: The newest frame that was processed.
+        prediction: What the policy would do on that frame.
+        timings: How long predicting and learning took, by name.
     """
 
     def __init__(self, policy: Policy, clock: Clock) -> None:
@@ -65,16 +64,16 @@ class OnlineLearning:
         bumped: bool = False,
         delivered_s: float | None = None,
     ) -> bool:
-        """Look at the camera's newest frame; False if it was seen before, or there is none.
+        """Process the camera's newest frame; False if it is not new, or there is none.
 
         Args:
-            frame: What the camera gives.
-            under_way: The move that the robot is making by its own choice, if it drives.
+            frame: The newest frame of the camera; None before the first.
+            under_way: The move that the policy is making, if it drives.
             bumped: True if a bumper is pressed.
             delivered_s: When the loop got the frame; None: when it was taken.
 
         Raises:
-            CameraError: If it is no picture; it then counts as not seen.
+            CameraError: If the frame cannot be decoded; it then counts as not seen.
         """
         if frame is None or (self.frame is not None and frame.frame_id == self.frame.frame_id):
             return False
@@ -99,7 +98,7 @@ class OnlineLearning:
     def learn(
         self, commands: Sequence[PilotCommand], *, is_intervention: bool, may_learn: bool
     ) -> None:
-        """Learn the frames that the pilot's commands label; `may_learn` False passes them over."""
+        """Learn the frames that the commands label; with `may_learn` False they are skipped."""
         for command in commands:
             for frame_id, label in list(self._labeller.label(command, self._seen)):
                 if may_learn:
@@ -111,8 +110,8 @@ class OnlineLearning:
         self.history.begin_drive()
 
     def times_of(self, frame_id: int) -> tuple[float, float] | None:
-        """Return when a frame was taken and when the loop got it; of one that is forgotten, the
-        times of the oldest that is remembered. None before the first."""
+        """Return when a frame was taken and when it reached the loop; for a frame that is no longer
+        remembered, the times of the oldest that is. None before the first."""
         if not self._seen:
             return None
         newest_id = next(reversed(self._seen))
@@ -121,26 +120,26 @@ class OnlineLearning:
         return seen.captured_s, seen.delivered_s
 
     def picture_age_s(self, command: PilotCommand) -> float | None:
-        """Return how long before `command` its picture reached the loop; None if not known."""
+        """Return how long before `command` its frame reached the loop; None if not known."""
         times = self.times_of(command.frame_id) if command.frame_id is not None else None
         return command.received_s - times[1] if times else None
 
     def take_events(self) -> tuple[HistoryEvent, ...]:
-        """Take what changed the learner since the last time, in order."""
+        """Return and remove the latest changes of the learner, in order."""
         events = tuple(self._events)
         self._events.clear()
         if any(isinstance(event, Replaced) for event in events):
-            self._agreed.clear()  # another policy: how good the one before was says nothing
+            self._agreed.clear()  # another policy: the agreement of the one before does not apply
         return events
 
     @property
     def agreement(self) -> float | None:
-        """Share of the last lessons that it would have done itself; None before the first."""
+        """Share of the latest examples that were predicted correctly; None before the first."""
         return sum(self._agreed) / len(self._agreed) if self._agreed else None
 
     @property
     def agreement_frames(self) -> int:
-        """Over how many lessons `agreement` is counted."""
+        """Over how many examples `agreement` is measured."""
         return len(self._agreed)
 
     @property

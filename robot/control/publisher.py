@@ -1,4 +1,4 @@
-"""What others see of the loop: the newest state, and each tick when it is over."""
+"""Publishes the outcome of each tick: the newest state, and the tick itself to listeners."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Is the robot ready to drive alone? Judged by what foretells it, not by agreement. Pure.
+"""Estimates whether the robot is ready to drive alone, by short trials, not by agreement. Pure.
 
-Agreement says that most frames are like their neighbours. What foretells a minute alone is a short
-one: a trial in which the robot drives and the pilot's hand stays near. A trial counts while nothing
-goes wrong: no correction, no push, no call for help, and hardly a view that it does not know.
-Before the first trial there has to be something to try: every move in use begun some times.
+Agreement is a poor predictor, since most frames are like their neighbours. The best predictor of a
+minute alone is a short trial: the robot drives, and the pilot stays ready to correct. A trial
+counts while nothing goes wrong: no correction, no collision, no call for help, few unknown views.
+Before the first trial every move in use must have been begun a few times.
 
-Whatever goes wrong becomes a `Gap`: what to show the robot, with the picture of where.
+Whatever goes wrong becomes a `Gap`: what to show the robot, and the picture of where.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Gap:
 
 @dataclass(slots=True)
 class _Trial:
-    """What the robot did alone since something went wrong last."""
+    """How the robot has driven alone since something last went wrong."""
 
     clean_s: float = 0.0
     novel_s: float = 0.0
@@ -105,7 +105,7 @@ class Readiness:
         self._last_s: float | None = None
 
     def note(self, tick: Tick) -> None:
-        """Take note of one tick."""
+        """Process one tick."""
         step_s = 0.0 if self._last_s is None else min(tick.now_s - self._last_s, _LONGEST_STEP_S)
         self._last_s = tick.now_s
         if tick.frame is not None and tick.prediction is not None:
@@ -157,7 +157,7 @@ class Readiness:
             newest = self._gaps[-1] if self._gaps else None
             if newest is None or newest.kind is not GapKind.UNKNOWN_VIEW:
                 self._add(Gap(kind=GapKind.UNKNOWN_VIEW, instead=prediction.action), tick)
-        # What is long past says little of the robot as it is now.
+        # Old trials say little about the robot as it is now.
         if trial.clean_s > 2 * CLEAN_S:
             trial.clean_s, trial.novel_s = trial.clean_s / 2, trial.novel_s / 2
 
@@ -181,7 +181,7 @@ class Readiness:
 
     @property
     def moves_in_use(self) -> list[Action]:
-        """The moves that this pilot makes, slips left out."""
+        """The moves that this pilot uses, without slips of the finger."""
         least = max(5.0, IN_USE_SHARE * self._examples.total())
         return [move for move, count in self._examples.items() if count >= least]
 
@@ -195,7 +195,7 @@ class Readiness:
 
     @property
     def clean_s(self) -> float:
-        """For how long the robot has driven alone since something went wrong last."""
+        """For how long the robot has driven alone since something last went wrong."""
         return self._trial.clean_s
 
     @property

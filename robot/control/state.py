@@ -1,4 +1,4 @@
-"""What one tick of the loop leaves behind: a state for pages, a tick for the recorder."""
+"""The outcome of one tick: a state for clients, a tick for the recorder."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Timing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopState:
-    """What the loop last did and sees: one consistent picture for pages and metrics."""
+    """What the loop last did and sees: one consistent snapshot for clients and metrics."""
 
     now_s: float
     decision: Decision

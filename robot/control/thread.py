@@ -10,7 +10,7 @@ from robot.types import StopReason
 
 
 class LoopThread:
-    """Turns a `ControlLoop` on a thread of its own: at once for each new frame, command or request,
+    """Runs a `ControlLoop` on a thread of its own: a tick for each new frame, command or request,
     and every 50 ms without them."""
 
     def __init__(self, loop: ControlLoop, clock: Clock) -> None:
@@ -20,7 +20,7 @@ class LoopThread:
         self._thread: Worker | None = None
 
     def start(self) -> None:
-        """Begin to turn; does nothing on a loop that already does."""
+        """Start the loop; idempotent."""
         if self._thread is None:
             self._thread = self._clock.start_thread(self._run, "control-loop")
 

@@ -1,8 +1,8 @@
-"""Teaching again, and what it changed: the learner from before and after mending, side by side.
+"""Compares two learners: one trained on the recordings as driven, one on the edited recordings.
 
-Both are judged on frames that neither was taught: of each recording, every fifth of fifty stretches
-is held out. The learner from before was taught the others with the labels as they were driven, the
-one from after with the labels as they were mended; right is what the person says now.
+Both are evaluated on held-out frames: each recording is split into fifty stretches, and every fifth
+is held out. One learner is trained on the others with the original labels, one with the edited
+labels. The edited labels are the ground truth.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from robot.types import Action
 _STRETCHES = 50
 _HELD_OUT = range(2, _STRETCHES, 5)
 FEWEST_FRAMES = 50
-"""With fewer labelled frames nothing is held out: there is too little to judge by."""
+"""With fewer labelled frames nothing is held out: the result would mean little."""
 _SHOWN = 10
 
 
@@ -35,14 +35,14 @@ class JudgedFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """How often each learner would have done what the person says, and where they differ.
+    """Accuracy of each learner on the held-out frames, and where they differ.
 
     Attributes:
-        frames: How many held-out frames both were asked about.
-        before: Share of them on which the learner from before agreed.
-        after: The same for the learner from after.
-        mended: Up to ten frames that are right now and were not, spread over all of them.
-        broken: Up to ten frames that were right and are not any more.
+        frames: How many frames were held out.
+        before: Accuracy of the learner without the edits.
+        after: Accuracy of the learner with the edits.
+        mended: Up to ten frames that only the learner with the edits gets right, evenly spread.
+        broken: Up to ten frames that only the learner without the edits gets right.
     """
 
     frames: int
@@ -57,15 +57,15 @@ def compare(
     new_policy: Callable[[], Policy],
     on_step: Callable[[], None] = lambda: None,
 ) -> Comparison | None:
-    """Teach two learners, from before and after mending, and compare them.
+    """Train two learners, without and with the edits, and compare them.
 
     Args:
         episodes: Recordings, in order, each with its edits.
         new_policy: Makes an empty learner.
-        on_step: Told of each frame that is learned or judged.
+        on_step: Called for each frame that is learned or evaluated.
 
     Returns:
-        What came of it; None if there is too little to judge by.
+        The comparison; None if there are too few frames.
     """
     asked = _held_out(episodes)
     if asked is None:

@@ -1,4 +1,4 @@
-"""A recording as a person sees it: with its labels, and with what was mended."""
+"""A recording as a person sees it: with its labels, and with the edits applied."""
 
 from __future__ import annotations
 
@@ -92,16 +92,16 @@ def read_move(label: object, episode: Episode) -> Action:
     """Return the move that a person wants for some frames.
 
     Raises:
-        ConfigurationError: If the recording knows no such move; it says which there are.
+        ConfigurationError: If the recording knows no such move; the message lists the known ones.
     """
     known = tuple(dict.fromkeys((*episode.moves, *CLASSIC)))
     if not isinstance(label, str) or label not in known:
-        raise ConfigurationError(f"no label is called {label!r}; there are: {', '.join(known)}")
+        raise ConfigurationError(f"unknown label {label!r}; known: {', '.join(known)}")
     return Action(label)
 
 
 def kept_frames(episode: Episode, notes: Notes) -> list[FrameEntry]:
-    """List the pictures that nobody deleted."""
+    """List the pictures that were not deleted."""
     return [e for e in episode.frames.values() if not notes.is_deleted(e.frame_id)]
 
 
@@ -113,10 +113,10 @@ def choose(found: Sequence[EpisodeFrame], count: int) -> list[EpisodeFrame]:
 
 
 def write_edited(episode: Episode, notes: Notes, file: BinaryIO) -> None:
-    """Write the recording anew, with what was mended worked in.
+    """Write a copy of the recording with the edits applied.
 
-    What was undone while driving and what was deleted is gone; a relabelled frame has its new
-    label. Frame ids stay. Predictions stay as they were made.
+    Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
+    ids and predictions are unchanged.
     """
     before = episode.attachments.get(MODEL_BEFORE)
     writer = EpisodeWriter(file, run_of(episode), before)
@@ -156,7 +156,7 @@ def _vector(step: Step) -> Vector:
 
 
 def run_of(episode: Episode, path: Path | None = None) -> Run:
-    """Return what the recording says of itself, for a copy of it."""
+    """Return the metadata of the recording, for a copy of it."""
     run: dict[str, Any] = episode.run
     return Run(
         episode_id=(path or episode.path).stem,

@@ -1,4 +1,4 @@
-"""What a person mended of a recording: a list beside the file; the recording stays as it is."""
+"""Edits of a recording: a list in a file beside it. The recording itself is not changed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Edit:
 
     def __post_init__(self) -> None:
         if self.verb not in ("delete", "relabel") or (self.verb == "relabel") == (not self.label):
-            raise ConfigurationError(f"no such edit: {self.verb!r}; there are delete and relabel")
+            raise ConfigurationError(f"unknown edit {self.verb!r}; known: delete, relabel")
         if any(first > last for first, last in self.ranges):
             raise ConfigurationError("a range of frames must not end before it begins")
 
@@ -38,22 +38,22 @@ class Edit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notes:
-    """Everything beside one recording: a title, protection from clearing up, and the edits."""
+    """What is stored beside a recording: a title, protection from deletion, and the edits."""
 
     title: str = ""
     is_protected: bool = False
     edits: tuple[Edit, ...] = field(default=())
     undone: tuple[Edit, ...] = field(default=())
-    """Edits that were taken back, the last one first: what redo brings."""
+    """Undone edits, the last one first: what redo applies again."""
     is_recovered: bool = False
-    """It was cut short, and its lessons were brought into the model since."""
+    """The recording was cut short, and its examples were recovered into the model since."""
 
     def with_edit(self, edit: Edit) -> Notes:
         """Return the notes with one more edit."""
         return replace(self, edits=(*self.edits, edit), undone=())
 
     def without_last_edit(self) -> Notes:
-        """Return the notes without the edit made last.
+        """Return the notes without the last edit.
 
         Raises:
             ConfigurationError: If there is none.
@@ -63,7 +63,7 @@ class Notes:
         return replace(self, edits=self.edits[:-1], undone=(self.edits[-1], *self.undone))
 
     def with_last_undone(self) -> Notes:
-        """Return the notes with the edit that was taken back last.
+        """Return the notes with the edit that was undone last.
 
         Raises:
             ConfigurationError: If there is none.
@@ -112,7 +112,9 @@ def read_notes(episode: Path) -> Notes:
     try:
         return _from_plain(json.loads(text))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise RecordingError(f"{path.name} is damaged: {error}; mend it or move it away") from error
+        raise RecordingError(
+            f"{path.name} is damaged: {error}; repair it or move it away"
+        ) from error
 
 
 def write_notes(episode: Path, notes: Notes) -> None:
@@ -130,7 +132,7 @@ def write_notes(episode: Path, notes: Notes) -> None:
 
 def _from_plain(plain: Any) -> Notes:
     if plain["format"] > FORMAT:
-        raise ValueError("it is of a newer program")
+        raise ValueError("it was written by a newer version of this program")
     return Notes(
         title=str(plain["title"]),
         is_protected=bool(plain["protected"]),

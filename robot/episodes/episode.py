@@ -78,7 +78,7 @@ class Episode:
 
     @property
     def started_at_s(self) -> float:
-        """Seconds since 1970 at which the recording began; where its clock began says nothing."""
+        """Seconds since 1970 at which the recording began; by the wall clock."""
         started = float(self.run.get("started_at_s", "0"))
         return started if started > 0 else self.origin_ns / 1e9 + self.start_s
 
@@ -89,7 +89,7 @@ class Episode:
 
     @property
     def declared_moves(self) -> tuple[Move, ...]:
-        """What the driver said of its moves; empty in recordings of before it could."""
+        """The moves as the driver declared them; empty in recordings of older versions."""
         return from_text(self.run.get("declared_moves", ""))
 
     @property
@@ -139,10 +139,10 @@ class Episode:
 
 
 def open_episode(path: Path) -> Episode:
-    """Read a recording's messages, and where its pictures are; a cut one as far as it goes.
+    """Read a recording's messages and the positions of its pictures; a cut file up to its end.
 
     Raises:
-        RecordingError: If it is no recording of ours, or of a newer format.
+        RecordingError: If it is not a recording of this program, or of a newer format.
         MissingExtraError: If the library `mcap` is not installed.
         OSError: If the file cannot be read.
     """
@@ -156,9 +156,7 @@ def open_episode(path: Path) -> Episode:
             episode.damage = str(error)
             break
     if not episode.run:
-        raise RecordingError(
-            f"{path.name} is no recording of this program, or nothing of it is left"
-        )
+        raise RecordingError(f"{path.name} is not a recording of this program, or is empty")
     episode.frames = dict(sorted(episode.frames.items()))
     return episode
 
@@ -173,7 +171,7 @@ def _take(episode: Episode, record: Message | Metadata | Attachment | Cut) -> No
         episode.damage = record.reason
     elif record.name == RUN:
         if int(record.values["format"]) > FORMAT:
-            raise RecordingError("it was recorded by a newer program: update this one")
+            raise RecordingError("it was recorded by a newer version; update this program")
         int(record.values["origin_ns"])
         from_text(record.values.get("declared_moves", ""))
         episode.run = record.values
@@ -196,7 +194,7 @@ def _take_message(episode: Episode, message: Message) -> None:
     elif message.topic in (COMMAND, DECISION, PREDICTION, SENSORS, MODE):
         fields = json.loads(message.data)
         if not isinstance(fields, dict):
-            raise RecordingError("a message has another form")
+            raise RecordingError("a message has an unknown form")
         episode.messages.setdefault(message.topic, []).append((now_s, fields))
 
 

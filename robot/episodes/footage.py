@@ -15,7 +15,7 @@ from robot.types import Frame
 
 
 class EpisodeFootage:
-    """The pictures that nobody deleted. `t_s` are seconds, ascending; pictures are read one by one.
+    """The pictures that were not deleted. `t_s` are seconds, ascending; pictures are read lazily.
 
     Raises:
         RecordingError: If the file is missing, no episode, or has no pictures.

@@ -72,7 +72,7 @@ def decode_image(
         RecordingError: If the message is neither of the two, or damaged.
     """
     if name not in _FIELDS:
-        raise RecordingError(f"not a picture: {name}")
+        raise RecordingError(f"not an image message: {name}")
     from google.protobuf.message import DecodeError
 
     try:

@@ -1,4 +1,4 @@
-"""The list of episodes, kept: what a summary says is read once for each state of a file.
+"""A cache of episode summaries: each file is read once for each state that it has.
 
 A cache beside the recordings, `episodes/.index.json`: rebuilt when it is missing, damaged or of
 another form, and entry by entry where a file is not the one that was described.
@@ -31,7 +31,7 @@ State = tuple[int, int, int, int]
 
 
 class SummaryIndex:
-    """Describes the recordings of a folder. Callers take turns: for one thread at a time."""
+    """Describes the recordings of a folder. For one thread at a time."""
 
     def __init__(self, folder: Path, recording: Callable[[], str | None]) -> None:
         self._folder = folder
@@ -117,7 +117,7 @@ class SummaryIndex:
         try:
             checksum, _, text = read_regular(self._file, _MOST_BYTES).partition(b"\n")
             if int(checksum) != zlib.crc32(text):
-                raise ValueError("its checksum does not fit")
+                raise ValueError("its checksum does not match")
             plain = json.loads(text)
             if plain["format"] != FORMAT:
                 return
@@ -127,7 +127,7 @@ class SummaryIndex:
         except FileNotFoundError:
             return
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-            log.warning("the index of episodes is built anew: %s", error)
+            log.warning("the index of episodes is rebuilt: %s", error)
             self._known.clear()
 
     def _save(self) -> None:
@@ -142,7 +142,7 @@ class SummaryIndex:
         try:
             write_whole(self._file, str(zlib.crc32(text)).encode() + b"\n" + text)
         except OSError as error:
-            log.warning("the index of episodes was not kept: %s", error)
+            log.warning("the index of episodes was not saved: %s", error)
 
 
 def _state_of(path: Path) -> tuple[int, int]:

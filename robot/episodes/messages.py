@@ -1,4 +1,4 @@
-"""What a recording says besides its pictures: the topics, their schemas, and lessons as fields.
+"""The messages of a recording besides its pictures: topics, schemas, and the fields of each.
 
 Times of messages are in MCAP's own log time; what is here needs none of its own.
 """
@@ -105,7 +105,7 @@ SCHEMAS: dict[str, Fields] = {
 
 
 def to_json(fields: Fields) -> bytes:
-    """Return the fields as JSON, where no number is infinite: JSON has none."""
+    """Return the fields as JSON; they must not hold infinite numbers, which JSON cannot express."""
     return json.dumps(fields, separators=(",", ":"), default=_plain).encode()
 
 
@@ -116,12 +116,12 @@ def _plain(value: Any) -> Any:
 
 
 def _finite(number: float) -> float:
-    """Return five digits of a number: what was measured has no more, and they fill the disk."""
+    """Round to five digits: measurements are no more precise, and more would waste disk space."""
     return float(f"{number:.5g}") if math.isfinite(number) else 1e300
 
 
 def describe_command(command: PilotCommand) -> Fields:
-    """Describe one word of the pilot."""
+    """Return the fields of a pilot command."""
     return {
         "held": command.held,
         "frame": command.frame_id,
@@ -131,7 +131,7 @@ def describe_command(command: PilotCommand) -> Fields:
 
 
 def describe_prediction(prediction: Prediction) -> Fields:
-    """Describe what the robot would have done."""
+    """Return the fields of a prediction."""
     return {
         "frame": prediction.frame_id,
         "action": prediction.action,
@@ -144,7 +144,7 @@ def describe_prediction(prediction: Prediction) -> Fields:
 
 
 def describe_sensors(sensors: Sensors) -> Fields:
-    """Describe what was sensed."""
+    """Return the fields of the sensor readings."""
     pose = sensors.pose
     return {
         "distance_m": None if sensors.distance_m is None else _finite(sensors.distance_m),

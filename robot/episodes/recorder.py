@@ -1,9 +1,9 @@
-"""Records each run while it is driven. The loop only takes note; a thread of its own writes.
+"""Records each run while it is driven. The loop only queues; a thread of its own writes.
 
 A recording begins when the robot leaves `stopped`, or when something changes the learner; it ends
 after the robot has stood for ten seconds. What waits for the disk is bounded by count and by
-bytes: a slow disk costs pictures, which are counted, and never the loop's time or the memory. A
-lesson whose picture was not kept carries its feature vector along, so that no lesson is lost.
+bytes: a slow disk costs pictures, which are counted, and never the loop's time or the memory. An
+example whose picture was dropped is recorded with its feature vector, so that none is lost.
 """
 
 from __future__ import annotations
@@ -44,15 +44,15 @@ from robot.types import Frame, Mode
 
 
 class Recorder:
-    """Listens to one loop and records its runs.
+    """Records the runs of one loop.
 
     Args:
         loop: What is recorded.
         folder: Where recordings go.
         robot: The robot's name, for the file's metadata.
-        declared_moves: What its driver says of its moves, for exports.
-        options: Whatever configuration should stand in the file.
-        announce: Told when recording begins, ends, stops for a reason, or loses pictures.
+        declared_moves: The moves as its driver declares them, for exports.
+        options: Configuration to write into the file.
+        announce: Called when recording begins, ends, stops because of a fault, or loses pictures.
         config: The bounds.
         open_file: Opens a new file for writing; tests give slow and failing ones.
         wall_ns: Nanoseconds since 1970.
@@ -104,11 +104,11 @@ class Recorder:
         return self._disk.lost.frames
 
     def refuse(self, sentence: str) -> None:
-        """Record nothing, and say why."""
+        """Record nothing; `fault` is this sentence."""
         self._disk.refuse(sentence)
 
     def start(self) -> None:
-        """Begin to listen. Without the library `mcap` recording is off, and `fault` says so."""
+        """Start recording. Without the library `mcap` recording is off, and `fault` says so."""
         try:
             require_mcap()
         except MissingExtraError as error:
@@ -133,7 +133,7 @@ class Recorder:
         self.finish()
 
     def note(self, tick: Tick) -> None:
-        """Take note of one tick."""
+        """Queue what is to be recorded of one tick."""
         if self._base is None and not self._is_open:
             self._base = self._take()
             return
@@ -160,7 +160,7 @@ class Recorder:
             self._close(final=self._base)
 
     def _own_events(self, events: tuple[HistoryEvent, ...]) -> tuple[HistoryEvent, ...]:
-        """Begin anew where another policy took over: what follows rests on its knowledge."""
+        """Begin a new recording when another policy took over."""
         if any(isinstance(event, Replaced) for event in events):
             if self._is_open:
                 self._close(final=None)
@@ -287,5 +287,5 @@ def make_id(wall_ns: int) -> str:
 
 
 def is_recorded_name(path: Path) -> bool:
-    """True if the file is named as a recorder names its own; imports have names of their own."""
+    """True if the file has a name as the recorder gives it, which imports do not have."""
     return re.fullmatch(r"\d{4}-\d\d-\d\d_\d{6}_\d{3}", path.stem) is not None

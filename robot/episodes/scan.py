@@ -1,7 +1,7 @@
 """Reading MCAP files that may be cut short, damaged or made to harm.
 
-The library `mcap` parses the records; what is here keeps it from believing lengths that cannot
-be, unpacks chunks within bounds, and stops at the first record that does not make sense. All
+The library `mcap` parses the records; this module rejects impossible
+lengths, unpacks chunks within bounds, and stops at the first record that does not make sense. All
 before it is good: an episode is readable up to where its file was cut.
 """
 
@@ -74,7 +74,7 @@ def scan(path: Path) -> Iterator[Record]:
     """Yield what the file holds, in its order; a `Cut` comes last if the file is not whole.
 
     Raises:
-        RecordingError: If it is no MCAP file at all.
+        RecordingError: If it is not an MCAP file.
         MissingExtraError: If the library `mcap` is not installed.
     """
     require_mcap()
@@ -117,11 +117,11 @@ def _scan(file: BinaryIO, path: Path) -> Iterator[Record]:
             yield from _read_record(value, offset, schemas, channels)
     except InvalidMagic as error:
         if not has_begun:
-            raise RecordingError(f"{path.name} is no MCAP file") from error
+            raise RecordingError(f"{path.name} is not an MCAP file") from error
         yield Cut(reason="the file's end is missing")
     except struct.error as error:
         if not has_begun:
-            raise RecordingError(f"{path.name} is no MCAP file: it is too short") from error
+            raise RecordingError(f"{path.name} is not an MCAP file: it is too short") from error
         yield Cut(reason="the file was cut short")
     except (McapError, RecordingError, ValueError, KeyError, MemoryError, OverflowError) as error:
         yield Cut(reason=str(error) or type(error).__name__)
@@ -195,7 +195,7 @@ def _break_up(chunk: Any) -> list[Any]:
     if len(data) != chunk.uncompressed_size:
         raise RecordingError("a chunk unpacks to another size than it claims")
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise RecordingError("a chunk is damaged: its checksum does not fit")
+        raise RecordingError("a chunk is damaged: its checksum does not match")
     return list(breakup_chunk(replace(chunk, compression="", data=data)))
 
 
@@ -214,7 +214,7 @@ def _unpack(compression: str, data: bytes, size: int) -> bytes:
     except Exception as error:  # each library has errors of its own; all mean the same here
         raise RecordingError(f"a chunk cannot be unpacked: {error}") from error
     if compression:
-        raise RecordingError(f"a chunk is packed in an unknown way: {compression[:20]!r}")
+        raise RecordingError(f"unknown compression of a chunk: {compression[:20]!r}")
     return data
 
 

@@ -1,4 +1,4 @@
-"""The recordings of one robot: listed, opened, mended, deleted and brought back."""
+"""The recordings of one robot: listed, opened, edited, deleted and restored."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class EpisodeStore:
 
     Args:
         storage: The data folder.
-        recording: Says which episode is being written at present; that one stays as it is.
+        recording: Returns the episode that is being written; it cannot be changed.
         budget_bytes: Beyond this the oldest unprotected episodes are offered for deletion.
     """
 
@@ -100,19 +100,19 @@ class EpisodeStore:
             return self._opened[key]
 
     def notes(self, episode_id: str) -> Notes:
-        """Return what was noted and mended."""
+        """Return the title, the protection and the edits of an episode."""
         return read_notes(self.path(episode_id))
 
     def edit(self, episode_id: str, edit: Edit) -> Notes:
-        """Mend an episode: the edit goes on the list beside it."""
+        """Add an edit to the list beside the episode."""
         return self._change(episode_id, lambda notes: notes.with_edit(edit))
 
     def undo_edit(self, episode_id: str) -> Notes:
-        """Take the last edit back."""
+        """Undo the last edit."""
         return self._change(episode_id, Notes.without_last_edit)
 
     def redo_edit(self, episode_id: str) -> Notes:
-        """Make the edit again that was taken back last."""
+        """Redo the edit that was undone last."""
         return self._change(episode_id, Notes.with_last_undone)
 
     def set_title(self, episode_id: str, title: str) -> Notes:
@@ -120,7 +120,7 @@ class EpisodeStore:
         return self._change(episode_id, lambda notes: replace(notes, title=title.strip()[:200]))
 
     def protect(self, episode_id: str, is_protected: bool) -> Notes:
-        """Protect an episode from being offered for deletion, or not any more."""
+        """Protect an episode from deletion, or end the protection."""
         return self._change(episode_id, lambda notes: replace(notes, is_protected=is_protected))
 
     def _change(self, episode_id: str, change: Callable[[Notes], Notes]) -> Notes:
@@ -131,7 +131,7 @@ class EpisodeStore:
             return notes
 
     def delete(self, episode_id: str) -> str:
-        """Move an episode to the trash; return the word that brings it back.
+        """Move an episode to the trash; return the key for `restore`.
 
         Raises:
             ConfigurationError: If it is protected, or being recorded.
@@ -142,11 +142,11 @@ class EpisodeStore:
         return self._storage.discard(path, notes_path(path))
 
     def restore(self, key: str) -> str:
-        """Bring a deleted episode back; return its name, which differs if it was taken since."""
+        """Restore a deleted episode; return its name, a new one if the old one is in use."""
         place = self._storage.discarded(key)
         episodes = list(place.glob("*.mcap"))
         if not episodes:
-            raise NotFoundError("what was deleted there was no episode")
+            raise NotFoundError("that was not an episode")
         name = free_name(episodes[0].stem, set(self.ids()))
         notes = notes_path(episodes[0])
         if notes.exists():
@@ -156,10 +156,10 @@ class EpisodeStore:
         return name
 
     def compact(self, episode_id: str) -> str:
-        """Work the edits into the recording; the one before goes to the trash.
+        """Apply the edits to the recording; the original goes to the trash.
 
         Returns:
-            The word that brings the recording as it was back.
+            The key that restores the original.
         """
         with self._lock:
             path = self._idle_path(episode_id)
@@ -214,7 +214,7 @@ class EpisodeStore:
         return self._storage.episodes / f"{free}.mcap"
 
     def budget(self) -> Budget:
-        """Say how much is used; nothing is ever deleted by the program itself."""
+        """Return how much space is used; the program itself never deletes anything."""
         summaries = self.summaries()
         used = sum(summary.bytes for summary in summaries)
         offered, excess = [], used - self.budget_bytes

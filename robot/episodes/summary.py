@@ -33,8 +33,8 @@ _UNUSABLE = (
 class EpisodeSummary:
     """One recording of the list. `started_at_s` is wall-clock time, seconds since 1970.
 
-    `damage` says what is wrong: of one that was cut short, where it ends; of one that cannot be
-    read at all (`is_readable` is False), why.
+    `damage` says what is wrong: where a file that was cut short ends, or why a file cannot be read
+    at all (`is_readable` is False).
     """
 
     id: str
@@ -92,7 +92,7 @@ def read_head(path: Path) -> EpisodeSummary:
 
 
 def _read_ends(path: Path) -> dict[str, Any] | None:
-    """Read what the file says of itself at its end; None if it has no such end."""
+    """Read the metadata at the end of the file; None if its end is missing."""
     try:
         metadata = _metadata(path)
         run, summary = metadata[RUN], metadata[SUMMARY]
@@ -143,7 +143,7 @@ def _finite(text: str) -> float:
     """Read a number; raises ValueError for one that no answer could hold."""
     number = float(text)
     if not math.isfinite(number):
-        raise ValueError(f"{text!r} is no number")
+        raise ValueError(f"{text!r} is not a finite number")
     return number
 
 

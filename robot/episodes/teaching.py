@@ -1,7 +1,7 @@
-"""Learning again from recordings: the lessons as they were given, mended as a person asked.
+"""Retraining from recordings: the recorded examples, with a person's edits applied.
 
-The same lessons in the same order make the same learner, bit for bit: pictures are stored as the
-camera gave them, and what was undone while driving is left out, which is what undoing means.
+The same examples in the same order make the same learner, bit for bit: pictures are stored as the
+camera sent them, and examples that were undone while driving are left out.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from robot.policy.policy import Policy
 from robot.types import Action
 
 EditedEpisode = tuple[Episode, Notes]
+"""A recording with its edits."""
 __all__ = ["EditedEpisode", "Report", "Step", "learn_again", "plan", "same_nodes"]
 
 
@@ -40,7 +41,7 @@ class Step:
 
 @dataclass(slots=True, kw_only=True)
 class Report:
-    """What came of learning again."""
+    """The outcome of retraining."""
 
     taught: Counter[Action]
     left_out_edits: int = 0
@@ -81,7 +82,7 @@ def _extra(episode: Episode, notes: Notes, frame_id: int) -> Step:
 
 
 def _untaught_relabels(episode: Episode, notes: Notes) -> list[int]:
-    """List frames that nobody taught while driving, but that a person labelled afterwards."""
+    """List frames that were not examples while driving, but were labelled afterwards."""
     taught = {e.event.example.frame_id for e in episode.events if isinstance(e.event, Taught)}
     return [
         frame_id
@@ -135,18 +136,18 @@ def learn_again(
 ) -> Report:
     """Teach the policy everything the recordings hold.
 
-    Edits of learned images are made again only where they mean the same images: under the
-    learner that was driven, from lessons that nobody mended; else they are counted as left out.
+    Edits of learned images are repeated only where they apply to the same images: with the learner
+    that was driven, and recordings without edits. Otherwise they are counted as left out.
 
     Args:
         policy: What learns.
         episodes: Recordings, in order, each with its edits.
         skip: How many of the first steps the policy knows already.
-        only: Says of a step whether it is to be learned.
-        on_step: Told of each step.
+        only: Returns True for a step that is to be learned.
+        on_step: Called after each step.
 
     Raises:
-        ConfigurationError: If a label is none of the policy's moves.
+        ConfigurationError: If a label is not one of the policy's moves.
     """
     steps = [step for step in plan(episodes)[skip:] if only(step)]
     is_faithful = all(
@@ -166,7 +167,7 @@ def _learn(policy: Policy, step: Step, report: Report) -> None:
     assert step.label is not None
     if step.label not in policy.moves:
         raise ConfigurationError(
-            f"{step.episode.id} teaches {step.label.value!r}, which is none of the moves "
+            f"{step.episode.id} teaches {step.label.value!r}, which is not one of the moves "
             f"{', '.join(policy.moves)}"
         )
     if step.frame_id in step.episode.frames:

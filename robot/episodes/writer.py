@@ -53,7 +53,7 @@ class EpisodeWriter:
     """Writes one MCAP file. For one thread; raises OSError when the disk refuses.
 
     Args:
-        file: Where to; seekable or not, opened for binary writing. Closed by `close`.
+        file: The target; seekable or not, opened for binary writing. Closed by `close`.
         run: What is known already.
         model_before: A model's file, or None for a learner that knows nothing.
 
@@ -69,7 +69,7 @@ class EpisodeWriter:
         self._channels: dict[tuple[Any, ...], int] = {}
         self.frames = 0
         self.has_content = False
-        """Whether anything was driven or changed the learner: else nobody will want to see it."""
+        """Whether the robot moved or the learner changed: otherwise the recording is discarded."""
         self._labels: dict[int, str] = {}
         self._first_ns: int | None = None
         self._last_ns = 0
@@ -109,7 +109,7 @@ class EpisodeWriter:
         self.frames += 1
 
     def write_message(self, topic: str, now_s: float, fields: Fields) -> None:
-        """Add one message of a topic of `messages.SCHEMAS`."""
+        """Add one message; its topic is one of `messages.SCHEMAS`."""
         if topic == LESSON:
             self._note_event(fields)
         elif topic == DECISION and fields["sent"] != Action.STOP:
@@ -142,7 +142,7 @@ class EpisodeWriter:
         self._add(channel, message.log_ns, message.data, message.sequence)
 
     def flush(self) -> None:
-        """Have everything so far reach the disk: a kill or a power cut takes none of it."""
+        """Flush to the disk: a kill or a power cut then loses nothing of it."""
         self._writer.flush()
         _sync(self._file)
 
@@ -205,7 +205,7 @@ class EpisodeWriter:
 
 
 def _sync(file: BinaryIO) -> None:
-    """Have the file's bytes reach the disk, if it is a file of the system at all."""
+    """Have the file's bytes reach the disk, if it is a real file."""
     try:
         descriptor = file.fileno()
     except io.UnsupportedOperation:

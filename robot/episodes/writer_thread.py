@@ -1,4 +1,4 @@
-"""The other side of the recorder's queue: one thread that writes what waits, within bounds."""
+"""Writes the recorder's queue to the disk on one thread; the queue is bounded."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderConfig:
-    """How much may wait, and how long."""
+    """Bounds of the queue and time limits."""
 
     queue_bytes: int = 32 * 2**20
-    """Pictures that wait for the disk; more are dropped and counted."""
+    """Bytes of queued pictures; more are dropped and counted."""
     queue_items: int = 4096
-    """Anything that waits; messages are small and are dropped last."""
+    """Queued items of any kind; messages are small and are dropped last."""
     flush_every_s: float = 0.25
-    """What a kill can cost."""
+    """A kill loses at most so much."""
     pause_s: float = 10.0
-    """Standing for so long ends a recording."""
+    """A robot that stands for so long ends the recording."""
     trail_s: float = 1.0
     """Pictures go on for so long after the robot came to stand."""
     lead_frames: int = 15
@@ -44,7 +44,7 @@ class RecorderConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lost:
-    """What the disk was too slow for, counted from the program's start."""
+    """Items dropped because the disk was too slow, counted from the program's start."""
 
     frames: int = 0
     messages: int = 0
@@ -70,7 +70,7 @@ class WriteMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Close:
-    """End the recording; the learner knows `model` by now, if that can be told."""
+    """End the recording; `model` is what the learner knows now, None if not known."""
 
     model: Model | None
 
@@ -79,7 +79,7 @@ Item = Open | WriteMessage | Close | Frame
 
 
 class WriterThread:
-    """The other side of the queue: one thread that writes what waits."""
+    """One thread that writes the queued items."""
 
     def __init__(
         self,
@@ -111,7 +111,7 @@ class WriterThread:
     # Called on the loop's thread ---------------------------------------------------------------
 
     def put(self, item: Item, size: int) -> bool:
-        """Have an item written; False if there is no room for it. Never waits for the disk."""
+        """Queue an item; False if the queue is full. Never waits for the disk."""
         config = self._config
         with self._lock:
             is_full = self._waiting_bytes + size > config.queue_bytes and size > 0
@@ -137,23 +137,23 @@ class WriterThread:
 
     @property
     def waiting_bytes(self) -> int:
-        """Bytes of pictures that wait."""
+        """Bytes of queued pictures."""
         return self._waiting_bytes
 
     # Life --------------------------------------------------------------------------------------
 
     def refuse(self, sentence: str) -> None:
-        """Record nothing, and say why."""
+        """Record nothing; `fault` is this sentence."""
         self.fault = sentence
         self._announce("recording_off", detail=sentence)
 
     def start(self) -> None:
-        """Begin to write what comes."""
+        """Start the thread."""
         self._ending = False
         self._thread = self._clock.start_thread(self._run, "recorder")
 
     def stop(self) -> None:
-        """Write what still waits, and end; a disk that hangs is left behind after ten seconds."""
+        """Write what is queued, and end; gives up on a hanging disk after ten seconds."""
         if self._thread is not None:
             self._ending = True
             self._wake.set()
@@ -184,7 +184,7 @@ class WriterThread:
                     self._waiting_bytes -= size
                 self._flush_if_due()
             self._flush_if_due()
-        except Exception as error:  # whatever it is: the thread that records must go on
+        except Exception as error:  # whatever it is, the thread must go on
             with self._lock:
                 self._waiting_bytes = sum(size for _, size in self._queue)
             if isinstance(error, OSError):

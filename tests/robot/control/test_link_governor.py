@@ -21,17 +21,17 @@ def test_each_step_is_taken_at_once(
     age_s: float, level: LinkLevel, scale: float, learns: bool, stops: bool
 ) -> None:
     governor = LinkGovernor()
-    governor.hear(age_s, 0.0)
+    governor.note_age(age_s, 0.0)
     assert governor.level is level
     assert (governor.speed_scale, governor.may_learn, governor.must_stop) == (scale, learns, stops)
 
 
 def test_steps_are_taken_back_one_by_one_and_only_after_a_while() -> None:
     governor = LinkGovernor()
-    governor.hear(0.4, 0.0)
+    governor.note_age(0.4, 0.0)
     levels = []
     for tenth in range(1, 40):
-        governor.hear(0.03, tenth / 10)
+        governor.note_age(0.03, tenth / 10)
         levels.append(governor.level)
     changes = [(i + 1) / 10 for i in range(1, 39) if levels[i] is not levels[i - 1]]
     assert changes == pytest.approx([1.1, 2.1, 3.1])
@@ -42,14 +42,14 @@ def test_an_age_about_a_threshold_does_not_make_it_flutter() -> None:
     governor = LinkGovernor()
     levels = []
     for tenth in range(100):
-        governor.hear(0.252 if tenth % 3 == 0 else 0.248, tenth / 10)
+        governor.note_age(0.252 if tenth % 3 == 0 else 0.248, tenth / 10)
         levels.append(governor.level)
     assert set(levels) == {LinkLevel.CAPPED}
 
 
 def test_thresholds_are_settings() -> None:
     governor = LinkGovernor(LinkGovernorConfig(warn_s=0.01))
-    governor.hear(0.02, 0.0)
+    governor.note_age(0.02, 0.0)
     assert governor.level is LinkLevel.SLOW
 
 

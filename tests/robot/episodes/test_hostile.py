@@ -115,7 +115,7 @@ def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:
         schema = writer.register_schema("x", "jsonschema", b"{}")
         writer.add_message(writer.register_channel("/x", "json", schema), 1, b"{}", 1)
         writer.finish()
-    with pytest.raises(RecordingError, match="no recording of this program"):
+    with pytest.raises(RecordingError, match="not a recording of this program"):
         open_episode(path)
 
 
