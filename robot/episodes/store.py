@@ -80,7 +80,7 @@ class EpisodeStore:
                 return path
         except (OSError, ValueError):  # no file can have such a name
             pass
-        raise NotFoundError(f"there is no episode called {episode_id[:80]!r}")
+        raise NotFoundError(f"unknown episode {episode_id[:80]!r}")
 
     def open(self, episode_id: str) -> Episode:
         """Open an episode; the last two stay open.

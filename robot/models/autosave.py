@@ -1,8 +1,8 @@
 """Saves what the robot learns by itself, and loads it again at the next start.
 
-The loop's thread only takes note; a thread of its own asks the loop for a copy of the learner and
-writes it. Saved are: every change of mode, undo and edit, every ten seconds of teaching, and the
-end. What lies between two saves is in the journal.
+The loop's thread only marks that a save is due; a thread of its own copies the learner and writes
+it. A save is due after every change of mode, undo and edit, every ten seconds of teaching, and at
+the end. The journal holds what happened between two saves.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ log = logging.getLogger(__name__)
 SAVE_EVERY_S = 10.0
 _LONGEST_PLACE = 200
 Announce = Callable[..., None]
-"""Told that something happened once: a name, and fields of its own."""
+"""Called with an event: a name, and fields of its own."""
 
 
 def no_announcement(name: str, **fields: object) -> None:
-    """Announce to nobody."""
+    """Announce nothing."""
 
 
 class Autosave:
     """Owns which model is in use, and saves it.
 
     Args:
-        loop: Whose learner is kept.
-        store: Where it is kept.
+        loop: Whose learner is saved.
+        store: Where it is saved.
         name: What a new model is called, before a person names it.
-        moves: What the robot's body can do; a model that wants more is not loaded.
-        place: Where the robot is, as far as anybody said.
-        announce: Told of what happened: a name and fields; for the page.
-        journal: Where every change is written at once; None where nothing is.
+        moves: The moves of the robot's body; a model with other moves is not loaded.
+        place: Where the robot is; empty if not known.
+        announce: Called with events for the page.
+        journal: Where every change is written at once; None for no journal.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class Autosave:
         return self._loop.history.changes != self._saved_changes
 
     def start(self) -> None:
-        """Begin to keep."""
+        """Start saving."""
         self._unsubscribe = self._loop.subscribe(self.note)
         self._thread = self._clock.start_thread(self._run, "autosave")
 
@@ -107,7 +107,7 @@ class Autosave:
         self.save_if_changed()
 
     def note(self, tick: Tick) -> None:
-        """Take note of one tick, on the loop's thread."""
+        """Process one tick, on the loop's thread."""
         if self._journal is not None:
             self._journal.note(tick, self._loop.history, self._name, self._place)
         mode_changed = tick.decision.mode is not self._mode
@@ -125,12 +125,12 @@ class Autosave:
             self.save_if_changed()
 
     def save_if_changed(self) -> None:
-        """Save if anything was learned since. Never raises: a failure is told and tried again."""
+        """Save if anything was learned since. Never raises: a failure is announced and retried."""
         if not self.has_unsaved:
             return
         try:
             self.save()
-        except Exception as error:  # whatever it is: the thread that keeps must go on
+        except Exception as error:  # whatever it is, the thread must go on
             expected = isinstance(error, OSError | RobotError)
             log.warning("the model was not saved: %s", error, exc_info=not expected)
             self.announce("model_not_saved", detail=str(error) or type(error).__name__)
@@ -149,7 +149,7 @@ class Autosave:
             return name
 
     def _take(self) -> tuple[Model, int]:
-        """Copy the learner between two ticks; with it the count of changes that it holds."""
+        """Copy the learner between two ticks; return it with its count of changes."""
 
         def take() -> tuple[Model, int]:
             history = self._loop.history
@@ -184,7 +184,7 @@ class Autosave:
         What is in the robot and could not be saved stays there.
 
         Args:
-            learner: Only a model of this learner will do; None for any.
+            learner: Load only a model of this learner; None for any.
         """
         if self.has_unsaved:
             self.save_if_changed()
@@ -200,13 +200,13 @@ class Autosave:
         return None
 
     def adopt(self, recovered: Recovered) -> None:
-        """Go on with what the last run knew; save it at once if the disk lets us."""
+        """Use the recovered model; save it at once if possible."""
         with self._lock:
             if recovered.is_saved:
                 self._recovered_name = recovered.name
                 return
             if not self._moves >= set(recovered.model.summary.moves):
-                log.warning("what the last run knew wants moves that this robot does not have")
+                log.warning("the recovered model has moves that this robot does not have")
                 name = recovered.name or self.store.free_name(self._wanted_name)
                 self.store.save(name, recovered.model)
                 return
@@ -230,7 +230,9 @@ class Autosave:
             impossible = set(model.summary.moves) - self._moves
             if impossible:
                 moves = ", ".join(sorted(impossible))
-                raise ConfigurationError(f"this robot cannot {moves}, as the model {name!r} wants")
+                raise ConfigurationError(
+                    f"the model {name!r} has moves that this robot does not have: {moves}"
+                )
             self._use(name, model)
 
     def begin(
@@ -243,7 +245,7 @@ class Autosave:
         """Save the model in use, and begin an empty one; return its name.
 
         Raises:
-            ConfigurationError: If there is no such learner, or the robot is not stopped.
+            ConfigurationError: If the learner is unknown, or the robot is not stopped.
             OSError: If the disk refuses: the model in use then stays in use.
         """
         with self._lock:
@@ -269,7 +271,7 @@ class Autosave:
             raise ConfigurationError("stop the robot before you change its model")
 
     def _use(self, name: str | None, model: Model) -> None:
-        """Have the loop go on with this model, between two ticks and only while it stands."""
+        """Replace the model of the loop, between two ticks and only while the robot is stopped."""
         policy, taught = model.to_policy(), Counter(model.summary.taught)
 
         def replace() -> int:
@@ -284,7 +286,7 @@ class Autosave:
             try:
                 self.store.current = name
             except OSError as error:
-                log.warning("which model is in use was not written down: %s", error)
+                log.warning("the name of the model in use was not saved: %s", error)
         self.announce("model_loaded", model=name)
 
     def rename(self, name: str, new_name: str) -> str:
@@ -296,7 +298,7 @@ class Autosave:
             return kept
 
     def set_place(self, name: str, place: str) -> None:
-        """Write down where a model was taught."""
+        """Set the place where a model was taught."""
         with self._lock:
             place = _checked_place(place)
             if self._name == name:
@@ -326,10 +328,10 @@ def _checked_place(place: str) -> str:
     """Return a place in the form in which it can be written.
 
     Raises:
-        ConfigurationError: If it is no text that any file could hold.
+        ConfigurationError: If it cannot be encoded as UTF-8.
     """
     try:
         place.encode()
     except UnicodeEncodeError as error:
-        raise ConfigurationError("a place must be whole characters: half of one is not") from error
+        raise ConfigurationError("a place must be valid Unicode text") from error
     return place.strip()[:_LONGEST_PLACE]

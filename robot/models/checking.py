@@ -1,9 +1,9 @@
-"""A model from anywhere, held against its own description before anything is made of it.
+"""Validates a model from an untrusted source before it is used.
 
-What each learner keeps is not written down here a second time: two small learners of the same kind
-are made and asked. Where a side of an array differs between them it goes with the number of nodes.
+The expected arrays of each learner are not listed here a second time: two small learners of the
+same kind are made and compared. A dimension that differs between them grows with the nodes.
 
-One file because every check is part of one walk through the description.
+One file because every check is part of one pass through the metadata.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ Form = dict[str, tuple[str, tuple[Any, ...]]]
 
 
 def check_model(model: Model) -> None:
-    """Refuse a model that is not what it says it is. Makes nothing of the model's own size.
+    """Refuse an invalid model. Allocates nothing of a size that the model claims.
 
     Raises:
         RecordingError: If an array, a parameter or a label is missing, of another form or out of
@@ -66,16 +66,16 @@ def _check(model: Model) -> None:
     _demand(number <= MOST_NODES, f"{summary.learner!r} has more than {MOST_NODES} images")
     moves = tuple(summary.moves)
     _demand(0 < len(moves) <= _MOST_MOVES, "it names no moves, or too many")
-    _demand(len(set(moves)) == len(moves) and Action.STOP not in moves, "its moves are no set")
+    _demand(len(set(moves)) == len(moves) and Action.STOP not in moves, "its moves are not unique")
     _demand(set(summary.taught) <= set(moves), "it was taught moves that it does not name")
-    _demand(all(_is_count(n) for n in summary.taught.values()), "a number of lessons is none")
-    _demand(_is_count(summary.n_nodes), "its number of images is none")
-    _demand(math.isfinite(summary.saved_at_s), "its time is no time")
+    _demand(all(_is_count(n) for n in summary.taught.values()), "a count of examples is invalid")
+    _demand(_is_count(summary.n_nodes), "its number of images is not a count")
+    _demand(math.isfinite(summary.saved_at_s), "its time is not finite")
     _check_preview(model.preview)
     state = model.state
     _demand(isinstance(state.params, dict), "it has no parameters")
     labels = [str(label) for label in state.labels]
-    _demand(set(labels) <= set(map(str, moves)), "it has labels that are none of its moves")
+    _demand(set(labels) <= set(map(str, moves)), "it has labels that are not among its moves")
     form = describe_form(kind, moves, _n_labels(state, labels))
     _demand(state.kind == form.kind, f"it is a {state.kind[:40]!r}, not a {form.kind!r}")
     _check_policy_params(state.params, form.params, summary.learner, moves)
@@ -88,7 +88,7 @@ def _check(model: Model) -> None:
 
 
 def _n_labels(state: State, labels: list[str]) -> int:
-    """Return how many labels the arrays have columns for; each lesson's own in a baseline."""
+    """Return how many labels the arrays have columns for; in a baseline, one for each example."""
     if "xs" not in state.arrays and state.kind != "policy:multi-place":
         _demand(len(set(labels)) == len(labels), "a label is there twice")
     return min(len(set(labels)), _MOST_MOVES)
@@ -138,7 +138,7 @@ def _taught(name: str, moves: tuple[Action, ...], n_labels: int) -> Policy:
 def _check_arrays(
     arrays: Mapping[str, NDArray[Any]], form: Form, number: int, n_examples: int, prefix: str = ""
 ) -> None:
-    """Hold every array against the form: none missing, none more, each of its dtype and shape."""
+    """Check every array against the form: none missing, none more, each of its dtype and shape."""
     for name in sorted(form.keys() - arrays.keys()):
         _demand(name.removeprefix("cluster_") in _OPTIONAL, f"the array {prefix}{name} is missing")
     for name in sorted(arrays.keys() - form.keys()):
@@ -230,24 +230,24 @@ def _check_places(state: State, kind: str, moves: tuple[Action, ...], number: in
         else:
             rest[name] = array
     pending = params["pending"]
-    _demand(isinstance(pending, list) and len(pending) <= _MOST_MOVES, "too many lessons wait")
-    _demand(set(map(str, pending)) <= set(map(str, moves)), "a lesson that waits has no label")
+    _demand(isinstance(pending, list) and len(pending) <= _MOST_MOVES, "too many pending examples")
+    _demand(set(map(str, pending)) <= set(map(str, moves)), "a pending example has no label")
     size = describe_form(kind, moves, 1).params["learner"]["size"]
     if pending:
         waiting = rest.pop("pending")
         _demand(
             waiting.dtype.str in ("|u1", "<f4") and waiting.shape == (len(pending), size), "pending"
         )
-        _demand(bool(np.isfinite(waiting).all()), "a lesson that waits holds no numbers")
+        _demand(bool(np.isfinite(waiting).all()), "a pending example is not finite")
     _demand(rest.keys() <= {"pace_picture"}, f"an array {sorted(rest)[:1]} does not belong there")
     _demand(params["size"] == (size if places else None), "its vectors have another length")
-    _demand(_is_count(params["n_seen"]), "n_seen is no count")
+    _demand(_is_count(params["n_seen"]), "n_seen is not a count")
     place = params["place"]
-    _demand(place is None or (_is_count(place) and place < len(places)), "it is nowhere")
+    _demand(place is None or (_is_count(place) and place < len(places)), "its place is unknown")
     for i, own in enumerate(by_place):
         described = places[i]
         labels = [str(label) for label in described["labels"]]
-        _demand(set(labels) <= set(map(str, moves)), "it has labels that are none of its moves")
+        _demand(set(labels) <= set(map(str, moves)), "it has labels that are not among its moves")
         _demand(0 < len(set(labels)) == len(labels), "a label is there twice")
         form = describe_form(kind, moves, len(labels))
         [pattern] = form.params["learner"]["places"]
@@ -269,9 +269,9 @@ def _check_policy_params(
 ) -> None:
     _check_keys(params, form, "the policy")
     _demand(params["name"] == name, "it says two names of its learner")
-    _demand(_is_count(params["lessons"]), "its number of lessons is none")
+    _demand(_is_count(params["lessons"]), "its number of examples is not a count")
     last_taught = params["last_taught"]
-    _demand(isinstance(last_taught, dict), "last_taught is no table")
+    _demand(isinstance(last_taught, dict), "last_taught is not a table")
     for node, at in last_taught.items():
         _demand(
             str(node).isascii() and str(node).isdecimal() and len(str(node)) < 17, "last_taught"
@@ -280,10 +280,10 @@ def _check_policy_params(
     last = params.get("last_learned")
     if last is not None:
         at_s, label = last
-        _demand(_is_number(at_s) and str(label) in map(str, moves), "last_learned is none")
+        _demand(_is_number(at_s) and str(label) in map(str, moves), "last_learned is invalid")
     if "pace" in params:
         _check_plain(params["pace"], "pace")
-        _demand(isinstance(params["pace"], dict), "pace is no table")
+        _demand(isinstance(params["pace"], dict), "pace is not a table")
         PilotPace().set_state(params["pace"], {})
 
 
@@ -319,7 +319,7 @@ def _check_keys(params: Any, form: Mapping[str, Any], what: str) -> None:
 
 
 def _check_like(value: Any, pattern: Any, what: str) -> None:
-    """Hold a plain value against one of the same kind: numbers finite, lists as long."""
+    """Check a plain value against one of the same kind: numbers finite, lists as long."""
     if isinstance(pattern, Mapping):
         _check_keys(value, pattern, what)
         for key in pattern.keys() & value.keys():
@@ -337,8 +337,8 @@ def _check_like(value: Any, pattern: Any, what: str) -> None:
 
 
 def _check_plain(value: Any, what: str, depth: int = 0) -> None:
-    """Let in tables, short lists, finite numbers and nothing."""
-    _demand(depth < 5, f"{what} is too deep")
+    """Allow tables, short lists, finite numbers and None, and nothing else."""
+    _demand(depth < 5, f"{what} is nested too deeply")
     if isinstance(value, Mapping | list | tuple):
         _demand(len(value) <= 64, f"{what} is too long")
         for inner in value.values() if isinstance(value, Mapping) else value:
@@ -353,7 +353,7 @@ def _check_preview(preview: NDArray[Any]) -> None:
         and preview.ndim in (2, 3)
         and preview.shape[2:] in ((), (3,))
         and all(0 < side <= _PREVIEW_PX for side in preview.shape),
-        "its preview is no picture",
+        "its preview is not a picture",
     )
 
 
@@ -369,4 +369,4 @@ def _is_number(value: Any) -> bool:
 
 def _demand(holds: bool, otherwise: str) -> None:
     if not holds:
-        raise RecordingError(f"the model is not what it says it is: {otherwise}"[:300])
+        raise RecordingError(f"the model is invalid: {otherwise}"[:300])

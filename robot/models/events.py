@@ -1,4 +1,4 @@
-"""Changes of the learner as plain values and back, for recordings and for the journal."""
+"""Serializes changes of the learner, for recordings and for the journal."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PlainEvent = dict[str, Any]
 
 
 def describe_event(event: HistoryEvent, *, with_vector: bool = False) -> PlainEvent:
-    """Describe one change of the learner; the vector goes along where its frame is not recorded."""
+    """Describe one change of the learner; with its vector if its frame is not recorded."""
     if isinstance(event, Taught):
         example = event.example
         return {
@@ -70,7 +70,7 @@ def read_event(plain: PlainEvent) -> tuple[HistoryEvent, Vector | None]:
             return Undone(frame_ids=tuple(int(frame) for frame in plain["frames"])), None
         if kind == "replaced":
             return Replaced(policy_name=str(plain["learner"])), None
-        raise ValueError(f"an unknown event {kind!r}")
+        raise ValueError(f"unknown event {kind!r}")
     except (KeyError, ValueError, TypeError) as error:
         raise RecordingError(f"an example is damaged: {error}") from error
 

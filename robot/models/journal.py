@@ -1,9 +1,9 @@
 """The journal: every change of the learner, numbered and on the disk within a quarter of a second.
 
-It is the truth; a model's file is a cache of it. Entries are numbered by the start of the program
-(a counter in the files' names) and the count of changes since; no clock has a part in it. A
-checkpoint holds the whole learner: one stands at the beginning, after every undo, and wherever
-another model took over, so that replaying means learning again what follows the last one.
+It is the source of truth (a write-ahead log); a model's file is a cache of it. Entries are numbered
+by the start of the program (a counter in the files' names) and the count of changes since; no clock
+is involved. A checkpoint holds the whole learner: one is written at the beginning, after every
+undo, and whenever another model is loaded, so that replay learns only what follows the last one.
 
     journal/000007-02.a     second part of the seventh start, and its twin 000007-02.b
 
@@ -37,7 +37,7 @@ from robot.storage.records import RecordWriter, open_new
 log = logging.getLogger(__name__)
 
 PART_BYTES = 4 * 2**20
-"""From this size on a new part is begun: what has to be learned again stays small."""
+"""At this size a new part is begun, so that replay stays short."""
 WRITE_EVERY_S = 0.2
 _MOST_WAITING = 8192
 _TRY_AGAIN_S = 5.0
@@ -107,7 +107,7 @@ class Journal:
 
     Args:
         folder: Where its files go; made if it is not there.
-        on_fault: Told in a sentence that the journal cannot be written, once until it can again.
+        on_fault: Called once with a sentence when the journal cannot be written any more.
         open_file: Opens a new file; tests give full disks.
     """
 
@@ -147,10 +147,10 @@ class Journal:
         return JournalPosition(run=self.run, boot=self.boot, change=change)
 
     def start(self, after: int = 0) -> None:
-        """Begin to write what comes.
+        """Start writing.
 
         Args:
-            after: A number of an earlier start that is known from elsewhere.
+            after: The number of an earlier start, if one is known from elsewhere.
         """
         self.open_boot(after)
         self._ending.clear()
@@ -161,7 +161,7 @@ class Journal:
         self.boot = max([after, *(part.boot for part in list_parts(self._folder))]) + 1
 
     def stop(self) -> None:
-        """Write what waits, and end; idempotent."""
+        """Write what is queued, and end; idempotent."""
         thread, self._thread = self._thread, None
         if thread is not None:
             self._ending.set()
@@ -174,7 +174,7 @@ class Journal:
     # Called on the loop's thread ---------------------------------------------------------------
 
     def note(self, tick: Tick, history: TrainingHistory, name: str | None, place: str = "") -> None:
-        """Take note of one tick's changes of the learner.
+        """Queue the changes of the learner in one tick.
 
         Args:
             tick: The tick.
@@ -229,7 +229,7 @@ class Journal:
     # Called on any thread ------------------------------------------------------------------------
 
     def note_saved(self, change: int) -> None:
-        """Take note that nothing up to this change has to be recovered at the next start."""
+        """Record that everything up to this change is saved: recovery does not need it."""
         self._put(_AllSaved(change=change))
 
     # On the journal's thread ---------------------------------------------------------------------
@@ -243,7 +243,7 @@ class Journal:
         self.write_waiting()
 
     def write_waiting(self) -> None:
-        """Write what waits. Never raises: what cannot be written is told, and tried again."""
+        """Write what is queued. Never raises: a failure is reported, and writing is tried again."""
         with self._lock:
             items = list(self._queue)
             self._queue.clear()

@@ -1,4 +1,4 @@
-"""A model: all that a policy learned, with what a person wants to know of it, as bytes and back.
+"""A model: all that a policy learned, with a summary of it; serialized to bytes and back.
 
 The file is a NumPy `.npz`: `meta.npy` is JSON text as bytes, `preview.npy` a small picture, and
 `state.NAME.npy` are the learner's arrays. No pickles. A SHA-256 over everything is in the meta.
@@ -31,10 +31,10 @@ MAX_BYTES = 256 * 2**20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JournalPosition:
-    """Up to where a model includes the journal: which start of the program, and which change.
+    """The last journal entry that a model includes: which start of the program, and which change.
 
     `run` is a random name of that start and `boot` its number; `change` counts the changes of the
-    learner since then. No clock has a part in it.
+    learner since then. No clock is involved.
     """
 
     run: str
@@ -65,17 +65,17 @@ class ModelSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Model:
-    """A policy's whole knowledge, apart from the policy; the preview is its most used image."""
+    """The state of a policy, without the policy; the preview is its most used image."""
 
     summary: ModelSummary
     state: State
     preview: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((1, 1), np.uint8))
 
     def to_policy(self) -> Policy:
-        """Build the policy that knows this.
+        """Build the policy with this state.
 
         Raises:
-            RecordingError: If the learner is unknown here, or its state does not fit it.
+            RecordingError: If the learner is unknown, or the state does not match it.
         """
         try:
             policy = make_policy(self.summary.learner, self.summary.moves)
@@ -97,7 +97,7 @@ def take_model(
     position: JournalPosition | None = None,
     with_preview: bool = True,
 ) -> Model:
-    """Copy what a policy knows. Call it on the thread that the policy belongs to."""
+    """Copy the state of a policy. Call it on the thread that the policy belongs to."""
     summary = ModelSummary(
         learner=policy.name,
         moves=tuple(policy.moves),
@@ -112,7 +112,7 @@ def take_model(
 
 
 def with_preview(model: Model) -> Model:
-    """Return the model with its preview: slow enough to be done on a thread that has time."""
+    """Return the model with its preview; slow, so not for the loop's thread."""
     return replace(model, preview=_preview(model.to_policy().gallery()))
 
 
@@ -152,7 +152,7 @@ def decode_model(data: bytes, *, is_view: bool = False) -> Model:
 
     Args:
         data: The file.
-        is_view: Copy nothing: the arrays are views of `data`, only to be looked at.
+        is_view: Copy nothing: the arrays are read-only views of `data`.
 
     Raises:
         RecordingError: If it is damaged, hostile, or of a newer format; says which.
@@ -160,11 +160,11 @@ def decode_model(data: bytes, *, is_view: bool = False) -> Model:
     arrays = _view(data) if is_view else _unpack(data)
     meta = _read_meta(arrays.pop("meta", None))
     if meta.get("sha256") != _checksum(meta, arrays):
-        raise RecordingError("the model is damaged: its checksum does not fit")
+        raise RecordingError("the model is damaged: its checksum does not match")
     try:
         described = meta["state"]
         if not isinstance(described["labels"], list):
-            raise ValueError("its labels are no list")
+            raise ValueError("its labels are not a list")
         state = State(
             kind=str(described["kind"]),
             params=dict(described["params"]),
@@ -180,7 +180,7 @@ def decode_model(data: bytes, *, is_view: bool = False) -> Model:
 
 
 def decode_summary(data: bytes) -> ModelSummary:
-    """Read only what a list shows; raises as `decode_model` does, but checks no arrays."""
+    """Read only the summary; raises as `decode_model` does, but checks no arrays."""
     return _summary(_read_meta(_unpack(data, only="meta").get("meta")))
 
 
@@ -224,7 +224,7 @@ def _plain(value: Any) -> Any:
         return value.item()
     if isinstance(value, np.ndarray):
         return value.tolist()
-    raise TypeError(f"a {type(value).__name__} has no place in a model's parameters")
+    raise TypeError(f"a {type(value).__name__} is not allowed in a model's parameters")
 
 
 def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
@@ -242,30 +242,30 @@ def _unpack(data: bytes, only: str | None = None) -> dict[str, NDArray[Any]]:
     try:
         return read_arrays(io.BytesIO(data), max_bytes=MAX_BYTES, only=only)
     except RecordingError as error:
-        raise RecordingError(f"this is no model, or a damaged one: {error}") from error
+        raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
 
 
 def _view(data: bytes) -> dict[str, NDArray[Any]]:
     try:
         return view_arrays(data, max_bytes=MAX_BYTES)
     except RecordingError as error:
-        raise RecordingError(f"this is no model, or a damaged one: {error}") from error
+        raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
 
 
 def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
     try:
         if raw is None or raw.dtype != np.uint8:
-            raise ValueError("it says nothing of itself")
+            raise ValueError("it has no metadata")
         meta = json.loads(raw.tobytes())
         if not isinstance(meta["format"], int) or not isinstance(meta["state"]["params"], dict):
-            raise ValueError("its description has another form")
+            raise ValueError("its metadata have an unknown form")
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise RecordingError(f"this is no model, or a damaged one: {error}") from error
+        raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
     if meta["format"] < 1:
-        raise RecordingError("this is no model, or a damaged one: its format is none")
+        raise RecordingError("this is not a model, or a damaged one: its format is below 1")
     if meta["format"] > FORMAT:
         raise RecordingError(
-            f"this model has format {meta['format']}; this program knows up to {FORMAT}: update it"
+            f"this model has format {meta['format']}; this program reads up to {FORMAT}: update it"
         )
     return dict(meta)
 
@@ -294,7 +294,7 @@ def _text(value: Any) -> str:
 
 def _count(value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise ValueError(f"{str(value)[:20]!r} is no count")
+        raise ValueError(f"{str(value)[:20]!r} is not a count")
     return value
 
 

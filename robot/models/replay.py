@@ -1,4 +1,4 @@
-"""After a kill or a power cut: the newest sound model, and what the journal says came after it."""
+"""Crash recovery: the newest valid model, and the journal's changes after it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recovered:
-    """What the robot knew last.
+    """The recovered model.
 
     `name` is None if the model was never saved under one; `is_saved` is True if the newest version
     of that name holds it all.
@@ -56,9 +56,9 @@ class _Run:
 
 
 def recover(folder: Path, store: ModelStore) -> Recovered | None:
-    """Return what the last run knew; None if the journal does not tell.
+    """Return the last state of the last run; None if the journal does not hold it.
 
-    Never raises for what stands on the disk: damaged records are passed over and logged.
+    Never raises because of damaged files: damaged records are skipped and logged.
 
     Args:
         folder: Where the journal is.
@@ -93,7 +93,7 @@ def _read_run(parts: list[Part]) -> _Run:
             except FileNotFoundError:
                 continue
             except OSError as error:
-                log.warning("the journal's file %s is passed over: %s", path.name, error)
+                log.warning("the journal's file %s is skipped: %s", path.name, error)
     return run
 
 
@@ -121,7 +121,7 @@ def _take(run: _Run, record: bytes) -> None:
         elif kind == "event" and change not in run.events:
             run.events[change], _ = read_event(json.loads(_unpack(body)))
     except (RobotError, ValueError, KeyError, TypeError, zlib.error, RecursionError) as error:
-        log.warning("a record of the journal is passed over: %s", error)
+        log.warning("a record of the journal is skipped: %s", error)
 
 
 def _unpack(body: bytes) -> bytes:
@@ -129,7 +129,7 @@ def _unpack(body: bytes) -> bytes:
     packed = zlib.decompressobj()
     data = packed.decompress(body, MAX_BYTES)
     if packed.unconsumed_tail:
-        raise ValueError("it unpacks to too much")
+        raise ValueError("it unpacks to too many bytes")
     return data
 
 

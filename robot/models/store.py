@@ -1,4 +1,4 @@
-"""The models of one robot, by name: each a folder of versions, so that one is always good."""
+"""The models of one robot, by name: each a folder of versions, so that one is always valid."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from robot.storage.records import read_regular
 log = logging.getLogger(__name__)
 
 KEEP_VERSIONS = 3
-"""How many versions of a model stay: what is saved last may be what a fault spoiled."""
+"""How many versions of a model are kept: the newest may be damaged."""
 _DAMAGED = ".damaged"
 _VERSION = re.compile(r"\d{1,9}\.npz", re.ASCII)
 
@@ -58,7 +58,7 @@ class ModelStore:
 
     Args:
         storage: The data folder.
-        wall_s: Seconds since 1970, for the time that a saved model carries.
+        wall_s: Seconds since 1970, for the time at which a model is saved.
     """
 
     def __init__(self, storage: Storage, wall_s: Callable[[], float] = time.time) -> None:
@@ -133,11 +133,11 @@ class ModelStore:
         return path
 
     def load(self, name: str) -> Model:
-        """Read the newest good version; damaged ones are set aside, named, and stay on disk.
+        """Read the newest valid version; damaged ones are renamed and stay on disk.
 
         Raises:
             NotFoundError: If there is no such model.
-        RecordingError: If no version of it is good.
+            RecordingError: If no version of it is valid.
         """
         for version in reversed(self._versions(self._check(name))):
             try:
@@ -160,9 +160,9 @@ class ModelStore:
                 yield decode_model(_read(version))
 
     def good_models(self, then: str | None = None) -> Iterator[tuple[str, Model]]:
-        """Yield what can be read: the model used last, `then`, and the others, newest first.
+        """Yield all readable models: the one used last, `then`, and the others, newest first.
 
-        Newest by what they include of the journal, and by their time only where that says nothing.
+        Newest by journal position, and by time saved where there is none.
         """
         first = [name for name in (self.current, then) if name is not None]
         for name in dict.fromkeys(first):
@@ -181,10 +181,10 @@ class ModelStore:
         return _read(versions[-1])
 
     def add_file(self, name: str, data: bytes) -> str:
-        """Keep an uploaded model under this name or one like it; return the name.
+        """Save an uploaded model under this name or one like it; return the name.
 
         Raises:
-            RecordingError: If the bytes are no model that this program can use.
+            RecordingError: If the bytes are not a model that this program can use.
         """
         check_model(decode_model(data, is_view=True))
         name = self.free_name(name)
@@ -196,19 +196,19 @@ class ModelStore:
         return free_name(check_name(wanted), {entry.name for entry in self._entries()})
 
     def rename(self, name: str, new_name: str) -> str:
-        """Give a model another name; return it in the form in which it is kept."""
+        """Give a model another name; return the name as it was saved."""
         was_current = self.current == self._check(name)
         new_name = check_name(new_name)
         others = {other.casefold() for other in self.names() if other != name}
         if new_name.casefold() in others:
-            raise ConfigurationError(f"there is already a model called {new_name!r}")
+            raise ConfigurationError(f"there is already a model {new_name!r}")
         (self._storage.models / name).rename(self._storage.models / new_name)
         if was_current:
             self.current = new_name
         return new_name
 
     def set_place(self, name: str, place: str) -> None:
-        """Write down where a model was taught."""
+        """Set the place where a model was taught."""
         model = self.load(name)
         self.save(
             name, stamp(model, saved_at_s=model.summary.saved_at_s, place=place.strip()[:200])
@@ -220,15 +220,15 @@ class ModelStore:
         return self.add_file(new_name or name, data)
 
     def delete(self, name: str) -> str:
-        """Move a model to the trash; return the word that brings it back."""
+        """Move a model to the trash; return the key for `restore`."""
         return self._storage.discard(self._storage.models / self._check(name))
 
     def restore(self, key: str) -> str:
-        """Bring a deleted model back; return its name, which differs if it was taken since."""
+        """Restore a deleted model; return its name, a new one if the old one is in use."""
         place = self._storage.discarded(key)
         folder = next((path for path in place.iterdir() if path.is_dir()), None)
         if folder is None:
-            raise NotFoundError("what was deleted there was no model")
+            raise NotFoundError("that was not a model")
         name = self.free_name(folder.name)
         folder.rename(self._storage.models / name)
         shutil.rmtree(place, ignore_errors=True)
@@ -236,7 +236,7 @@ class ModelStore:
 
     def _check(self, name: str) -> str:
         if not self._has(name):
-            raise NotFoundError(f"there is no model called {name[:80]!r}")
+            raise NotFoundError(f"unknown model {name[:80]!r}")
         return name
 
     def _has(self, name: str) -> bool:
@@ -279,7 +279,7 @@ def _read(path: Path) -> bytes:
     """Return a version's bytes.
 
     Raises:
-        RecordingError: If it is no file that can be read.
+        RecordingError: If the file cannot be read.
     """
     try:
         return read_regular(path, MAX_BYTES)

@@ -133,8 +133,8 @@ def test_a_header_that_lies_about_its_size_is_refused() -> None:
 @pytest.mark.parametrize(
     ("meta", "word"),
     [
-        (b"no json", "no model"),
-        (b"[]", "no model"),
+        (b"no json", "not a model"),
+        (b"[]", "not a model"),
         (b'{"format": 99, "state": {"params": {}}}', "update"),
         (b'{"format": 1, "state": {"params": {}}}', "damaged"),
     ],
