@@ -99,7 +99,7 @@ class Camera(StartStop):
         return frame
 
     def _report_fault(self, sentence: str) -> None:
-        """Say what is wrong; the next published frame clears it. Wakes the listener."""
+        """Set the fault; the next published frame clears it. Wakes the listener."""
         self._fault = sentence
         if self._on_frame is not None:
             self._on_frame()

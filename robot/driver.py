@@ -1,4 +1,4 @@
-"""What a robot's body can do: move, sense, and stop by itself when nobody speaks to it."""
+"""What a robot's body can do: move, sense, and stop by itself when commands cease."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The words that every part of the robot shares.
+"""The data types that every part of the robot shares.
 
 Units and signs, stated once: lengths in metres, times in seconds on a monotonic clock,
 angles in radians, counter-clockwise positive; forward is positive. A name ends in its unit
@@ -24,7 +24,7 @@ class Action(str):
     pickling and copying: `is` holds as `==` does.
 
     Raises:
-        ValueError: If it is no such name.
+        ValueError: If the name is not valid.
     """
 
     __slots__ = ()
@@ -125,7 +125,7 @@ class Encoding(StrEnum):
 class Frame:
     """One picture as the camera gave it, never re-encoded on the way.
 
-    `frame_id` counts up from 1 within one run and is the key that commands, lessons and
+    `frame_id` counts up from 1 within one run and is the key that commands, examples and
     recordings use; `captured_s` is the clock's time at which the picture was taken.
     """
 
@@ -188,7 +188,7 @@ class Prediction:
     """What the policy would do on one frame, and how it came to that.
 
     `probabilities` are the smoothed votes per move, summing to 1 (empty before the first
-    lesson); `novelty` is 0 for a familiar view and 1 or more for one unlike all lessons;
+    example); `novelty` is 0 for a familiar view and 1 or more for one unlike all examples;
     `node` is the learned image nearest to the view, `distance` how far it is.
     """
 

@@ -28,7 +28,7 @@ class PhoneOptions:
 
 
 class PhoneCamera(Camera):
-    """Takes what a phone's page sends; whoever holds the socket calls `offer` and `lose`."""
+    """Receives pictures from a phone's page; the socket's owner calls `offer` and `lose`."""
 
     name: ClassVar[str] = "phone"
     options_type: ClassVar[type[Any]] = PhoneOptions
@@ -66,7 +66,7 @@ class PhoneCamera(Camera):
             self._thread = self.clock.start_thread(self._watch, "phone-camera")
 
     def stop(self) -> None:
-        """Take no more."""
+        """Stop receiving pictures."""
         self._is_running = False
         self._ending.set()
         if self._thread is not None:
@@ -76,10 +76,10 @@ class PhoneCamera(Camera):
     def offer(
         self, jpeg: bytes, *, width: int, height: int, captured_s: float, covered: bool = False
     ) -> None:
-        """Take a picture of the phone.
+        """Receive a picture from the phone.
 
         Args:
-            jpeg: Its bytes; whoever calls has looked at their header.
+            jpeg: Its bytes; the caller has checked their header.
             width: In pixels.
             height: In pixels.
             captured_s: When it was taken, on `clock`. The future counts as now, and a picture is
@@ -103,7 +103,7 @@ class PhoneCamera(Camera):
         )
 
     def lose(self) -> None:
-        """Take note that the phone is gone."""
+        """Report that the phone has disconnected."""
         self._lose("The phone that is the robot's eye is gone: open its page again.")
 
     def _lose(self, reason: str) -> None:

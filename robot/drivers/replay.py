@@ -1,4 +1,4 @@
-"""A body that is not there: it notes what it is told, beside recorded footage."""
+"""A body without hardware, for recorded footage: it remembers the last action."""
 
 from __future__ import annotations
 

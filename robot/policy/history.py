@@ -236,7 +236,7 @@ def _apply_edit(policy: Policy, event: Edited) -> None:
     elif event.verb == "pin":
         policy.pin_node(event.node_id, bool(event.value))
     else:
-        raise ValueError(f"no such edit: {event.verb!r}; there are relabel, delete and pin")
+        raise ValueError(f"unknown edit {event.verb!r}; known: relabel, delete, pin")
 
 
 def _apply_edit_if_possible(policy: Policy, event: Edited) -> None:

@@ -1,4 +1,4 @@
-"""A robot that speaks the one-page protocol; how its messages travel, subclasses say."""
+"""A robot that uses the one-page protocol; subclasses provide the transport."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class RemoteDriver(Driver):
         return self._line is not None
 
     def connect(self) -> None:
-        """Find the robot, and have it stand."""
+        """Find the robot, and stop it."""
         if self._line is not None:
             return
         host, port = split_address(self.options.address, PORT)
@@ -82,7 +82,7 @@ class RemoteDriver(Driver):
         self.stop()
 
     def disconnect(self) -> None:
-        """Have the robot stand, and let go."""
+        """Stop the robot, and close the line."""
         self.stop()
         line, self._line = self._line, None
         if line is not None:
@@ -130,7 +130,7 @@ class RemoteDriver(Driver):
             self._disobeyed = 0 if is_obeyed else self._disobeyed + 1
 
     def _exchange(self, message: bytes) -> None:
-        """Send, and take the newest report that comes in time; a failing line is told later."""
+        """Send, and take the newest report that comes in time; a failing line is reported later."""
         line = self._line
         if line is None:
             return

@@ -78,10 +78,10 @@ def options_of(options_type: type[Any]) -> list[Option]:
 def make_options(options_type: type[Any], given: Mapping[str, Any]) -> Any:
     """Build the dataclass from what was given; text is parsed, what is missing is the default.
 
-    Names that this dataclass does not declare are left alone: they belong to somebody else.
+    Names that this dataclass does not declare are left alone: they belong to other classes.
 
     Raises:
-        ConfigurationError: If a value is none of its type.
+        ConfigurationError: If a value is not of its type.
     """
     values: dict[str, Any] = {}
     for option in options_of(options_type):

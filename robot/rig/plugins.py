@@ -38,7 +38,7 @@ def load_driver(name: str) -> type[Driver]:
     There is no fall-back: a robot that silently is not there is worse than an error.
 
     Raises:
-        PluginError: If there is none, or it is no driver.
+        PluginError: If there is none, or it is not a driver.
         MissingExtraError: If a library it needs is not installed.
     """
     found = _load(DRIVERS, name, "robot")

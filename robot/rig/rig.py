@@ -38,7 +38,7 @@ class Rig(StartStop):
         self._thread = LoopThread(self.loop, self.clock)
 
     def start(self) -> None:
-        """Connect the body, start the camera, and begin to turn the loop.
+        """Connect the body, start the camera, and run the loop.
 
         Raises:
             RobotError: If the hardware is not there; whatever was started is stopped again.

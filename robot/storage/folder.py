@@ -220,7 +220,7 @@ class Storage:
         )
 
     def discard(self, *paths: Path) -> str:
-        """Move files or folders to the trash together; return the word that brings them back."""
+        """Move files or folders to the trash together; return the key for `discarded`."""
         key = f"{time.time_ns():020d}"
         place = self.trash / key
         place.mkdir()
@@ -230,7 +230,7 @@ class Storage:
         return key
 
     def discarded(self, key: str) -> Path:
-        """Return the trash folder of this word.
+        """Return the trash folder of this key.
 
         Raises:
             NotFoundError: If there is none: it was restored, or the trash was emptied.

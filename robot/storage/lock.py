@@ -1,4 +1,4 @@
-"""One program at a time records into a data folder: two would sweep away each other's halves."""
+"""A lock, so that only one program records into a data folder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _held: list[Any] = []
 
 
 class FolderLock(StartStop):
-    """Holds a folder for this process. The system lets go of it however the process ends.
+    """Locks a folder for this process. The system releases it however the process ends.
 
     Start and stop it on the same thread.
     """

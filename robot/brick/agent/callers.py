@@ -1,4 +1,4 @@
-"""Who is connected to the agent: the door that strangers stand at, and how one gets through it."""
+"""Connections to the agent: accepting them, authentication, and limits before it."""
 
 import json
 import os
@@ -21,9 +21,9 @@ from robot.brick.agent.wire import (
 MAX_STRANGERS = 12
 """Connections that have not joined yet; when more come, the oldest of the busiest address goes."""
 JOIN_S = 1.0
-"""So long a stranger may take to join."""
+"""Time limit of an unauthenticated connection to join."""
 ACCEPT_PAUSE_S = 0.2
-"""After an error of `accept` (no descriptors or memory left) nobody is let in for so long."""
+"""After an error of `accept` (no descriptors or memory left) none is accepted for so long."""
 LARGEST_OUTBOX = 1 << 20
 """A controller that reads so little that more than this waits for it is dropped."""
 
@@ -68,7 +68,7 @@ class Caller:
         return is_proof(message.get("proof"), secret, "controller", self._nonce, nonce)
 
     def welcome(self, nonce: str, secret: str) -> None:
-        """Prove ourselves to a caller who did; all that follows is sealed."""
+        """Prove that we know the secret, too; all later messages are sealed."""
         self.send({"welcome": PROTOCOL, "proof": prove(secret, "agent", self._nonce, nonce)})
         self._seal = Seal(secret, "agent", self._nonce, nonce)
         seal = Seal(secret, "controller", self._nonce, nonce)
@@ -99,11 +99,11 @@ class Caller:
 
 
 class CallerDoor:
-    """Lets callers in, never more than it can feed; an error of the network never ends it."""
+    """Accepts a bounded number of connections; a network error never ends it."""
 
     def __init__(self, listener: socket.socket) -> None:
         listener.setblocking(False)
-        # What a stranger may put into the kernel's memory; the controller's commands are small.
+        # Bounds the kernel's buffer of an unauthenticated client; commands are small.
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 16384)
         self.listener = listener
         self.callers = []  # type: List[Caller]
@@ -114,10 +114,10 @@ class CallerDoor:
         return now_s >= self._closed_until_s
 
     def accept(self, now_s: float) -> Tuple[Optional[Caller], str]:
-        """Let one caller in.
+        """Accept one connection.
 
         Returns:
-            A caller who has to leave for it, or None, and why.
+            The connection to close in its place, or None, and why.
         """
         try:
             line, address = self.listener.accept()
@@ -139,7 +139,7 @@ class CallerDoor:
         return None, ""
 
     def _oldest_stranger(self) -> Optional[Caller]:
-        """Of the address with the most strangers: one that floods pushes out itself."""
+        """Of the address with the most unauthenticated connections: a flood evicts itself."""
         strangers = [caller for caller in self.callers if not caller.has_joined]
         names = [caller.name for caller in strangers]
         return max(strangers, key=lambda one: (names.count(one.name), -one.since_s), default=None)
@@ -151,7 +151,7 @@ class CallerDoor:
 
 
 class LimitedLog:
-    """Prints at most so many lines a minute: a log on a small card is filled by no stranger."""
+    """Prints at most so many lines a minute: clients cannot fill a small card."""
 
     LINES_A_MINUTE = 20
 

@@ -3,7 +3,7 @@
 A message is one byte of kind, four of length, then JSON or a picture. Both sides prove that they
 know the shared secret (HMAC-SHA256 over both sides' nonces); from then on each message ends in a
 MAC under a key of this connection and this direction, over a counter that both sides keep. So
-nobody else can speak, repeat, leave out or reorder anything, on this connection or a later one.
+nobody else can send, replay, drop or reorder messages, on this connection or a later one.
 """
 
 import hmac
@@ -19,7 +19,7 @@ PICTURE = struct.Struct(">IdHHB")
 ENCODINGS = ("yuyv", "jpeg")
 MAC_SIZE = 16
 BEFORE_JOINING = {b"J": 1024}
-"""The largest message of each kind: a stranger gets no more memory than this."""
+"""The largest message of each kind: an unauthenticated client gets no more memory."""
 FROM_CONTROLLER = {b"J": 16384}
 FROM_AGENT = {b"J": 65536, b"F": 4 << 20}
 _COUNT = struct.Struct(">Q")
