@@ -19,7 +19,13 @@ from robot.clock import RealClock
 
 MOST = 30
 """So many tests outside tests/e2e may be marked by hand."""
-REAL_PARTS = ("e2e/", "brick/", "contract/test_cameras.py", "contract/test_drivers.py")
+REAL_PARTS = (
+    "e2e/",
+    "brick/",
+    "faults/test_bodies.py",
+    "contract/test_cameras.py",
+    "contract/test_drivers.py",
+)
 """What runs real parts throughout: browsers, agents and fake bricks in processes of their own."""
 YET_TO_MOVE = (
     "robot/cameras/",

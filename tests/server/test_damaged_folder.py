@@ -100,6 +100,10 @@ def teach(rig: Rig) -> int:
     return rig.loop.submit(request).result(10)
 
 
+LARGEST = 2**24
+"""A file that is larger was made huge before: it is not read into memory to be damaged again."""
+
+
 def damage(root: Path, rng: random.Random) -> str:
     """Do one bad thing to one thing of the folder; return what."""
     everything = [path for path in sorted(root.rglob("*")) if not path.is_symlink()]
@@ -110,7 +114,8 @@ def damage(root: Path, rng: random.Random) -> str:
         Path(os.fsdecode(name)).write_bytes(b"x")
         return "a name that is no utf-8"
     if how in ("flip", "cut", "empty", "not utf-8", "huge", "unreadable"):
-        path = rng.choice([path for path in everything if path.is_file()])
+        whole = [path for path in everything if path.is_file()]
+        path = rng.choice([path for path in whole if path.stat().st_size < LARGEST] or whole[:1])
         data = bytearray(path.read_bytes() or b"x")
         if how == "flip":
             data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)

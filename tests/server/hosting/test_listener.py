@@ -15,7 +15,6 @@ from server.hosting.serving import open_socket
 from server.security.door import Door
 from server.security.listener import DoorListener
 
-
 pytestmark = pytest.mark.realtime
 
 
