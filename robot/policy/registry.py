@@ -35,7 +35,7 @@ def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: boo
 
 
 def _baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    from robot import baselines
+    from robot.policy import baselines
 
     learner = baselines.make(split_name(name)[0], number)
     return Policy(
@@ -45,7 +45,7 @@ def _baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) 
 
 def _rival(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
     """Return a baseline with the default's features and running average."""
-    from robot import baselines
+    from robot.policy import baselines
 
     kind = split_name(name)[0].removeprefix("fair-")
     return Policy(name, number, baselines.make(kind, number), GradientFeatures(), moves=moves)

@@ -52,7 +52,7 @@ UNUSED = (
     "robot.simulation",
     "robot.drivers.sim",
     "robot.cameras.sim",
-    "robot.baselines",
+    "robot.policy.baselines",
 )
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot.baselines.wrapped import Baseline, Floats
 from robot.learner.votes import shares
+from robot.policy.baselines.wrapped import Baseline, Floats
 
 STEP_WINNER, STEP_NEIGHBOUR = 0.1, 0.006
 MAX_AGE, GROW_EVERY, SPLIT, FADE = 50, 20, 0.5, 0.995

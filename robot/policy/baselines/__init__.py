@@ -13,31 +13,31 @@ def make(kind: str, number: int) -> Learner:
         LookupError: If there is no such kind.
     """
     if kind == "knn":
-        from robot.baselines.refitted import NearestNeighbours
+        from robot.policy.baselines.refitted import NearestNeighbours
 
         return NearestNeighbours(number)
     if kind == "trees":
-        from robot.baselines.refitted import ExtraTrees
+        from robot.policy.baselines.refitted import ExtraTrees
 
         return ExtraTrees(number)
     if kind == "som":
-        from robot.baselines.som import SelfOrganizingMap
+        from robot.policy.baselines.som import SelfOrganizingMap
 
         return SelfOrganizingMap(number)
     if kind == "gas":
-        from robot.baselines.gas import GrowingNeuralGas
+        from robot.policy.baselines.gas import GrowingNeuralGas
 
         return GrowingNeuralGas(number)
     if kind == "alvinn":
-        from robot.baselines.alvinn import ReplayNetwork
+        from robot.policy.baselines.alvinn import ReplayNetwork
 
         return ReplayNetwork(number)
     if kind == "sgd":
-        from robot.baselines.online import LinearOnline
+        from robot.policy.baselines.online import LinearOnline
 
         return LinearOnline()
     if kind == "river":
-        from robot.baselines.online import RiverSoftmax
+        from robot.policy.baselines.online import RiverSoftmax
 
         return RiverSoftmax()
     raise LookupError(f"unknown baseline {kind!r}")

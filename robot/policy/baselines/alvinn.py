@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from robot.baselines.wrapped import Baseline, Floats
 from robot.errors import MissingExtraError
 from robot.learner.votes import shares
+from robot.policy.baselines.wrapped import Baseline, Floats
 
 SET_SIZE, N_VARIATIONS, MAX_SHIFT = 200, 15, 2
 _CLASSES = np.arange(16)

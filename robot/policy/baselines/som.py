@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from robot.baselines.wrapped import Baseline, Floats
 from robot.errors import MissingExtraError
 from robot.learner.votes import shares
+from robot.policy.baselines.wrapped import Baseline, Floats
 
 EXPECTED_LESSONS = 700
 
