@@ -30,7 +30,7 @@ REAL_PARTS = (
 YET_TO_MOVE = (
     "robot/cameras/",
     "robot/experiments/",
-    "robot/remote/",
+    "robot/drivers/remote/",
     "robot/rig/test_driver_thread.py",
     "robot/test_opencv_camera.py",
     "server/test_damaged_folder.py",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from robot.remote.driver import RemoteDriver
-from robot.remote.line import MessageLine, WebsocketLine
+from robot.drivers.remote.driver import RemoteDriver
+from robot.drivers.remote.line import MessageLine, WebsocketLine
 
 
 class WsDriver(RemoteDriver):

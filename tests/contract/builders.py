@@ -31,11 +31,11 @@ from robot.clock import ManualClock, RealClock
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
+from robot.drivers.remote.driver import RemoteOptions
 from robot.drivers.replay import ReplayDriver
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.drivers.udp import UdpDriver
 from robot.drivers.ws import WsDriver
-from robot.remote.driver import RemoteOptions
 from robot.testing.brick import FakeBrick
 from robot.testing.cases import CameraCase, DriverCase
 from robot.types import Action

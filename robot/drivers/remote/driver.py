@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 
 from robot.clock import Clock, RealClock
 from robot.driver import ACTION_TIMEOUT_S, Driver
+from robot.drivers.remote.line import MessageLine, split_address
+from robot.drivers.remote.orders import BodyReport, encode_order, parse_moves, parse_report
 from robot.errors import DriveError, NotConnectedError
-from robot.remote.line import MessageLine, split_address
-from robot.remote.orders import BodyReport, encode_order, parse_moves, parse_report
 from robot.types import Action, Sensors
 
 PORT = 4210

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from robot.driver import ACTION_TIMEOUT_S
+from robot.drivers.remote.driver import RemoteOptions
 from robot.drivers.udp import UdpDriver
 from robot.errors import DriveError
-from robot.remote.driver import RemoteOptions
 from robot.types import Action
 from tests.standins.firmware import FIRMWARE, SECRET, FirmwareRobot
 

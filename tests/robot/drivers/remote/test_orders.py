@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot.drivers.remote.line import split_address
+from robot.drivers.remote.orders import encode_order, parse_moves, parse_report
 from robot.errors import ConfigurationError
 from robot.moves import CLASSIC
-from robot.remote.line import split_address
-from robot.remote.orders import encode_order, parse_moves, parse_report
 from robot.types import Action, Sensors
 
 ANYTHING = st.recursive(
