@@ -10,8 +10,7 @@ from typing import Any, ClassVar, Self
 
 from robot.clock import Clock
 from robot.driver import Driver
-from robot.lifecycle import StartStop
-from robot.types import Encoding, Frame
+from robot.types import Encoding, Frame, StartStop
 
 
 class Camera(StartStop):

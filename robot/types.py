@@ -8,10 +8,12 @@ where a bare number crosses a border.
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import ClassVar
+from types import TracebackType
+from typing import ClassVar, Self
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
@@ -229,3 +231,27 @@ class Example:
     frame_id: int
     label: Action
     is_intervention: bool
+
+
+class StartStop(ABC):
+    """Started on entering a `with` block and stopped on leaving it, whatever happens inside."""
+
+    @abstractmethod
+    def start(self) -> None:
+        """Begin; idempotent."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """End, and let go of everything; idempotent, and safe before `start`."""
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()

@@ -9,7 +9,6 @@ from typing import Any
 from robot.episodes.recorder import Recorder
 from robot.episodes.store import EpisodeStore
 from robot.errors import ConfigurationError
-from robot.lifecycle import StartStop
 from robot.models.autosave import Announce, Autosave, no_announcement
 from robot.models.journal import Journal
 from robot.models.replay import Recovered, newest_boot, recover
@@ -18,6 +17,7 @@ from robot.moves import describe
 from robot.rig.rig import Rig
 from robot.storage.folder import Storage
 from robot.storage.lock import FolderLock
+from robot.types import StartStop
 
 log = logging.getLogger(__name__)
 

@@ -17,9 +17,9 @@ from robot.clock import Clock
 from robot.control.loop import ControlLoop
 from robot.control.readiness import Readiness
 from robot.control.state import Tick
-from robot.lifecycle import StartStop
 from robot.policy.history import Replaced, Taught, Undone
 from robot.policy.policy import LearnedImage
+from robot.types import StartStop
 
 MARK_EVERY = 10
 """Examples between two points of the curve."""

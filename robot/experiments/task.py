@@ -46,7 +46,7 @@ def program_fingerprint() -> str:
 
 
 _PARTS_THAT_COUNT = (
-    *("learner", "policy", "baselines", "simulation", "control"),
+    *("learner", "policy", "simulation", "control"),
     *("cameras/sim.py", "drivers/sim.py", "exchange/npz.py"),
     *("experiments/metrics", "experiments/evaluation.py"),
     *("experiments/trial.py", "experiments/kinds.py", "experiments/footage.py"),

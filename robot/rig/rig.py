@@ -11,12 +11,12 @@ from robot.clock import Clock, RealClock
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.control.thread import LoopThread
 from robot.driver import Driver
-from robot.lifecycle import StartStop
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.rig.driver_thread import DriverThread
 from robot.rig.options import make_options
 from robot.rig.plugins import load_camera, load_driver
+from robot.types import StartStop
 
 
 class Rig(StartStop):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError
-from robot.lifecycle import StartStop
+from robot.types import StartStop
 
 _held: list[Any] = []
 """filelock lets go of what is garbage; here only `stop` and the end of the process do."""
