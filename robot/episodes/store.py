@@ -12,7 +12,7 @@ from pathlib import Path
 from robot.episodes.editing import write_edited
 from robot.episodes.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
 from robot.episodes.episode import Episode, open_episode
-from robot.episodes.index import SummaryIndex
+from robot.episodes.store_index import SummaryIndex
 from robot.episodes.summary import EpisodeSummary
 from robot.errors import ConfigurationError, NotFoundError
 from robot.storage.folder import Storage, check_name, free_name

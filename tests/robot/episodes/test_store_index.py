@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.episodes import index as index_module
+from robot.episodes import store_index as index_module
 from robot.episodes.store import EpisodeStore
 from robot.episodes.summary import EpisodeSummary
 from robot.storage.folder import Storage
