@@ -105,6 +105,14 @@ def test_a_link_from_another_site_may_be_followed(here: VirtualServer) -> None:
     assert httpx.get(here.address, headers=headers).status_code == 200
 
 
+@pytest.mark.parametrize("method", ["POST", "PUT", "PATCH", "DELETE"])
+def test_following_a_link_changes_nothing(here: VirtualServer, method: str) -> None:
+    headers = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
+    answer = httpx.request(method, here.address + "/api/settings", headers=headers)
+    assert answer.status_code == 403
+    assert answer.json()["error"] == "origin"
+
+
 def test_large_bodies_are_refused(here: VirtualServer) -> None:
     body = b"x" * 1_000_001
     assert httpx.post(here.address + "/api/pair", content=body).status_code == 413
