@@ -6,6 +6,7 @@ import argparse
 import asyncio
 import contextlib
 import json
+import math
 import subprocess
 import sys
 import time
@@ -293,6 +294,8 @@ async def _watching(kind: str, ports: Sequence[int]) -> AsyncIterator[list[Watch
 
 
 def _percentile(values: Sequence[float], percent: int) -> float:
+    if not values:  # a machine that was too busy to show a single picture
+        return math.nan
     ranked = sorted(values)
     return ranked[min(len(ranked) - 1, len(ranked) * percent // 100)]
 

@@ -89,4 +89,4 @@ def test_nobody_to_answer_is_one_clear_line(
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     words = ["calibrate", "--config", str(tmp_path / "c.toml"), "--brick-root", str(brick.root)]
     assert main(words) == 1
-    assert "somebody to answer" in capsys.readouterr().err
+    assert "run it in a terminal" in capsys.readouterr().err

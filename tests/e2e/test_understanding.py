@@ -104,7 +104,7 @@ def test_the_lesson_of_trial_1_from_start_to_result(
 ) -> None:
     world.services.study.pace = 20.0
     phone.goto(world.address + "/#lesson")
-    phone.get_by_role("button", name="Begin the lesson").tap()
+    phone.get_by_role("button", name="Begin the trial").tap()
     phone.get_by_role("link", name="To the wheel").tap()
     assert set(world.rig.loop.state.moves) == {Action.FORWARD, Action.LEFT}
     phone.locator(".notice", has_text="tap Teach").wait_for()
