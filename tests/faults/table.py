@@ -94,13 +94,13 @@ FAULTS = (
         name="the page hangs, or its tab is suspended",
         begin=_silence,
         end=_speak,
-        reasons=("pilot_silent",),
+        reasons=("pilot_silent", "link_slow"),
     ),
     Fault(
         name="the network falls silent",
         begin=_link(is_silent=True),
         end=_clear,
-        reasons=("pilot_silent",),
+        reasons=("pilot_silent", "link_slow"),
     ),
     Fault(
         name="every packet is 0.6 s late, both ways",
