@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError
-from server.bench.proxy import LineConditions, Proxy
+from robot.testing.link import LinkConditions
+from server.bench.proxy import Proxy
 from server.bench.subject import KINDS
 from server.bench.viewers import Watched, watch
 from server.cli.parser import number
@@ -226,7 +227,7 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
         # Before and after, so that what else the machine does falls upon both sides alike.
         without = await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, before")
         for proxy in proxies:
-            proxy.conditions = LineConditions(bytes_per_second=SLOW_LINE)
+            proxy.conditions = LinkConditions(bytes_per_second=SLOW_LINE)
         _progress(f"{size}, four at 500 kbit/s")
         async with _watching("drivelesson", ports) as viewers:
             await asyncio.sleep(2 * _SETTLE_S)
@@ -241,7 +242,7 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
                 for part in range(3)
             ]
         for proxy in proxies:
-            proxy.conditions = LineConditions()
+            proxy.conditions = LinkConditions()
         without += await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, after")
         for proxy in proxies:
             await proxy.stop()

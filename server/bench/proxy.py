@@ -10,32 +10,17 @@ import asyncio
 import contextlib
 import random
 import socket
-from dataclasses import dataclass
+
+from robot.testing.link import LinkConditions
 
 _CHUNK_BYTES = 1460
-
-
-@dataclass(slots=True, kw_only=True)
-class LineConditions:
-    """What the link is like. May be changed while it is used; counts for what comes after."""
-
-    delay_s: float = 0.0
-    jitter_s: float = 0.0
-    """Up to so much more, drawn anew for each packet; packets stay in order."""
-    bytes_per_second: float | None = None
-    """Towards the page; the other way is free."""
-    stall_share: float = 0.0
-    """Share of packets that have to be sent again, by which all behind them wait."""
-    stall_s: float = 0.2
-    is_silent: bool = False
-    """Silently drop everything from now on."""
 
 
 class Proxy:
     """Listens on a free port and passes all on to the server, through the weather."""
 
-    def __init__(self, port: int, conditions: LineConditions | None = None) -> None:
-        self.conditions = conditions or LineConditions()
+    def __init__(self, port: int, conditions: LinkConditions | None = None) -> None:
+        self.conditions = conditions or LinkConditions()
         self.port = 0
         self._to_port = port
         self._server: asyncio.Server | None = None
