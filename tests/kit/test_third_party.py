@@ -22,7 +22,12 @@ from tests.e2e.world import PHONE, Fingers, open_page, pad, running_chromium
 from tests.kit.environment import OwnEnvironment
 from tests.standins.mjpeg import MjpegServer
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.slow,
+    pytest.mark.realtime,
+    pytest.mark.timeout(600),
+]
 MOVES = ("fast", "slow", "push")
 
 

@@ -15,6 +15,7 @@ import random
 import signal
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -32,6 +33,7 @@ from server.bench.robot import NotingDriver, SteadyCamera
 from server.persistence import Persistence
 
 LONGEST_LIFE_S = 1.0
+UNDONE_S = 0.2
 
 
 @dataclass(slots=True)
@@ -61,6 +63,13 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         if tick.decision.mode is not Mode.STOPPED or tick.history_events:
             tell("tick", tick.now_s, rig.loop.history.n_examples, *taught)
 
+    def undo() -> None:
+        """Say what an undo leaves before it is done: the power may go before the next tick."""
+        history = rig.loop.history
+        gone = len(history.last_examples(UNDONE_S))
+        tell("tick", rig.clock.now_s(), history.n_examples - gone)
+        history.undo(UNDONE_S)
+
     clock = RealClock()
     rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
     persistence = Persistence(Storage(folder), rig, name="bench")
@@ -72,10 +81,10 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         persistence.autosave.load_last()
         tell("loaded", rig.loop.submit(lambda: rig.loop.history.n_examples).result(5))
         rig.loop.subscribe(note)
-        drive(rig)
+        drive(rig, undo)
 
 
-def drive(rig: Rig) -> None:
+def drive(rig: Rig, undo: Callable[[], object]) -> None:
     """Teach for ever, changing the mode six times a second, and now and then undo the last bit."""
     seq = 0
     while True:
@@ -88,7 +97,7 @@ def drive(rig: Rig) -> None:
             rig.loop.command(PilotCommand(held=held, frame_id=frame_id, seq=seq, received_s=now_s))
             time.sleep(0.02)
         if seq % 24 == 0:
-            rig.loop.submit(lambda: rig.loop.history.undo(0.2))
+            rig.loop.submit(undo)
 
 
 def cut(folder: Path, life_s: float, wall_s: float) -> Life:
