@@ -13,6 +13,8 @@ const TOAST_MS = 8000;
 const SLOW_PHONE_MS = 15; // heartbeats so late, as a rule, are those of a slow phone
 const SLOW_STATE_MS = 300;
 const STOP_MS = 300;
+/** A release waits so long for a stop by request that is not answered: it would latch the stop again. */
+const STOPPING_MS = 3000;
 const LESSON_MS = 1000;
 const SHOWING = ['drive', 'gallery']; // screens with the robot's picture
 
@@ -35,6 +37,10 @@ export class Page {
     this.curveLessons = 0;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.noticeTimer = undefined;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.stopTimer = undefined;
+    /** @type {Promise<void>} the last stop by request */
+    this.stopping = Promise.resolve();
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.toastTimer = undefined;
     this.shownGist = '';
@@ -206,14 +212,22 @@ export class Page {
   /** The emergency stop. Anybody may, pilot or not. */
   stop() {
     this.helm.releaseAll();
+    clearTimeout(this.stopTimer);
     if (!this.connection.say('stop')) this.stopElsewhere();
-    else setTimeout(() => this.store.state.robot?.emergency || this.stopElsewhere(), STOP_MS);
+    else this.stopTimer = setTimeout(() => this.store.state.robot?.emergency || this.stopElsewhere(), STOP_MS);
     if (this.preferences.vibrate) navigator.vibrate?.([60, 40, 60]);
   }
 
   /** The websocket is away or slow: stop by a request of its own. */
   stopElsewhere() {
-    ask('POST', '/api/stop').catch(() => {});
+    this.stopping = ask('POST', '/api/stop').catch(() => {});
+  }
+
+  /** Release the emergency stop once no request of ours is left that would latch it again. */
+  async release() {
+    clearTimeout(this.stopTimer);
+    await Promise.race([this.stopping, new Promise((patience) => setTimeout(patience, STOPPING_MS))]);
+    this.connection.say('release');
   }
 
   /** Take the step that a notice offers. @param {string} step */
@@ -226,8 +240,12 @@ export class Page {
       location.hash = 'lesson';
       return;
     }
+    if (step === 'release') {
+      this.release();
+      return;
+    }
     if (step === 'yield') this.store.set({ wheelAsked: false });
-    this.connection.say(/** @type {'release' | 'take' | 'yield'} */ (step));
+    this.connection.say(/** @type {'take' | 'yield'} */ (step));
   }
 
   /** Show the hint about what is happening now; one whose moment is over is not shown again. @param {RobotState} robot */
