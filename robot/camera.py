@@ -59,6 +59,14 @@ class Camera(StartStop):
         with self._slot_lock:
             return self._latest
 
+    def for_the_eye(self, frame: Frame) -> Frame:
+        """Return a larger picture of the moment of `frame` if this camera has one, else `frame`.
+
+        Only people look at it; what is learned and recorded is `frame`. Never blocks. A camera
+        may make such pictures only while they are asked for.
+        """
+        return frame
+
     @property
     def fault(self) -> str | None:
         """What is wrong with the camera, as a sentence for the page; None if all is well."""

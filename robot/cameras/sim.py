@@ -14,12 +14,15 @@ from robot.camera import Camera
 from robot.clock import Clock
 from robot.driver import Driver
 from robot.errors import CameraError, ConfigurationError, RobotError
-from robot.simulation.renderer import HEIGHT_PX, WIDTH_PX
+from robot.simulation.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX, WIDTH_PX
 from robot.simulation.simulation import Simulation
 from robot.types import Encoding, Frame
 
 _LONGEST_GAP_S = 0.25
 """After a longer pause of the whole machine the world goes on from where it stood."""
+
+_ASKED_FRAMES = 30
+"""For so many frames after somebody asked for one, pictures for the eye are made."""
 
 
 @runtime_checkable
@@ -47,6 +50,8 @@ class SimCamera(Camera):
     In real time it gives JPEG, as a webcam does: encoded once for page, recording and learner.
     `capture`, which experiments call as fast as they can, gives the pixels themselves: what they
     measure does not depend on a codec. Without OpenCV both give pixels.
+
+    While people look there is a picture of 320x240 beside each JPEG (`for_the_eye`).
     """
 
     name: ClassVar[str] = "sim"
@@ -68,6 +73,8 @@ class SimCamera(Camera):
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
         self._failure: RobotError | None = None
+        self._asked_id = -_ASKED_FRAMES
+        self._large: Frame | None = None
 
     @classmethod
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
@@ -114,13 +121,29 @@ class SimCamera(Camera):
             captured_s=self.clock.now_s(),
         )
 
+    def for_the_eye(self, frame: Frame) -> Frame:
+        """Return the frame at 320x240; the first that is asked for comes with the next frame."""
+        self._asked_id = frame.frame_id
+        large = self._large
+        return large if large is not None and large.frame_id == frame.frame_id else frame
+
     def _capture_jpeg(self) -> Frame:
         """Take one picture as a webcam gives it."""
         if self._compress is None:
             return self.capture()
         captured_s = self.clock.now_s()
+        jpeg = self._compress(self._body.simulation.render())
+        if self._last_frame_id - self._asked_id < _ASKED_FRAMES:
+            self._large = Frame(  # before the frame itself: who hears of that may ask for this
+                frame_id=self._last_frame_id + 1,
+                captured_s=captured_s,
+                width=LARGE_WIDTH_PX,
+                height=LARGE_HEIGHT_PX,
+                encoding=Encoding.JPEG,
+                data=self._compress(self._body.simulation.render_large()),
+            )
         return self._publish(
-            self._compress(self._body.simulation.render()),
+            jpeg,
             width=WIDTH_PX,
             height=HEIGHT_PX,
             encoding=Encoding.JPEG,

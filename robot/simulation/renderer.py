@@ -18,6 +18,7 @@ from robot.simulation.world import Colour, Obstacle, World
 from robot.types import Pose
 
 WIDTH_PX, HEIGHT_PX = 160, 120
+LARGE_WIDTH_PX, LARGE_HEIGHT_PX = 320, 240
 CAMERA_HEIGHT_M = 0.14
 CAMERA_FORWARD_M = 0.05
 CAMERA_PITCH_DEG = -18.0
@@ -47,10 +48,12 @@ class Renderer:
             raise MissingExtraError("the simulator", "sim") from error
         core.loadPrcFileData("", "notify-level error\naudio-library-name null\n")
         self._core: Any = core
-        self._open_window()
+        self._open_engine()
         self._root = core.NodePath("world")
         self._n_quads = 0
         self._camera = self._place_camera()
+        self._window, self._texture = self._open_window("camera", WIDTH_PX, HEIGHT_PX)
+        self._large: tuple[Any, Any] | None = None
         self._add_floor(world, np.random.default_rng(seed))
         for corners, colour in _walls(world):
             self._add_quad(corners, colour)
@@ -75,36 +78,56 @@ class Renderer:
         # Panda3D's cameras look along y, so straight ahead is a quarter turn less.
         self._camera.setHpr(math.degrees(pose.heading_rad) - 90.0, CAMERA_PITCH_DEG, 0.0)
         self._engine.renderFrame()
-        data = self._texture.getRamImageAs("RGB")
-        pixels = np.frombuffer(data, np.uint8).reshape(HEIGHT_PX, WIDTH_PX, 3)
-        return pixels[::-1].copy()
+        return _pixels(self._texture, WIDTH_PX, HEIGHT_PX)
+
+    def render_large(self) -> NDArray[np.uint8]:
+        """Return what the last `render` showed at twice its size, shape (240, 320, 3), for the eye.
+
+        It has a window of its own, which sleeps while the other draws and the other way round:
+        what `render` returns does not depend on it.
+        """
+        is_new = self._large is None
+        if self._large is None:
+            self._large = self._open_window("large", LARGE_WIDTH_PX, LARGE_HEIGHT_PX)
+        window, texture = self._large
+        self._window.setActive(False)
+        window.setActive(True)
+        for _ in range(1 + is_new):  # the first frame of a new window is empty
+            self._engine.renderFrame()
+        window.setActive(False)
+        self._window.setActive(True)
+        return _pixels(texture, LARGE_WIDTH_PX, LARGE_HEIGHT_PX)
 
     def close(self) -> None:
         """Close the window."""
         self._engine.removeAllWindows()
 
-    def _open_window(self) -> None:
+    def _open_engine(self) -> None:
         core = self._core
         selection = core.GraphicsPipeSelection.getGlobalPtr()
-        pipe = selection.makePipe("TinyOffscreenGraphicsPipe", "p3tinydisplay")
-        self._engine = core.GraphicsEngine(pipe)
+        self._pipe = selection.makePipe("TinyOffscreenGraphicsPipe", "p3tinydisplay")
+        self._engine = core.GraphicsEngine(self._pipe)
+
+    def _open_window(self, name: str, width_px: int, height_px: int) -> tuple[Any, Any]:
+        """Return a new window that the camera looks through, and the texture that it fills."""
+        core = self._core
         properties = core.FrameBufferProperties()
         properties.setRgbColor(True)
         properties.setDepthBits(16)
-        size = core.WindowProperties.size(WIDTH_PX, HEIGHT_PX)
+        size = core.WindowProperties.size(width_px, height_px)
         refuse = core.GraphicsPipe.BFRefuseWindow
-        self._window = self._engine.makeOutput(pipe, "camera", 0, properties, size, refuse)
-        self._texture = core.Texture()
-        self._window.addRenderTexture(self._texture, core.GraphicsOutput.RTMCopyRam)
+        window = self._engine.makeOutput(self._pipe, name, 0, properties, size, refuse)
+        texture = core.Texture()
+        window.addRenderTexture(texture, core.GraphicsOutput.RTMCopyRam)
+        window.makeDisplayRegion().setCamera(self._camera)
+        return window, texture
 
     def _place_camera(self) -> Any:
         core = self._core
         lens = core.PerspectiveLens()
         lens.setFov(*FIELD_OF_VIEW_DEG)
         lens.setNearFar(0.01, 20.0)
-        camera = self._root.attachNewNode(core.Camera("camera", lens))
-        self._window.makeDisplayRegion().setCamera(camera)
-        return camera
+        return self._root.attachNewNode(core.Camera("camera", lens))
 
     def _add_floor(self, world: World, rng: np.random.Generator) -> None:
         core = self._core
@@ -164,6 +187,12 @@ class Renderer:
         self._n_quads += 1
         path.setBin("fixed", self._n_quads)
         return path
+
+
+def _pixels(texture: Any, width_px: int, height_px: int) -> NDArray[np.uint8]:
+    """Return what a window drew, rows from the top."""
+    data = texture.getRamImageAs("RGB")
+    return np.frombuffer(data, np.uint8).reshape(height_px, width_px, 3)[::-1].copy()
 
 
 def _walls(world: World) -> Iterator[_Quad]:

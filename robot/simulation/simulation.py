@@ -124,6 +124,15 @@ class Simulation:
             picture = self._add_grain(picture)
         return picture
 
+    def render_large(self) -> NDArray[np.uint8]:
+        """Return the last `render` at twice its size and without noise, for a person's eye.
+
+        Shape (240, 320, 3), RGB. Chance and what `render` returns do not depend on it.
+        """
+        if self._renderer is None:
+            raise RuntimeError("render_large shows what render saw: call that first")
+        return self._renderer.render_large()
+
     def close(self) -> None:
         """Close the renderer; call it on the thread that rendered."""
         if self._renderer is not None:

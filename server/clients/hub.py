@@ -42,7 +42,8 @@ class Hub:
         self.robot = robot
         self.clock = robot.clock
         self.name = name
-        self.video = VideoHub(Encoder(config.jpeg_quality), robot.clock)
+        eye = robot.camera.for_the_eye
+        self.video = VideoHub(Encoder(config.jpeg_quality), robot.clock, eye)
         self.lease = Lease(config.lease_lapse_s)
         self.nonces = NonceLedger()
         self.refused: Counter[ErrorCode] = Counter()

@@ -126,17 +126,29 @@ class VideoHub:
     """Sends the newest frame to all viewers, to each as fast as it acknowledges.
 
     Everything runs on the server's event loop and nothing waits, so one viewer delays no other.
+
+    Args:
+        encoder: Encodes frames.
+        clock: The robot's.
+        for_the_eye: Returns a larger picture of a frame, or the frame. Viewers on an easy link
+            get those; for others a smaller picture more often is worth more.
     """
 
-    def __init__(self, encoder: Encoder, clock: Clock) -> None:
+    def __init__(
+        self,
+        encoder: Encoder,
+        clock: Clock,
+        for_the_eye: Callable[[Frame], Frame] = lambda frame: frame,
+    ) -> None:
         self.encoder = encoder
         self._clock = clock
+        self._for_the_eye = for_the_eye
         self._viewers: dict[int, Viewer] = {}
         self._streams = 0
         self._frame: Frame | None = None
         self._nonce = 0
-        self._picture: VideoFrame | None = None
-        self._encoded: dict[bool, EncodedFrame] = {}
+        self._pictures: dict[bool, VideoFrame] = {}
+        self._encoded: dict[tuple[bool, bool], EncodedFrame] = {}
         self._jpeg: bytes | None = None
         self._shown = asyncio.Event()
         self._captured_s: OrderedDict[int, float] = OrderedDict()
@@ -166,8 +178,8 @@ class VideoHub:
     def show(self, frame: Frame, nonce: int = 0) -> None:
         """Make `frame` the newest, and send it with `nonce` to each viewer whose window allows."""
         self._frame, self._nonce = frame, nonce
-        self._picture = self._jpeg = None
-        self._encoded = {}
+        self._jpeg = None
+        self._pictures, self._encoded = {}, {}
         self._captured_s[frame.frame_id] = frame.captured_s
         if len(self._captured_s) > _REMEMBERED_FRAMES:
             self._captured_s.popitem(last=False)
@@ -182,22 +194,39 @@ class VideoHub:
         frame = self._frame
         if frame is None or frame.frame_id == viewer.last_sent_id:
             return
-        if self._picture is None:
-            self._picture = replace(self.encoder.encode(frame), nonce=self._nonce)
-            self.frames_encoded += 1
-        window, n_bytes = viewer.window, len(self._picture.data)
+        window = viewer.window
+        is_large = window.is_easy
+        picture = self._picture_of(frame, is_large)
+        n_bytes = len(picture.data)
         if not window.may_send(n_bytes):
             return
         is_quiet = window.sent(frame.frame_id, n_bytes, self._clock.now_s())
         viewer.last_sent_id = frame.frame_id
         self.frames_sent += 1
-        viewer.send(self._encode_once(self._picture, is_quiet))
+        viewer.send(self._encode_once(picture, is_large, is_quiet))
 
-    def _encode_once(self, picture: VideoFrame, is_quiet: bool) -> EncodedFrame:
+    def _picture_of(self, frame: Frame, is_large: bool) -> VideoFrame:
+        """Return the picture of the newest frame; each size is encoded once for all viewers."""
+        if is_large and True not in self._pictures:
+            large = self._for_the_eye(frame)
+            if large is frame:
+                self._pictures[True] = self._picture_of(frame, False)
+            else:
+                self._pictures[True] = self._encode(large)
+        elif is_large not in self._pictures:
+            self._pictures[False] = self._encode(frame)
+        return self._pictures[is_large]
+
+    def _encode(self, frame: Frame) -> VideoFrame:
+        self.frames_encoded += 1
+        return replace(self.encoder.encode(frame), nonce=self._nonce)
+
+    def _encode_once(self, picture: VideoFrame, is_large: bool, is_quiet: bool) -> EncodedFrame:
         """Return the frame ready to send; it is encoded once for all viewers."""
-        if is_quiet not in self._encoded:
-            self._encoded[is_quiet] = EncodedFrame.of(replace(picture, quiet=is_quiet))
-        return self._encoded[is_quiet]
+        key = is_large, is_quiet
+        if key not in self._encoded:
+            self._encoded[key] = EncodedFrame.of(replace(picture, quiet=is_quiet))
+        return self._encoded[key]
 
     def acknowledge(self, viewer: Viewer, frame_id: int, now_s: float) -> None:
         """Record that a viewer has drawn a frame, and send the next if there is one.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import random
 
 import pytest
 
@@ -21,6 +22,7 @@ from robot.control.loop import ControlLoop
 from robot.drivers.sim import SimDriver
 from robot.episodes.writer_thread import RecorderConfig
 from robot.policy.registry import make_policy
+from robot.simulation.world import world_names
 from robot.types import Mode, PilotCommand
 
 RATE_HZ = 30
@@ -89,3 +91,49 @@ def test_a_quality_that_there_is_not_is_refused(quality: int) -> None:
     driver = SimDriver(make_options(SimDriver.options_type, {}))
     with pytest.raises(ConfigurationError, match="jpeg-quality"):
         SimCamera(driver, SimCameraOptions(jpeg_quality=quality), ManualClock())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_eyes_picture_leaves_what_is_learned_and_recorded_bit_for_bit(seed: int) -> None:
+    """Whoever looks, and however often: the frames are those of a robot that nobody looks at."""
+    chance = random.Random(seed)
+    world = chance.choice(world_names())
+    plan = [(chance.choice(MOVES), chance.random() < 0.5) for _ in range(60)]
+
+    def frames(is_looked_at: bool) -> list[bytes]:
+        driver = SimDriver(make_options(SimDriver.options_type, {"world": world, "seed": seed}))
+        driver.connect()
+        camera, taken = SimCamera(driver, SimCameraOptions(), ManualClock()), []
+        n_large = 0
+        for move, looks in plan:
+            driver.send_action(move)
+            driver.advance(1 / RATE_HZ)
+            frame = camera._capture_jpeg()
+            taken.append(frame.data)
+            if is_looked_at and looks:
+                large = camera.for_the_eye(frame)
+                assert (large.frame_id, large.captured_s) == (frame.frame_id, frame.captured_s)
+                n_large += large is not frame
+                if large is not frame:
+                    assert (large.width, large.height) == (320, 240)
+                    half = to_rgb(large).reshape(120, 2, 160, 2, 3).mean(axis=(1, 3))
+                    assert abs(half - to_rgb(frame)).mean() < 8, "it shows the same"
+        if is_looked_at:
+            assert n_large >= sum(looks for _, looks in plan) - 1, "all but the first"
+        driver.simulation.close()
+        return taken
+
+    assert frames(True) == frames(False)
+
+
+def test_nobody_looks_and_nothing_is_made_for_the_eye() -> None:
+    driver = SimDriver(make_options(SimDriver.options_type, {}))
+    driver.connect()
+    camera = SimCamera(driver, SimCameraOptions(), ManualClock())
+    camera.for_the_eye(camera._capture_jpeg())
+    large = [camera.for_the_eye(camera._capture_jpeg()).width for _ in range(3)]
+    assert large == [320, 320, 320]
+    for _ in range(40):
+        last = camera._capture_jpeg()
+    assert camera.for_the_eye(last) is last
+    driver.simulation.close()
