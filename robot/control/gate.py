@@ -12,6 +12,7 @@ The rules, in their order:
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from robot.types import (
@@ -41,6 +42,8 @@ class GateConfig:
     frame_timeout_s: float = 0.2
     """How old the newest picture may be while the robot may move. A slower camera is given more:
     see `robot.control.camera_timing`."""
+    start_patience_s: float = 0.5
+    """How long a start waits, standing, for a first picture that is fresh enough."""
     novel_speed_scale: float = 0.5
     """Share of full speed while driving straight on a view unlike all that was learned."""
 
@@ -57,6 +60,7 @@ class Gate:
         self._heard_s = 0.0
         self._proven_s = 0.0
         self._refused_s: float | None = None
+        self._awaits_picture_until_s = -math.inf
 
     @property
     def held(self) -> Action | None:
@@ -76,7 +80,9 @@ class Gate:
         """Enter `mode` on the pilot's explicit request; False while an emergency is latched, and
         for a request that is too old.
 
-        The command is emptied: what was held before does not count in the new mode.
+        The command is emptied: what was held before does not count in the new mode. Where the
+        newest picture is too old (a camera's pause, a busy computer) the robot stands in the new
+        mode until one comes that is not, for `start_patience_s` at most.
 
         Args:
             mode: The mode that the pilot asked for. STOPPED is always accepted.
@@ -99,6 +105,7 @@ class Gate:
         self._heard_s = now_s
         self._proven_s = proven_s
         self._refused_s = None
+        self._awaits_picture_until_s = now_s + self.config.start_patience_s
         return True
 
     def receive(self, command: PilotCommand, now_s: float) -> bool:
@@ -155,9 +162,15 @@ class Gate:
         if self.mode is not Mode.STOPPED:
             if frame_timeout_s is None:
                 frame_timeout_s = self.config.frame_timeout_s
-            doubt = self._doubt(now_s, frame_captured_s, camera_fault, frame_timeout_s)
+            is_fresh = frame_captured_s is not None and now_s - frame_captured_s <= frame_timeout_s
+            if is_fresh:
+                self._awaits_picture_until_s = -math.inf
+            is_waiting = now_s <= self._awaits_picture_until_s
+            doubt = self._doubt(now_s, camera_fault, is_fresh or is_waiting)
             if doubt is not None:
                 self.trip(doubt)
+            elif is_waiting:
+                return self._stand(DrivenBy.NOBODY)
         if self.mode is Mode.STOPPED:
             return self._stand(DrivenBy.NOBODY)
         if self.held is not None:
@@ -166,13 +179,7 @@ class Gate:
             return self._stand(DrivenBy.NOBODY)
         return self._robot_drives(prediction)
 
-    def _doubt(
-        self,
-        now_s: float,
-        frame_captured_s: float | None,
-        camera_fault: bool,
-        frame_timeout_s: float,
-    ) -> StopReason | None:
+    def _doubt(self, now_s: float, camera_fault: bool, may_use_picture: bool) -> StopReason | None:
         is_supervised_only = self.mode is Mode.AUTONOMOUS and self.held is None
         is_silent = now_s - self._proven_s > self.config.supervision_timeout_s or (
             not is_supervised_only and now_s - self._heard_s > self.config.pilot_timeout_s
@@ -182,9 +189,7 @@ class Gate:
             return StopReason.LINK_SLOW if has_refused else StopReason.PILOT_SILENT
         if camera_fault:
             return StopReason.CAMERA_FAULT
-        if frame_captured_s is None or now_s - frame_captured_s > frame_timeout_s:
-            return StopReason.FRAME_STALE
-        return None
+        return None if may_use_picture else StopReason.FRAME_STALE
 
     def _robot_drives(self, prediction: Prediction | None) -> Decision:
         if prediction is None or prediction.action is None:

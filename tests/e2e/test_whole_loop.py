@@ -133,4 +133,5 @@ def test_emergency_stop_latches_until_it_is_released(phone: Any, world: World) -
     here = world.pose
     phone.wait_for_timeout(500)
     assert world.pose == here, "released, it goes on standing"
+    assert not world.rig.loop.state.emergency, "released, it is not stopped again"
     choose(phone, world, Mode.TRAIN)

@@ -87,6 +87,7 @@ test('the most urgent is said first', () => {
   assert.equal(key(page({}, helpless)), 'asks_help');
   assert.equal(key(page({}, { link: 'capped' })), 'link.capped');
   assert.equal(key(page({ hint: 'bars', notice: 'choose_first' })), 'choose_first');
+  assert.equal(key(page({ notice: 'start_stale' }, { mode: 'stopped', stop_reason: 'frame_stale' })), 'start_stale');
   assert.equal(key(page({ hint: 'bars' })), 'hint.bars');
   assert.equal(key(page()), null);
 });

@@ -11,7 +11,7 @@ beforeEach(() => {
   said = [];
   let seq = 0;
   const connection = { nextSeq: () => ++seq, send: (text) => said.push(JSON.parse(text)) };
-  helm = new Helm(connection, () => ({ frame: 12, frameAgeMs: 30 }));
+  helm = new Helm(connection, () => ({ frame: 12, nonce: 7, frameAgeMs: 30 }));
   helm.follow({ mode: 'train', you_are_pilot: true }, MOVES);
 });
 
@@ -21,8 +21,8 @@ test('each change is said at once, with the picture that was looked at', () => {
   helm.press('finger 1', 'forward');
   helm.release('finger 1');
   assert.deepEqual(said, [
-    { type: 'drive', held: 'forward', frame: 12, seq: 1, frame_age_ms: 30 },
-    { type: 'drive', held: null, frame: 12, seq: 2, frame_age_ms: 30 },
+    { type: 'drive', held: 'forward', frame: 12, seq: 1, nonce: 7, frame_age_ms: 30 },
+    { type: 'drive', held: null, frame: 12, seq: 2, nonce: 7, frame_age_ms: 30 },
   ]);
 });
 

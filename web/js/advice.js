@@ -59,6 +59,7 @@ export function urgentAdvice(page) {
   if (page.wheelAsked) return { key: 'wheel_asked', step: 'yield', level: 'ask' };
   if (robot.fault) return { key: 'fault', values: { fault: robot.fault }, level: 'stop' };
   if (page.localStop) return { key: `local.${page.localStop}`, level: 'stop' };
+  if (page.notice === 'start_stale') return { key: page.notice, level: 'stop' };
   if (robot.mode === 'stopped' && robot.stop_reason && robot.stop_reason !== 'pilot_asked') {
     return { key: `stop.${robot.stop_reason}`, level: 'stop' };
   }

@@ -3,7 +3,8 @@
 // The heartbeat runs on the page's main thread on purpose: a page that hangs falls silent, and
 // the robot stops.
 
-import { encodeDrive, encodeMode } from './protocol.js';
+import { encodeDrive } from './protocol.js';
+import { Start } from './start.js';
 
 export const HEARTBEAT_MS = 100;
 const EARLY_MS = 15;
@@ -21,6 +22,7 @@ export class Helm extends EventTarget {
     super();
     this.connection = connection;
     this.lookingAt = lookingAt;
+    this.start = new Start(connection, lookingAt);
     /** @type {Map<string, string>} what each finger, key or stick holds; the newest last */
     this.holds = new Map();
     /** @type {readonly string[]} */
@@ -97,21 +99,23 @@ export class Helm extends EventTarget {
   /** Choose a mode; what was held before does not count in it. @param {Mode} mode */
   choose(mode) {
     this.releaseAll();
-    this.connection.send(encodeMode(mode, this.connection.nextSeq(), this.lookingAt()));
+    this.start.ask(mode);
   }
 
-  /** Apply a state message. @param {{mode: Mode, you_are_pilot: boolean}} robot @param {readonly string[]} moves */
+  /** Apply a state message. @param {{mode: Mode, you_are_pilot: boolean, emergency: boolean}} robot @param {readonly string[]} moves */
   follow(robot, moves) {
     this.moves = moves;
     this.hasWheel = robot.you_are_pilot;
     this.mode = robot.mode;
     if (!this.mayMove) this.releaseAll();
+    this.start.follow(robot);
   }
 
   /** The link is gone: so is the wheel. */
   lose() {
     this.hasWheel = false;
     this.mode = 'stopped';
+    this.start.forget();
     this.releaseAll();
   }
 }

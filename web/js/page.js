@@ -37,12 +37,12 @@ export class Page {
     this.curveLessons = 0;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.noticeTimer = undefined;
-    /** @type {ReturnType<typeof setTimeout> | undefined} */
-    this.stopTimer = undefined;
     /** @type {Promise<void>} the last stop by request */
     this.stopping = Promise.resolve();
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.toastTimer = undefined;
+    /** @type {ReturnType<typeof setTimeout> | undefined} asks elsewhere for a stop that is not answered */
+    this.stopTimer = undefined;
     this.shownGist = '';
     this.drawingMs = 0;
     /** @type {number | null} */
@@ -50,8 +50,9 @@ export class Page {
     this.shownMs = -Infinity;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.lessonTimer = undefined;
+    const { helm } = this;
     /** @type {Record<string, (words: any) => void>} */
-    this.hearers = { hello: (w) => this.greet(w), state: (w) => this.follow(w), event: (w) => this.note(w) };
+    this.hearers = { hello: (w) => this.greet(w), state: (w) => this.follow(w), event: (w) => this.note(w), error: (w) => helm.start.refuse(w) };
     this.listen();
   }
 
@@ -68,6 +69,7 @@ export class Page {
       store.set({ link: 'lost', held: null, wheelAsked: false, wheelWaiting: false });
     });
     helm.addEventListener('held', () => store.set({ held: helm.held }));
+    helm.start.addEventListener('failed', () => this.mention('start_stale'));
     helm.addEventListener('refused', () => helm.hasWheel && this.mention('choose_first'));
     addEventListener('blur', () => helm.releaseAll());
     addEventListener('pagehide', () => this.hide('hidden'));
@@ -83,6 +85,7 @@ export class Page {
   /** A picture is on the screen. @param {import('./painter.js').Shown} shown */
   look(shown) {
     this.looking = shown;
+    this.helm.start.go();
     const drawingMs = performance.now() - shown.arrivedMs;
     this.drawingMs += (drawingMs - this.drawingMs) / 8;
     const ageMs = this.lastAgeMs;
@@ -112,6 +115,7 @@ export class Page {
     const { store, helm } = this;
     const moves = Object.keys(robot.taught);
     helm.follow(robot, moves);
+    if (robot.emergency) this.endStop();
     if (!this.isWorthShowing(robot)) return;
     const isSame = String(moves) === String(store.state.moves);
     store.set({
@@ -211,21 +215,28 @@ export class Page {
 
   /** The emergency stop. Anybody may, pilot or not. */
   stop() {
+    this.helm.start.forget();
     this.helm.releaseAll();
-    clearTimeout(this.stopTimer);
     if (!this.connection.say('stop')) this.stopElsewhere();
-    else this.stopTimer = setTimeout(() => this.store.state.robot?.emergency || this.stopElsewhere(), STOP_MS);
+    else this.stopTimer ??= setTimeout(() => this.stopElsewhere(), STOP_MS);
     if (this.preferences.vibrate) navigator.vibrate?.([60, 40, 60]);
+  }
+
+  /** A state shows the stop: no other way is needed, and who releases it is not stopped again. */
+  endStop() {
+    clearTimeout(this.stopTimer);
+    this.stopTimer = undefined;
   }
 
   /** The websocket is away or slow: stop by a request of its own. */
   stopElsewhere() {
+    this.endStop();
     this.stopping = ask('POST', '/api/stop').catch(() => {});
   }
 
   /** Release the emergency stop once no request of ours is left that would latch it again. */
   async release() {
-    clearTimeout(this.stopTimer);
+    this.endStop();
     await Promise.race([this.stopping, new Promise((patience) => setTimeout(patience, STOPPING_MS))]);
     this.connection.say('release');
   }

@@ -107,9 +107,32 @@ def test_a_stale_picture_stops_the_robot(mode: Mode) -> None:
     assert select(gate, 0.1, frame_age_s=0.21).stop_reason is StopReason.FRAME_STALE
 
 
-def test_no_picture_at_all_stops_the_robot() -> None:
+@pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
+@pytest.mark.parametrize("frame_age_s", [None, 0.21, 3.0])
+def test_a_start_stands_until_a_fresh_picture_comes(mode: Mode, frame_age_s: float | None) -> None:
+    gate = started(mode)
+    for now_s in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5):
+        hold(gate, Action.FORWARD, now_s)
+        captured_s = None if frame_age_s is None else now_s - frame_age_s
+        decision = gate.select(now_s, LEFT_PREDICTED, captured_s)
+        assert (decision.action, decision.driven_by) == (Action.STOP, DrivenBy.NOBODY)
+        assert (decision.mode, decision.stop_reason) == (mode, None)
+    assert select(gate, 0.5).action is Action.FORWARD
+    assert select(gate, 0.5, frame_age_s=0.21).stop_reason is StopReason.FRAME_STALE, "once only"
+
+
+@pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
+def test_no_picture_at_all_ends_a_start(mode: Mode) -> None:
+    gate = started(mode)
+    hold(gate, Action.FORWARD, 0.5)
+    assert gate.select(0.51, LEFT_PREDICTED, None).stop_reason is StopReason.FRAME_STALE
+
+
+def test_a_start_that_waits_for_a_picture_still_needs_its_pilot() -> None:
     gate = started(Mode.TRAIN)
-    assert gate.select(0.0, None, None).stop_reason is StopReason.FRAME_STALE
+    assert gate.select(0.31, None, None).stop_reason is StopReason.PILOT_SILENT
+    gate = started(Mode.TRAIN)
+    assert gate.select(0.1, None, None, camera_fault=True).stop_reason is StopReason.CAMERA_FAULT
 
 
 def test_a_faulty_camera_stops_the_robot() -> None:

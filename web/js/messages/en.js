@@ -61,6 +61,7 @@ export default {
   'advice.ready': 'I agree with you {agreement} of the time. Let me try: Drive itself.',
   'advice.watch': 'Touch a direction: I learn from that, too.',
   choose_first: 'Tap Teach first, then hold a direction.',
+  start_stale: 'Not started: no fresh picture came in time. Tap again.',
   out_of_reach: 'The robot is out of reach. It has stopped. I keep looking for it.',
   emergency: 'Emergency stop. The robot stands until you release it.',
   fault: '{fault}',

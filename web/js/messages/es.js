@@ -61,6 +61,7 @@ export default {
   'advice.ready': 'Coincido contigo el {agreement} de las veces. Déjame probar: Autónomo.',
   'advice.watch': 'Toca una dirección: también aprendo de eso.',
   choose_first: 'Toca primero Enseñar y luego mantén una dirección.',
+  start_stale: 'No ha empezado: no llegó a tiempo una imagen reciente. Toca otra vez.',
   out_of_reach: 'El robot está fuera de alcance. Se ha parado. Lo sigo buscando.',
   emergency: 'Parada de emergencia. El robot no se mueve hasta que lo liberes.',
   fault: '{fault}',

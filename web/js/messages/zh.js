@@ -61,6 +61,7 @@ export default {
   'advice.ready': '我有 {agreement} 与你一致。让我试试：自己开。',
   'advice.watch': '触碰一个方向来纠正我，我也会从中学习。',
   choose_first: '请先点“教学”，再按住一个方向。',
+  start_stale: '没有开始：没有及时收到新的画面。请再点一次。',
   out_of_reach: '联系不上机器人。它已停下。我会继续寻找。',
   emergency: '已急停。解除之前机器人不会动。',
   fault: '{fault}',
