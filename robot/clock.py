@@ -205,7 +205,7 @@ class VirtualClock(ManualClock):
     def __init__(self, start_s: float = 0.0, wall_start_s: float = _WALL_START_S) -> None:
         super().__init__(start_s, wall_start_s)
         self._ahead_s = 0.0
-        self._event_loop: asyncio.AbstractEventLoop | None = None
+        self._event_loop: _JumpingEventLoop | None = None
         self._event_loop_woken = threading.Event()
         self._waiting: list[_Waiting] = []
         self._deadlock: str | None = None
@@ -216,8 +216,8 @@ class VirtualClock(ManualClock):
 
     def _base_s(self) -> float:
         """Return the time without jumps; the event loop's falls behind while threads run."""
-        event_loop = self._event_loop
-        return self._now_s if event_loop is None else max(self._now_s, event_loop.time())
+        event_loop, now_s = self._event_loop, self._now_s
+        return now_s if event_loop is None or event_loop.now_s < now_s else event_loop.now_s
 
     def advance(self, seconds: float) -> None:
         """Jump ahead without anybody having waited, as when a computer was asleep."""
@@ -283,11 +283,11 @@ class VirtualClock(ManualClock):
     def runner(self) -> Iterator[asyncio.Runner]:
         """Give a runner of asyncio programs, whose event loop stands still in between.
 
-        Every `asyncio` wait within it is virtual. Needs the library `looptime`.
+        Every `asyncio` wait within it is virtual.
         """
         if self._event_loop is not None:
             raise RuntimeError("an event loop runs on this clock already")
-        event_loop = self._event_loop = self._make_event_loop()
+        event_loop = self._event_loop = _JumpingEventLoop(self)
         try:
             with asyncio.Runner(loop_factory=lambda: event_loop) as runner:
                 yield runner
@@ -295,45 +295,49 @@ class VirtualClock(ManualClock):
             self._now_s = self._base_s()
             self._event_loop = None
 
-    def _make_event_loop(self) -> asyncio.AbstractEventLoop:
-        from looptime import LoopTimeEventLoop
-
-        clock = self
-
-        class EventLoop(LoopTimeEventLoop, asyncio.SelectorEventLoop):
-            """Asyncio's own, whose time jumps."""
-
-            def __init__(self, **options: Any) -> None:
-                super().__init__(**options)
-                self._jump: Callable[[float | None], Any] = self._selector.select
-                self._selector.select = self._wait  # type: ignore[assignment,method-assign]
-
-            def _wait(self, timeout: float | None) -> Any:
-                """Let time pass up to the next timer, or to what a thread has asked for."""
-                if timeout == 0:
-                    return []  # tasks are ready; there is nothing to poll but ourselves
-                if clock._waiting:
-                    woken = clock._event_loop_woken
-                    clock._let_others_run(woken, timeout)
-                    woken.clear()
-                    timeout = max(0.0, clock._now_s - self.time())
-                    if timeout == 0:
-                        return []
-                # looptime's first round only makes sure that nothing is ready.
-                return self._jump(timeout) or (self._jump(timeout) if timeout else [])
-
-            def call_soon_threadsafe(  # type: ignore[override]
-                self, callback: Any, *args: Any, context: Any = None
-            ) -> asyncio.Handle:
-                """Spare the self-pipe: whoever calls this holds up the loop already."""
-                clock._event_loop_woken.set()
-                return self.call_soon(callback, *args, context=context)
-
-        return EventLoop(start=self._now_s, noop_cycles=0, idle_timeout=0)
-
     async def pause(self, seconds: float) -> None:
         """Hold up this task for `seconds` of virtual time."""
         await asyncio.sleep(seconds)
+
+
+class _JumpingEventLoop(asyncio.SelectorEventLoop):
+    """Asyncio's own, whose time is counted in whole microseconds and jumps to the next timer.
+
+    Nothing is polled: what happens, happens on a timer or on a thread of the clock.
+    """
+
+    def __init__(self, clock: VirtualClock) -> None:
+        super().__init__()
+        self._clock = clock
+        self._now_us = round(clock._now_s * 1e6)
+        self.now_s = self._now_us / 1e6
+        self._selector.select = self._let_time_pass  # type: ignore[attr-defined]
+
+    def time(self) -> float:
+        return self.now_s
+
+    def _let_time_pass(self, timeout: float | None) -> list[Any]:
+        """Wait, in place of the selector: up to the next timer, or to what a thread asks for."""
+        if timeout == 0:
+            return []  # tasks are ready
+        clock = self._clock
+        if clock._waiting:
+            clock._let_others_run(clock._event_loop_woken, timeout)
+            clock._event_loop_woken.clear()
+            timeout = clock._now_s - self.now_s
+        elif timeout is None:
+            raise RuntimeError("every task waits for ever")
+        if timeout > 0:
+            self._now_us += max(1, round(timeout * 1e6))
+            self.now_s = self._now_us / 1e6
+        return []
+
+    def call_soon_threadsafe(  # type: ignore[override]
+        self, callback: Any, *args: Any, context: Any = None
+    ) -> asyncio.Handle:
+        """Spare the self-pipe: whoever calls this holds up the loop already."""
+        self._clock._event_loop_woken.set()
+        return self.call_soon(callback, *args, context=context)
 
 
 class _VirtualThread(threading.Thread):

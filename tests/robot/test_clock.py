@@ -107,7 +107,7 @@ def test_tasks_that_wait_for_ever_end_with_an_error() -> None:
     async def main() -> None:
         await asyncio.Event().wait()
 
-    with pytest.raises(TimeoutError):
+    with pytest.raises(RuntimeError, match="every task waits for ever"):
         VirtualClock().run(main())
 
 
