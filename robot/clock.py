@@ -212,12 +212,15 @@ class VirtualClock(ManualClock):
 
     def now_s(self) -> float:
         """Return the present virtual time in seconds."""
-        return self._base_s() + self._ahead_s
+        event_loop, now_s = self._event_loop, self._now_s  # as `_base_s`: it is asked all the time
+        if event_loop is not None and event_loop.now_s > now_s:
+            now_s = event_loop.now_s
+        return now_s + self._ahead_s
 
     def _base_s(self) -> float:
         """Return the time without jumps; the event loop's falls behind while threads run."""
-        event_loop, now_s = self._event_loop, self._now_s
-        return now_s if event_loop is None or event_loop.now_s < now_s else event_loop.now_s
+        event_loop = self._event_loop
+        return self._now_s if event_loop is None else max(self._now_s, event_loop.now_s)
 
     def advance(self, seconds: float) -> None:
         """Jump ahead without anybody having waited, as when a computer was asleep."""

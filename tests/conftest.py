@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 from collections.abc import Iterator
@@ -41,6 +42,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             .startswith(wall_clock.REAL_PARTS + wall_clock.YET_TO_MOVE)
         ):
             item.add_marker(pytest.mark.realtime)
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector what all tests share: it is there until the end anyway."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -315,7 +315,7 @@ class ControlLoop:
             decision.speed_scale, self._governor.speed_scale, self._camera_timing.speed_scale
         )
         scale *= self.speed_share
-        return replace(decision, speed_scale=scale)
+        return decision if scale == decision.speed_scale else replace(decision, speed_scale=scale)
 
     def _drive(self, decision: Decision, started_s: float) -> Action | None:
         """Send the decision to the motors; on failure stop the motors and return None.

@@ -137,5 +137,6 @@ class _Wake(threading.Event):
         self._listener = listener
 
     def set(self) -> None:
-        super().set()
+        if not self.is_set():
+            super().set()
         self._listener()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import secrets
 from collections import OrderedDict
+from collections.abc import Callable
 
 NEVER_S = -math.inf
 """The time of a message without a known nonce."""
@@ -18,14 +19,18 @@ class NonceLedger:
     Every state and every frame carries a nonce. A message that carries it back cannot have been
     sent before the nonce was issued, wherever it was delayed since: on a stalled link, in a frozen
     server, in a queue. No clock but the robot's own is trusted, and nobody can guess a nonce.
+
+    Args:
+        below: Draws a whole number below its argument, from 0.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, below: Callable[[int], int] = secrets.randbelow) -> None:
+        self._below = below
         self._issued_s: OrderedDict[int, float] = OrderedDict()
 
     def issue(self, now_s: float) -> int:
         """Return a new nonce: a random whole number from 1 that fits into 32 bits."""
-        nonce = 1 + secrets.randbelow(2**32 - 1)
+        nonce = 1 + self._below(2**32 - 1)
         self._issued_s[nonce] = now_s
         self._issued_s.move_to_end(nonce)
         while now_s - next(iter(self._issued_s.values())) > _KEPT_S:

@@ -299,14 +299,14 @@ class Hub:
         state["nonce"] = self.nonces.issue(self.robot.clock.now_s())
         state["pilot"] = owner
         state["viewers"] = len(self.clients) - (owner in self.clients)
-        others = encode_message("state", you_are_pilot=False, **state)
+        texts: dict[bool, str] = {}
         for client in self.clients.values():
             if not client.is_state_due(self._sent, self._sent_s):
                 continue
-            if client.id == owner:
-                client.send_state(encode_message("state", you_are_pilot=True, **state))
-            else:
-                client.send_state(others)
+            is_pilot = client.id == owner
+            if is_pilot not in texts:
+                texts[is_pilot] = encode_message("state", you_are_pilot=is_pilot, **state)
+            client.send_state(texts[is_pilot])
 
     def _urgent(self) -> object:
         """What is published at once when it changes."""

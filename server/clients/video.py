@@ -33,7 +33,7 @@ class Encoder:
         self._cv2: Any = None
         self._has_cv2 = True
 
-    def encode(self, frame: Frame) -> VideoFrame:
+    def encode(self, frame: Frame, nonce: int = 0) -> VideoFrame:
         """Return the picture for `/ws/video`."""
         encoding, data = frame.encoding, frame.data
         if encoding is Encoding.RGB and self._load_cv2():
@@ -45,6 +45,7 @@ class Encoder:
             width=frame.width,
             height=frame.height,
             data=data,
+            nonce=nonce,
         )
 
     def encode_jpeg(self, frame: Frame) -> bytes:
@@ -219,13 +220,15 @@ class VideoHub:
 
     def _encode(self, frame: Frame) -> VideoFrame:
         self.frames_encoded += 1
-        return replace(self.encoder.encode(frame), nonce=self._nonce)
+        return self.encoder.encode(frame, self._nonce)
 
     def _encode_once(self, picture: VideoFrame, is_large: bool, is_quiet: bool) -> EncodedFrame:
         """Return the frame ready to send; it is encoded once for all viewers."""
         key = is_large, is_quiet
         if key not in self._encoded:
-            self._encoded[key] = EncodedFrame.of(replace(picture, quiet=is_quiet))
+            self._encoded[key] = EncodedFrame.of(
+                replace(picture, quiet=True) if is_quiet else picture
+            )
         return self._encoded[key]
 
     def acknowledge(self, viewer: Viewer, frame_id: int, now_s: float) -> None:

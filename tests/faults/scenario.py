@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import random
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -11,6 +12,7 @@ from robot.clock import VirtualClock
 from robot.testing import FakeCamera, FakePolicy, Line, LinkConditions
 from robot.types import Action, Mode
 from server.clients.client import Client
+from server.clients.freshness import NonceLedger
 from server.clients.video import Viewer
 from server.protocol import parse_acknowledgement
 from server.security.access import Role
@@ -41,6 +43,7 @@ class FaultWorld(ServedWorld):
     def __init__(self, clock: VirtualClock) -> None:
         camera = FakeCamera(clock, pictures=[_PICTURE])
         super().__init__(clock, camera=camera, policy=FakePolicy())
+        self.hub.nonces = NonceLedger(random.Random(1).randrange)  # as long in every run
 
     def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> HubSocket:
         """Open a connection through the link."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
 from robot.testing import LinkConditions
 
-from .scenario import Change, Fault, FaultWorld
+from .scenario import Change, Fault, FaultWorld, outcomes
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "faults.md"
 MODES = ("train", "intervention", "autonomous")
 LIMIT_S = {"train": 0.5, "intervention": 0.5, "autonomous": 0.5}
+SEEDS = int(os.environ.get("DRIVELESSON_SEEDS", "20"))
+"""How many drives there are in each cell of the table (`.ci/run`: 1,000)."""
 
 
 def _silence(world: FaultWorld) -> None:
@@ -161,6 +164,18 @@ ELSEWHERE = (
     ("the disk is full", "drives on; stands when the pilot lets go", "500 ms"),
 )
 """Faults with tests of their own in tests/faults/, which need a process of their own."""
+
+
+def check(fault: Fault, mode: str) -> None:
+    """Have one fault happen in each of many drives.
+
+    Raises:
+        AssertionError: If the robot stands too late, says another reason, or moves again.
+    """
+    found = outcomes(fault, mode, range(SEEDS))
+    late = {n: o.stood_after_s for n, o in enumerate(found) if o.stood_after_s >= LIMIT_S[mode]}
+    assert not late, f"goes on, by seed: {late}"
+    assert {outcome.reason for outcome in found} <= set(fault.reasons)
 
 
 def render(measured_ms: dict[tuple[str, str], float]) -> str:

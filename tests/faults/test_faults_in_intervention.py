@@ -1,0 +1,16 @@
+"""Each fault while the pilot helps the robot that drives: the robot stops in time, says why, and stays.
+
+In virtual time. A file for each mode, so that several processes can share the table.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from .scenario import Fault
+from .table import FAULTS, check
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+def test_the_robot_stands_in_time_whenever_a_fault_comes(fault: Fault) -> None:
+    check(fault, "intervention")
