@@ -1,4 +1,4 @@
-"""Several faults at once, and that the table of faults is the same in every run. In virtual time."""
+"""Several faults at once; and a drive is the same in every run. In virtual time."""
 
 from __future__ import annotations
 

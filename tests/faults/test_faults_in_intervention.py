@@ -1,4 +1,4 @@
-"""Each fault while the pilot helps the robot that drives: the robot stops in time, says why, and stays.
+"""Each fault while the pilot helps the robot that drives: the robot stops, says why, and stays.
 
 In virtual time. A file for each mode, so that several processes can share the table.
 """
