@@ -43,8 +43,9 @@ check: $(VENV)/.dev ## Format, lint, types, import contracts, layout and docs, w
 mutate: $(VENV)/.dev ## Put faults into the modules on which safety rests, and see if tests notice
 	$(BIN)/python -m tests.mutation $(ARGS)
 
-docs: $(VENV)/.dev ## Write the references of the command line and of the faults anew
+docs: $(VENV)/.dev ## Write the references of the command line and of the faults anew, and draw the wiring
 	$(BIN)/python -m tests.docs.command_line
+	$(BIN)/python -m tests.docs.wiring
 	$(BIN)/python -m tests.faults.page
 
 format: $(VENV)/.dev ## Format and mend what can be mended

@@ -6,10 +6,17 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from tests import wall_clock
 from tests.wall_clock import _off_the_wall_clock  # noqa: F401
+
+# A busy machine is no fault: how long an example takes is judged by nobody.
+hypothesis.settings.register_profile(
+    "unhurried", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("unhurried")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -25,6 +25,7 @@ REAL_PARTS = (
     "faults/test_bodies.py",
     "contract/test_cameras.py",
     "contract/test_drivers.py",
+    "robot/drivers/pybricks/",
 )
 """What runs real parts throughout: browsers, agents and fake bricks in processes of their own."""
 YET_TO_MOVE = (

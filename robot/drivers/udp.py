@@ -13,5 +13,5 @@ class UdpDriver(RemoteDriver):
 
     name: ClassVar[str] = "udp"
 
-    def _open(self, host: str, port: int) -> MessageLine:
+    def _open_address(self, host: str, port: int) -> MessageLine:
         return UdpLine(host, port)

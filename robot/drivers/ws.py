@@ -13,5 +13,5 @@ class WsDriver(RemoteDriver):
 
     name: ClassVar[str] = "ws"
 
-    def _open(self, host: str, port: int) -> MessageLine:
+    def _open_address(self, host: str, port: int) -> MessageLine:
         return WebsocketLine(host, port)

@@ -31,6 +31,7 @@ from robot.clock import ManualClock, RealClock
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
+from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
 from robot.drivers.remote.driver import RemoteOptions
 from robot.drivers.replay import ReplayDriver
 from robot.drivers.sim import SimDriver, SimOptions
@@ -46,6 +47,7 @@ from tests.standins.ev3_stock import StockBrick
 from tests.standins.firmware import SECRET as SECRET_OF_FIRMWARE
 from tests.standins.firmware import FirmwareRobot, Relay
 from tests.standins.mjpeg import MjpegServer
+from tests.standins.pybricks_hub import FakeHub
 from tests.standins.ws_robot import WsRobot
 
 
@@ -208,6 +210,14 @@ def ws_driver() -> Iterator[DriverCase]:
 
 
 @contextmanager
+def pybricks_driver() -> Iterator[DriverCase]:
+    with FakeHub() as hub:
+        driver = PybricksDriver(PybricksOptions(), bluetooth=hub.bluetooth)
+        yield DriverCase(driver, time.sleep, lambda: hub.is_moving, hub.cut)
+        driver.disconnect()
+
+
+@contextmanager
 def mjpeg_camera() -> Iterator[CameraCase]:
     with MjpegServer() as server:
         camera = MjpegCamera(MjpegOptions(source=server.address), RealClock())
@@ -236,6 +246,7 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "ev3-stock": ev3_stock_driver,
     "udp": udp_driver,
     "ws": ws_driver,
+    "pybricks": pybricks_driver,
 }
 CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "sim": sim_camera,

@@ -11,7 +11,7 @@ from robot.control.link_governor import LinkLevel
 from robot.moves import CLASSIC
 from robot.types import Action, Mode, StopReason
 from server.protocol import ErrorCode
-from tests.docs import command_line, commands
+from tests.docs import command_line, commands, wiring
 
 ROOT = Path(__file__).parents[2]
 WORDS = [Action.STOP, *CLASSIC, *Mode, *StopReason, *ErrorCode, *LinkLevel]
@@ -31,6 +31,12 @@ def test_every_relative_link_leads_somewhere(page: Path) -> None:
 
 def test_the_command_line_is_described_as_it_is() -> None:
     assert command_line.PAGE.read_text("utf-8") == command_line.render(), "run: make docs"
+
+
+def test_the_wiring_is_drawn_as_it_is() -> None:
+    for file, text in wiring.render().items():
+        assert file.read_text("utf-8") == text, "run: make docs"
+        assert any(file.name in page.read_text("utf-8") for page in PAGES), "no page shows it"
 
 
 @pytest.mark.parametrize("word", WORDS)

@@ -1,0 +1,163 @@
+"""Lines to and from the program on a Pybricks hub: its GATT service, by the library `bleak`.
+
+The service is described at github.com/pybricks/technical-info (pybricks-ble-profile.md).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import queue
+import struct
+import threading
+from concurrent.futures import Future
+from typing import Any
+
+SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
+COMMAND_EVENT = "c5f50002-8280-46da-89f4-6d8051e4aeef"
+CAPABILITIES = "c5f50003-8280-46da-89f4-6d8051e4aeef"
+START_PROGRAM, WRITE_STDIN = 1, 6
+STATUS_REPORT, WRITE_STDOUT = 0, 1
+PROGRAM_RUNS = 1 << 6
+SCAN_S = 8.0
+SEND_S = 0.3
+"""A write that takes longer has failed; the one under way is never followed by a second."""
+_AGAIN_S = 0.5
+_LONGEST_LINE = 200
+_MOST_WAITING = 20
+
+
+class HubLine:
+    """A line as `MessageLine` has it; a thread of its own keeps the connection, and renews it.
+
+    Args:
+        bluetooth: The module `bleak`, or what has its `BleakScanner` and `BleakClient`.
+        hub: The hub's name; empty for the first that is found.
+
+    Raises:
+        OSError: If no hub is found.
+    """
+
+    def __init__(self, bluetooth: Any, hub: str) -> None:
+        self._bluetooth, self._hub = bluetooth, hub
+        self._received: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)
+        self._client: Any = None
+        self._trouble = "not connected"
+        self._runs = True
+        self._rest = b""
+        self._chunk = 19
+        self._writing: Future[None] | None = None
+        self._loop = asyncio.new_event_loop()
+        self._first: Future[None] = Future()
+        self._thread = threading.Thread(target=self._run, name="pybricks", daemon=True)
+        self._thread.start()
+        try:
+            self._first.result()
+        except BaseException:
+            self.close()
+            raise
+
+    def send(self, message: bytes) -> None:
+        """Write one line to the program; see `MessageLine`."""
+        if self._client is None:
+            raise ConnectionError(self._trouble)
+        if not self._runs:
+            raise ConnectionError("its program was ended; its button starts it again")
+        if self._writing is not None and not self._writing.done():
+            raise ConnectionError("it takes nothing more")
+        self._writing = asyncio.run_coroutine_threadsafe(
+            self._write(self._client, message), self._loop
+        )
+        self._writing.result(SEND_S)
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Return a line of the program; see `MessageLine`."""
+        try:
+            if timeout_s > 0:
+                return self._received.get(timeout=timeout_s)
+            return self._received.get_nowait()
+        except queue.Empty:
+            return None
+
+    def close(self) -> None:
+        """Disconnect and end the thread; see `MessageLine`."""
+        if self._loop.is_closed():
+            return
+        self._loop.call_soon_threadsafe(self._task.cancel)
+        self._thread.join()
+        self._loop.close()
+
+    # On the thread -----------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        self._task = self._loop.create_task(self._stay_connected())
+        with contextlib.suppress(asyncio.CancelledError):
+            self._loop.run_until_complete(self._task)
+        for task in asyncio.all_tasks(self._loop):  # a write that nobody waits for any more
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError, Exception):
+                self._loop.run_until_complete(task)
+
+    async def _stay_connected(self) -> None:
+        while True:
+            try:
+                await self._connect_once()
+            except Exception as error:  # the library has many kinds of "it is gone"
+                self._trouble = str(error) or type(error).__name__
+                if not self._first.done():
+                    self._first.set_exception(ConnectionError(self._trouble))
+                    return
+            await asyncio.sleep(_AGAIN_S)
+
+    async def _connect_once(self) -> None:
+        """Find the hub, start its program, and return when the connection is lost."""
+        device = await self._bluetooth.BleakScanner.find_device_by_filter(
+            lambda found, said: (
+                SERVICE in said.service_uuids and self._hub in ("", said.local_name, found.name)
+            ),
+            timeout=SCAN_S,
+            service_uuids=[SERVICE],
+        )
+        if device is None:
+            raise ConnectionError(
+                "none in reach says that it has Pybricks; is it on, and not connected elsewhere?"
+            )
+        lost = asyncio.Event()
+        client = self._bluetooth.BleakClient(device, disconnected_callback=lambda _: lost.set())
+        async with client:
+            most, *_ = struct.unpack_from("<H", await client.read_gatt_char(CAPABILITIES))
+            self._chunk, self._rest = max(19, most - 1), b""
+            await client.start_notify(COMMAND_EVENT, self._take)
+            # A program that runs already makes the hub refuse, which is as good.
+            with contextlib.suppress(self._bluetooth.BleakError):
+                await client.write_gatt_char(COMMAND_EVENT, bytes([START_PROGRAM]), True)
+            self._runs, self._client = True, client
+            if not self._first.done():
+                self._first.set_result(None)
+            try:
+                await lost.wait()
+                self._trouble = "the connection was lost"
+            finally:
+                self._client = None
+
+    async def _write(self, client: Any, message: bytes) -> None:
+        line = message + b"\n"
+        for start in range(0, len(line), self._chunk):
+            part = line[start : start + self._chunk]
+            try:
+                await client.write_gatt_char(COMMAND_EVENT, bytes([WRITE_STDIN]) + part, True)
+            except Exception as error:
+                raise ConnectionError(str(error) or type(error).__name__) from error
+
+    def _take(self, _: Any, data: bytearray) -> None:
+        """Take an event of the hub: whether its program runs, or what that wrote."""
+        if data[:1] == bytes([STATUS_REPORT]) and len(data) >= 5:
+            self._runs = bool(struct.unpack_from("<I", data, 1)[0] & PROGRAM_RUNS)
+        elif data[:1] == bytes([WRITE_STDOUT]):
+            *lines, rest = (self._rest + bytes(data[1:])).split(b"\n")
+            self._rest = rest[-_LONGEST_LINE:]
+            for line in lines:
+                if self._received.full():
+                    with contextlib.suppress(queue.Empty):
+                        self._received.get_nowait()  # nobody reads: the newest counts
+                self._received.put_nowait(line.strip())

@@ -1,0 +1,159 @@
+"""Draws the wiring of robots as SVG, from a list of boxes and wires (`make docs`).
+
+A box has its terminals along one side; a wire joins two terminals by right angles. The pictures
+are plain SVG with colours that can be read in the light and in the dark.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / "docs/images"
+PITCH_PX, HEAD_PX, FONT_PX = 26, 40, 14
+RED, BLACK, BLUE, GREEN, ORANGE, VIOLET = (
+    "#d33",
+    "#555",
+    "#27c",
+    "#283",
+    "#b60",
+    "#83b",
+)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A part: its title, where it stands, and its terminals on either side, from top to bottom."""
+
+    title: str
+    x: int
+    y: int
+    width: int
+    left: tuple[str, ...] = ()
+    right: tuple[str, ...] = ()
+    note: str = ""
+
+    @property
+    def _top(self) -> int:
+        return self.y + HEAD_PX + (20 if self.note else 0)
+
+    @property
+    def height(self) -> int:
+        rows = max(len(self.left), len(self.right))
+        return self._top - self.y + PITCH_PX * rows + (4 if rows else -6)
+
+    def point(self, terminal: str) -> tuple[int, int]:
+        """Return where a wire is fixed."""
+        is_left = terminal in self.left
+        row = (self.left if is_left else self.right).index(terminal)
+        return self.x + (0 if is_left else self.width), self._top + PITCH_PX * row + 8
+
+
+@dataclass(frozen=True)
+class Wire:
+    """From one terminal to another; `at` is where it bends."""
+
+    start: tuple[Box, str]
+    end: tuple[Box, str]
+    colour: str
+    at: int
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A picture of its own."""
+
+    name: str
+    title: str
+    width: int
+    height: int
+    boxes: tuple[Box, ...]
+    wires: tuple[Wire, ...]
+
+
+def draw(drawing: Drawing) -> str:
+    """Return the picture as SVG."""
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {drawing.width} {drawing.height}" '
+        f'width="{drawing.width}" font-family="sans-serif" font-size="{FONT_PX}" role="img" '
+        f'aria-label="{escape(drawing.title)}">',
+        f"<title>{escape(drawing.title)}</title>",
+        f'<rect width="{drawing.width}" height="{drawing.height}" rx="10" fill="#fff"/>',
+    ]
+    for wire in drawing.wires:
+        (x1, y1), (x2, y2) = wire.start[0].point(wire.start[1]), wire.end[0].point(wire.end[1])
+        lines.append(
+            f'<path d="M{x1} {y1}H{wire.at}V{y2}H{x2}" fill="none" stroke="{wire.colour}" '
+            'stroke-width="3" stroke-linejoin="round"/>'
+        )
+    for box in drawing.boxes:
+        lines += _box(box)
+    return "\n".join([*lines, "</svg>"]) + "\n"
+
+
+def _box(box: Box) -> list[str]:
+    middle = box.x + box.width // 2
+    lines = [
+        f'<rect x="{box.x}" y="{box.y}" width="{box.width}" height="{box.height}" rx="8" '
+        'fill="#f3f3f0" stroke="#333" stroke-width="2"/>',
+        f'<text x="{middle}" y="{box.y + 24}" text-anchor="middle" font-weight="bold" '
+        f'fill="#111">{escape(box.title)}</text>',
+    ]
+    if box.note:
+        lines.append(
+            f'<text x="{middle}" y="{box.y + 43}" text-anchor="middle" font-size="12" '
+            f'fill="#444">{escape(box.note)}</text>'
+        )
+    for terminal in (*box.left, *box.right):
+        x, y = box.point(terminal)
+        text_x, anchor = (x + 10, "start") if terminal in box.left else (x - 10, "end")
+        lines.append(f'<circle cx="{x}" cy="{y}" r="5" fill="#fff" stroke="#333"/>')
+        lines.append(
+            f'<text x="{text_x}" y="{y + 5}" text-anchor="{anchor}" fill="#111">'
+            f"{escape(terminal)}</text>"
+        )
+    return lines
+
+
+def _pybricks() -> Drawing:
+    """The ports as the program on the hub has them."""
+    ports = dict(
+        re.findall(
+            r"^(LEFT|RIGHT|EYES, BUMPER).*?(Port.*)$",
+            (ROOT / "docs/examples/firmware/hub.py").read_text("utf-8"),
+            re.MULTILINE,
+        )
+    )
+    left, right = ("port " + ports[side].split(".")[1][0] for side in ("LEFT", "RIGHT"))
+    eyes, bumper = ("port " + part[0] for part in ports["EYES, BUMPER"].split("Port.")[1:])
+    phone = Box("phone", 240, 16, 200, note="the eye, looks ahead")
+    hub = Box("hub with Pybricks", 240, 100, 200, (left, eyes), (right, bumper))
+    wheel = Box("left motor", 16, 86, 140, (), ("cable",))
+    other = Box("right motor", 524, 86, 140, ("cable",))
+    sonar = Box("distance sensor", 16, 182, 140, (), ("cable ",), note="may be left out")
+    force = Box("force sensor", 524, 182, 140, ("cable ",), note="may be left out")
+    wires = (
+        Wire((wheel, "cable"), (hub, left), BLUE, 198),
+        Wire((other, "cable"), (hub, right), BLUE, 482),
+        Wire((sonar, "cable "), (hub, eyes), GREEN, 198),
+        Wire((force, "cable "), (hub, bumper), GREEN, 482),
+    )
+    boxes = (phone, hub, wheel, other, sonar, force)
+    return Drawing("wiring-pybricks", "A LEGO hub as a robot", 680, 290, boxes, wires)
+
+
+DRAWINGS = (_pybricks,)
+
+
+def render() -> dict[Path, str]:
+    """Return each picture's file and text."""
+    made = [draw_now() for draw_now in DRAWINGS]
+    return {FOLDER / f"{drawing.name}.svg": draw(drawing) for drawing in made}
+
+
+if __name__ == "__main__":
+    for file, text in render().items():
+        file.write_text(text, "utf-8")

@@ -1,0 +1,18 @@
+"""A hub whose light says what it shows."""
+
+import sys
+
+
+class _Light:
+    def on(self, color):
+        sys.stdout.write(f"\x01light {color}\n")
+
+
+class _Battery:
+    def voltage(self):
+        return 7150
+
+
+class ThisHub:
+    def __init__(self):
+        self.light, self.battery = _Light(), _Battery()

@@ -1,0 +1,247 @@
+"""A LEGO hub with Pybricks: its program really runs, on Debian's micropython, with modules in the
+place of `pybricks`; around it the GATT service, as the library `bleak` shows it to a program.
+
+`hub.bluetooth` stands for the module `bleak`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Self
+
+from tests.standins.firmware import ROOT, find_micropython
+
+PROGRAM = ROOT / "docs/examples/firmware/hub.py"
+_MODULES = Path(__file__).parent / "hub_modules"
+_SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
+_COMMAND_EVENT = "c5f50002-8280-46da-89f4-6d8051e4aeef"
+_CAPABILITIES = "c5f50003-8280-46da-89f4-6d8051e4aeef"
+_OTHERS = {  # what a foreign client reads besides: firmware, protocol, PnP id of a SPIKE Prime hub
+    "00002a26-0000-1000-8000-00805f9b34fb": b"3.6.1",
+    "00002a28-0000-1000-8000-00805f9b34fb": b"1.3.0",
+    "00002a50-0000-1000-8000-00805f9b34fb": struct.pack("<BHHH", 1, 0x0397, 0x81, 0),
+}
+MOST_BYTES = 20
+"""The smallest that a hub may take at once."""
+LOST_AFTER_S = 1.0
+"""When Bluetooth gives up a connection that is out of reach."""
+
+
+class FakeHub:
+    """`ends_s` says of each motor when its firmware ends what it was told last."""
+
+    def __init__(self, name: str = "Pybricks Hub") -> None:
+        self.name = name
+        self.ends_s: dict[str, float] = {}
+        self.told: list[tuple[str, float, int]] = []
+        self.light = ""
+        self.is_in_reach = True
+        self.clients: list[_Client] = []
+        self.process: subprocess.Popen[bytes] | None = None
+        self._reader: threading.Thread | None = None
+        self._news = threading.Condition()
+        self.bluetooth = SimpleNamespace(
+            BleakScanner=SimpleNamespace(find_device_by_filter=self._find),
+            BleakClient=self._make_client,
+            BleakError=BleakError,
+        )
+
+    def __enter__(self) -> Self:
+        find_micropython()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.end_program()
+
+    @property
+    def is_moving(self) -> bool:
+        return any(time.monotonic() < end_s for end_s in self.ends_s.values())
+
+    def wait_until(self, happened: Callable[[], bool]) -> None:
+        """Wait for something that the program makes happen."""
+        with self._news:
+            assert self._news.wait_for(happened, 10.0)
+
+    # What a person does with the hub -------------------------------------------------------------
+
+    def start_program(self) -> None:
+        self.process = subprocess.Popen(
+            [find_micropython(), str(PROGRAM)],
+            env={**os.environ, "MICROPYPATH": str(_MODULES)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        self._reader = threading.Thread(target=self._read, args=(self.process,), daemon=True)
+        self._reader.start()
+        self.report_status()
+
+    def end_program(self) -> None:
+        """As by the hub's button; the firmware then stops the motors."""
+        process, self.process = self.process, None
+        if process is None or self._reader is None:
+            return
+        process.send_signal(signal.SIGCONT)
+        process.kill()
+        process.wait()
+        self._reader.join()
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None:
+                pipe.close()
+        self.ends_s.clear()
+        self.report_status()
+
+    def freeze(self) -> None:
+        """The program hangs; the firmware goes on."""
+        assert self.process is not None
+        self.process.send_signal(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        assert self.process is not None
+        self.process.send_signal(signal.SIGCONT)
+
+    def cut(self) -> None:
+        """Carry the hub out of reach: nothing arrives, and later both sides notice."""
+        self.is_in_reach = False
+        for client in list(self.clients):
+            client.lose_later()
+
+    # The firmware ------------------------------------------------------------------------------
+
+    def _read(self, process: subprocess.Popen[bytes]) -> None:
+        assert process.stdout is not None
+        for line in process.stdout:
+            with self._news:
+                if line.startswith(b"\x01motor"):
+                    _, port, speed, run_ms = line.decode().split()
+                    self.told.append((port, float(speed), int(run_ms)))
+                    self.ends_s[port] = time.monotonic() + int(run_ms) / 1000
+                elif line.startswith(b"\x01light"):
+                    self.light = line.split()[1].decode()
+                else:
+                    for client in list(self.clients):
+                        client.notify_soon(b"\x01" + line.rstrip(b"\n") + b"\r\n")
+                self._news.notify_all()
+
+    def status(self) -> bytes:
+        return b"\x00" + struct.pack("<I", (1 << 6) * (self.process is not None))
+
+    def report_status(self) -> None:
+        for client in list(self.clients):
+            client.notify_soon(self.status())
+
+    def obey(self, data: bytes) -> None:
+        """Take what was written to the characteristic; raises BleakError as the hub refuses."""
+        if len(data) > MOST_BYTES:
+            raise BleakError("Invalid Attribute Length")
+        if data[:1] == b"\x01":
+            if self.process is not None:
+                raise BleakError("Unlikely Error: busy")
+            self.start_program()
+        elif data[:1] == b"\x00":
+            self.end_program()
+        elif data[:1] == b"\x06":
+            if self.process is not None and self.process.stdin is not None:
+                self.process.stdin.write(data[1:])
+                self.process.stdin.flush()
+        else:
+            raise BleakError("Unlikely Error: invalid command")
+
+    def read(self, uuid: str) -> bytes:
+        return (
+            struct.pack("<HII", MOST_BYTES, 6, 1 << 17) if uuid == _CAPABILITIES else _OTHERS[uuid]
+        )
+
+    async def _find(self, matches: Any, timeout: float, **_: Any) -> Any:
+        """As `BleakScanner.find_device_by_filter`; it gives up at once."""
+        found = SimpleNamespace(name=self.name, address="00:16:53:00:00:01")
+        said = SimpleNamespace(service_uuids=[_SERVICE], local_name=self.name)
+        is_free = self.is_in_reach and not self.clients
+        return found if is_free and matches(found, said) else None
+
+    def _make_client(self, device: Any, disconnected_callback: Any = None, **_: Any) -> _Client:
+        return _Client(self, disconnected_callback)
+
+
+class BleakError(Exception):
+    """In the place of bleak's own."""
+
+
+class _Client:
+    """As `BleakClient`, on the event loop of whoever connects."""
+
+    def __init__(self, hub: FakeHub, on_lost: Any) -> None:
+        self._hub, self._on_lost = hub, on_lost
+        self._notify: Any = None
+        self._is_lost = False
+
+    async def __aenter__(self) -> Self:
+        await self.connect()
+        return self
+
+    async def __aexit__(self, *error: object) -> None:
+        await self.disconnect()
+
+    async def connect(self) -> None:
+        if not self._hub.is_in_reach or self._hub.clients:
+            raise BleakError("failed to connect")
+        self._loop = asyncio.get_running_loop()
+        self._hub.clients.append(self)
+
+    async def disconnect(self) -> None:
+        if self in self._hub.clients:
+            self._hub.clients.remove(self)
+            if self._on_lost is not None:
+                self._on_lost(self)
+
+    async def read_gatt_char(self, uuid: str) -> bytes:
+        await self._pass()
+        return self._hub.read(uuid)
+
+    async def start_notify(self, uuid: str, callback: Any) -> None:
+        await self._pass()
+        if uuid == _COMMAND_EVENT:
+            self._notify = callback
+            self.notify_soon(self._hub.status())
+
+    async def write_gatt_char(self, uuid: str, data: bytes, response: bool = False) -> None:
+        await self._pass()
+        assert uuid == _COMMAND_EVENT
+        self._hub.obey(bytes(data))
+
+    async def _pass(self) -> None:
+        """Wait for as long as the hub is out of reach."""
+        while not self._hub.is_in_reach:
+            if self._is_lost:
+                raise BleakError("Not connected")
+            await asyncio.sleep(0.01)
+
+    def notify_soon(self, data: bytes) -> None:
+        """Send an event from another thread; what is long, in several."""
+        if not self._hub.is_in_reach:
+            return
+        for start in range(1, max(2, len(data)), MOST_BYTES - 1):
+            part = data[:1] + data[start : start + MOST_BYTES - 1]
+            self._loop.call_soon_threadsafe(self._tell, part)
+
+    def _tell(self, data: bytes) -> None:
+        if self._notify is not None:
+            self._notify(None, bytearray(data))
+
+    def lose_later(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.call_later, LOST_AFTER_S, self._lose)
+
+    def _lose(self) -> None:
+        self._is_lost = True
+        if self in self._hub.clients:
+            self._hub.clients.remove(self)
+            if self._on_lost is not None:
+                self._on_lost(self)
