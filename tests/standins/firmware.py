@@ -72,7 +72,7 @@ class Relay:
 
 
 class FirmwareRobot:
-    """A running firmware on a port of its own. `moves` are (seconds, left, right) as they came."""
+    """A running firmware on a port of its own. `moves` are (seconds, left, right), by its clock."""
 
     def __init__(self, secret: str = SECRET) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -123,9 +123,9 @@ class FirmwareRobot:
     def _read(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            _, left, right = line.split()
+            ticks_ms, left, right = line.split()
             with self._news:
-                self.moves.append((time.monotonic(), float(left), float(right)))
+                self.moves.append((int(ticks_ms) / 1000, float(left), float(right)))
                 self._news.notify_all()
 
     def is_moving(self) -> bool:
