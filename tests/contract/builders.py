@@ -23,6 +23,7 @@ from robot.cameras.ev3_remote import Ev3RemoteCamera
 from robot.cameras.mjpeg import MjpegCamera, MjpegOptions
 from robot.cameras.opencv import OpencvCamera, OpencvOptions
 from robot.cameras.phone import PhoneCamera, PhoneOptions
+from robot.cameras.picamera2 import Picamera2Camera, Picamera2Options
 from robot.cameras.replay import ReplayCamera, ReplayCameraOptions
 from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.cameras.v4l2 import V4l2Camera
@@ -31,6 +32,7 @@ from robot.clock import ManualClock, RealClock
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
+from robot.drivers.gpio.driver import GpioDriver, GpioOptions
 from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
 from robot.drivers.remote.driver import RemoteOptions
 from robot.drivers.replay import ReplayDriver
@@ -43,6 +45,7 @@ from robot.types import Action
 from tests.brick.fake_video import DEVICE, FakeVideo
 from tests.brick.running_agent import SECRET, RunningAgent
 from tests.robot.footage import write_footage
+from tests.standins import picamera2
 from tests.standins.ev3_stock import StockBrick
 from tests.standins.firmware import SECRET as SECRET_OF_FIRMWARE
 from tests.standins.firmware import FirmwareRobot, Relay
@@ -218,6 +221,26 @@ def pybricks_driver() -> Iterator[DriverCase]:
 
 
 @contextmanager
+def gpio_driver() -> Iterator[DriverCase]:
+    pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
+    from tests.standins.gpio import MockPins
+
+    clock = ManualClock()
+    with MockPins(clock) as pins:
+        driver = GpioDriver(GpioOptions(), clock, pins.open_line)
+        yield DriverCase(driver, pins.forward, lambda: pins.is_moving, pins.freeze_program)
+        driver.disconnect()
+
+
+@contextmanager
+def picamera2_camera() -> Iterator[CameraCase]:
+    picamera2.Picamera2.is_frozen.clear()
+    camera = Picamera2Camera(Picamera2Options(), RealClock(), picamera2)
+    yield CameraCase(camera, picamera2.Picamera2.is_frozen.set)
+    picamera2.Picamera2.is_frozen.clear()
+
+
+@contextmanager
 def mjpeg_camera() -> Iterator[CameraCase]:
     with MjpegServer() as server:
         camera = MjpegCamera(MjpegOptions(source=server.address), RealClock())
@@ -247,6 +270,7 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "udp": udp_driver,
     "ws": ws_driver,
     "pybricks": pybricks_driver,
+    "gpio": gpio_driver,
 }
 CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "sim": sim_camera,
@@ -256,4 +280,5 @@ CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "opencv": opencv_camera,
     "phone": phone_camera,
     "mjpeg": mjpeg_camera,
+    "picamera2": picamera2_camera,
 }

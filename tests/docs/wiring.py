@@ -6,22 +6,18 @@ are plain SVG with colours that can be read in the light and in the dark.
 
 from __future__ import annotations
 
+import ast
 import re
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from robot.drivers.gpio.driver import GpioOptions
+
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs/images"
 PITCH_PX, HEAD_PX, FONT_PX = 26, 40, 14
-RED, BLACK, BLUE, GREEN, ORANGE, VIOLET = (
-    "#d33",
-    "#555",
-    "#27c",
-    "#283",
-    "#b60",
-    "#83b",
-)
+RED, BLACK, BLUE, GREEN = "#d33", "#555", "#27c", "#283"
 
 
 @dataclass(frozen=True)
@@ -145,7 +141,61 @@ def _pybricks() -> Drawing:
     return Drawing("wiring-pybricks", "A LEGO hub as a robot", 680, 290, boxes, wires)
 
 
-DRAWINGS = (_pybricks,)
+def _with_motor_board(
+    name: str, title: str, board: str, pins: tuple[str, ...], grounds: str, note: str
+) -> Drawing:
+    """A board with four pins at a motor driver, which has the motors and their battery."""
+    brain = Box(board, 16, 90, 190, (), (*pins, grounds), note=note)
+    inputs = ("left forward", "left back", "right forward", "right back", "ground")
+    driver = Box(
+        "motor driver",
+        290,
+        90,
+        260,
+        inputs,
+        ("left motor", "right motor", "battery +", "battery -"),
+    )
+    left, right = (
+        Box("left motor", 650, 16, 150, ("two wires",)),
+        Box("right motor", 650, 100, 150, ("two wires",)),
+    )
+    battery = Box("battery", 650, 184, 150, ("+", "-"), note="for the motors alone")
+    colours = (BLUE, BLUE, GREEN, GREEN, BLACK)
+    wires = [
+        Wire((brain, pin), (driver, terminal), colour, 248)
+        for pin, terminal, colour in zip((*pins, grounds), inputs, colours, strict=True)
+    ]
+    wires += [
+        Wire((driver, "left motor"), (left, "two wires"), BLUE, 590),
+        Wire((driver, "right motor"), (right, "two wires"), GREEN, 610),
+        Wire((driver, "battery +"), (battery, "+"), RED, 620),
+        Wire((driver, "battery -"), (battery, "-"), BLACK, 600),
+    ]
+    return Drawing(name, title, 816, 310, (brain, driver, left, right, battery), tuple(wires))
+
+
+def _gpio() -> Drawing:
+    """The pins as the driver's options have them; in brackets where they are on the header."""
+    header = {17: 11, 18: 12, 22: 15, 23: 16}
+    settings = GpioOptions().settings()
+    pins = tuple(
+        f"GPIO {pin} (pin {header[pin]})" for pin in settings["left_pins"] + settings["right_pins"]
+    )
+    title = "A Raspberry Pi with a motor driver"
+    return _with_motor_board("wiring-gpio", title, "Raspberry Pi", pins, "ground (pin 14)", "")
+
+
+def _firmware() -> Drawing:
+    """The pins as the sample firmware has them."""
+    text = (ROOT / "docs/examples/firmware/robot.py").read_text("utf-8")
+    found = re.search(r"^PINS = (.*?)  #", text, re.MULTILINE)
+    assert found is not None
+    pins = tuple(f"pin {number}" for pair in ast.literal_eval(found[1]) for number in pair)
+    title = "An ESP32 or a Raspberry Pi Pico W with a motor driver"
+    return _with_motor_board("wiring-esp32", title, "ESP32, Pico W", pins, "GND", "")
+
+
+DRAWINGS = (_pybricks, _gpio, _firmware)
 
 
 def render() -> dict[Path, str]:

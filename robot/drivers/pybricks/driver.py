@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -11,8 +10,9 @@ from robot.drivers.pybricks.hub_line import HubLine
 from robot.drivers.remote.driver import ReportingDriver
 from robot.drivers.remote.line import MessageLine
 from robot.drivers.remote.orders import BodyReport, parse_moves
+from robot.drivers.remote.plain import HELLO, encode_plain_order, parse_plain_report
 from robot.errors import MissingExtraError
-from robot.types import Action, Sensors
+from robot.types import Action
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,42 +28,12 @@ class PybricksOptions:
     )
 
 
-def parse_hub_report(data: bytes) -> BodyReport | None:
-    """Read one line of the hub's program: number, its clock, distance, bumper, battery; or None.
-
-    As `7 81240 420 0 80`: milliseconds, millimetres, 0 or 1, percent; `-` where there is no sensor.
-    """
-    words = data.split()
-    if len(words) != 5 or not (words[0].isdigit() and words[1].isdigit()):
-        return None
-    distance_mm, bumped, battery = (_number(word) for word in words[2:])
-    return BodyReport(
-        nonce="",
-        seq=int(words[0]),
-        ms=int(words[1]),
-        sensors=Sensors(
-            # 2000 mm is what the sensor says when it sees nothing.
-            distance_m=None if distance_mm is None else min(distance_mm / 1000, 10.0),
-            bumped=None if bumped is None else bumped > 0,
-            battery_share=None if battery is None else min(battery / 100, 1.0),
-        ),
-    )
-
-
-def _number(word: bytes) -> float | None:
-    try:
-        value = float(word)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) and value >= 0 else None
-
-
 class PybricksDriver(ReportingDriver):
     """Sends the names of moves to the program on the hub, whose firmware times each of them."""
 
     name: ClassVar[str] = "pybricks"
     options_type: ClassVar[type[Any]] = PybricksOptions
-    hello = b"?"
+    hello = HELLO
     no_answer = "does docs/examples/firmware/hub.py run on it?"
     no_obedience = "does it run docs/examples/firmware/hub.py of this version?"
 
@@ -89,9 +59,9 @@ class PybricksDriver(ReportingDriver):
         return HubLine(bluetooth, self.options.hub)
 
     def _parse(self, data: bytes) -> BodyReport | None:
-        return parse_hub_report(data)
+        return parse_plain_report(data)
 
     def _encode(
         self, action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport
     ) -> bytes:
-        return f"{action} {for_ms} {round(speed, 3)} {seq} {report.ms}".encode()
+        return encode_plain_order(action, for_ms=for_ms, speed=speed, seq=seq, report=report)

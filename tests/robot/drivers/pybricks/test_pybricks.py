@@ -10,11 +10,9 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from robot.driver import ACTION_TIMEOUT_S
-from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions, parse_hub_report
+from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
 from robot.errors import DriveError, MissingExtraError
 from robot.types import Action, Sensors
 from tests.standins.firmware import ROOT
@@ -177,14 +175,6 @@ def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setitem(sys.modules, "bleak", None)
     with pytest.raises(MissingExtraError, match=r"drivelesson\[pybricks\]"):
         PybricksDriver(PybricksOptions()).connect()
-
-
-@given(st.binary(max_size=60) | st.text("0123456789- .einfa", max_size=40).map(str.encode))
-def test_reports_are_read_or_left(data: bytes) -> None:
-    report = parse_hub_report(data)
-    if report is not None:
-        assert report.sensors.distance_m is None or 0 <= report.sensors.distance_m <= 10
-        assert report.sensors.battery_share is None or 0 <= report.sensors.battery_share <= 1
 
 
 def test_a_foreign_client_finds_a_hub(hub: FakeHub) -> None:

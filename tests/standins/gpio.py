@@ -1,0 +1,80 @@
+"""The keeper's part in virtual time, on gpiozero's own mock pins: a line without a process."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+from gpiozero import Device
+from gpiozero.pins.mock import MockFactory, MockPWMPin
+
+from robot.clock import ManualClock
+from robot.drivers.gpio.keeper import make_wheels
+from robot.drivers.gpio.wheels import TimedWheels
+from robot.drivers.remote.plain import encode_plain_report
+
+MOTOR_PINS = (17, 18, 22, 23)
+
+
+class MockPins:
+    """`forward` lets time pass, and the keeper look at it every millisecond."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        self._clock = clock
+        self._wheels: TimedWheels | None = None
+        self.is_silent = False
+
+    def __enter__(self) -> Self:
+        self._before = Device.pin_factory
+        Device.pin_factory = self.factory = MockFactory(pin_class=MockPWMPin)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.factory.reset()
+        self.factory.close()
+        Device.pin_factory = self._before
+
+    @property
+    def is_moving(self) -> bool:
+        return any(self.factory.pin(number).state > 0 for number in MOTOR_PINS)
+
+    def freeze_program(self) -> None:
+        """What the robot's program sends arrives no more, and it is answered nothing."""
+        self.is_silent = True
+
+    def forward(self, seconds: float) -> None:
+        for _ in range(round(1000 * seconds)):
+            self._clock.advance(0.001)
+            if self._wheels is not None:
+                self._wheels.tick(self._now_ms())
+
+    def open_line(self, settings: dict[str, Any]) -> MockPins.Line:
+        self.factory.reset()
+        self._wheels = make_wheels(settings)
+        return MockPins.Line(self)
+
+    def _now_ms(self) -> int:
+        return int(1000 * self._clock.now_s())
+
+    class Line:
+        """As `MessageLine`; what is waited for in vain takes its time."""
+
+        def __init__(self, pins: MockPins) -> None:
+            self._pins = pins
+            self._reports: list[bytes] = []
+
+        def send(self, message: bytes) -> None:
+            pins = self._pins
+            assert pins._wheels is not None
+            if not pins.is_silent:
+                report = pins._wheels.obey(message, pins._now_ms())
+                self._reports.append(encode_plain_report(report))
+
+        def receive(self, timeout_s: float) -> bytes | None:
+            if not self._reports:
+                self._pins.forward(timeout_s)
+                return None
+            return self._reports.pop(0)
+
+        def close(self) -> None:
+            if self._pins._wheels is not None:
+                self._pins._wheels.stand()
