@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import pytest
@@ -23,6 +24,8 @@ SIZES = {
     "desktop": DESKTOP,
 }
 TOAST = "It was relabelled, and this sentence is as long as any that a toast has to say here."
+
+DRAWN = "() => new Promise((f) => requestAnimationFrame(() => requestAnimationFrame(f)))"
 
 HITS = """() => {
   const stop = [...document.querySelectorAll('.stop')].filter((e) => e.checkVisibility());
@@ -63,28 +66,29 @@ COVERED = """() => {
 
 
 @pytest.mark.parametrize("language", ["en", "es", "zh"])
-@pytest.mark.parametrize("size", SIZES)
 def test_nothing_covers_stop_and_no_toast_covers_a_control(
-    chromium: Any, world: World, size: str, language: str
+    chromium: Any, world: World, language: str
 ) -> None:
-    context = chromium.new_context(viewport=SIZES[size], locale=language, has_touch=True)
+    context = chromium.new_context(viewport=DESKTOP, locale=language, has_touch=True)
     page = open_page(context, world.address)
-    for screen in SCREENS:
+    for screen, (form, size) in itertools.product(SCREENS, SIZES.items()):
+        page.set_viewport_size(size)
         page.evaluate(f"location.hash = '{screen}'")
         if screen != "drive":
             page.wait_for_selector(f"{screen}-screen")
-        page.wait_for_timeout(150)
-        assert page.evaluate(HITS) == "", screen
+        where = f"{screen} on a {form}"
+        page.evaluate(DRAWN)
+        assert page.evaluate(HITS) == "", where
         page.evaluate(
             "([text, label]) => document.querySelector('toast-bar').page.toast("
             "text, { label, act: () => {} })",
             [TOAST, "Undo"],
         )
-        page.wait_for_timeout(50)
-        assert page.evaluate(HITS) == "", f"{screen}, with a toast"
-        assert page.evaluate(COVERED) == [], screen
+        page.evaluate(DRAWN)
+        assert page.evaluate(HITS) == "", f"{where}, with a toast"
+        assert page.evaluate(COVERED) == [], where
         page.locator("app-bar [aria-controls=menu]").click()
-        assert page.evaluate(HITS) == "", f"{screen}, with toast and menu"
+        assert page.evaluate(HITS) == "", f"{where}, with toast and menu"
         page.keyboard.press("Escape")
         page.evaluate("document.querySelector('toast-bar').page.store.set({ toast: null })")
         page.evaluate(
@@ -97,8 +101,8 @@ def test_nothing_covers_stop_and_no_toast_covers_a_control(
               dialog.showPopover();
             }"""
         )
-        page.wait_for_timeout(50)
-        assert page.evaluate(HITS) == "", f"{screen}, with a dialog over all of it"
+        page.evaluate(DRAWN)
+        assert page.evaluate(HITS) == "", f"{where}, with a dialog over all of it"
         page.evaluate("document.querySelector('dialog').remove()")
     context.close()
 
