@@ -29,6 +29,7 @@ def create_app(services: Services) -> FastAPI:
     mimetypes.add_type("application/manifest+json", ".webmanifest")
     app = FastAPI(title="Drivelesson", docs_url=None, redoc_url=None)
     app.state.services = services
+    app.state.door, app.state.clock = services.door, services.robot.clock
     for router in routers():
         app.include_router(router)
     app.mount("/", CompressedFiles(directory=config.web_folder, html=True), name="web")
@@ -49,6 +50,7 @@ def create_app(services: Services) -> FastAPI:
         allows_addresses=config.lan,
         sessions=services.pairing,
         cookie=cookie_name(config),
+        members=services.classroom,
     )
     app.add_middleware(
         Guard,

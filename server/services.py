@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Any
 
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection
@@ -17,6 +16,7 @@ from server.identity import IdentityFile
 from server.persistence import Persistence
 from server.progress import Progress
 from server.retraining import Retraining
+from server.security.classroom import Classroom
 from server.security.door import Door
 from server.security.listener import connection_capacity
 from server.security.pairing import Pairing
@@ -38,6 +38,7 @@ class Services:
         study: The guided study.
         persistence: Models and recordings; None where nothing is saved.
         pairing: The paired browsers; None admits every client that can reach the port.
+        classroom: The class that the robot belongs to, if any.
         door: Limits on connections that are not admitted yet.
         turned_away: How many requests the guard refused, by reason.
     """
@@ -52,6 +53,7 @@ class Services:
     study: Study
     persistence: Persistence | None = None
     pairing: Pairing | None = None
+    classroom: Classroom | None = None
     door: Door
     turned_away: Counter[str] = field(default_factory=Counter)
 
@@ -65,6 +67,7 @@ def make_services(
     events: EventBus | None = None,
     persistence: Persistence | None = None,
     pairing: Pairing | None = None,
+    classroom: Classroom | None = None,
 ) -> Services:
     """Create the services for one robot. Nothing starts yet.
 
@@ -76,6 +79,7 @@ def make_services(
         events: The bus that `persistence` publishes to; a new one by default.
         persistence: Stores models and recordings; started and stopped by the caller.
         pairing: The paired browsers; None admits every client that can reach the port.
+        classroom: The class that the robot belongs to, if any.
     """
     events = events or EventBus()
     identity = identity or IdentityFile(None, name)
@@ -94,14 +98,9 @@ def make_services(
         study=Study(robot.loop, robot.clock, events.publish, recording),
         persistence=persistence,
         pairing=pairing,
+        classroom=classroom,
         door=Door(config.limits, connection_capacity()),
     )
-
-
-def services_behind(app: Any) -> Services:
-    """Return the services of an application made by `create_app`."""
-    services: Services = app.state.services
-    return services
 
 
 def services_of(connection: HTTPConnection) -> Services:

@@ -14,6 +14,7 @@ from server.hosting.low_memory import leave_out_unused
 
 COMMANDS: dict[str, str] = {
     "serve": "drive a robot from the browser",
+    "board": "see and stop all robots of a class on one page",
     "evaluate": "compare learners on recorded footage",
     "experiment": "repeat the paper's experiments in simulation",
     "bench": "measure this machine",

@@ -34,8 +34,10 @@ from server.security.access import Role
 if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
     from robot.models.autosave import Autosave
+    from robot.rig.rig import Rig
     from server.events import EventBus
     from server.security.certificates import Certificates
+    from server.security.classroom import Classroom
     from server.security.pairing import Pairing
 
 log = logging.getLogger(__name__)
@@ -100,6 +102,13 @@ def _add_network(parser: argparse.ArgumentParser) -> None:
         default="drivelesson",
         help="with --lan, answer to this name with .local behind it (default: %(default)s)",
     )
+    group.add_argument(
+        "--class-key",
+        type=Path,
+        default=None,
+        metavar="FILE",
+        help="obey the board that has this key; drivelesson board makes it",
+    )
 
 
 def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
@@ -155,7 +164,8 @@ def run(args: argparse.Namespace) -> int:
     certificates = _make_certificates(config) if config.tls else None
     scheme = "https" if config.tls else "http"
     addresses = [f"{scheme}://{_bracketed(a)}:{config.port}" for a in _reached_at(config)]
-    pairing = _open_pairing(config, addresses[0]) if config.lan else None
+    pairing = _open_pairing(config, addresses[0], rig) if config.lan else None
+    classroom = _open_classroom(config, args.class_key)
     events = EventBus()
     options = {name: str(value) for name, value in vars(args).items() if _is_given(value)}
     identity = IdentityFile(config.data, args.name)
@@ -169,7 +179,13 @@ def run(args: argparse.Namespace) -> int:
     )
     _report_problems(prepared, events)
     services = make_services(
-        config, rig, identity=identity, events=events, persistence=persistence, pairing=pairing
+        config,
+        rig,
+        identity=identity,
+        events=events,
+        persistence=persistence,
+        pairing=pairing,
+        classroom=classroom,
     )
     if pairing is None:
         rig.driver.announce(addresses[0])
@@ -178,7 +194,7 @@ def run(args: argparse.Namespace) -> int:
     # NOTE: newer uvicorns raise a SIGTERM again once they have shut down; with the system's own
     # handler the process would then end before the motors are stopped and the model is saved.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    with rig, persistence, _announced(config):
+    with rig, persistence, _announced(config, identity.now.name):
         _choose_model(persistence.autosave, args, learner)
         if pairing is None:
             print(greet_here(addresses[0], with_eye=with_eye), flush=True)
@@ -275,18 +291,29 @@ def _make_certificates(config: Config) -> Certificates:
     return make_certificates(config.data / "tls", names, dt.datetime.now(dt.UTC))
 
 
-def _open_pairing(config: Config, address: str) -> Pairing:
+def _open_pairing(config: Config, address: str, rig: Rig) -> Pairing:
     from server.security.pairing import Pairing
 
-    return Pairing(
-        config.limits.pairing_failures,
-        file=config.data / "paired.json",
-        on_token=lambda role, token: print(greet_next(address, role, token), flush=True),
-    )
+    def show(role: Role, token: str) -> None:
+        """Draw the next phone's code where the one before it was drawn."""
+        print(greet_next(address, role, token), flush=True)
+        if role is Role.PILOT:
+            rig.driver.announce(pairing_address(address, token))
+
+    return Pairing(config.limits.pairing_failures, file=config.data / "paired.json", on_token=show)
+
+
+def _open_classroom(config: Config, file: Path | None) -> Classroom | None:
+    if file is None:
+        return None
+    from server.security.class_key import read_class_key
+    from server.security.classroom import Classroom
+
+    return Classroom(read_class_key(file), config.data / "class.json")
 
 
 @contextlib.contextmanager
-def _announced(config: Config) -> Iterator[None]:
+def _announced(config: Config, name: str) -> Iterator[None]:
     """Answer to a name on the network; without zeroconf, print a hint and go on."""
     if not config.lan:
         yield
@@ -296,7 +323,7 @@ def _announced(config: Config) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         try:
             stack.enter_context(
-                announced(config.hostname, config.port, lan_addresses(config), tls=config.tls)
+                announced(config.hostname, config.port, lan_addresses(config), name, tls=config.tls)
             )
         except MissingExtraError as error:
             print(f"drivelesson: {error}", file=sys.stderr)

@@ -115,10 +115,13 @@ class Viewer:
     Args:
         send: Sends a frame. It must return at once: a viewer's window holds fewer bytes than its
             transport takes without pausing the writer.
+        every_s: At most one frame in so many seconds.
     """
 
-    def __init__(self, send: Callable[[EncodedFrame], None]) -> None:
+    def __init__(self, send: Callable[[EncodedFrame], None], every_s: float = 0.0) -> None:
         self.send = send
+        self.every_s = every_s
+        self.last_sent_s = float("-inf")
         self.window = VideoWindow()
         self.last_sent_id = 0
 
@@ -192,17 +195,19 @@ class VideoHub:
 
     def offer(self, viewer: Viewer) -> None:
         """Send the newest frame, unless the viewer has it or its window is full."""
-        frame = self._frame
+        frame, now_s = self._frame, self._clock.now_s()
         if frame is None or frame.frame_id == viewer.last_sent_id:
             return
+        if now_s - viewer.last_sent_s < viewer.every_s:
+            return
         window = viewer.window
-        is_large = window.is_easy
+        is_large = window.is_easy and not viewer.every_s  # who looks seldom looks at many
         picture = self._picture_of(frame, is_large)
         n_bytes = len(picture.data)
         if not window.may_send(n_bytes):
             return
-        is_quiet = window.sent(frame.frame_id, n_bytes, self._clock.now_s())
-        viewer.last_sent_id = frame.frame_id
+        is_quiet = window.sent(frame.frame_id, n_bytes, now_s)
+        viewer.last_sent_id, viewer.last_sent_s = frame.frame_id, now_s
         self.frames_sent += 1
         viewer.send(self._encode_once(picture, is_large, is_quiet))
 

@@ -32,11 +32,11 @@ def greet_phones(addresses: Sequence[str], tokens: dict[Role, str]) -> str:
 
 
 def greet_next(address: str, role: Role, token: str) -> str:
-    """Return how the next browser pairs."""
+    """Return how the next browser pairs: a pilot by a code, as the first one did."""
     verb = {Role.PILOT: "drive", Role.VIEWER: "watch", Role.EYE: "be the robot's eye"}[role]
-    return (
-        f"A browser was paired. The next one that is to {verb}: {pairing_address(address, token)}"
-    )
+    there = pairing_address(address, token)
+    code = "\n" + draw_qr(there) if role is Role.PILOT else ""
+    return f"A browser was paired. The next one that is to {verb}: {there}{code}"
 
 
 def pairing_address(address: str, token: str) -> str:

@@ -11,10 +11,18 @@ from robot.errors import MissingExtraError
 
 log = logging.getLogger(__name__)
 
+ROBOT, ADDRESS = "drivelesson", "address"
+"""Properties of the service: the robot's name, and the best of its addresses."""
+
 
 @contextlib.contextmanager
-def announced(hostname: str, port: int, addresses: Sequence[str], *, tls: bool) -> Iterator[None]:
+def announced(
+    hostname: str, port: int, addresses: Sequence[str], robot: str, *, tls: bool
+) -> Iterator[None]:
     """Answer to `hostname`.local inside the block.
+
+    Robots that share a host name would share their addresses too, so each says its own in a
+    property, where the board of a class reads it.
 
     Where the network allows no multicast, that is only logged, and the robot drives.
 
@@ -32,7 +40,7 @@ def announced(hostname: str, port: int, addresses: Sequence[str], *, tls: bool) 
         port=port,
         addresses=[socket.inet_aton(address) for address in addresses],
         server=f"{hostname}.local.",
-        properties={"path": "/"},
+        properties={"path": "/", ROBOT: robot, ADDRESS: addresses[0] if addresses else ""},
     )
     try:
         responder = Zeroconf(interfaces=list(addresses))

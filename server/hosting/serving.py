@@ -12,7 +12,6 @@ from robot.errors import ConfigurationError
 from server.config import Config
 from server.security.certificates import Certificates
 from server.security.listener import DoorListener
-from server.services import services_behind
 
 MAX_MESSAGE_BYTES = 65_536
 """A larger websocket message closes the connection before it is read into memory."""
@@ -80,8 +79,7 @@ def serve(app: Any, listener: socket.socket, certificates: Certificates | None =
 
 
 def _behind_door(app: Any, listener: socket.socket) -> DoorListener:
-    services = services_behind(app)
-    return DoorListener.behind(services.door, listener, services.robot.clock)
+    return DoorListener.behind(app.state.door, listener, app.state.clock)
 
 
 @contextlib.contextmanager

@@ -27,6 +27,7 @@ MODULES = (
     "world",
     "settings",
     "lesson",
+    "classroom",
 )
 """Modules of this package; a new one is registered here only."""
 

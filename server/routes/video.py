@@ -16,12 +16,13 @@ from server.security.pace import Pace
 from server.services import services_of
 
 router = APIRouter()
+_SELDOM_MS = 60_000
 
 
 class _VideoClient:
     """One viewer's socket, read directly or through ASGI."""
 
-    def __init__(self, websocket: WebSocket, hub: Hub) -> None:
+    def __init__(self, websocket: WebSocket, hub: Hub, every_s: float) -> None:
         self._websocket = websocket
         self._hub = hub
         limits = hub.config.limits
@@ -29,7 +30,7 @@ class _VideoClient:
         self._refusals_left = limits.refused_before_closing
         self._waiting: asyncio.Queue[EncodedFrame] = asyncio.Queue()
         self._direct: FastPath | None = websocket.scope.get("extensions", {}).get(EXTENSION)
-        self.viewer = Viewer(self._send)
+        self.viewer = Viewer(self._send, every_s)
 
     def _send(self, frame: EncodedFrame) -> None:
         if self._direct is not None:
@@ -81,10 +82,14 @@ class _VideoClient:
 
 @router.websocket("/ws/video")
 async def video(websocket: WebSocket) -> None:
-    """Send the video to one viewer until it disconnects."""
+    """Send the video to one viewer until it disconnects, `?every_ms=N` a frame every so often."""
     hub = services_of(websocket).hub
     await websocket.accept()
-    client = _VideoClient(websocket, hub)
+    every_ms = websocket.query_params.get("every_ms", "0")
+    if not (every_ms.isdecimal() and len(every_ms) <= 5 and int(every_ms) <= _SELDOM_MS):
+        await websocket.close(1008, f"every_ms must be a whole number up to {_SELDOM_MS}")
+        return
+    client = _VideoClient(websocket, hub, int(every_ms) / 1000)
     hub.watch(client.viewer)
     try:
         await client.run()

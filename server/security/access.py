@@ -22,6 +22,8 @@ PUBLIC_PATHS = frozenset(
         "/js/pair.js",
         "/css/pair.css",
         "/healthz",
+        "/api/class/hello",
+        "/api/class/join",
         "/ca.crt",
         "/favicon.ico",
         "/manifest.webmanifest",
@@ -34,11 +36,17 @@ EYE_PATHS = re.compile(r"/eye|/ws/eye|/api/unpair|/(js|css|icons)/.*")
 
 
 class Role(StrEnum):
-    """What a paired browser may do."""
+    """What a client may do."""
 
     VIEWER = "viewer"
     PILOT = "pilot"
     EYE = "eye"
+    TEACHER = "teacher"
+    """The board of a class: changes what a pilot may and what is locked, and never drives."""
+
+
+PAIRED = (Role.VIEWER, Role.PILOT, Role.EYE)
+"""What a browser can be paired as."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +78,18 @@ class Sessions(Protocol):
         ...
 
 
+class Members(Protocol):
+    """Teachers and locks: `server.security.classroom.Classroom`."""
+
+    def knows(self, authorization: str) -> bool:
+        """True if the header carries the secret of a teacher's session."""
+        ...
+
+    def is_locked(self, path: str, method: str | None) -> bool:
+        """True if only the teacher may send this request."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Access:
     """The rules of one server.
@@ -79,12 +99,14 @@ class Access:
         allows_addresses: Accept any IP address as Host too: DNS rebinding needs a name.
         sessions: The paired browsers; None where every client is admitted.
         cookie: Name of the cookie that carries the session.
+        members: The class that the robot belongs to; None for a robot in no class.
     """
 
     names: frozenset[str]
     allows_addresses: bool = False
     sessions: Sessions | None = None
     cookie: str = ""
+    members: Members | None = None
 
     def check_host(self, headers: Mapping[str, str]) -> Refusal | None:
         """Refuse a request whose Host is another name: DNS rebinding."""
@@ -120,6 +142,8 @@ class Access:
 
     def session_of(self, headers: Mapping[str, str]) -> Session | None:
         """Return the session of a request; None for an unpaired browser."""
+        if self._is_teacher(headers):
+            return Session(role=Role.TEACHER, name="teacher")
         if self.sessions is None:
             return Session(role=Role.PILOT)
         secret = session_of(headers, self.cookie)
@@ -128,6 +152,8 @@ class Access:
 
     def admit(self, path: str, headers: Mapping[str, str], address: str) -> Role | Refusal:
         """Return the role of the client, or why it is refused."""
+        if self._is_teacher(headers):
+            return Role.TEACHER
         if self.sessions is None:
             return Role.PILOT
         role = self.sessions.role_of(session_of(headers, self.cookie))
@@ -146,6 +172,17 @@ class Access:
         if "text/html" in headers.get("accept", ""):
             return Refusal(status=303, reason="unpaired", sentence=sentence, location="/pair")
         return Refusal(status=401, reason="unpaired", sentence=sentence)
+
+    def check_lock(self, path: str, method: str | None, role: Role) -> Refusal | None:
+        """Refuse to change what the teacher has locked."""
+        if self.members is None or role is Role.TEACHER:
+            return None
+        if not self.members.is_locked(path, method):
+            return None
+        return Refusal(status=423, reason="locked", sentence="The teacher has locked this.")
+
+    def _is_teacher(self, headers: Mapping[str, str]) -> bool:
+        return self.members is not None and self.members.knows(headers.get("authorization", ""))
 
 
 def session_of(headers: Mapping[str, str], cookie: str) -> str:

@@ -7,6 +7,7 @@ addresses: a browser that trusts it trusts it for no public site.
 from __future__ import annotations
 
 import datetime as dt
+import hashlib
 import ipaddress
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,6 +34,9 @@ _PRIVATE_NETWORKS = (
 _AUTHORITY_DAYS, _SERVER_DAYS = 3650, 397  # phones reject a server certificate that is valid longer
 
 
+_PEM_END = "-----END CERTIFICATE-----"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificates:
     """Key and certificate files for uvicorn, and the authority's certificate for the phone."""
@@ -40,6 +44,15 @@ class Certificates:
     key: Path
     chain: Path
     authority: Path
+
+
+def certificate_fingerprint(folder: Path) -> str:
+    """Return the SHA-256 of the certificate that `make_certificates` put into a folder."""
+    import ssl
+
+    first, end, _ = (folder / "server.crt").read_text("ascii").partition(_PEM_END)
+    der: bytes = ssl.PEM_cert_to_DER_cert(first + end + "\n")
+    return hashlib.sha256(der).hexdigest()
 
 
 def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> Certificates:

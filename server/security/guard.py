@@ -59,9 +59,17 @@ def require_viewer(request: Request) -> Role:
 
 def require_pilot(request: Request) -> Role:
     """Dependency of routes that change something: 403 for a viewer."""
-    if role_of(request) is not Role.PILOT:
+    role = role_of(request)
+    if role not in (Role.PILOT, Role.TEACHER):
         raise HTTPException(403, "This browser may watch; only a pilot may change things.")
-    return Role.PILOT
+    return role
+
+
+def require_teacher(request: Request) -> Role:
+    """Dependency of routes for the board of a class: 403 for anybody else."""
+    if role_of(request) is not Role.TEACHER:
+        raise HTTPException(403, "Only the board of this robot's class may do that.")
+    return Role.TEACHER
 
 
 class Guard:
@@ -120,7 +128,10 @@ class Guard:
         # A paired browser has its own rate limit: unpaired clients at its address do not use it up.
         payer = session.name if session is not None and session.name else address_key(address)
         refusal = self._check_limits(scope, headers, payer)
-        return refusal or access.admit(scope["path"], headers, address)
+        verdict = refusal or access.admit(scope["path"], headers, address)
+        if isinstance(verdict, Refusal):
+            return verdict
+        return access.check_lock(scope["path"], method, verdict) or verdict
 
     def _check_limits(self, scope: Scope, headers: dict[str, str], payer: str) -> Refusal | None:
         if "\0" in scope["path"]:

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from robot.storage.records import read_regular
 from server.config import Config
-from server.security.access import Refusal, Role
+from server.security.access import PAIRED, Refusal, Role
 from server.security.door import address_key
 
 log = logging.getLogger(__name__)
@@ -28,6 +28,9 @@ _ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """Without letters and digits that look alike."""
 _TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
 _SESSIONS = 64
+INVITATION_S = 300.0
+"""A token shown on a class's board is valid so long, for any number of phones."""
+_INVITATIONS = 16
 _ADDRESSES = 1024
 """For how many addresses failures are remembered."""
 
@@ -68,7 +71,8 @@ class Pairing:
         self._file = file
         self._on_token = on_token
         self._sessions: dict[str, Role] = _load(file) if file else {}
-        self.tokens: dict[Role, str] = {role: _new_token() for role in Role}
+        self.tokens: dict[Role, str] = {role: _new_token() for role in PAIRED}
+        self._invitations: OrderedDict[str, tuple[Role, float]] = OrderedDict()
 
     def redeem(self, token: str, now_s: float, address: str = "") -> Paired | Refusal:
         """Exchange a token for a session. Each token works once and is then replaced.
@@ -79,7 +83,13 @@ class Pairing:
         given = "".join(letter for letter in token.upper()[:64] if letter in _ALPHABET)
         for role, wanted in self.tokens.items():
             if hmac.compare_digest(given.encode(), wanted.replace("-", "").encode()):
-                return self._pair(role)
+                paired = self._pair(role)
+                self.tokens[role] = _new_token()
+                self._on_token(role, self.tokens[role])
+                return paired
+        invited = self._invited_as(given, now_s)
+        if invited is not None:
+            return self._pair(invited)
         if self._must_wait(now_s, address_key(address)):
             return Refusal(
                 status=429,
@@ -92,6 +102,24 @@ class Pairing:
             reason="pairing",
             sentence="That token is wrong or was used. The robot's terminal shows a valid one.",
         )
+
+    def invite(self, role: Role, now_s: float) -> tuple[str, float]:
+        """Return a token for any number of browsers, and how many seconds it is valid.
+
+        The board shows it as a QR code that several phones scan at once or one after the other.
+        """
+        token = _new_token()
+        self._invitations[token.replace("-", "")] = role, now_s + INVITATION_S
+        while len(self._invitations) > _INVITATIONS:
+            self._invitations.popitem(last=False)
+        return token, INVITATION_S
+
+    def _invited_as(self, given: str, now_s: float) -> Role | None:
+        found = None
+        for token, (role, until_s) in self._invitations.items():
+            if hmac.compare_digest(given.encode(), token.encode()) and now_s < until_s:
+                found = role
+        return found
 
     def role_of(self, secret: str) -> Role | None:
         """Return the role of a session; None if there is no such session."""
@@ -123,8 +151,6 @@ class Pairing:
         while len(self._sessions) > _SESSIONS:
             del self._sessions[next(iter(self._sessions))]
         self._save()
-        self.tokens[role] = _new_token()
-        self._on_token(role, self.tokens[role])
         log.info("paired role=%s", role.value)
         return Paired(role=role, secret=secret)
 
@@ -146,7 +172,8 @@ class Pairing:
 def _load(file: Path) -> dict[str, Role]:
     try:
         rows = json.loads(read_regular(file, 1 << 20))["sessions"]
-        return {str(row["sha256"]): Role(row["role"]) for row in rows}
+        roles = {str(row["sha256"]): Role(row["role"]) for row in rows}
+        return {key: role for key, role in roles.items() if role in PAIRED}
     except FileNotFoundError:
         return {}
     except (OSError, ValueError, KeyError, TypeError) as error:

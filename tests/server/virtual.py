@@ -115,6 +115,7 @@ class Socket:
         self.close_code: int | None = None
         self.is_accepted = False
         self.refused_with: int | None = None
+        path, _, query = path.partition("?")
         scope = {
             "type": "websocket",
             "asgi": {"version": "3.0", "spec_version": "2.3"},
@@ -122,7 +123,7 @@ class Socket:
             "scheme": "ws",
             "path": path,
             "raw_path": path.encode(),
-            "query_string": b"",
+            "query_string": query.encode(),
             "root_path": "",
             "headers": [
                 (name.encode(), value.encode())

@@ -107,7 +107,7 @@ class VirtualServer:
         return VirtualPilot(self)
 
     def __enter__(self) -> Self:
-        self._stack.enter_context(_threads_of_the_pool_inline())
+        self._stack.enter_context(threads_of_the_pool_inline())
         self._runner = self._stack.enter_context(self.clock.runner())
         self._stack.enter_context(self.rig)
         lifespan = self.app.router.lifespan_context(self.app)
@@ -193,11 +193,11 @@ class VirtualServer:
         request = httpx.Request("GET", self.address)
         return self.request(request, path)
 
-    async def _begin(self, request: httpx.Request, path: str | None) -> _Exchange:
-        return _Exchange(self, request, path)
+    async def _begin(self, request: httpx.Request, path: str | None) -> Exchange:
+        return Exchange(self, request, path)
 
 
-class _Exchange:
+class Exchange:
     """One HTTP request and what has been answered so far."""
 
     def __init__(self, server: VirtualServer, request: httpx.Request, raw_path: str | None) -> None:
@@ -242,7 +242,7 @@ class _Exchange:
 
 
 class _Body(httpx.SyncByteStream):
-    def __init__(self, server: VirtualServer, exchange: _Exchange) -> None:
+    def __init__(self, server: VirtualServer, exchange: Exchange) -> None:
         self._server, self._exchange = server, exchange
 
     def __iter__(self) -> Iterator[bytes]:
@@ -387,7 +387,7 @@ class VirtualPilot:
 
 
 @contextlib.contextmanager
-def _threads_of_the_pool_inline() -> Iterator[None]:
+def threads_of_the_pool_inline() -> Iterator[None]:
     """Have routes that go to a thread of anyio's pool run where they are: it waits for real."""
 
     async def run_sync(function: Callable[..., _T], *args: Any, **_: Any) -> _T:

@@ -29,13 +29,16 @@ def test_without_segno_a_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) -
 
 def test_without_zeroconf_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "zeroconf", None)
-    with pytest.raises(MissingExtraError, match="lan"), announced("r", 1, ["127.0.0.1"], tls=False):
+    with (
+        pytest.raises(MissingExtraError, match="lan"),
+        announced("r", 1, ["127.0.0.1"], "Ada", tls=False),
+    ):
         pass
 
 
 def test_the_name_is_answered() -> None:
     zeroconf = pytest.importorskip("zeroconf")
-    with announced("drivelesson-test", 8123, ["127.0.0.1"], tls=False):
+    with announced("drivelesson-test", 8123, ["127.0.0.1"], "Ada", tls=False):
         asker = zeroconf.Zeroconf(interfaces=["127.0.0.1"])
         try:
             kind = "_http._tcp.local."

@@ -1,0 +1,236 @@
+"""The board's own server: one page for the teacher, on the teacher's machine alone."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import io
+import json
+import struct
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
+from typing import Any
+
+from fastapi import FastAPI, HTTPException, Request, WebSocket
+from fastapi.responses import FileResponse, Response
+
+from robot.clock import Clock
+from robot.errors import NotFoundError, RobotError
+from server.board.board import Board, Onlooker
+from server.board.model_copy import copy_model
+from server.board.robot_link import RefusedError, RobotLink
+from server.config import Config
+from server.hosting.network import host_names
+from server.hosting.static_files import CompressedFiles
+from server.routes.bodies import read_body
+from server.routes.sockets import end_with_either
+from server.security.access import Access
+from server.security.door import Door
+from server.security.guard import STOP_PATH, Guard
+from server.security.listener import connection_capacity
+
+SEND_EVERY_S = 0.1
+"""News and pictures are gathered so long, and sent together."""
+PICTURE_HEADER = struct.Struct("<HI")
+"""Before each picture: the robot's number, and how many bytes follow."""
+
+
+def create_board_app(
+    config: Config, board: Board, clock: Clock, begin: Callable[[], None] = lambda: None
+) -> FastAPI:
+    """Make the application.
+
+    Args:
+        config: Where it is served, and the folder of the page's files.
+        board: The robots.
+        clock: All waiting goes through it.
+        begin: Called when the event loop runs, to add the robots.
+    """
+    app = FastAPI(title="Drivelesson board", docs_url=None, redoc_url=None, openapi_url=None)
+    door = Door(config.limits, connection_capacity())
+    app.state.door, app.state.clock = door, clock
+    _add_routes(app, config, board, clock)
+    app.mount("/", CompressedFiles(directory=config.web_folder), name="web")
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        begin()
+        try:
+            yield
+        finally:
+            await board.close()
+
+    # NOTE: set here, because FastAPI has the argument `lifespan` only since 0.93.
+    app.router.lifespan_context = lifespan
+    app.add_middleware(
+        Guard,
+        limits=config.limits,
+        access=Access(names=frozenset(host_names(config))),
+        refused=Counter(),
+        door=door,
+        clock=clock,
+    )
+    return app
+
+
+def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> None:
+    @app.get("/", include_in_schema=False)
+    async def page() -> Response:
+        return FileResponse(config.web_folder / "board" / "index.html")
+
+    @app.get("/api/robots")
+    async def list_robots() -> dict[str, Any]:
+        return {"robots": board.describe()}
+
+    @app.post(STOP_PATH)
+    async def stop(request: Request) -> dict[str, Any]:
+        """Stop {robot}, or all."""
+        number = (await read_body(request)).get("robot")
+        with _as_status():
+            board.stop(number)
+        return {"robots": board.describe()}
+
+    @app.put("/api/robots/{number}")
+    async def change(request: Request, number: int) -> dict[str, Any]:
+        """Change {name}, {colour} or {locks} of a robot."""
+        body = await read_body(request)
+        robot = _find(board, number)
+        words = {key: body[key] for key in ("name", "colour") if key in body}
+        with _as_status(robot):
+            if words:
+                await robot.ask("PUT", "/api/settings", words)
+            if "locks" in body:
+                await robot.ask("PUT", "/api/class/locks", {"locks": body["locks"]})
+            await robot.refresh()
+        return robot.describe()
+
+    @app.put("/api/locks")
+    async def lock_all(request: Request) -> dict[str, Any]:
+        """Lock {locks} on every robot, and say which could not be told."""
+        locks = (await read_body(request)).get("locks")
+
+        async def tell(robot: RobotLink) -> str | None:
+            try:
+                await robot.ask("PUT", "/api/class/locks", {"locks": locks})
+                await robot.refresh()
+            except (RobotError, TimeoutError) as error:
+                return f"{robot.name}: {error}"
+            return None
+
+        said = await asyncio.gather(*(tell(robot) for robot in board.robots.values()))
+        return {"faults": [sentence for sentence in said if sentence is not None]}
+
+    @app.post("/api/robots/{number}/copy-model")
+    async def take_model(request: Request, number: int) -> dict[str, Any]:
+        """Copy this robot's model in use: {to: [number, ...], use?}."""
+        body = await read_body(request)
+        to = body.get("to")
+        if not isinstance(to, list) or not to:
+            raise HTTPException(400, "'to' must be a list of robots' numbers.")
+        targets = [_find(board, target) for target in to if target != number]
+        copied = await copy_model(_find(board, number), targets, use=body.get("use") is not False)
+        for robot in targets:
+            with suppress(RobotError, TimeoutError):
+                await robot.refresh()
+        return {"copied": [dataclasses.asdict(row) for row in copied]}
+
+    @app.get("/api/robots/{number}/qr.svg")
+    async def draw_code(number: int) -> Response:
+        """Draw the code that pairs the next phone with a robot."""
+        address = _find(board, number).page_address
+        if address is None:
+            raise HTTPException(409, "There is no code while the robot is away.")
+        import segno
+
+        out = io.BytesIO()
+        segno.make(address, error="m", micro=False).save(
+            out, kind="svg", border=3, light="#fff", dark="#000", xmldecl=False, scale=4
+        )
+        headers = {"cache-control": "no-store"}
+        return Response(out.getvalue(), media_type="image/svg+xml", headers=headers)
+
+    @app.websocket("/ws/board")
+    async def follow(websocket: WebSocket) -> None:
+        """Send news and pictures; receive who is watched, and STOP."""
+        await websocket.accept()
+        due, may_send = asyncio.Event(), asyncio.Event()
+        may_send.set()
+        onlooker = Onlooker(due.set)
+        board.join(onlooker)
+        try:
+            await end_with_either(
+                _hear(websocket, board, onlooker, may_send),
+                _tell(websocket, board, onlooker, clock, due, may_send),
+            )
+        finally:
+            board.leave(onlooker)
+
+
+async def _hear(
+    websocket: WebSocket, board: Board, onlooker: Onlooker, may_send: asyncio.Event
+) -> None:
+    while True:
+        event = await websocket.receive()
+        if event["type"] == "websocket.disconnect":
+            return
+        try:
+            message = json.loads(event.get("text") or "")
+            kind = message["type"]
+            if kind == "stop":
+                board.stop(message.get("robot"))
+            elif kind == "watch":
+                board.watch(onlooker, map(int, message["robots"]))
+            elif kind == "drawn":
+                may_send.set()
+            else:
+                raise ValueError(kind)
+        except (ValueError, KeyError, TypeError, RecursionError, NotFoundError):
+            await websocket.close(1008, "this message makes no sense")
+            return
+
+
+async def _tell(
+    websocket: WebSocket,
+    board: Board,
+    onlooker: Onlooker,
+    clock: Clock,
+    due: asyncio.Event,
+    may_send: asyncio.Event,
+) -> None:
+    """Send what is new; of pictures only the newest, once those before have been drawn."""
+    while True:
+        await due.wait()
+        due.clear()
+        if onlooker.changed:
+            numbers, onlooker.changed = sorted(onlooker.changed), set()
+            robots = [board.robots[number].describe() for number in numbers]
+            text = json.dumps({"type": "robots", "robots": robots}, separators=(",", ":"))
+            await websocket.send_text(text)
+        if onlooker.pictures and may_send.is_set():
+            may_send.clear()
+            pictures, onlooker.pictures = onlooker.pictures, {}
+            parts = [PICTURE_HEADER.pack(n, len(data)) + data for n, data in pictures.items()]
+            await websocket.send_bytes(b"".join(parts))
+        await clock.pause(SEND_EVERY_S)
+        if onlooker.pictures:
+            due.set()
+
+
+def _find(board: Board, number: Any) -> RobotLink:
+    with _as_status():
+        return board.robot(number)
+
+
+@contextmanager
+def _as_status(robot: RobotLink | None = None) -> Iterator[None]:
+    """Turn what a robot refused into a status and a sentence for the page."""
+    name = f"{robot.name}: " if robot is not None else ""
+    try:
+        yield
+    except NotFoundError as error:
+        raise HTTPException(404, str(error)) from error
+    except RefusedError as error:
+        raise HTTPException(error.status, f"{name}{error}") from error
+    except (RobotError, TimeoutError) as error:
+        raise HTTPException(502, f"{name}{error}") from error

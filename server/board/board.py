@@ -1,0 +1,139 @@
+"""All robots of a class: which there are, who looks at them, and STOP for all at once."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from robot.clock import Clock
+from robot.errors import NotFoundError
+from server.board.robot_link import RobotLink
+from server.board.transport import RobotAddress, Transport
+from server.security.class_key import ClassKey
+
+MOST_ROBOTS = 64
+PICTURE_EVERY_S = 1.0
+
+
+class Onlooker:
+    """One open page of the board: what it has not been told yet, and the newest pictures.
+
+    Args:
+        on_due: Called when there is something to send, so that the page's task wakes up.
+    """
+
+    def __init__(self, on_due: Callable[[], None]) -> None:
+        self.watched: frozenset[int] = frozenset()
+        self.changed: set[int] = set()
+        self.pictures: dict[int, bytes] = {}
+        self.on_due = on_due
+
+
+class Board:
+    """The robots of one class. Everything runs on one event loop.
+
+    Args:
+        key: The class's key.
+        transport: Reaches the robots.
+        clock: All waiting goes through it.
+        picture_every_s: How often a robot's picture is renewed, while a page shows it.
+    """
+
+    def __init__(
+        self,
+        key: ClassKey,
+        transport: Transport,
+        clock: Clock,
+        picture_every_s: float = PICTURE_EVERY_S,
+    ) -> None:
+        self._key, self._transport, self._clock = key, transport, clock
+        self._picture_every_s = picture_every_s
+        self.robots: dict[int, RobotLink] = {}
+        self._tasks: list[asyncio.Task[None]] = []
+        self._onlookers: list[Onlooker] = []
+
+    def add(self, address: RobotAddress) -> RobotLink | None:
+        """Add a robot and connect to it; None if it is there already, or there are too many."""
+        if len(self.robots) >= MOST_ROBOTS or any(
+            robot.address == address for robot in self.robots.values()
+        ):
+            return None
+        robot = RobotLink(
+            len(self.robots) + 1,
+            address,
+            self._key,
+            self._transport,
+            self._clock,
+            self._note_news,
+            self._note_picture,
+        )
+        self.robots[robot.number] = robot
+        self._tasks.append(asyncio.create_task(robot.run()))
+        self._note_news(robot)
+        return robot
+
+    async def close(self) -> None:
+        """Disconnect from all robots."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def robot(self, number: object) -> RobotLink:
+        """Return a robot by its number.
+
+        Raises:
+            NotFoundError: If there is none.
+        """
+        if not isinstance(number, int) or number not in self.robots:
+            raise NotFoundError(f"there is no robot {number} on this board")
+        return self.robots[number]
+
+    def describe(self) -> list[dict[str, Any]]:
+        """Return all robots as the page gets them."""
+        return [robot.describe() for robot in self.robots.values()]
+
+    def stop(self, number: object = None) -> None:
+        """Stop one robot, or all of them, at once.
+
+        Raises:
+            NotFoundError: If there is no such robot.
+        """
+        for robot in self.robots.values() if number is None else [self.robot(number)]:
+            robot.stop()
+
+    # Pages -------------------------------------------------------------------------------------
+
+    def join(self, page: Onlooker) -> None:
+        """Add a page; it is told of all robots."""
+        self._onlookers.append(page)
+        page.changed.update(self.robots)
+        page.on_due()
+
+    def leave(self, page: Onlooker) -> None:
+        """Remove a page that was closed."""
+        self._onlookers.remove(page)
+        self._choose_pictures()
+
+    def watch(self, page: Onlooker, numbers: Iterable[int]) -> None:
+        """Send a page the pictures of these robots, and of no others."""
+        page.watched = frozenset(numbers)
+        for number in set(page.pictures) - page.watched:
+            del page.pictures[number]
+        self._choose_pictures()
+
+    def _choose_pictures(self) -> None:
+        watched = frozenset[int]().union(*(page.watched for page in self._onlookers))
+        for robot in self.robots.values():
+            robot.show(self._picture_every_s if robot.number in watched else None)
+
+    def _note_news(self, robot: RobotLink) -> None:
+        for page in self._onlookers:
+            page.changed.add(robot.number)
+            page.on_due()
+
+    def _note_picture(self, robot: RobotLink, message: bytes) -> None:
+        for page in self._onlookers:
+            if robot.number in page.watched:
+                page.pictures[robot.number] = message
+                page.on_due()

@@ -1,0 +1,227 @@
+"""A class in virtual time: real apps of robots, the real board, and a network that can fail."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import random
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
+from typing import Any, TypeVar
+
+import httpx
+
+from robot.clock import VirtualClock
+from robot.testing import FakeCamera, LinkConditions
+from server.app import create_app
+from server.board.board import Board
+from server.board.robot_link import RobotLink, Status
+from server.board.transport import Answer, Place, RobotAddress, UnreachableError
+from server.config import Config
+from server.security.access import Role
+from server.security.class_key import ClassKey, endpoint
+from server.security.classroom import Classroom
+from server.security.pairing import Paired, Pairing, cookie_name
+from server.services import make_services
+from tests.server.virtual import ServedWorld, Socket
+from tests.server.virtual_server import WEB, Exchange, threads_of_the_pool_inline
+
+_T = TypeVar("_T")
+KEY = ClassKey("k" * 40)
+PATIENCE_S = 4.0
+FAULTS = ("none", "slow", "gone", "silent", "half", "nonsense", "wrong key", "no class", "refuses")
+OPEN_FAULTS = ("none", "slow")
+"""Faults through which a robot can be reached all the same."""
+
+
+class Pupil(ServedWorld):
+    """A robot of the class."""
+
+    def __init__(self, clock: VirtualClock, port: int, key: ClassKey | None) -> None:
+        super().__init__(clock, camera=FakeCamera(clock, rate_hz=10.0), seed=port)
+        config = Config(port=port, web=WEB)
+        self.port = port
+        self.pairing = Pairing(10)
+        self.classroom = Classroom(key) if key else None
+        self.services = make_services(
+            config, self.rig, name=f"R{port}", pairing=self.pairing, classroom=self.classroom
+        )
+        self.hub = self.services.hub
+        self.fault = "none"
+        pair = self.pairing.redeem(self.pairing.tokens[Role.PILOT], clock.now_s())
+        assert isinstance(pair, Paired)
+        self._cookie = f"{cookie_name(config)}={pair.secret}"
+
+    def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> Socket:
+        """Open a websocket as the pupil's phone."""
+        headers = {"host": f"127.0.0.1:{self.port}", "cookie": self._cookie}
+        socket = Socket(self, path, on_message, headers)
+        self._sockets.append(socket)
+        return socket
+
+    def restart(self) -> None:
+        """Forget all sessions, as a server does that was started anew."""
+        config = self.services.config
+        assert self.classroom is not None
+        self.classroom = Classroom(KEY)
+        services = make_services(
+            config, self.rig, name="Anew", pairing=self.pairing, classroom=self.classroom
+        )
+        self.services = services
+        self.__dict__["app"] = create_app(services)
+        for socket in self._sockets:
+            socket.cut()
+
+
+class VirtualNetwork:
+    """The board's transport: straight into the robots' apps, if the network lets it."""
+
+    def __init__(self, pupils: Mapping[int, Any], dice: random.Random) -> None:
+        self.pupils, self._dice = pupils, dice
+        self.requests: list[tuple[int, str]] = []
+        self.sees_as: dict[int, str] = {}
+        """Endpoints as the board sees them, where somebody stands in between."""
+
+    async def locate(self, address: RobotAddress) -> Place:
+        at = self.sees_as.get(address.port, endpoint(address.host, address.port))
+        return Place(address, at)
+
+    async def request(
+        self, place: Place, method: str, path: str, headers: Mapping[str, str], body: bytes = b""
+    ) -> Answer:
+        pupil = self.pupils[place.address.port]
+        self.requests.append((pupil.port, f"{method} {path}"))
+        fault = getattr(pupil, "fault", "none")
+        if fault == "gone":
+            raise UnreachableError("connection refused")
+        if fault == "silent":
+            await asyncio.sleep(PATIENCE_S)
+            raise UnreachableError("it does not answer in time")
+        if fault == "slow":
+            await asyncio.sleep(self._dice.uniform(0.02, 0.1))
+        if fault == "refuses":
+            return Answer(503, b'{"detail": "Too many."}')
+        if fault == "nonsense":
+            return Answer(200, self._dice.randbytes(40))
+        url = f"http://127.0.0.1:{pupil.port}{path}"
+        exchange = Exchange(
+            pupil, httpx.Request(method, url, headers=dict(headers), content=body), None
+        )
+        await exchange.task
+        data = b"".join(exchange.chunks)
+        if fault == "half":
+            if path.endswith("/file") and method == "GET":
+                raise UnreachableError("it ended in the middle of its answer")
+            data = data[: len(data) // 2]
+        return Answer(exchange.status or 500, data)
+
+    @contextlib.asynccontextmanager
+    async def connect(
+        self, place: Place, path: str, headers: Mapping[str, str]
+    ) -> AsyncIterator[Any]:
+        pupil = self.pupils[place.address.port]
+        if pupil.fault in ("gone", "silent", "refuses"):
+            raise UnreachableError("connection refused")
+        channel = _Channel(pupil, path, headers)
+        try:
+            yield channel
+        finally:
+            channel.socket.cut()
+
+
+class _Channel:
+    def __init__(self, pupil: Pupil, path: str, headers: Mapping[str, str]) -> None:
+        self._pupil = pupil
+        self._inbox: asyncio.Queue[str | bytes] = asyncio.Queue()
+        host = {"host": f"127.0.0.1:{pupil.port}"}
+        self.socket = Socket(pupil, path, self._inbox.put_nowait, {**host, **headers})
+        pupil._sockets.append(self.socket)
+
+    async def receive(self) -> str | bytes:
+        taking = asyncio.ensure_future(self._inbox.get())
+        ending = self.socket.task
+        await asyncio.wait([taking, ending], return_when=asyncio.FIRST_COMPLETED)
+        if taking.done():
+            return taking.result()
+        taking.cancel()
+        raise UnreachableError("it has closed the connection")
+
+    async def send(self, message: str | bytes) -> None:
+        if self.socket.is_closed:
+            raise UnreachableError("it has closed the connection")
+        self.socket.send(message)
+
+
+class ClassWorld:
+    """Robots and their board."""
+
+    def __init__(self, clock: VirtualClock, pupils: list[Pupil], seed: int) -> None:
+        self.clock, self.pupils = clock, {pupil.port: pupil for pupil in pupils}
+        self.dice = random.Random(seed)
+        self.network = VirtualNetwork(self.pupils, self.dice)
+        self.board = Board(KEY, self.network, clock)
+
+    def link(self, pupil: Pupil) -> RobotLink:
+        [found] = [r for r in self.board.robots.values() if r.address.port == pupil.port]
+        return found
+
+    def add_all(self) -> None:
+        for pupil in self.pupils.values():
+            self.board.add(RobotAddress("127.0.0.1", pupil.port))
+
+    async def until(self, condition: Callable[[], bool], within_s: float, what: str) -> float:
+        start_s = self.clock.now_s()
+        while not condition():
+            assert self.clock.now_s() - start_s < within_s, f"not within {within_s} s: {what}"
+            await self.clock.pause(0.005)
+        return self.clock.now_s() - start_s
+
+    async def until_there(self, pupils: list[Pupil], within_s: float = 20.0) -> None:
+        await self.until(
+            lambda: all(self.link(p).status is Status.THERE and self.link(p).state for p in pupils),
+            within_s,
+            str([(p.port, p.fault, self.link(p).status, self.link(p).detail) for p in pupils]),
+        )
+
+
+def in_class(
+    scenario: Callable[[ClassWorld], Coroutine[Any, Any, _T]],
+    robots: int = 3,
+    seed: int = 1,
+    faults: Callable[[random.Random, int], str] = lambda dice, i: "none",
+) -> _T:
+    """Run a scenario with a class of robots, each with a fault from the start."""
+    clock, dice = VirtualClock(100.0), random.Random(seed)
+    chosen = [faults(dice, i) for i in range(robots)]
+
+    async def main() -> _T:
+        async with contextlib.AsyncExitStack() as stack:
+            stack.enter_context(threads_of_the_pool_inline())
+            pupils = []
+            for i, fault in enumerate(chosen):
+                key = {"wrong key": ClassKey("w" * 40), "no class": None}.get(fault, KEY)
+                pupil = Pupil(clock, 9000 + i, key)
+                break_down(pupil, fault)
+                pupils.append(await stack.enter_async_context(pupil))
+            world = ClassWorld(clock, pupils, seed)
+            stack.push_async_callback(world.board.close)
+            world.add_all()
+            return await scenario(world)
+
+    return clock.run(main())
+
+
+def break_down(pupil: Pupil, fault: str) -> None:
+    """Give a robot's network a fault, or mend it with `none`; what is open is affected as well."""
+    pupil.fault = fault
+    pupil.link.conditions = LinkConditions(
+        is_silent=fault in ("silent", "gone"),
+        delay_s=0.06 if fault == "slow" else 0.0,
+        jitter_s=0.04 if fault == "slow" else 0.0,
+    )
+
+
+def as_teacher(board_nonce: str, offer: dict[str, str], at: str, key: ClassKey = KEY) -> str:
+    """Return what a board answers to a robot's offer."""
+    proof = key.prove("board", board_nonce, offer["nonce"], at)
+    return json.dumps({"board_nonce": board_nonce, "nonce": offer["nonce"], "proof": proof})

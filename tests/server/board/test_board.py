@@ -1,0 +1,172 @@
+"""The board of a class: whoever can be reached is stopped at once, and the others are named."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from robot.types import Action
+from server.board.board import Onlooker
+from server.board.robot_link import Status, Stopping
+
+from .classroom_world import FAULTS, OPEN_FAULTS, ClassWorld, Pupil, break_down, in_class
+
+STOP_S = 0.3
+
+
+def _latched(pupil: Pupil) -> bool:
+    return pupil.loop.state.emergency and pupil.driver.now is Action.STOP
+
+
+def test_stop_all_reaches_ten_robots_within_300_ms() -> None:
+    async def scenario(world: ClassWorld) -> float:
+        pupils = list(world.pupils.values())
+        await world.until_there(pupils)
+        for pupil in pupils:
+            phone = await pupil.pilot(sees=True)
+            await phone.wait_for_state()
+            phone.mode("train")
+            phone.hold("forward")
+            await pupil.until(lambda p=pupil: p.driver.now is Action.FORWARD, 5.0, "it drives")
+        world.board.stop()
+        return await world.until(lambda: all(map(_latched, pupils)), 5.0, "all stand")
+
+    assert in_class(scenario, robots=10, faults=lambda dice, i: dice.choice(OPEN_FAULTS)) < STOP_S
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_whatever_fails_the_others_stop_in_time_and_the_rest_are_named(seed: int) -> None:
+    """Faults before and after the robots were connected, drawn anew for each seed."""
+
+    async def scenario(world: ClassWorld) -> None:
+        before = {p.port: p.fault for p in world.pupils.values()}
+        good = [p for p in world.pupils.values() if p.fault in OPEN_FAULTS]
+        await world.until_there(good)
+        for pupil in good[::2]:
+            break_down(pupil, world.dice.choice(("gone", "silent")))
+        reached = [p for p in good if p.fault in OPEN_FAULTS]
+        lost = [p for p in world.pupils.values() if p not in reached]
+        await world.clock.pause(world.dice.uniform(0, 8))
+        world.board.stop()
+        took_s = await world.until(lambda: all(map(_latched, reached)), 5.0, "the reached stand")
+        assert took_s < STOP_S, "a robot that fails delays no other"
+        named_s = await world.until(
+            lambda: all(world.link(p).stopping is Stopping.NOT_REACHED for p in lost),
+            5.0,
+            str(lost),
+        )
+        assert named_s < 2 * STOP_S
+        assert all(world.link(p).stopping is Stopping.STOPPED for p in reached)
+        mendable = [p for p in lost if before[p.port] not in ("wrong key", "no class")]
+        for pupil in mendable:
+            break_down(pupil, "none")
+        await world.until(lambda: all(map(_latched, mendable)), 15.0, "stopped once they are back")
+        for pupil in lost:
+            if pupil not in mendable:
+                wanted = Status.NOT_OURS if before[pupil.port] == "wrong key" else Status.NO_CLASS
+                assert world.link(pupil).status is wanted and not pupil.loop.state.emergency
+
+    in_class(scenario, robots=6, seed=seed, faults=_any_fault)
+
+
+def _any_fault(dice: random.Random, number: int) -> str:
+    return "none" if number < 3 else dice.choice(FAULTS)
+
+
+def test_one_robot_is_stopped_and_no_other() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        one, *others = world.pupils.values()
+        await world.until_there([one, *others])
+        world.board.stop(world.link(one).number)
+        await world.until(lambda: _latched(one), STOP_S, "it stands")
+        await world.clock.pause(3.0)
+        assert not any(pupil.loop.state.emergency for pupil in others)
+
+    in_class(scenario)
+
+
+def test_a_robot_released_on_a_phone_is_shown_as_released() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        one, *_ = world.pupils.values()
+        await world.until_there([one])
+        world.board.stop()
+        await world.until(lambda: world.link(one).stopping is Stopping.STOPPED, 1.0, "confirmed")
+        one.loop.release_emergency()
+        await world.until(lambda: world.link(one).stopping is None, 1.0, "released")
+        await world.clock.pause(5.0)
+        assert not one.loop.state.emergency, "a stop that was confirmed is never repeated"
+
+    in_class(scenario)
+
+
+def test_a_robot_that_was_started_anew_is_joined_again() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        one, *_ = world.pupils.values()
+        await world.until_there([one])
+        one.restart()
+        async with _running_hub(one):
+            await world.until(lambda: world.link(one).name == "Anew", 20.0, "joined again")
+            await world.until_there([one])
+
+    in_class(scenario, robots=2)
+
+
+class _running_hub:  # noqa: N801
+    def __init__(self, pupil: Pupil) -> None:
+        self._hub = pupil.services.hub
+        pupil.hub = self._hub
+
+    async def __aenter__(self) -> None:
+        await self._hub.start()
+
+    async def __aexit__(self, *error: object) -> None:
+        await self._hub.stop()
+
+
+def test_pictures_come_only_while_somebody_looks_and_about_one_a_second() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        one, two, *_ = world.pupils.values()
+        await world.until_there([one, two])
+        page = Onlooker(lambda: None)
+        world.board.join(page)
+        await world.clock.pause(2.0)
+        assert not page.pictures and one.hub.video.frames_sent == 0
+        world.board.watch(page, [world.link(one).number])
+        await world.clock.pause(10.0)
+        assert 9 <= one.hub.video.frames_sent <= 12 and two.hub.video.frames_sent == 0
+        assert set(page.pictures) == {world.link(one).number}
+        world.board.watch(page, [])
+        await world.clock.pause(0.5)
+        sent = one.hub.video.frames_sent
+        await world.clock.pause(10.0)
+        assert one.hub.video.frames_sent == sent and one.hub.video.viewers == 0
+        world.board.leave(page)
+
+    in_class(scenario)
+
+
+def test_the_board_takes_no_wheel() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        await world.until_there(list(world.pupils.values()))
+        assert all(pupil.hub.lease.owner is None for pupil in world.pupils.values())
+
+    in_class(scenario)
+
+
+def test_someone_in_between_gets_no_session_and_is_believed_nothing() -> None:
+    """An impostor at another address passes everything on to a real robot, and back."""
+
+    async def scenario(world: ClassWorld) -> None:
+        one, *_ = world.pupils.values()
+        world.network.sees_as[one.port] = "10.0.0.66:8000"
+        link = world.link(one)
+        await world.clock.pause(10.0)
+        assert link.status is Status.NOT_OURS and not link.state
+        joins = [path for port, path in world.network.requests if port == one.port]
+        assert "POST /api/class/join" not in joins, "the board proves nothing to it"
+
+    async def relayed_from_the_start(world: ClassWorld) -> None:
+        await scenario(world)
+
+    in_class(relayed_from_the_start)
