@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
         rates = [float(rate) for rate in args.throttle.split(",")]
     except ValueError as error:
         raise ConfigurationError(f"--throttle expects numbers, not {args.throttle!r}") from error
-    with ServerUnderTest("drivelesson", args.rate) as subject, _browser() as page:
+    with ServerUnderTest("drivelesson", args.rate) as subject, running_browser() as page:
         page.open(f"http://127.0.0.1:{subject.port}/")
         rows = [_measure(page, subject, rate, args.seconds) for rate in rates]
     if args.json:
@@ -149,9 +149,9 @@ class DevToolsPage:
         answer = self.send("Runtime.evaluate", expression=expression, returnByValue=True)
         return answer["result"].get("value")
 
-    def wait_for(self, expression: str) -> None:
+    def wait_for(self, expression: str, within_s: float = _PATIENCE_S) -> None:
         """Wait until an expression is true."""
-        deadline_s = time.monotonic() + _PATIENCE_S
+        deadline_s = time.monotonic() + within_s
         while not self.evaluate(expression):
             if time.monotonic() > deadline_s:
                 raise ConfigurationError(f"the page never came to {expression}")
@@ -167,6 +167,15 @@ class DevToolsPage:
         else the machine does is not in them."""
         rows = self.send("Performance.getMetrics")["metrics"]
         return {row["name"]: row["value"] for row in rows}
+
+    def processes_cpu_s(self) -> float:
+        """Return the CPU time of all of Chromium's processes together."""
+        session, self._session = self._session, None  # the browser knows, not the tab
+        try:
+            rows = self.send("SystemInfo.getProcessInfo")["processInfo"]
+        finally:
+            self._session = session
+        return float(sum(row["cpuTime"] for row in rows))
 
     def start_and_hold(self) -> None:
         """Choose to teach, and hold Forward with one finger."""
@@ -190,7 +199,7 @@ class DevToolsPage:
 
 
 @contextlib.contextmanager
-def _browser() -> Iterator[DevToolsPage]:
+def running_browser() -> Iterator[DevToolsPage]:
     """Run a Chromium with a fresh profile while the block runs."""
     from websockets.sync.client import connect
 

@@ -372,6 +372,9 @@ class RobotLink:
         with contextlib.suppress(UnreachableError, TimeoutError):
             async with asyncio.timeout(1.0):
                 await channel.send(_STOP)
+                # An idle client hears of changes only; one that was stopped already tells of none.
+                await channel.send(json.dumps({"type": "watch"}))
+                await channel.send(json.dumps({"type": "idle"}))
 
     async def _press(self) -> None:
         """See to it that a stop is confirmed, and report it if it is not."""

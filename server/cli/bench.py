@@ -12,6 +12,7 @@ from robot.errors import ConfigurationError
 
 BENCHMARKS = {
     "ablation": "server.bench.ablation",
+    "board": "server.bench.board",
     "learner": "server.bench.learner",
     "link": "server.bench.link",
     "page": "server.bench.page",

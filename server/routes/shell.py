@@ -11,14 +11,15 @@ from server.services import services_of
 
 router = APIRouter()
 _KEPT = {".css", ".js", ".png", ".svg", ".webmanifest"}
-_APART = {"sw.js", "js/pair.js", "css/pair.css"}
-"""Not cached: the service worker itself, and the pairing page."""
+_APART = ("sw.js", "js/pair.js", "css/pair.css", "board/")
+"""Not cached: the service worker itself, the pairing page, and the teacher's."""
 
 
 def shell_files(folder: Path) -> list[str]:
     """List the addresses of the page's files."""
     paths = (path.relative_to(folder) for path in folder.rglob("*") if path.suffix in _KEPT)
-    return ["/", *sorted(f"/{path.as_posix()}" for path in paths if path.as_posix() not in _APART)]
+    names = sorted(path.as_posix() for path in paths)
+    return ["/", *(f"/{name}" for name in names if not name.startswith(_APART))]
 
 
 @router.get("/shell.json", dependencies=[Depends(require_viewer)], include_in_schema=False)

@@ -23,6 +23,7 @@ from server.config import Config
 from server.security.pairing import Pairing
 from tests.server.live_robot import WEB, live_server
 
+from .class_world import running_class
 from .proxy import Proxy
 from .world import (
     DESKTOP,
@@ -60,6 +61,7 @@ def take_all(folder: Path) -> None:
             _each(browser, world, folder, _take_screens)
             _take_away(browser, world, folder)
         _take_pairing(browser, folder)
+        _take_class(browser, folder)
         for _ in range(5):  # a busy machine may stop the robot in the middle of it
             with _world("box") as world:
                 if _film(browser, world, folder / "ten-seconds.webp"):
@@ -247,6 +249,36 @@ def _take_pairing(browser: Any, folder: Path) -> None:
                 page.goto(f"{server.address}/pair")
                 page.wait_for_timeout(300)
                 _save(page.screenshot(), folder / f"pair-{ending}.png")
+
+
+def _take_class(browser: Any, folder: Path) -> None:
+    """The teacher's board: pictures, codes, and a STOP that does not reach one robot."""
+    with (
+        tempfile.TemporaryDirectory() as kept,
+        running_class(Path(kept), 8, 1, simulated=True) as world,
+    ):
+        for ending, context in _contexts(browser):
+            page = context.new_page()
+            page.goto(world.address)
+            page.locator(".robot[data-status=there]").nth(7).wait_for()
+            for i, mode in enumerate((Mode.TRAIN, Mode.AUTONOMOUS, Mode.STOPPED)):
+                world.robots[i].robot.loop.set_mode(mode)
+            page.wait_for_timeout(2500)
+            _save(page.screenshot(), folder / f"class-{ending}.png")
+            page.locator("[data-view=codes]").click()
+            page.wait_for_timeout(500)
+            _save(page.screenshot(), folder / f"class-codes-{ending}.png")
+            page.locator("[data-view=pictures]").click()
+            page.locator("[data-number='2'] .acts button").last.click()
+            page.wait_for_timeout(500)
+            _save(page.screenshot(), folder / f"class-robot-{ending}.png")
+            page.locator("#panel .title button").click()
+            page.locator("button.stop").click()
+            page.locator("#loud p").wait_for()
+            page.wait_for_timeout(1200)
+            _save(page.screenshot(), folder / f"class-stop-{ending}.png")
+            for robot in world.robots:
+                robot.robot.loop.release_emergency()
 
 
 def _hold_lesson(browser: Any, world: World) -> None:

@@ -13,10 +13,11 @@ export function pickLanguage(wanted, chosen) {
   return codes.find((code) => code in LANGUAGES) ?? 'en';
 }
 
-export async function loadLanguage() {
+/** @param {(code: string) => Promise<{default: Record<string, string>}>} [load]  a message file */
+export async function loadLanguage(load = (code) => import(`./messages/${code}.js`)) {
   language = pickLanguage(navigator.languages, localStorage.getItem(KEY));
-  const files = [import('./messages/en.js')];
-  if (language !== 'en') files.push(import(`./messages/${language}.js`));
+  const files = [load('en')];
+  if (language !== 'en') files.push(load(language));
   messages = Object.assign({}, ...(await Promise.all(files)).map((file) => file.default));
   document.documentElement.lang = language;
 }

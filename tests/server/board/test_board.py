@@ -96,6 +96,11 @@ def test_a_robot_released_on_a_phone_is_shown_as_released() -> None:
         await world.until(lambda: world.link(one).stopping is None, 1.0, "released")
         await world.clock.pause(5.0)
         assert not one.loop.state.emergency, "a stop that was confirmed is never repeated"
+        for _ in range(2):
+            world.board.stop()
+            await world.until(lambda: world.link(one).stopping is Stopping.STOPPED, 0.3, "again")
+            await world.clock.pause(1.0)
+            assert world.link(one).stopping is Stopping.STOPPED
 
     in_class(scenario)
 

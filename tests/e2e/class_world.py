@@ -1,0 +1,98 @@
+"""A class on this machine: robots' real servers, and the real board in front of them."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot.clock import RealClock
+from robot.policy.registry import make_policy
+from robot.rig.rig import Rig, build_rig
+from robot.storage.folder import Storage
+from server.app import create_app
+from server.bench.robot import NotingDriver, SteadyCamera
+from server.board.app import create_board_app
+from server.board.board import Board
+from server.board.transport import NetworkTransport, RobotAddress
+from server.config import Config
+from server.hosting.serving import served
+from server.identity import COLOURS, IdentityFile
+from server.persistence import Persistence
+from server.security.class_key import ClassKey
+from server.security.classroom import Classroom
+from server.security.pairing import Pairing
+from server.services import Services, make_services
+
+KEY = ClassKey("k" * 40)
+NAMES = ("Ada", "Bolt", "Comet", "Dot", "Echo", "Fox", "Gizmo", "Hazel", "Indigo", "Juno")
+
+
+@dataclass
+class LiveClass:
+    """The board's address and board, and each robot's services."""
+
+    address: str
+    board: Board
+    robots: list[Services]
+
+
+@contextlib.contextmanager
+def running_class(
+    folder: Path, robots: int = 3, away: int = 0, *, simulated: bool = False
+) -> Iterator[LiveClass]:
+    """Serve so many robots and their board; `away` more are on its list and do not answer."""
+    with contextlib.ExitStack() as stack:
+        found, addresses = [], []
+        for i in range(robots):
+            clock = RealClock()
+            rig = (
+                _simulated(i)
+                if simulated
+                else Rig(
+                    NotingDriver(), SteadyCamera(clock, 10.0), make_policy("published-8"), clock
+                )
+            )
+            data = folder / f"robot-{i}"
+            identity = IdentityFile(data, NAMES[i % len(NAMES)])
+            identity.change(colour=COLOURS[i % len(COLOURS)])
+            persistence = Persistence(Storage(data), rig, name=identity.now.name)
+            config = Config(port=0, data=data)
+            services = make_services(
+                config,
+                rig,
+                identity=identity,
+                persistence=persistence,
+                pairing=Pairing(10),
+                classroom=Classroom(KEY, data / "class.json"),
+            )
+            stack.enter_context(rig)
+            stack.enter_context(persistence)
+            address = stack.enter_context(served(create_app(services), config))
+            addresses.append(RobotAddress.parse(address))
+            found.append(services)
+        addresses += [RobotAddress("127.0.0.1", _free_port()) for _ in range(away)]
+        clock = RealClock()
+        board = Board(KEY, NetworkTransport(), clock)
+
+        def begin() -> None:
+            for one in addresses:
+                board.add(one)
+
+        config = Config(port=0, data=folder)
+        address = stack.enter_context(served(create_board_app(config, board, clock, begin), config))
+        yield LiveClass(address, board, found)
+
+
+def _simulated(number: int) -> Rig:
+    worlds = ("box", "office")
+    options = {"world": worlds[number % 2], "seed": str(number), "frame_rate_hz": "5"}
+    return build_rig("sim", options=options)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,40 @@
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+
+import { parsePictures } from '../../web/board/pictures.js';
+import { encodePicture } from '../../web/js/protocol.js';
+
+const picture = (frameId, bytes) => ({ frameId, capturedMs: 5, encoding: 'jpeg', width: 160, height: 120, nonce: 0, data: Uint8Array.from(bytes) });
+
+/** What server/board/app.py sends. */
+function pack(pictures) {
+  const parts = pictures.map(([number, one]) => {
+    const message = new Uint8Array(encodePicture(one));
+    const part = new Uint8Array(6 + message.length);
+    const view = new DataView(part.buffer);
+    view.setUint16(0, number, true);
+    view.setUint32(2, message.length, true);
+    part.set(message, 6);
+    return part;
+  });
+  return new Uint8Array(parts.flatMap((part) => [...part])).buffer;
+}
+
+test('the pictures of many robots come apart again', () => {
+  for (const count of [0, 1, 2, 30]) {
+    const sent = Array.from({ length: count }, (_, i) => [i + 1, picture(i + 7, Array(i * 3).fill(i))]);
+    const found = parsePictures(pack(sent));
+    assert.deepEqual([...found.keys()], sent.map(([number]) => number));
+    for (const [number, one] of sent) {
+      assert.equal(found.get(number).frameId, one.frameId);
+      assert.deepEqual([...found.get(number).data], [...one.data]);
+    }
+  }
+});
+
+test('a message that is cut short gives the pictures before the cut', () => {
+  const whole = pack([[1, picture(1, [1, 2, 3])], [2, picture(2, [4, 5, 6])]]);
+  for (let bytes = 0; bytes < whole.byteLength; bytes += 1) {
+    assert.ok(parsePictures(whole.slice(0, bytes)).size <= (bytes >= whole.byteLength / 2 ? 1 : 0));
+  }
+});

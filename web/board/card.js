@@ -1,0 +1,105 @@
+// One robot on the board: picture or QR code, who drives, how well, and a STOP of its own.
+
+import { decode } from '../js/picture.js';
+import { h, icon, say } from '../js/dom.js';
+import { percent, t } from '../js/i18n.js';
+
+/** @typedef {import('./class-link.js').Robot} Robot */
+
+/** Who drives, as a key of the messages. @param {Robot} robot */
+export function who(robot) {
+  if (robot.status !== 'there') return `status.${robot.status}`;
+  if (robot.emergency) return 'who.stopped';
+  if (robot.asks_pilot) return 'who.asks';
+  return `who.${robot.driven_by ?? 'nobody'}`;
+}
+
+export class Card {
+  /** @param {number} number @param {{stop: (number: number) => void, open: (number: number) => void}} acts */
+  constructor(number, acts) {
+    this.number = number;
+    this.canvas = h('canvas', { class: 'seen', width: 160, height: 120, 'aria-hidden': 'true' });
+    this.code = h('img', { class: 'code', alt: '', hidden: true });
+    this.name = h('h2');
+    this.chip = h('p', { class: 'chip' });
+    this.signs = { nobody: icon('nobody'), pilot: icon('pilot'), robot: icon('robot') };
+    this.chipText = h('span');
+    this.figures = h('p', { class: 'figures' });
+    this.why = h('p', { class: 'why' });
+    this.stop = h('button', { class: 'halt', type: 'button' }, t('stop'));
+    this.more = h('button', { type: 'button', onclick: () => acts.open(number) }, icon('more'));
+    // Pressed counts, not lifted; the keyboard comes as a click that no pointer began.
+    this.stop.addEventListener('pointerdown', () => acts.stop(number));
+    this.stop.addEventListener('click', (event) => event.detail === 0 && acts.stop(number));
+    this.element = h('article', { class: 'robot', 'data-number': number },
+      h('div', { class: 'view' }, this.canvas, this.code),
+      h('div', { class: 'title' }, h('i', { class: 'dot' }), this.name),
+      this.chip, this.figures, this.why,
+      h('div', { class: 'acts' }, this.stop, this.more));
+    this.shown = '';
+    this.isDrawing = false;
+  }
+
+  /** @param {Robot} robot @param {boolean} showsCode */
+  show(robot, showsCode) {
+    const by = robot.status === 'there' ? robot.driven_by ?? 'nobody' : 'nobody';
+    this.element.dataset.by = by;
+    this.element.dataset.status = robot.status;
+    this.element.dataset.stop = robot.stop ?? '';
+    this.element.dataset.colour = robot.colour ?? 'grey';
+    this.element.classList.toggle('halted', robot.status === 'there' && Boolean(robot.emergency));
+    say(this.name, robot.name);
+    this.element.setAttribute('aria-label', robot.name);
+    this.stop.setAttribute('aria-label', t('stop_one', { name: robot.name }));
+    this.more.setAttribute('aria-label', t('more', { name: robot.name }));
+    if (this.shown !== by) {
+      this.shown = by;
+      this.chip.replaceChildren(this.signs[by], this.chipText);
+    }
+    say(this.chipText, robot.stop === 'not_reached' ? t('not_reached') : robot.stop === 'asked' ? t('stopping') : t(who(robot)));
+    say(this.figures, robot.status === 'there' ? figures(robot).join(' · ') : '');
+    say(this.why, robot.status === 'there' ? robot.fault ?? '' : robot.detail);
+    this.showCode(robot, showsCode);
+  }
+
+  /** @param {Robot} robot @param {boolean} isWanted */
+  showCode(robot, isWanted) {
+    const isShown = isWanted && robot.status === 'there' && robot.invitations > 0;
+    this.canvas.hidden = isWanted;
+    this.code.hidden = !isShown;
+    if (!isShown) return;
+    this.code.alt = t('code_of', { name: robot.name });
+    const source = codeOf(robot);
+    if (this.code.getAttribute('src') !== source) this.code.src = source;
+  }
+
+  /** @param {import('../js/protocol.js').Picture} picture */
+  async draw(picture) {
+    if (this.isDrawing) return;
+    this.isDrawing = true;
+    const bitmap = await decode(picture).catch(() => null);
+    this.isDrawing = false;
+    if (!bitmap) return;
+    const { canvas } = this;
+    if (canvas.width !== bitmap.width) canvas.width = bitmap.width;
+    if (canvas.height !== bitmap.height) canvas.height = bitmap.height;
+    canvas.getContext('2d')?.drawImage(bitmap, 0, 0);
+    canvas.dataset.frames = String(Number(canvas.dataset.frames ?? 0) + 1);
+    bitmap.close();
+  }
+}
+
+/** Where a robot's newest code is drawn. @param {Robot} robot */
+export const codeOf = (robot) => `/api/robots/${robot.number}/qr.svg?${robot.invitations}`;
+
+/** @param {Robot} robot @returns {string[]} */
+function figures(robot) {
+  const found = [];
+  if (robot.agreement !== null) found.push(t('agrees', { share: percent(robot.agreement) }));
+  else if (robot.lessons === 0) found.push(t('untaught'));
+  if (robot.battery !== null) found.push(t('battery', { share: percent(robot.battery) }));
+  if (robot.link && robot.link !== 'good') found.push(t('link_slow'));
+  if (robot.delay_ms !== null) found.push(t('delay', { ms: Math.round(robot.delay_ms) }));
+  return found;
+}
+

@@ -1,0 +1,104 @@
+// The page's line to the board: news and pictures come, STOP goes. It reconnects by itself.
+
+import { parsePictures } from './pictures.js';
+
+const RETRY_MS = 1000;
+
+/**
+ * @typedef {object} Robot  as server/board/robot_link.py describes it
+ * @property {number} number
+ * @property {string} address
+ * @property {string} name
+ * @property {'connecting' | 'there' | 'away' | 'not_ours' | 'no_class'} status
+ * @property {string} detail  why, in English
+ * @property {'asked' | 'stopped' | 'not_reached' | null} stop
+ * @property {number | null} delay_ms
+ * @property {number} invitations  grows with each new QR code
+ * @property {string | null} colour
+ * @property {string[]} locks
+ * @property {string | null} model
+ * @property {import('../js/protocol.js').Mode | null} mode
+ * @property {'nobody' | 'pilot' | 'robot' | null} driven_by
+ * @property {boolean | null} emergency
+ * @property {boolean | null} asks_pilot
+ * @property {string | null} fault
+ * @property {string | null} link
+ * @property {number | null} agreement
+ * @property {number | null} lessons
+ * @property {number | null} battery
+ */
+
+/** Events: `news` when robots have changed, `pictures` with a map of numbers to pictures, `link`. */
+export class ClassLink extends EventTarget {
+  /** @param {string} url */
+  constructor(url) {
+    super();
+    this.url = url;
+    /** @type {Map<number, Robot>} */
+    this.robots = new Map();
+    /** @type {WebSocket | null} */
+    this.socket = null;
+    /** @type {number[]} */
+    this.watched = [];
+    this.isOpen = false;
+  }
+
+  connect() {
+    const socket = new WebSocket(this.url);
+    socket.binaryType = 'arraybuffer';
+    socket.onopen = () => {
+      this.turn(true);
+      this.watch(this.watched);
+    };
+    socket.onmessage = ({ data }) => (typeof data === 'string' ? this.hear(data) : this.look(data));
+    socket.onclose = () => {
+      this.turn(false);
+      setTimeout(() => this.connect(), RETRY_MS);
+    };
+    this.socket = socket;
+  }
+
+  /** @param {boolean} isOpen */
+  turn(isOpen) {
+    if (this.isOpen === isOpen) return;
+    this.isOpen = isOpen;
+    this.dispatchEvent(new Event('link'));
+  }
+
+  /** @param {string} text */
+  hear(text) {
+    const { robots } = JSON.parse(text);
+    for (const robot of robots) this.robots.set(robot.number, robot);
+    this.dispatchEvent(new CustomEvent('news', { detail: robots }));
+  }
+
+  /** @param {ArrayBuffer} data */
+  look(data) {
+    this.dispatchEvent(new CustomEvent('pictures', { detail: parsePictures(data) }));
+  }
+
+  /** Say that the pictures have been drawn; the next ones come only then. */
+  drawn() {
+    this.say({ type: 'drawn' });
+  }
+
+  /** Choose whose pictures are shown; none while nobody can see them. @param {number[]} numbers */
+  watch(numbers) {
+    this.watched = numbers;
+    this.say({ type: 'watch', robots: numbers });
+  }
+
+  /** Stop a robot, or all. @param {number} [robot] */
+  stop(robot) {
+    const words = robot === undefined ? {} : { robot };
+    if (this.say({ type: 'stop', ...words })) return;
+    fetch('/api/stop', { method: 'POST', keepalive: true, body: JSON.stringify(words) }).catch(() => {});
+  }
+
+  /** @param {object} message @returns {boolean} true if it was sent */
+  say(message) {
+    if (this.socket?.readyState !== 1) return false;
+    this.socket.send(JSON.stringify(message));
+    return true;
+  }
+}

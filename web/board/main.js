@@ -1,0 +1,105 @@
+// The teacher's page: all robots of a class, and STOP for all of them above everything else.
+
+import { append, fill, h, say } from '../js/dom.js';
+import { loadLanguage, t } from '../js/i18n.js';
+import { layStops, makeStop } from '../js/stop.js';
+import { Card } from './card.js';
+import { ClassLink } from './class-link.js';
+import { Panel } from './panel.js';
+
+/** @typedef {import('./class-link.js').Robot} Robot */
+
+/** @param {string} id */
+const find = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
+
+await loadLanguage((code) => import(`./messages/${code}.js`));
+document.title = t('title');
+const link = new ClassLink(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/ws/board`);
+const panel = new Panel(find('panel'), () => [...link.robots.values()]);
+/** @type {Map<number, Card>} */
+const cards = new Map();
+/** @type {Set<number>} */
+const inView = new Set();
+let showsCodes = false;
+
+const there = h('small', { role: 'status' });
+const [place, stop] = makeStop(() => link.stop(), '', t('stop_all'));
+const views = ['pictures', 'codes'].map((view) => h('button', {
+  type: 'button', role: 'radio', 'aria-checked': String(view === 'pictures'), 'data-view': view,
+  onclick: () => choose(view),
+}, t(`view.${view}`)));
+append(find('bar'), [
+  h('span', { class: 'plate', 'aria-hidden': 'true' }, 'L'),
+  h('div', { class: 'name' }, h('h1', {}, t('class')), there),
+  h('div', { class: 'segments', role: 'radiogroup', 'aria-label': t('views') }, ...views),
+  h('button', { type: 'button', onclick: () => panel.open('all') }, t('class_settings')),
+  place, stop,
+]);
+say(find('empty'), t('searching'));
+
+/** @param {string} view */
+function choose(view) {
+  showsCodes = view === 'codes';
+  for (const button of views) button.setAttribute('aria-checked', String(button.dataset.view === view));
+  document.body.dataset.view = view;
+  for (const robot of link.robots.values()) cards.get(robot.number)?.show(robot, showsCodes);
+  watch();
+}
+
+/** Nobody sees a hidden page, a card out of sight, or the pictures behind the codes. */
+function watch() {
+  const numbers = document.hidden || showsCodes ? [] : [...inView].sort((a, b) => a - b);
+  if (numbers.join() !== link.watched.join()) link.watch(numbers);
+}
+
+const sight = new IntersectionObserver((entries) => {
+  for (const { target, isIntersecting } of entries) {
+    const number = Number(/** @type {HTMLElement} */ (target).dataset.number);
+    isIntersecting ? inView.add(number) : inView.delete(number);
+  }
+  watch();
+});
+
+/** @param {Robot} robot */
+function cardOf(robot) {
+  let card = cards.get(robot.number);
+  if (!card) {
+    card = new Card(robot.number, { stop: (number) => link.stop(number), open: (number) => panel.open(number) });
+    cards.set(robot.number, card);
+    find('robots').append(card.element);
+    sight.observe(card.element);
+  }
+  return card;
+}
+
+link.addEventListener('news', (event) => {
+  for (const robot of /** @type {CustomEvent<Robot[]>} */ (event).detail) {
+    cardOf(robot).show(robot, showsCodes);
+    panel.note(robot);
+  }
+  summarize();
+});
+
+link.addEventListener('pictures', async (event) => {
+  const pictures = /** @type {CustomEvent<Map<number, import('../js/protocol.js').Picture>>} */ (event).detail;
+  await Promise.all([...pictures].map(([number, picture]) => cards.get(number)?.draw(picture)));
+  link.drawn();
+});
+
+link.addEventListener('link', summarize);
+document.addEventListener('visibilitychange', watch);
+
+function summarize() {
+  const robots = [...link.robots.values()];
+  find('empty').hidden = robots.length > 0;
+  say(there, t('there', { n: robots.filter(({ status }) => status === 'there').length, of: robots.length }));
+  const missed = robots.filter(({ stop: how }) => how === 'not_reached').map(({ name }) => name);
+  const lines = [];
+  if (!link.isOpen && robots.length) lines.push(t('board_away'));
+  if (missed.length) lines.push(t('missed', { names: missed.join(', ') }));
+  const loud = find('loud');
+  if (loud.textContent !== lines.join('')) fill(loud, ...lines.map((line) => h('p', {}, line)));
+  layStops();
+}
+
+link.connect();

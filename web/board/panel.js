@@ -1,0 +1,123 @@
+// What the teacher changes: one robot's name, colour, locks and model, or the locks of all.
+
+import { ask } from '../js/api.js';
+import { fill, h } from '../js/dom.js';
+import { LANGUAGES, chooseLanguage, language, t } from '../js/i18n.js';
+import { codeOf } from './card.js';
+
+/** @typedef {import('./class-link.js').Robot} Robot */
+
+const COLOURS = ['grey', 'green', 'purple', 'pink', 'brown', 'teal'];
+const LOCKS = ['settings', 'models', 'gallery', 'recordings'];
+
+export class Panel {
+  /** @param {HTMLElement} element @param {() => Robot[]} robots  all that there are now */
+  constructor(element, robots) {
+    this.element = element;
+    this.robots = robots;
+    /** @type {number | 'all' | null} */
+    this.subject = null;
+    /** @type {Element | null} */
+    this.opener = null;
+    this.said = h('p', { class: 'said', role: 'status' });
+    element.addEventListener('keydown', (event) => event.key === 'Escape' && this.close());
+  }
+
+  close() {
+    this.element.hidden = true;
+    this.subject = null;
+    /** @type {HTMLElement | null} */ (this.opener)?.focus();
+  }
+
+  /** @param {number | 'all'} subject */
+  open(subject) {
+    this.opener = document.activeElement;
+    this.subject = subject;
+    this.said.textContent = '';
+    this.build();
+    this.element.hidden = false;
+    /** @type {HTMLElement | null} */ (this.element.querySelector('button'))?.focus();
+  }
+
+  /** Draw what has changed, but under nobody's fingers. @param {Robot} robot */
+  note(robot) {
+    const code = /** @type {HTMLImageElement | null} */ (this.element.querySelector('.code'));
+    if (robot.number !== this.subject || !code || robot.status !== 'there') return;
+    if (code.getAttribute('src') !== codeOf(robot)) code.src = codeOf(robot);
+  }
+
+  build() {
+    const robot = this.robots().find(({ number }) => number === this.subject);
+    const title = h('h2', { id: 'panel-title' }, robot ? robot.name : t('class_settings'));
+    const close = h('button', { type: 'button', onclick: () => this.close() }, t('close'));
+    this.element.setAttribute('aria-labelledby', 'panel-title');
+    fill(this.element, h('div', { class: 'title' }, title, close), ...(robot ? this.one(robot) : this.all()), this.said);
+  }
+
+  /** @param {Robot} robot */
+  one(robot) {
+    const change = (/** @type {object} */ words) => this.attempt(() => ask('PUT', `/api/robots/${robot.number}`, words));
+    const name = h('input', { value: robot.name, maxlength: 24, 'aria-label': t('name'), onchange: () => change({ name: name.value.trim() }) });
+    const colour = h('select', { 'aria-label': t('colour'), onchange: () => change({ colour: colour.value }) },
+      ...COLOURS.map((one) => h('option', { value: one, selected: one === robot.colour }, t(`colour.${one}`))));
+    const code = robot.status === 'there'
+      ? h('figure', {}, h('img', { class: 'code', alt: t('code_of', { name: robot.name }), src: codeOf(robot) }), h('figcaption', {}, t('scan')))
+      : null;
+    return [
+      code,
+      h('div', { class: 'row' }, name, colour),
+      locks(robot.locks, (names) => change({ locks: names })),
+      this.models(robot),
+    ];
+  }
+
+  all() {
+    const everywhere = LOCKS.filter((lock) => this.robots().length && this.robots().every(({ locks }) => locks.includes(lock)));
+    const choice = h('select', { 'aria-label': t('language'), onchange: () => chooseLanguage(choice.value) },
+      ...Object.entries(LANGUAGES).map(([code, own]) => h('option', { value: code, selected: code === language, lang: code }, own)));
+    return [
+      h('p', {}, t('all_hint')),
+      locks(everywhere, (names) => this.attempt(async () => {
+        const { faults } = await ask('PUT', '/api/locks', { locks: names });
+        if (faults.length) throw new Error(faults.join('\n'));
+      })),
+      h('div', { class: 'row' }, choice),
+    ];
+  }
+
+  /** @param {Robot} robot */
+  models(robot) {
+    const others = this.robots().filter(({ number, status }) => number !== robot.number && status === 'there');
+    const boxes = others.map((other) => h('input', { type: 'checkbox', value: other.number }));
+    const rows = others.map((other, i) => h('label', { class: 'choice' }, boxes[i], h('span', {}, other.name)));
+    const copy = async () => {
+      const to = boxes.filter((box) => box.checked).map((box) => Number(box.value));
+      const { copied } = await ask('POST', `/api/robots/${robot.number}/copy-model`, { to });
+      const faults = copied.flatMap((/** @type {any} */ row) => row.fault ?? []);
+      if (faults.length) throw new Error(faults.join('\n'));
+    };
+    const give = h('button', { type: 'button', onclick: () => boxes.some((box) => box.checked) && this.attempt(copy) }, t('give'));
+    return h('fieldset', {}, h('legend', {}, t('give_to')), ...(rows.length ? [...rows, give] : [h('p', {}, t('no_others'))]));
+  }
+
+  /** @param {() => Promise<any>} act */
+  async attempt(act) {
+    this.said.textContent = t('wait');
+    try {
+      await act();
+      this.said.textContent = t('done');
+    } catch (error) {
+      this.said.textContent = /** @type {Error} */ (error).message;
+    }
+  }
+}
+
+/** @param {string[]} locked @param {(names: string[]) => void} change */
+function locks(locked, change) {
+  const boxes = LOCKS.map((name) => h('input', { type: 'checkbox', value: name, checked: locked.includes(name) }));
+  for (const box of boxes) {
+    box.addEventListener('change', () => change(boxes.filter(({ checked }) => checked).map(({ value }) => value)));
+  }
+  const rows = boxes.map((box) => h('label', { class: 'choice' }, box, h('span', {}, t(`lock.${box.value}`))));
+  return h('fieldset', {}, h('legend', {}, t('locked')), ...rows);
+}
