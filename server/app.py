@@ -14,7 +14,7 @@ from server.routes import routers
 from server.security.access import Access
 from server.security.guard import Guard
 from server.security.pairing import cookie_name
-from server.services import Services
+from server.services import Services, keep_door
 
 
 def create_app(services: Services) -> FastAPI:
@@ -29,7 +29,7 @@ def create_app(services: Services) -> FastAPI:
     mimetypes.add_type("application/manifest+json", ".webmanifest")
     app = FastAPI(title="Drivelesson", docs_url=None, redoc_url=None)
     app.state.services = services
-    app.state.door, app.state.clock = services.door, services.robot.clock
+    keep_door(app, services.door, services.robot.clock)
     for router in routers():
         app.include_router(router)
     app.mount("/", CompressedFiles(directory=config.web_folder, html=True), name="web")

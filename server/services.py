@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import Any
 
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection
 
+from robot.clock import Clock
 from robot.rig.rig import Rig
 from server.clients.hub import Hub
 from server.config import Config
@@ -101,6 +103,16 @@ def make_services(
         classroom=classroom,
         door=Door(config.limits, connection_capacity()),
     )
+
+
+def keep_door(app: Any, door: Door, clock: Clock) -> None:
+    """Note on an application which door its listener stands behind."""
+    app.state.door, app.state.clock = door, clock
+
+
+def door_of(app: Any) -> tuple[Door, Clock]:
+    """Return the door of an application, and the clock that it goes by."""
+    return app.state.door, app.state.clock
 
 
 def services_of(connection: HTTPConnection) -> Services:

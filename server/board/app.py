@@ -19,7 +19,8 @@ from robot.clock import Clock
 from robot.errors import NotFoundError, RobotError
 from server.board.board import Board, Onlooker
 from server.board.model_copy import copy_model
-from server.board.robot_link import RefusedError, RobotLink
+from server.board.robot_link import RobotLink
+from server.board.teacher_session import RefusedError
 from server.config import Config
 from server.hosting.network import host_names
 from server.hosting.static_files import CompressedFiles
@@ -29,6 +30,7 @@ from server.security.access import Access
 from server.security.door import Door
 from server.security.guard import STOP_PATH, Guard
 from server.security.listener import connection_capacity
+from server.services import keep_door
 
 SEND_EVERY_S = 0.1
 """News and pictures are gathered so long, and sent together."""
@@ -49,7 +51,7 @@ def create_board_app(
     """
     app = FastAPI(title="Drivelesson board", docs_url=None, redoc_url=None, openapi_url=None)
     door = Door(config.limits, connection_capacity())
-    app.state.door, app.state.clock = door, clock
+    keep_door(app, door, clock)
     _add_routes(app, config, board, clock)
     app.mount("/", CompressedFiles(directory=config.web_folder), name="web")
 

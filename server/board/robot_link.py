@@ -11,22 +11,22 @@ import asyncio
 import contextlib
 import json
 import logging
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine
 from enum import StrEnum
 from typing import Any
 
 from robot.clock import Clock
-from robot.errors import RobotError
+from server.board.teacher_session import RefusedError, Status, TeacherSession, WrongClassError
 from server.board.transport import (
-    Answer,
     Channel,
-    Place,
+    HttpAnswer,
     RobotAddress,
+    ServerPlace,
     Transport,
     UnreachableError,
 )
 from server.protocol import ProtocolError, encode_acknowledgement, parse_picture
-from server.security.class_key import ClassKey, new_nonce
+from server.security.class_key import ClassKey
 
 log = logging.getLogger(__name__)
 
@@ -43,36 +43,12 @@ _FIELDS = (
 )
 
 
-class Status(StrEnum):
-    """What the board knows of a robot's server."""
-
-    CONNECTING = "connecting"
-    THERE = "there"
-    AWAY = "away"
-    NOT_OURS = "not_ours"
-    NO_CLASS = "no_class"
-
-
 class Stopping(StrEnum):
     """How far a stop has come."""
 
     ASKED = "asked"
     STOPPED = "stopped"
     NOT_REACHED = "not_reached"
-
-
-class RefusedError(RobotError):
-    """A robot answered that it will not."""
-
-    def __init__(self, status: int, sentence: str) -> None:
-        super().__init__(sentence)
-        self.status = status
-
-
-class _WrongClassError(RobotError):
-    def __init__(self, status: Status, sentence: str) -> None:
-        super().__init__(sentence)
-        self.status = status
 
 
 class RobotLink:
@@ -107,10 +83,9 @@ class RobotLink:
         self.invitation: str | None = None
         self.invitations = 0
         self.stopping: Stopping | None = None
-        self._key, self._transport, self._clock = key, transport, clock
+        self._session = TeacherSession(address, key, transport)
+        self._transport, self._clock = transport, clock
         self._on_news, self._on_picture = on_news, on_picture
-        self._place: Place | None = None
-        self._secret: str | None = None
         self._channel: Channel | None = None
         self._every_s: float | None = None
         self._rate_changed = asyncio.Event()
@@ -124,7 +99,7 @@ class RobotLink:
 
     def describe(self) -> dict[str, Any]:
         """Return what the page shows of this robot."""
-        place = self._place.address if self._place is not None else self.address
+        place = self._session.place.address if self._session.place is not None else self.address
         return {
             "number": self.number,
             "address": str(place),
@@ -143,11 +118,11 @@ class RobotLink:
     @property
     def page_address(self) -> str | None:
         """What the robot's QR code says; None before there is one."""
-        if self._place is None or self.status is not Status.THERE:
+        if self._session.place is None or self.status is not Status.THERE:
             return None
         if not self.about.get("needs_pairing"):
-            return str(self._place.address)
-        return f"{self._place.address}/pair#{self.invitation}" if self.invitation else None
+            return str(self._session.place.address)
+        return f"{self._session.place.address}/pair#{self.invitation}" if self.invitation else None
 
     def stop(self) -> None:
         """Stop the robot now; while it cannot be reached, as soon as it can."""
@@ -165,28 +140,9 @@ class RobotLink:
             self._every_s = every_s
             self._rate_changed.set()
 
-    async def ask(self, method: str, path: str, body: Any = None) -> Answer:
-        """Send a request as the teacher.
-
-        Raises:
-            RefusedError: If the robot refuses; with its own sentence.
-            UnreachableError: If it does not answer.
-        """
-        place = self._place
-        if place is None or self._secret is None:
-            raise UnreachableError(self.detail or "it is not connected yet")
-        headers, data = self._headers(), b""
-        if isinstance(body, bytes):
-            headers["content-type"], data = "application/octet-stream", body
-        elif body is not None:
-            headers["content-type"], data = "application/json", json.dumps(body).encode()
-        answer = await self._transport.request(place, method, path, headers, data)
-        if answer.status >= 400:
-            if answer.status == 401:
-                self._secret = None
-            sentence = answer.json().get("detail")
-            raise RefusedError(answer.status, str(sentence or f"it answered {answer.status}")[:300])
-        return answer
+    async def ask(self, method: str, path: str, body: Any = None) -> HttpAnswer:
+        """Send a request as the teacher; see `TeacherSession.ask`."""
+        return await self._session.ask(method, path, body)
 
     async def refresh(self) -> None:
         """Ask for name, colour, locks and model again."""
@@ -203,7 +159,7 @@ class RobotLink:
             while True:
                 try:
                     await self._serve()
-                except _WrongClassError as error:
+                except WrongClassError as error:
                     self._lose(error.status, str(error))
                 except RefusedError as error:
                     self._lose(Status.AWAY, str(error))
@@ -231,18 +187,16 @@ class RobotLink:
     async def _serve(self) -> None:
         """Connect once, and stay until the connection ends."""
         async with asyncio.timeout(_PATIENCE_S):
-            if self._secret is None or self._place is None:
-                await self._join()
+            if not self._session.is_open:
+                await self._session.join()
             try:
-                self.about = (await self.ask("GET", "/api/class")).json()
-            except RefusedError as error:
-                if error.status in (401, 403):
-                    self._secret = None  # it was started anew
+                await self.refresh()
+            except RefusedError:
+                self._session.forget()  # it was started anew, perhaps without the key
                 raise
-        self.name = str(self.about.get("name", self.name))
-        place = self._place
+        place = self._session.place
         assert place is not None
-        async with self._transport.connect(place, "/ws/drive", self._headers()) as channel:
+        async with self._transport.connect(place, "/ws/drive", self._session.headers) as channel:
             if self.stopping is not None:
                 await self._send_stop(channel)
             await channel.send(json.dumps({"type": "idle"}))
@@ -253,36 +207,6 @@ class RobotLink:
             await _first_of(
                 self._hear(channel), self._ping(channel), self._look(place), self._invite()
             )
-
-    async def _join(self) -> None:
-        """Prove to each other that board and robot are of one class."""
-        place = self._place = await self._transport.locate(self.address)
-        nonce = new_nonce()
-        answer = await self._post(place, "/api/class/hello", {"nonce": nonce})
-        if answer.status in (401, 404):
-            raise _WrongClassError(
-                Status.NO_CLASS, "it is in no class: start it with --class-key FILE"
-            )
-        offer = answer.json()
-        robot_nonce, proof = str(offer.get("nonce", ""))[:200], str(offer.get("proof", ""))[:200]
-        if not self._key.accepts(proof, "robot", nonce, robot_nonce, place.endpoint):
-            raise _WrongClassError(Status.NOT_OURS, "it has another class key")
-        own = self._key.prove("board", nonce, robot_nonce, place.endpoint)
-        words = {"board_nonce": nonce, "nonce": robot_nonce, "proof": own}
-        answer = await self._post(place, "/api/class/join", words)
-        secret = answer.json().get("secret")
-        if answer.status != 200 or not isinstance(secret, str):
-            raise _WrongClassError(Status.NOT_OURS, "it does not admit this board")
-        self._secret = secret
-
-    async def _post(self, place: Place, path: str, words: Mapping[str, str]) -> Answer:
-        headers = {"content-type": "application/json"}
-        return await self._transport.request(
-            place, "POST", path, headers, json.dumps(words).encode()
-        )
-
-    def _headers(self) -> dict[str, str]:
-        return {"authorization": f"Bearer {self._secret}"} if self._secret else {}
 
     # While it is open --------------------------------------------------------------------------
 
@@ -337,7 +261,7 @@ class RobotLink:
             self._on_news(self)
             await self._clock.pause(_INVITE_EVERY_S)
 
-    async def _look(self, place: Place) -> None:
+    async def _look(self, place: ServerPlace) -> None:
         """Get pictures while somebody looks."""
         while True:
             self._rate_changed.clear()
@@ -346,7 +270,7 @@ class RobotLink:
                 continue
             path = f"/ws/video?every_ms={round(self._every_s * 1000)}"
             try:
-                async with self._transport.connect(place, path, self._headers()) as channel:
+                async with self._transport.connect(place, path, self._session.headers) as channel:
                     await _first_of(self._take_pictures(channel), self._wait_for_change())
             except UnreachableError:
                 await self._clock.pause(_RETRY_S)
@@ -390,11 +314,11 @@ class RobotLink:
 
     async def _stop_by_request(self) -> None:
         """Stop on a connection of its own: the open one may be dead without knowing it."""
-        if self._place is None:
+        if self._session.place is None:
             return
         async with asyncio.timeout(_PATIENCE_S):
             answer = await self._transport.request(
-                self._place, "POST", "/api/stop", self._headers()
+                self._session.place, "POST", "/api/stop", self._session.headers
             )
         if answer.json().get("emergency") is True and self.stopping is not None:
             self.stopping = Stopping.STOPPED

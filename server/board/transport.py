@@ -69,7 +69,7 @@ class RobotAddress:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ServerPlace:
     """A robot's server as the network has it now: where all connections go.
 
     Attributes:
@@ -84,7 +84,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class HttpAnswer:
     """The answer to a request."""
 
     status: int
@@ -114,18 +114,23 @@ class Channel(Protocol):
 class Transport(Protocol):
     """Reaches robots. Methods raise UnreachableError when a robot does not answer."""
 
-    async def locate(self, address: RobotAddress) -> Place:
+    async def locate(self, address: RobotAddress) -> ServerPlace:
         """Return where a robot is now."""
         ...
 
     async def request(
-        self, place: Place, method: str, path: str, headers: Mapping[str, str], body: bytes = b""
-    ) -> Answer:
+        self,
+        place: ServerPlace,
+        method: str,
+        path: str,
+        headers: Mapping[str, str],
+        body: bytes = b"",
+    ) -> HttpAnswer:
         """Send one request."""
         ...
 
     def connect(
-        self, place: Place, path: str, headers: Mapping[str, str]
+        self, place: ServerPlace, path: str, headers: Mapping[str, str]
     ) -> contextlib.AbstractAsyncContextManager[Channel]:
         """Open a websocket for the length of the block."""
         ...
@@ -137,19 +142,24 @@ class NetworkTransport:
     def __init__(self) -> None:
         self._threads = ThreadPoolExecutor(_THREADS, thread_name_prefix="asks-robots")
 
-    async def locate(self, address: RobotAddress) -> Place:
+    async def locate(self, address: RobotAddress) -> ServerPlace:
         """Look the name up; see `Transport.locate`."""
         return await self._in_thread(_locate, address)
 
     async def request(
-        self, place: Place, method: str, path: str, headers: Mapping[str, str], body: bytes = b""
-    ) -> Answer:
+        self,
+        place: ServerPlace,
+        method: str,
+        path: str,
+        headers: Mapping[str, str],
+        body: bytes = b"",
+    ) -> HttpAnswer:
         """Send one request on a connection of its own; see `Transport.request`."""
         return await self._in_thread(_request, place, method, path, dict(headers), body)
 
     @contextlib.asynccontextmanager
     async def connect(
-        self, place: Place, path: str, headers: Mapping[str, str]
+        self, place: ServerPlace, path: str, headers: Mapping[str, str]
     ) -> AsyncIterator[Channel]:
         """Open a websocket; see `Transport.connect`."""
         url = str(place.address).replace("http", "ws", 1) + path
@@ -199,14 +209,14 @@ def _open(url: str, headers: dict[str, str], options: dict[str, Any]) -> Any:
     return connect(url, additional_headers=headers, proxy=None, **options)
 
 
-def _locate(address: RobotAddress) -> Place:
+def _locate(address: RobotAddress) -> ServerPlace:
     found = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
     found.sort(key=lambda row: row[0] != socket.AF_INET)
     number = str(found[0][4][0])
     there = RobotAddress(number, address.port, address.is_tls)
     own = endpoint(number, address.port)
     if not address.is_tls:
-        return Place(there, own)
+        return ServerPlace(there, own)
     unchecked = ssl.create_default_context()
     unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
     with (
@@ -218,10 +228,12 @@ def _locate(address: RobotAddress) -> Place:
     pinned.check_hostname = False  # the certificate itself is compared, whatever its names
     pinned.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
     pinned.load_verify_locations(cadata=der)
-    return Place(there, f"{own} {hashlib.sha256(der).hexdigest()}", pinned)
+    return ServerPlace(there, f"{own} {hashlib.sha256(der).hexdigest()}", pinned)
 
 
-def _request(place: Place, method: str, path: str, headers: dict[str, str], body: bytes) -> Answer:
+def _request(
+    place: ServerPlace, method: str, path: str, headers: dict[str, str], body: bytes
+) -> HttpAnswer:
     address = place.address
     patience_s = _FILE_PATIENCE_S if path.endswith("/file") else _PATIENCE_S
     connection: http.client.HTTPConnection
@@ -237,7 +249,7 @@ def _request(place: Place, method: str, path: str, headers: dict[str, str], body
         data = response.read(LARGEST_BYTES + 1)
         if len(data) > LARGEST_BYTES:
             raise UnreachableError("its answer is too large")
-        return Answer(response.status, data)
+        return HttpAnswer(response.status, data)
 
 
 def _describe(error: BaseException) -> str:

@@ -28,7 +28,7 @@ from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config, Limits
 from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address
 from server.hosting.logs import start_logging
-from server.hosting.network import host_names, lan_addresses
+from server.hosting.network import host_names, lan_addresses, page_addresses
 from server.security.access import Role
 
 if TYPE_CHECKING:
@@ -162,8 +162,7 @@ def run(args: argparse.Namespace) -> int:
     listener = open_socket(config.host, config.port)
     config = dataclasses.replace(config, port=listener.getsockname()[1])
     certificates = _make_certificates(config) if config.tls else None
-    scheme = "https" if config.tls else "http"
-    addresses = [f"{scheme}://{_bracketed(a)}:{config.port}" for a in _reached_at(config)]
+    addresses = page_addresses(config)
     pairing = _open_pairing(config, addresses[0], rig) if config.lan else None
     classroom = _open_classroom(config, args.class_key)
     events = EventBus()
@@ -271,17 +270,6 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
         governor=build(LinkGovernorConfig, settings.tables.get("governor", {}), "governor"),
         camera=build(CameraTimingConfig, settings.tables.get("patience", {}), "patience"),
     )
-
-
-def _reached_at(config: Config) -> list[str]:
-    """Return the names and addresses to show, the best first."""
-    if not config.lan:
-        return [config.host]
-    return [*lan_addresses(config), f"{config.hostname}.local"]
-
-
-def _bracketed(host: str) -> str:
-    return f"[{host}]" if ":" in host else host
 
 
 def _make_certificates(config: Config) -> Certificates:

@@ -21,6 +21,13 @@ def lan_addresses(config: Config) -> list[str]:
     return list(dict.fromkeys(a for a in found if a and not a.startswith("127.")))
 
 
+def page_addresses(config: Config) -> list[str]:
+    """Return the addresses of the page to show, the best first."""
+    hosts = [*lan_addresses(config), f"{config.hostname}.local"] if config.lan else [config.host]
+    scheme = "https" if config.tls else "http"
+    return [f"{scheme}://{f'[{h}]' if ':' in h else h}:{config.port}" for h in hosts]
+
+
 def host_names(config: Config) -> list[str]:
     """Return the host names of this machine."""
     own = socket.gethostname().lower()

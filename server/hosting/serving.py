@@ -12,6 +12,7 @@ from robot.errors import ConfigurationError
 from server.config import Config
 from server.security.certificates import Certificates
 from server.security.listener import DoorListener
+from server.services import door_of
 
 MAX_MESSAGE_BYTES = 65_536
 """A larger websocket message closes the connection before it is read into memory."""
@@ -79,7 +80,8 @@ def serve(app: Any, listener: socket.socket, certificates: Certificates | None =
 
 
 def _behind_door(app: Any, listener: socket.socket) -> DoorListener:
-    return DoorListener.behind(app.state.door, listener, app.state.clock)
+    door, clock = door_of(app)
+    return DoorListener.behind(door, listener, clock)
 
 
 @contextlib.contextmanager

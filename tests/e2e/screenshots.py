@@ -253,32 +253,30 @@ def _take_pairing(browser: Any, folder: Path) -> None:
 
 def _take_class(browser: Any, folder: Path) -> None:
     """The teacher's board: pictures, codes, and a STOP that does not reach one robot."""
-    with (
-        tempfile.TemporaryDirectory() as kept,
-        running_class(Path(kept), 8, 1, simulated=True) as world,
-    ):
-        for ending, context in _contexts(browser):
+    for ending, context in _contexts(browser):
+        with (
+            tempfile.TemporaryDirectory() as kept,
+            running_class(Path(kept), 8, 1, simulated=True) as world,
+        ):
             page = context.new_page()
+
+            def shoot(name: str, page: Any = page, ending: str = ending) -> None:
+                page.wait_for_timeout(800)
+                _save(page.screenshot(), folder / f"{name}-{ending}.png")
+
             page.goto(world.address)
             page.locator(".robot[data-status=there]").nth(7).wait_for()
-            for i, mode in enumerate((Mode.TRAIN, Mode.AUTONOMOUS, Mode.STOPPED)):
-                world.robots[i].robot.loop.set_mode(mode)
-            page.wait_for_timeout(2500)
-            _save(page.screenshot(), folder / f"class-{ending}.png")
+            page.wait_for_timeout(1500)
+            shoot("class")
             page.locator("[data-view=codes]").click()
-            page.wait_for_timeout(500)
-            _save(page.screenshot(), folder / f"class-codes-{ending}.png")
+            shoot("class-codes")
             page.locator("[data-view=pictures]").click()
             page.locator("[data-number='2'] .acts button").last.click()
-            page.wait_for_timeout(500)
-            _save(page.screenshot(), folder / f"class-robot-{ending}.png")
+            shoot("class-robot")
             page.locator("#panel .title button").click()
             page.locator("button.stop").click()
             page.locator("#loud p").wait_for()
-            page.wait_for_timeout(1200)
-            _save(page.screenshot(), folder / f"class-stop-{ending}.png")
-            for robot in world.robots:
-                robot.robot.loop.release_emergency()
+            shoot("class-stop")
 
 
 def _hold_lesson(browser: Any, world: World) -> None:

@@ -15,8 +15,9 @@ from robot.clock import VirtualClock
 from robot.testing import FakeCamera, LinkConditions
 from server.app import create_app
 from server.board.board import Board
-from server.board.robot_link import RobotLink, Status
-from server.board.transport import Answer, Place, RobotAddress, UnreachableError
+from server.board.robot_link import RobotLink
+from server.board.teacher_session import Status
+from server.board.transport import HttpAnswer, RobotAddress, ServerPlace, UnreachableError
 from server.config import Config
 from server.security.access import Role
 from server.security.class_key import ClassKey, endpoint
@@ -82,13 +83,18 @@ class VirtualNetwork:
         self.sees_as: dict[int, str] = {}
         """Endpoints as the board sees them, where somebody stands in between."""
 
-    async def locate(self, address: RobotAddress) -> Place:
+    async def locate(self, address: RobotAddress) -> ServerPlace:
         at = self.sees_as.get(address.port, endpoint(address.host, address.port))
-        return Place(address, at)
+        return ServerPlace(address, at)
 
     async def request(
-        self, place: Place, method: str, path: str, headers: Mapping[str, str], body: bytes = b""
-    ) -> Answer:
+        self,
+        place: ServerPlace,
+        method: str,
+        path: str,
+        headers: Mapping[str, str],
+        body: bytes = b"",
+    ) -> HttpAnswer:
         pupil = self.pupils[place.address.port]
         self.requests.append((pupil.port, f"{method} {path}"))
         fault = getattr(pupil, "fault", "none")
@@ -100,9 +106,9 @@ class VirtualNetwork:
         if fault == "slow":
             await asyncio.sleep(self._dice.uniform(0.02, 0.1))
         if fault == "refuses":
-            return Answer(503, b'{"detail": "Too many."}')
+            return HttpAnswer(503, b'{"detail": "Too many."}')
         if fault == "nonsense":
-            return Answer(200, self._dice.randbytes(40))
+            return HttpAnswer(200, self._dice.randbytes(40))
         url = f"http://127.0.0.1:{pupil.port}{path}"
         exchange = Exchange(
             pupil, httpx.Request(method, url, headers=dict(headers), content=body), None
@@ -113,11 +119,11 @@ class VirtualNetwork:
             if path.endswith("/file") and method == "GET":
                 raise UnreachableError("it ended in the middle of its answer")
             data = data[: len(data) // 2]
-        return Answer(exchange.status or 500, data)
+        return HttpAnswer(exchange.status or 500, data)
 
     @contextlib.asynccontextmanager
     async def connect(
-        self, place: Place, path: str, headers: Mapping[str, str]
+        self, place: ServerPlace, path: str, headers: Mapping[str, str]
     ) -> AsyncIterator[Any]:
         pupil = self.pupils[place.address.port]
         if pupil.fault in ("gone", "silent", "refuses"):

@@ -8,7 +8,8 @@ import pytest
 
 from robot.types import Action
 from server.board.board import Onlooker
-from server.board.robot_link import Status, Stopping
+from server.board.robot_link import Stopping
+from server.board.teacher_session import Status
 
 from .classroom_world import FAULTS, OPEN_FAULTS, ClassWorld, Pupil, break_down, in_class
 

@@ -6,7 +6,7 @@ import json
 import re
 from typing import Any
 
-from server.board.transport import Place, RobotAddress
+from server.board.transport import RobotAddress, ServerPlace
 from server.security.classroom import LOCKS
 
 from .classroom_world import ClassWorld, Pupil, in_class
@@ -17,10 +17,10 @@ class _Asker:
 
     def __init__(self, world: ClassWorld, pupil: Pupil) -> None:
         self._network = world.network
-        self._place = Place(RobotAddress("127.0.0.1", pupil.port), "")
+        self._place = ServerPlace(RobotAddress("127.0.0.1", pupil.port), "")
         self._host = f"127.0.0.1:{pupil.port}"
         self.phone = {"cookie": pupil._cookie}
-        self.teacher = world.link(pupil)._headers()
+        self.teacher = world.link(pupil)._session.headers
 
     async def status(
         self, method: str, path: str, headers: dict[str, str], body: Any = None
