@@ -5,8 +5,10 @@ from __future__ import annotations
 import mimetypes
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import Literal
 
 from fastapi import FastAPI
+from starlette.concurrency import run_in_threadpool
 
 from server.hosting.network import host_names
 from server.hosting.static_files import CompressedFiles
@@ -15,6 +17,12 @@ from server.security.access import Access
 from server.security.guard import Guard
 from server.security.pairing import cookie_name
 from server.services import Services, keep_door
+
+
+async def _change(services: Services, verb: Literal["start", "stop"]) -> None:
+    """Start or stop the sessions of studies, which wait for loop and disk."""
+    if services.conductor is not None:
+        await run_in_threadpool(getattr(services.conductor, verb))
 
 
 def create_app(services: Services) -> FastAPI:
@@ -39,7 +47,11 @@ def create_app(services: Services) -> FastAPI:
         await services.hub.start()
         try:
             with services.progress, services.study:
-                yield
+                await _change(services, "start")
+                try:
+                    yield
+                finally:
+                    await _change(services, "stop")
         finally:
             await services.hub.stop()
 

@@ -22,7 +22,9 @@ from server.security.classroom import Classroom
 from server.security.door import Door
 from server.security.listener import connection_capacity
 from server.security.pairing import Pairing
-from server.study import Study
+from server.study.conductor import Conductor
+from server.study.folder import StudyFolder
+from server.study.lesson import Study
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +39,8 @@ class Services:
         hub: The clients, and who of them drives.
         progress: Learning curve and gallery of the model in use.
         retraining: Training again from recordings.
-        study: The guided study.
+        study: The guided study of one person.
+        conductor: Sessions of studies with participants; None where nothing is saved.
         persistence: Models and recordings; None where nothing is saved.
         pairing: The paired browsers; None admits every client that can reach the port.
         classroom: The class that the robot belongs to, if any.
@@ -53,6 +56,7 @@ class Services:
     progress: Progress
     retraining: Retraining
     study: Study
+    conductor: Conductor | None = None
     persistence: Persistence | None = None
     pairing: Pairing | None = None
     classroom: Classroom | None = None
@@ -98,6 +102,15 @@ def make_services(
         progress=Progress(robot.loop, robot.clock, recording),
         retraining=Retraining(robot.clock),
         study=Study(robot.loop, robot.clock, events.publish, recording),
+        conductor=None
+        if persistence is None
+        else Conductor(
+            robot,
+            StudyFolder(persistence.storage),
+            persistence.autosave,
+            events.publish,
+            recording,
+        ),
         persistence=persistence,
         pairing=pairing,
         classroom=classroom,

@@ -18,6 +18,7 @@ COMMANDS: dict[str, str] = {
     "evaluate": "compare learners on recorded footage",
     "experiment": "repeat the paper's experiments in simulation",
     "bench": "measure this machine",
+    "study": "plan a study with participants, and make its report",
     "episodes": "see, edit, import and export recorded runs",
     "learn": "learn again from recorded runs",
     "new-driver": "write a package for a robot of your own",

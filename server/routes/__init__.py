@@ -28,6 +28,7 @@ MODULES = (
     "settings",
     "lesson",
     "classroom",
+    "studies",
 )
 """Modules of this package; a new one is registered here only."""
 

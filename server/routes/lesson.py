@@ -14,7 +14,8 @@ from robot.types import Mode
 from server.routes.bodies import do, read_body, refusals
 from server.security.guard import require_pilot, require_viewer
 from server.services import persistence_of, services_of
-from server.study import Study, TrialModels, check_world, list_results, read_result
+from server.study.described import describe_drive
+from server.study.lesson import Study, TrialModels, check_world, list_results, read_result
 
 router = APIRouter(prefix="/api/lesson")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
@@ -31,7 +32,8 @@ def _folder(request: Request) -> Path:
 @router.get("", dependencies=[VIEWER])
 def describe_lesson(request: Request) -> dict[str, Any]:
     """Return the study run in progress, or null."""
-    return {"lesson": _study(request).describe()}
+    lesson = _study(request).describe() or describe_drive(services_of(request).conductor)
+    return {"lesson": lesson}
 
 
 @router.post("", dependencies=[PILOT], status_code=201)
@@ -46,6 +48,9 @@ async def begin_lesson(request: Request) -> dict[str, Any]:
     robot = services_of(request).robot
     if not set(moves) <= set(robot.driver.moves):
         raise HTTPException(409, f"This robot cannot {', '.join(moves)}.")
+    conductor = services_of(request).conductor
+    if conductor is not None and conductor.session is not None:
+        raise HTTPException(409, "A participant's session is on: leave it first.")
     with refusals():
         check_world(robot.driver, trial)
     await _leave(request)

@@ -11,7 +11,7 @@ from robot.drivers.sim import SimDriver, SimOptions
 from robot.errors import ConfigurationError
 from robot.experiments.protocol import TRIALS
 from robot.simulation.world import world_names
-from server.study import check_world
+from server.study.lesson import check_world
 
 from .test_teaching_routes import _teach, ask
 from .virtual_server import VirtualServer

@@ -44,7 +44,8 @@ def _teach(server: VirtualServer, lessons: int) -> None:
 
 
 def ask(server: VirtualServer, method: str, path: str, **options: Any) -> httpx.Response:
-    return httpx.request(method, server.address + path, timeout=10, **options)
+    # No TLS anywhere here: reading the certificates would take longer than the request.
+    return httpx.request(method, server.address + path, timeout=10, verify=False, **options)
 
 
 def gallery(server: VirtualServer) -> dict[int, dict[str, Any]]:

@@ -110,11 +110,11 @@ class VirtualServer:
         self._stack.enter_context(threads_of_the_pool_inline())
         self._runner = self._stack.enter_context(self.clock.runner())
         self._stack.enter_context(self.rig)
+        if self.services.persistence is not None:
+            self._stack.enter_context(self.services.persistence)
         lifespan = self.app.router.lifespan_context(self.app)
         self.run(lifespan.__aenter__())
         self._stack.callback(lambda: self.run(lifespan.__aexit__(None, None, None)))
-        if self.services.persistence is not None:
-            self._stack.enter_context(self.services.persistence)
         SERVERS[self.port] = self
         return self
 

@@ -1,0 +1,105 @@
+"""Questions and how they are scored; the built-in questionnaires are in questionnaires.toml. Pure.
+
+Sources: S. G. Hart and L. E. Staveland, "Development of NASA-TLX" (1988), unweighted ("raw"): the
+mean of six scales from 0 to 100 in steps of 5. Trust: three of the items of J.-Y. Jian, A. M.
+Bisantz and C. G. Drury, "Foundations for an empirically determined scale of trust in automated
+systems" (2000), their mean from 1 to 7. The closing question is the paper's; its wording and
+all translations are our own.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from robot.errors import ConfigurationError
+
+Words = Mapping[str, str]
+"""A text by language (`en`, `es`, `zh`)."""
+LONGEST_ANSWER = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """One question.
+
+    `kind` is `scale` (a whole number from `least` to `most` in steps), `choice` (the number of an
+    option, from 1) or `text`.
+    """
+
+    name: str
+    text: Words
+    kind: str = "scale"
+    least: int = 1
+    most: int = 7
+    step: int = 1
+    low: Words = field(default_factory=dict)
+    high: Words = field(default_factory=dict)
+    options: tuple[Words, ...] = ()
+    is_at_the_end: bool = False
+
+    def check(self, answer: Any) -> str:
+        """Return an answer in the form in which it is kept.
+
+        Raises:
+            ConfigurationError: If it is no answer to this question.
+        """
+        if self.kind == "text":
+            if not isinstance(answer, str) or len(answer) > LONGEST_ANSWER:
+                raise ConfigurationError(
+                    f"the answer to {self.name!r} must be a text of at most {LONGEST_ANSWER} "
+                    "characters"
+                )
+            return " ".join(answer.encode("utf-8", "replace").decode().split())
+        least, most = (1, len(self.options)) if self.kind == "choice" else (self.least, self.most)
+        step = 1 if self.kind == "choice" else self.step
+        is_whole = isinstance(answer, int) and not isinstance(answer, bool)
+        if not is_whole or not least <= answer <= most or (answer - least) % step:
+            steps = f" in steps of {step}" if step > 1 else ""
+            raise ConfigurationError(
+                f"the answer to {self.name!r} must be a whole number from {least} to {most}{steps}"
+            )
+        return str(answer)
+
+    def describe(self) -> dict[str, Any]:
+        """Return plain values for a page."""
+        return {
+            "name": self.name,
+            "text": dict(self.text),
+            "kind": self.kind,
+            "least": self.least,
+            "most": self.most,
+            "step": self.step,
+            "low": dict(self.low),
+            "high": dict(self.high),
+            "options": [dict(option) for option in self.options],
+        }
+
+
+SCORES = {"nasa_tlx": "nasa-tlx", "trust": "trust"}
+"""Columns of scores, and the questionnaires of whose answers they are the mean."""
+
+
+def scores(answers: Mapping[str, str]) -> dict[str, float]:
+    """Return the scores of the questionnaires that were answered in full."""
+    found = {}
+    for column, questionnaire in SCORES.items():
+        names = [question.name for question in questionnaires()[questionnaire]]
+        if all(name in answers for name in names):
+            found[column] = sum(int(answers[name]) for name in names) / len(names)
+    return found
+
+
+@functools.cache
+def questionnaires() -> Mapping[str, tuple[Question, ...]]:
+    """Return the built-in questionnaires: `nasa-tlx`, `trust`, `closing`."""
+    import tomllib
+
+    text = (Path(__file__).parent / "questionnaires.toml").read_text("utf-8")
+    return {
+        name: tuple(Question(**question) for question in questions)
+        for name, questions in tomllib.loads(text).items()
+    }

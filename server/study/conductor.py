@@ -1,0 +1,349 @@
+"""Conducts one participant's session: timed phases on the loop's ticks, questions, models.
+
+What participants teach is never among the robot's own models for longer than it is driven: it is
+put away beside the session's log, and what was in use before is in use again. `StudyFolder.active`
+says so on disk, so that a start after a power cut can do the same.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+from robot.control.state import Tick
+from robot.errors import ConfigurationError, RobotError
+from robot.experiments.study.events import StudyEvent
+from robot.experiments.study.plan import Condition
+from robot.experiments.study.session import SessionStep, StudySession, follow_log
+from robot.models.autosave import Autosave
+from robot.rig.rig import Rig
+from robot.storage.folder import write_whole
+from robot.types import Action, Mode, StartStop
+from server.study.event_log import EventLog
+from server.study.folder import SessionModel, StudyFolder, fingerprint
+from server.study.lesson import name_of_world
+
+log = logging.getLogger(__name__)
+_PATIENCE_S = 10.0
+_T = TypeVar("_T")
+
+
+class Conductor(StartStop):
+    """One session at a time. Its methods wait for loop and disk: not for an event loop's thread.
+
+    Args:
+        rig: The robot.
+        folder: The studies.
+        autosave: The model in use.
+        announce: Called with events that clients should know.
+        recording: Id of the recording that is made just now.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        folder: StudyFolder,
+        autosave: Autosave,
+        announce: Callable[..., None],
+        recording: Callable[[], str | None],
+    ) -> None:
+        self.folder = folder
+        self.pace = 1.0
+        """Seconds of a phase that pass in one second: 1 except in demonstrations and tests."""
+        self.study: str | None = None
+        self.session: StudySession | None = None
+        self._rig, self._loop, self._clock = rig, rig.loop, rig.clock
+        self._autosave = autosave
+        self._announce = announce
+        self._recording = recording
+        self._log: EventLog | None = None
+        self._model: SessionModel | None = None
+        self._episode: str | None = None
+        self._unsubscribe: Callable[[], None] = lambda: None
+
+    def start(self) -> None:
+        """Put away what a power cut left in use, and follow the loop."""
+        self._unsubscribe = self._loop.subscribe(self.note)
+        try:
+            self._put_away()
+        except (RobotError, OSError, TimeoutError) as error:  # the robot starts anyway
+            log.warning("a session's model is still in use: %s", error)
+
+    def stop(self) -> None:
+        """End the session as if it had been left, and unsubscribe."""
+        try:
+            self.leave("server_ended")
+        except (RobotError, OSError, TimeoutError) as error:
+            log.warning("the session's model is put away at the next start: %s", error)
+        self._unsubscribe()
+
+    @property
+    def is_driving(self) -> bool:
+        """Whether the session's own model is in use, so that its phases' clocks may run."""
+        return self._model is not None
+
+    @property
+    def fault(self) -> str:
+        """Why the session's events are not on the disk; empty if they are."""
+        return self._log.fault if self._log is not None else ""
+
+    # Sessions ---------------------------------------------------------------------------------
+
+    def begin(self, study: str, participant: str) -> StudySession:
+        """Begin a participant's session, or take it up again.
+
+        Raises:
+            ConfigurationError: If another session is on, or that code or plan does not allow it.
+            NotFoundError, RecordingError: If study or log cannot be read.
+        """
+        if self.session is not None:
+            if (study, participant) == (self.study, self.session.participant):
+                return self.session
+            raise ConfigurationError(
+                f"the session of {self.session.participant} is on; leave it first"
+            )
+        text, plan = self.folder.plan_text(study), self.folder.plan(study)
+        path, events = (
+            self.folder.log_path(study, participant),
+            self.folder.events(study, participant),
+        )
+        if events:
+            if events[0].name != fingerprint(text):
+                raise ConfigurationError(
+                    f"the plan was changed after {participant} had begun; undo the change in "
+                    "plan.toml, or make a study of its own of it"
+                )
+            session = follow_log(plan, participant, events)
+            if session.step is SessionStep.DONE:
+                raise ConfigurationError(f"{participant} has finished; take the next code")
+        else:
+            session = StudySession(plan, participant, self._free_slot(study, plan.participants))
+        session.pace = self.pace
+        event_log = EventLog(path, self._clock)
+        event_log.start()
+        self.study, self._log, self.session = study, event_log, session
+        if not events:
+            self._happen("session_begun", name=fingerprint(text), value=str(session.slot))
+            event_log.flush()
+        return session
+
+    def _free_slot(self, study: str, places: int) -> int:
+        taken = {summary.slot for summary in self.folder.summaries(study)}
+        free = sorted(set(range(places)) - taken)
+        if not free:
+            raise ConfigurationError(
+                f"all {places} places of the study are taken; withdraw a participant, or plan more"
+            )
+        return free[0]
+
+    def consent(self, language: str) -> None:
+        """Note that the participant confirmed the text.
+
+        Raises:
+            ConfigurationError: If it is not what the session waits for.
+        """
+        self._require(SessionStep.CONSENT)
+        self._happen("consent", name=language[:2])
+        self._flush()
+
+    def drive(self, *, confirmed: bool = False, anew: bool = False) -> None:
+        """Begin the next condition with an empty model, or go on with the one that was left.
+
+        Args:
+            confirmed: The researcher confirms that a real robot is in the condition's place.
+            anew: Begin the condition again; what was driven in it does not count.
+
+        Raises:
+            ConfigurationError: If it is not the time, the robot is in another world, its place is
+                not confirmed, or it lacks a move.
+            OSError: If the disk refuses.
+        """
+        session = self._session()
+        if session.step is not SessionStep.DRIVE:
+            self._require(SessionStep.READY)
+        elif self._model is not None and not anew:
+            return
+        condition = session.condition
+        checked_by = self._check_place(condition, confirmed)
+        missing = set(condition.moves) - set(self._rig.driver.moves)
+        if missing:
+            raise ConfigurationError(f"this robot cannot {', '.join(sorted(missing))}")
+        self._put_away()
+        kept = self._kept_model()
+        is_new = anew or session.step is SessionStep.READY or kept is None
+        self._put_in_use(condition, None if is_new else kept)
+        fields = {"attempt": session.attempt + 1} if is_new else {}
+        self._happen("condition_begun" if is_new else "condition_resumed", **fields)
+        self._happen("world", name=checked_by, value=condition.world)
+        self._flush()
+        self._announce("lesson", phase="begun")
+
+    def _check_place(self, condition: Condition, confirmed: bool) -> str:
+        """Return who checked that the robot is in the condition's place."""
+        here = name_of_world(self._rig.driver)
+        if here is None:
+            if not confirmed:
+                raise ConfigurationError(
+                    f"confirm that the robot stands in the place {condition.world!r}: only you "
+                    "can see it"
+                )
+            return "researcher"
+        if here != condition.world:
+            raise ConfigurationError(
+                f"this part is driven in the world {condition.world!r}, and this is {here!r}; "
+                f"start the simulator with --world {condition.world}, and take the session up again"
+            )
+        return "simulator"
+
+    def answer(self, answers: Mapping[str, Any], *, is_done: bool) -> None:
+        """Take answers by question; with `is_done` all of them must be there.
+
+        Raises:
+            ConfigurationError: If one is none, or one is missing.
+        """
+        session = self._session()
+        self._require(SessionStep.QUESTIONS)
+        questions = {question.name: question for question in session.questions}
+        checked = {}
+        for name, answer in answers.items():
+            if name not in questions:
+                raise ConfigurationError(f"there is no question {name[:40]!r}")
+            checked[name] = questions[name].check(answer)
+        missing = [n for n in questions if n not in checked and n not in session.answers]
+        for name, value in checked.items():
+            if session.answers.get(name) != value:
+                self._happen("answer", name=name, value=value)
+        if is_done:
+            if missing:
+                raise ConfigurationError(f"there is no answer to {', '.join(missing)} yet")
+            self._happen("answered")
+            if self._session().step is SessionStep.DONE:
+                self._happen("session_ended")
+            self._put_away()
+            self._announce("lesson", phase="answered")
+        self._flush()
+
+    def leave(self, why: str = "left") -> None:
+        """End the session wherever it is; `begin` takes it up again. Idempotent."""
+        session, event_log = self.session, self._log
+        if session is not None and session.step is not SessionStep.DONE:
+            self._happen("left", value=why)
+        try:
+            self._put_away()
+        finally:
+            self.session = self.study = self._log = None
+            if event_log is not None:
+                event_log.stop()
+        self._announce("lesson", phase="left")
+
+    # Ticks ------------------------------------------------------------------------------------
+
+    def note(self, tick: Tick) -> None:
+        """Record one tick, on the loop's thread; stop the robot when a phase ends."""
+        session, event_log = self.session, self._log
+        if session is None or event_log is None or self._model is None or session.phase is None:
+            return
+        wall_s = self._clock.wall_s()
+        events: list[StudyEvent] = []
+        episode = self._recording()
+        if episode is not None and episode != self._episode:
+            self._episode = episode
+            events.append(session.make("recording", wall_s, value=episode))
+        events += session.note(tick, wall_s, self._measure)
+        event_log.add(events)
+        if any(event.event == "phase_ended" for event in events):
+            self._loop.set_mode(Mode.STOPPED)
+            self._announce("lesson", phase=session.step.value)
+
+    def _measure(self) -> dict[str, str]:
+        state = self._loop.state
+        measures = {"examples": str(sum(state.taught.values()))}
+        if state.agreement is not None:
+            measures["agreement"] = repr(float(state.agreement))
+        return measures
+
+    # Models -----------------------------------------------------------------------------------
+
+    def _put_in_use(self, condition: Condition, kept: bytes | None) -> None:
+        session, study, autosave = self._session(), self.study or "", self._autosave
+        self._wait(self._loop.set_mode(Mode.STOPPED))
+        state = self._loop.state
+        before = autosave.save() if state.taught else autosave.name
+        position = session.position + 1
+        wanted = f"{study} {session.participant} {position}"
+        model = SessionModel(
+            study=study,
+            participant=session.participant,
+            position=position,
+            own=autosave.store.free_name(wanted),
+            before=before,
+            learner_before=state.learner,
+            moves_before=tuple(map(str, state.moves)),
+        )
+        self.folder.active = model
+        try:
+            if kept is None:
+                autosave.begin(model.own, condition.learner, condition.world, condition.moves)
+            else:
+                autosave.load(autosave.store.add_file(model.own, kept))
+        except BaseException:
+            self.folder.active = None
+            raise
+        self._episode = None
+        self._model = model
+
+    def _kept_model(self) -> bytes | None:
+        session = self._session()
+        path = self.folder.model_path(self.study or "", session.participant, session.position + 1)
+        return path.read_bytes() if path.is_file() else None
+
+    def _put_away(self) -> None:
+        """Keep the session's model beside its log, and use again what was in use before."""
+        model, autosave = self.folder.active, self._autosave
+        self._model = None
+        if model is None:
+            return
+        self._wait(self._loop.set_mode(Mode.STOPPED))
+        is_in_use = autosave.name == model.own
+        if is_in_use and autosave.has_unsaved:
+            autosave.save()
+        if model.own in autosave.store.names():
+            data = autosave.store.read_file(model.own)
+            write_whole(
+                self.folder.model_path(model.study, model.participant, model.position), data
+            )
+        if is_in_use:
+            if model.before is not None and model.before in autosave.store.names():
+                autosave.load(model.before)
+            else:
+                moves = tuple(Action(move) for move in model.moves_before)
+                autosave.begin(None, model.learner_before, None, moves)
+        if model.own in autosave.store.names():
+            autosave.delete(model.own)
+        self.folder.active = None
+
+    # Within -----------------------------------------------------------------------------------
+
+    def _session(self) -> StudySession:
+        if self.session is None:
+            raise ConfigurationError("no session is on; begin one on the study's screen")
+        return self.session
+
+    def _require(self, step: SessionStep) -> None:
+        self._session().require(step)
+
+    def _happen(self, event: str, **fields: Any) -> None:
+        """Have an event happen on the loop's thread, between two ticks."""
+        session, event_log = self._session(), self._log
+        assert event_log is not None
+        wall_s = self._clock.wall_s()
+        made = self._wait(self._loop.submit(lambda: session.make(event, wall_s, **fields)))
+        event_log.add([made])
+
+    def _flush(self) -> None:
+        if self._log is not None:
+            self._log.flush()
+
+    def _wait(self, future: Any) -> Any:
+        return self._clock.result(future, _PATIENCE_S)
