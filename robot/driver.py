@@ -36,6 +36,9 @@ class Driver(ABC):
     default_camera: ClassVar[str]
     options_type: ClassVar[type[Any]]
     declared_moves: tuple[Move, ...] = describe(DEFAULT_MOVES)
+    track_m: float | None = None
+    """Distance between two wheels that steer by their difference, for an estimate of where the
+    robot is; None: it is not built so, or nobody measured it."""
     is_remote: ClassVar[bool] = False
     """True for a body that answers over a network: `send_action`, `sense`, `stop`, `take_button`
     and `show` may then block for up to half a second, and are called on a thread of their own."""
@@ -100,6 +103,10 @@ class Driver(ABC):
             raise ValueError(f"the robot {self.name!r} knows no move {action!r}; it knows: {known}")
         if not 0.0 < speed_scale <= 1.0:
             raise ValueError(f"speed_scale must lie in (0, 1], not {speed_scale}")
+
+    def wheels_mps(self, action: Action) -> tuple[float, float] | None:
+        """Return how fast the left and right wheel roll at full speed; None if not known."""
+        return None
 
     def take_button(self) -> BodyButton | None:
         """Return what a button on the body asked for since the last call; most bodies have none."""

@@ -145,11 +145,16 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
-    """Where the robot stands: metres and radians in the world's frame. Known in simulation only."""
+    """Where the robot stands: metres and radians.
+
+    In a simulation the truth, in the world's frame. Of a real robot an estimate by its wheels, from
+    where it was connected: it drifts.
+    """
 
     x_m: float
     y_m: float
     heading_rad: float
+    is_estimate: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,6 +166,8 @@ class Sensors:
     bumpers: tuple[bool, ...] = ()
     """Which bumpers are pressed, from left to right; `bumped` is true if any is."""
     battery_share: float | None = None
+    wheels_m: tuple[float, float] | None = None
+    """How far the left and the right wheel have rolled in all, forwards less backwards."""
     pose: Pose | None = None
 
 

@@ -17,6 +17,7 @@ from robot.clock import Clock
 from robot.control.loop import ControlLoop
 from robot.control.readiness import Readiness
 from robot.control.state import Tick
+from robot.control.trail import Trail
 from robot.policy.history import Replaced, Taught, Undone
 from robot.policy.policy import LearnedImage
 from robot.types import StartStop
@@ -53,6 +54,7 @@ class Progress(StartStop):
         self._clock = clock
         self._episode = episode
         self.readiness = Readiness()
+        self.trail = Trail()
         self._marks: list[Mark] = []
         self._gallery: list[LearnedImage] = []
         self._seen: OrderedDict[int, LearnedImage] = OrderedDict()
@@ -71,6 +73,7 @@ class Progress(StartStop):
     def note(self, tick: Tick) -> None:
         """Record one tick, on the loop's thread."""
         self.readiness.note(tick)
+        self.trail.note(tick)
         if not tick.history_events:
             return
         self._is_stale = True

@@ -128,6 +128,21 @@ class ChassisDriver(Driver):
         self._body: ChassisBody | None = None
         self._address = ""
 
+    @property
+    def track_m(self) -> float:  # type: ignore[override]
+        """Distance between the wheels."""
+        return self.options.track_m
+
+    def wheels_mps(self, action: Action) -> tuple[float, float]:
+        """Return how fast each wheel rolls forwards at full speed."""
+        left, right = wheel_speeds(action, self.options)
+        return self._rolled_m(left), self._rolled_m(right)
+
+    def _rolled_m(self, degrees: float) -> float:
+        """Return how far a wheel rolls forwards when its motor turns by so many degrees."""
+        sign = -1.0 if self.options.reversed_motors else 1.0
+        return sign * degrees / 360 * math.pi * self.options.wheel_diameter_m
+
     @abstractmethod
     def _make_body(self) -> ChassisBody:
         """Return the body, not yet open."""
@@ -190,9 +205,14 @@ class ChassisDriver(Driver):
         return action
 
     def sense(self) -> Sensors:
-        """Read distance, bumpers and battery."""
-        read = _asked(self._connected().sense)
-        return Sensors(**{**read, "bumpers": tuple(read.get("bumpers") or ())})
+        """Read distance, bumpers, battery and the wheels' counts."""
+        read = dict(_asked(self._connected().sense))
+        turned_deg = read.pop("wheels_deg", None)  # an agent of another release sends none
+        wheels_m = None
+        if turned_deg:
+            wheels_m = (self._rolled_m(turned_deg[0]), self._rolled_m(turned_deg[1]))
+        bumpers = tuple(read.pop("bumpers", None) or ())
+        return Sensors(**read, bumpers=bumpers, wheels_m=wheels_m)
 
     def stop(self) -> None:
         """Stop the motors now; does nothing on a driver that is not connected."""

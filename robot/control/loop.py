@@ -20,6 +20,7 @@ from typing import TypeVar
 from robot.camera import Camera
 from robot.clock import Clock
 from robot.control.camera_timing import CameraTiming, CameraTimingConfig
+from robot.control.dead_reckoning import DeadReckoning
 from robot.control.gate import Gate, GateConfig
 from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, age_of_link_s
 from robot.control.mailbox import Mailbox
@@ -84,6 +85,7 @@ class ControlLoop:
         self._governor = LinkGovernor(self.config.governor)
         self._camera_timing = CameraTiming(self.config.gate.frame_timeout_s, self.config.camera)
         self._online_learning = OnlineLearning(policy, clock)
+        self._dead_reckoning = DeadReckoning(driver)
         self._mailbox = Mailbox(wake)
         self._board = StatePublisher(
             self._online_learning, self._governor, self._camera_timing, self.config.late_cycle_s
@@ -207,7 +209,7 @@ class ControlLoop:
         self._heed_button()
         commands = self._receive(now_s)
         frame = self._look(now_s)
-        sensors = self._sense()
+        sensors = self._sense(now_s)
         decision = self._decide(now_s)
         sent = self._drive(decision, started_s)
         if sent is None:
@@ -292,9 +294,9 @@ class ControlLoop:
         decision = self.state.decision
         return decision.action if decision.driven_by is DrivenBy.ROBOT else None
 
-    def _sense(self) -> Sensors:
+    def _sense(self, now_s: float) -> Sensors:
         try:
-            return self._driver.sense()
+            return self._dead_reckoning.locate(self._driver.sense(), now_s)
         except DriveError as error:
             self._drive_failed(error)
             return Sensors()
@@ -326,6 +328,7 @@ class ControlLoop:
             return None
         try:
             sent = self._driver.send_action(decision.action, speed_scale=decision.speed_scale)
+            self._dead_reckoning.told(sent, decision.speed_scale)
         except DriveError as error:
             self._drive_failed(error)
             return None

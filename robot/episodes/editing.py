@@ -41,7 +41,9 @@ class EpisodeFrame:
     distance_m: float | None = None
     bumped: bool = False
     pose: tuple[float, float, float] | None = None
-    """x and y in metres, heading in radians; in simulation only."""
+    """x and y in metres, heading in radians."""
+    is_pose_estimate: bool = False
+    """True if the pose was reckoned from the wheels; in simulation it is the truth."""
 
 
 def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
@@ -83,6 +85,7 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
                 distance_m=senses.get("distance_m"),
                 bumped=bool(senses.get("bumped")),
                 pose=pose and (pose["x_m"], pose["y_m"], pose["heading_rad"]),
+                is_pose_estimate=bool(pose and pose.get("is_estimate")),
             )
         )
     return found

@@ -81,7 +81,12 @@ SCHEMAS: dict[str, Fields] = {
             "battery": _MAYBE_NUMBER,
             "pose": {
                 "type": ["object", "null"],
-                "properties": {"x_m": _NUMBER, "y_m": _NUMBER, "heading_rad": _NUMBER},
+                "properties": {
+                    "x_m": _NUMBER,
+                    "y_m": _NUMBER,
+                    "heading_rad": _NUMBER,
+                    "is_estimate": _TRUTH,
+                },
             },
         },
     ),
@@ -155,5 +160,6 @@ def describe_sensors(sensors: Sensors) -> Fields:
             "x_m": _finite(pose.x_m),
             "y_m": _finite(pose.y_m),
             "heading_rad": _finite(pose.heading_rad),
+            **({"is_estimate": True} if pose.is_estimate else {}),
         },
     }

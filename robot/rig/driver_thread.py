@@ -81,6 +81,15 @@ class DriverThread(Driver):
         return self.driver.moves
 
     @property
+    def track_m(self) -> float | None:  # type: ignore[override]
+        """What the body says."""
+        return self.driver.track_m
+
+    def wheels_mps(self, action: Action) -> tuple[float, float] | None:
+        """Return what the body says."""
+        return self.driver.wheels_mps(action)
+
+    @property
     def is_connected(self) -> bool:
         """True if the body is connected."""
         return self.driver.is_connected

@@ -78,13 +78,14 @@ def _describe_sensors(sensors: Sensors) -> dict[str, Any]:
     }
 
 
-def _describe_pose(pose: Pose | None) -> dict[str, float] | None:
+def _describe_pose(pose: Pose | None) -> dict[str, float | bool] | None:
     if pose is None:
         return None
     return {
         "x_m": _rounded(pose.x_m),
         "y_m": _rounded(pose.y_m),
         "heading_rad": _rounded(pose.heading_rad),
+        "is_estimate": pose.is_estimate,
     }
 
 

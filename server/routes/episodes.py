@@ -179,8 +179,12 @@ def show_timeline(request: Request, episode_id: str) -> dict[str, Any]:
             persistence.episodes.open(episode_id),
             persistence.episodes.notes(episode_id),
         )
-    rows = [describe_frame(moment) for moment in moments(episode, notes)]
-    return {"columns": {name: [row[name] for row in rows] for name in _COLUMNS}}
+    found = moments(episode, notes)
+    rows = [describe_frame(moment) for moment in found]
+    return {
+        "columns": {name: [row[name] for row in rows] for name in _COLUMNS},
+        "is_estimate": any(moment.is_pose_estimate for moment in found),
+    }
 
 
 @router.get("/episodes/{episode_id}/frames/{frame_id}", dependencies=[VIEWER])

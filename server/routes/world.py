@@ -1,4 +1,4 @@
-"""`/api/world`: the simulated world from above, for drawing; unknown for a real robot."""
+"""`/api/world`: the simulated world from above, and the way that any robot went, for drawing."""
 
 from __future__ import annotations
 
@@ -22,6 +22,29 @@ def show_world(request: Request) -> dict[str, Any]:
     if not hasattr(body, "simulation"):
         return {"world": None}
     return {"world": describe_world(body.simulation.world)}
+
+
+@router.get("/api/path", dependencies=[Depends(require_viewer)])
+def show_path(request: Request, since: int = 0) -> dict[str, Any]:
+    """Return the points of the way from the one numbered `since` on, as columns.
+
+    `first` is the number of the first of them: ask again with `first` and the points that came.
+    """
+    first, points = services_of(request).progress.trail.since(since)
+    return {
+        "first": first,
+        "pose": [
+            [round(p.pose.x_m, 3), round(p.pose.y_m, 3), round(p.pose.heading_rad, 2)]
+            for p in points
+        ],
+        "driven_by": [point.driven_by.value for point in points],
+        "events": {
+            str(i): [event.value for event in point.events]
+            for i, point in enumerate(points)
+            if point.events
+        },
+        "is_estimate": any(point.pose.is_estimate for point in points),
+    }
 
 
 def describe_world(world: World) -> dict[str, Any]:

@@ -50,8 +50,14 @@ class BrickBody:
         return self.motors.positions()
 
     def sense(self) -> Dict[str, Any]:
-        """Return distance_m, bumped, bumpers and battery_share; None for what is not there."""
-        return self.sensors.read()
+        """Return distance_m, bumped, bumpers, battery_share (None for what is not there) and
+        wheels_deg, how far each wheel has turned."""
+        read = self.sensors.read()
+        try:
+            read["wheels_deg"] = self.motors.positions()
+        except HardwareError:  # said when the motors are asked to turn
+            read["wheels_deg"] = None
+        return read
 
     def take_button(self) -> Optional[str]:
         """Return "start" (the middle button) or "stop" (any other) if one was pressed."""

@@ -1,0 +1,91 @@
+"""The way that the robot went: who drove, and where it asked, pushed and was corrected. Pure.
+
+It begins anew with another model, as what it shows is how that one was taught and drove.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from enum import StrEnum
+
+from robot.control.state import Tick
+from robot.policy.history import Replaced
+from robot.types import Action, DrivenBy, Mode, Pose
+
+STEP_M, STEP_RAD = 0.03, math.radians(10)
+"""A new point is kept after so much of a way or a turn, and whenever another one drives."""
+POINTS = 2000
+"""Seven minutes of driving at the paper's speed, more with turns; the oldest go first."""
+
+
+class Event(StrEnum):
+    """What happened at a point."""
+
+    ASKED = "asked"  # the robot did not know what to do
+    PUSHED = "pushed"  # it drove against something
+    CORRECTED = "corrected"  # the pilot took the wheel from it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """One point of the way; `driven_by` led to it, `events` began there."""
+
+    pose: Pose
+    driven_by: DrivenBy
+    events: tuple[Event, ...] = ()
+
+
+class Trail:
+    """Follows one robot. `note` is for the loop's thread, `since` for any one other."""
+
+    def __init__(self) -> None:
+        self._points: deque[Point] = deque(maxlen=POINTS)
+        self._n = 0
+        self._lasting: frozenset[Event] = frozenset()
+
+    def note(self, tick: Tick) -> None:
+        """Take in one tick."""
+        if any(isinstance(event, Replaced) for event in tick.history_events):
+            self._points.clear()
+            self._n += 1  # a number that nobody was told: whoever knew the old points drops them
+        lasting = frozenset(_events(tick))
+        new, self._lasting = lasting - self._lasting, lasting
+        pose = tick.sensors.pose
+        if pose is None:
+            return
+        by = tick.decision.driven_by
+        last = self._points[-1] if self._points else None
+        if not new and last is not None and last.driven_by is by and not _is_far(last.pose, pose):
+            return
+        self._points.append(Point(pose=pose, driven_by=by, events=tuple(sorted(new))))
+        self._n += 1
+
+    def since(self, number: int) -> tuple[int, list[Point]]:
+        """Return the points from the `number`-th on, and the number of the first of them.
+
+        Who knows the points before `number` adds these; if the first is another than `number`,
+        these are all there are: older ones are gone, or it is another way.
+        """
+        points = list(self._points)
+        first = self._n - len(points)
+        start = number if first <= number <= self._n else first
+        return start, points[start - first :]
+
+
+def _events(tick: Tick) -> list[Event]:
+    decision, events = tick.decision, []
+    if decision.mode is Mode.AUTONOMOUS and decision.driven_by is DrivenBy.PILOT:
+        events.append(Event.CORRECTED)
+    if decision.mode is Mode.AUTONOMOUS and decision.asks_pilot:
+        events.append(Event.ASKED)
+    is_stalled = tick.prediction is not None and tick.prediction.is_stalled
+    if tick.sent is not Action.STOP and (tick.sensors.bumped or is_stalled):
+        events.append(Event.PUSHED)
+    return events
+
+
+def _is_far(a: Pose, b: Pose) -> bool:
+    turned_rad = abs(math.remainder(a.heading_rad - b.heading_rad, math.tau))
+    return math.hypot(a.x_m - b.x_m, a.y_m - b.y_m) >= STEP_M or turned_rad >= STEP_RAD
