@@ -1,6 +1,6 @@
-"""The sequence check of a client's messages, and the window of frames in flight to it. Pure.
+"""The sequence check of a client's messages, the window of frames in flight to it, and their size.
 
-Nothing here uses sockets or clocks; the time is an argument.
+Pure: nothing here uses sockets or clocks; the time is an argument.
 """
 
 from __future__ import annotations
@@ -166,3 +166,29 @@ class VideoWindow:
         self._starved = self._slow = self._easy = 0
         self._not_before_s = now_s + self._pause_s
         self._pause_s = min(4 * self._pause_s, self._LONGEST_PAUSE_S)
+
+
+class PictureSize:
+    """Whether a viewer gets the larger pictures, where a camera has them: as long as it takes them
+    in good time. After each failure it waits four times as long before it tries again."""
+
+    _GOOD_S, _LATE_S = 0.06, 0.12
+    _GOOD, _LATE = 8, 3
+    _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 5.0, 320.0
+
+    def __init__(self) -> None:
+        self.is_large = False
+        self._in_row = 0
+        self._pause_s = self._FIRST_PAUSE_S
+        self._not_before_s = 0.0
+
+    def note(self, delay_s: float, now_s: float) -> None:
+        """Take in the delay of one acknowledgement."""
+        is_sign = delay_s > self._LATE_S if self.is_large else delay_s < self._GOOD_S
+        self._in_row = self._in_row + 1 if is_sign else 0
+        if self.is_large and self._in_row >= self._LATE:
+            self.is_large, self._in_row = False, 0
+            self._not_before_s = now_s + self._pause_s
+            self._pause_s = min(4 * self._pause_s, self._LONGEST_PAUSE_S)
+        elif not self.is_large and self._in_row >= self._GOOD and now_s >= self._not_before_s:
+            self.is_large, self._in_row = True, 0

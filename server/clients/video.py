@@ -12,7 +12,7 @@ from typing import Any
 from robot.clock import Clock
 from robot.errors import MissingExtraError
 from robot.types import Encoding, Frame
-from server.clients.flow_control import VideoWindow
+from server.clients.flow_control import PictureSize, VideoWindow
 from server.clients.metrics import AGE_BUCKETS_S, Histogram
 from server.protocol import VideoFrame, encode_picture
 
@@ -123,6 +123,7 @@ class Viewer:
         self.every_s = every_s
         self.last_sent_s = float("-inf")
         self.window = VideoWindow()
+        self.size = PictureSize()
         self.last_sent_id = 0
 
 
@@ -134,8 +135,8 @@ class VideoHub:
     Args:
         encoder: Encodes frames.
         clock: The robot's.
-        for_the_eye: Returns a larger picture of a frame, or the frame. Viewers on an easy link
-            get those; for others a smaller picture more often is worth more.
+        for_the_eye: Returns a larger picture of a frame, or the frame. Viewers who take them in
+            time get those; for others a smaller picture more often is worth more.
     """
 
     def __init__(
@@ -201,7 +202,7 @@ class VideoHub:
         if now_s - viewer.last_sent_s < viewer.every_s:
             return
         window = viewer.window
-        is_large = window.is_easy and not viewer.every_s  # who looks seldom looks at many
+        is_large = viewer.size.is_large and not viewer.every_s  # who looks seldom looks at many
         picture = self._picture_of(frame, is_large)
         n_bytes = len(picture.data)
         if not window.may_send(n_bytes):
@@ -243,6 +244,7 @@ class VideoHub:
             ProtocolError: If that frame is not in flight to this viewer.
         """
         viewer.window.acknowledged(frame_id, now_s)
+        viewer.size.note(viewer.window.delay_s or 0.0, now_s)
         captured_s = self._captured_s.get(frame_id)
         if captured_s is not None:
             self.frame_ages.note(now_s - captured_s)

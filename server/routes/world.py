@@ -66,4 +66,5 @@ def _describe_thing(thing: Obstacle) -> dict[str, Any]:
         "width_m": thing.width_m,
         "depth_m": thing.depth_m,
         "heading_rad": thing.heading_rad,
+        "moves": thing.is_movable or bool(thing.path),
     }

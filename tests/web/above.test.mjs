@@ -3,7 +3,9 @@ import { test } from 'node:test';
 
 globalThis.HTMLElement = class {};
 globalThis.customElements = { define() {} };
+globalThis.ResizeObserver = class {};
 const { begins, way } = await import('../../web/js/components/from-above.js');
+const { Way } = await import('../../web/js/components/drive-map.js');
 
 test('a flag is marked where it is raised, once each time', () => {
   assert.deepEqual(begins([true, true, false, true, false, false, true, true]), [0, 3, 6]);
@@ -26,6 +28,40 @@ test('each part of the way is drawn once, in the colour of who drove it', () => 
         const xs = part.split('L').map((point) => Number(point.split(' ')[0]));
         assert.deepEqual(xs, xs.map((_, i) => xs[0] + i), 'no line leaps over a gap');
       }
+    }
+  }
+});
+
+test('a way that comes in parts is the whole way, whatever was forgotten in between', () => {
+  let seed = 11;
+  const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
+  const MOST = 40; // the robot keeps no more points than that
+  for (let round = 0; round < 100; round += 1) {
+    const known = new Way();
+    let kept = [];
+    let n = 0;
+    for (let turn = 0; turn < 60; turn += 1) {
+      if (random() < 0.03) {
+        kept = [];
+        n += 1;
+      }
+      for (let i = Math.floor(random() * 30); i > 0; i -= 1) {
+        kept.push({ pose: [n, 0, 0], by: random() < 0.5 ? 'pilot' : 'robot', events: random() < 0.1 ? ['asked'] : [] });
+        n += 1;
+      }
+      kept = kept.slice(-MOST);
+      const first = n - kept.length;
+      const start = known.next >= first && known.next <= n ? known.next : first;
+      const points = kept.slice(start - first);
+      known.add({
+        first: start, pose: points.map(({ pose }) => pose), driven_by: points.map(({ by }) => by), is_estimate: false,
+        events: Object.fromEntries(points.flatMap(({ events }, i) => (events.length ? [[String(i), events]] : []))),
+      });
+      assert.deepEqual(known.pose.slice(-kept.length || known.pose.length), kept.map(({ pose }) => pose));
+      assert.equal(known.pose.length, known.driven_by.length);
+      for (const { at } of known.events) assert.ok(known.pose[at], 'each event has its place');
+      const marked = known.events.map(({ at }) => known.pose[at][0]);
+      for (const { pose, events } of kept) assert.equal(marked.includes(pose[0]), events.length > 0);
     }
   }
 });

@@ -17,7 +17,7 @@ const page = new Page({ store, connection, preferences: new Preferences(), wakeL
 setInterval(() => page.helm.beatIfDue(performance.now()), HEARTBEAT_MS / 2);
 
 await import('./components/index.js');
-for (const name of ['app-bar', 'video-view', 'teach-panel', 'mode-bar', 'drive-pad', 'toast-bar']) {
+for (const name of ['app-bar', 'video-view', 'teach-panel', 'mode-bar', 'drive-pad', 'drive-map', 'toast-bar']) {
   /** @type {any} */ (document.querySelector(name)).start(page);
 }
 new Router(page).start();

@@ -74,7 +74,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {boolean | null} bumped
  * @property {boolean[]} [bumpers] from left to right
  * @property {number | null} battery
- * @property {{x_m: number, y_m: number, heading_rad: number} | null} pose
+ * @property {{x_m: number, y_m: number, heading_rad: number, is_estimate?: boolean} | null} pose
  */
 
 /** A message that is none of the protocol's; `code` is one of the protocol's error codes. */

@@ -9,6 +9,7 @@ import pytest
 
 from robot.clock import ManualClock
 from robot.types import Encoding, Frame
+from server.clients.flow_control import PictureSize
 from server.clients.video import EncodedFrame, Encoder, VideoHub, Viewer
 from server.protocol import parse_picture
 
@@ -58,8 +59,8 @@ def test_each_link_gets_the_picture_that_it_takes(seed: int) -> None:
         return enlarge(frame)
 
     hub = VideoHub(Encoder(75), clock, for_the_eye)
-    easy = [_Screen(chance.uniform(0.001, 0.02)) for _ in range(2)]
-    slow = [_Screen(chance.uniform(0.06, 0.3)) for _ in range(2)]
+    easy = [_Screen(chance.uniform(0.001, 0.05)) for _ in range(2)]
+    slow = [_Screen(chance.uniform(0.07, 0.3)) for _ in range(2)]
     for screen in easy + slow:
         hub.add(screen.viewer)
     for number in range(1, 121):
@@ -76,6 +77,21 @@ def test_each_link_gets_the_picture_that_it_takes(seed: int) -> None:
         assert set(screen.widths) == {160}
     assert hub.frames_encoded <= 2 * 120, "each size is encoded once for all"
     assert max(asked.count(number) for number in set(asked)) == 1
+
+
+def test_a_link_too_narrow_for_larger_pictures_tries_them_rarely() -> None:
+    """Half a megabit: a small picture takes 48 ms, a large one 176."""
+    size, now_s, late_s, tries = PictureSize(), 0.0, [], 0
+    while now_s < 600.0:
+        delay_s = 0.176 if size.is_large else 0.048
+        now_s += delay_s
+        was_large = size.is_large
+        size.note(delay_s, now_s)
+        tries += size.is_large and not was_large
+        if was_large:
+            late_s.append(delay_s)
+    assert 2 <= tries <= 7
+    assert sum(late_s) < 5.0, "of ten minutes"
 
 
 def test_with_slow_links_alone_nobody_asks_for_larger_pictures() -> None:

@@ -24,7 +24,7 @@ const LEAST_MS = 80; // between two pictures while it plays: what a phone draws 
 export async function openPlayer(home, path, place, teach, at = 0) {
   const shown = await home.attempt(() => Promise.all([ask('GET', path), ask('GET', `${path}/timeline`)]));
   if (!shown || !place.isConnected) return;
-  const [episode, { columns }] = /** @type {[any, {columns: Columns}]} */ (shown);
+  const [episode, { columns, is_estimate: isEstimate }] = /** @type {[any, {columns: Columns, is_estimate: boolean}]} */ (shown);
   const last = columns.frame.length - 1;
   if (last < 1) return;
   const player = new Player(columns, path);
@@ -51,7 +51,7 @@ export async function openPlayer(home, path, place, teach, at = 0) {
       episode.redoable ? button(t('mend.redo'), () => change(() => ask('POST', `${path}/edits/redo`)), icon('redo')) : null),
     h('button', { type: 'button', class: 'primary', onclick: teach }, t('again.begin')));
   player.show(Math.min(at, last));
-  drawFromAbove(player.map, columns);
+  drawFromAbove(player.map, columns, isEstimate);
 }
 
 class Player {

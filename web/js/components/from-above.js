@@ -10,20 +10,25 @@ import { t } from '../i18n.js';
  * @typedef {{pose: ([number, number, number] | null)[], driven_by: (string | null)[], asks_pilot: boolean[],
  *   intervention: boolean[], bumped: boolean[]}} Path
  */
-/** @typedef {{width_m: number, depth_m: number, things: {shape: string, x_m: number, y_m: number, width_m: number, depth_m: number, heading_rad: number}[]}} World */
+/** @typedef {{width_m: number, depth_m: number, things: {moves?: boolean, shape: string, x_m: number, y_m: number, width_m: number, depth_m: number, heading_rad: number}[]}} World */
 
 const MARGIN_M = 0.1;
 /** @type {[keyof Path, string][]} */
 const MARKS = [['asks_pilot', 'asked'], ['bumped', 'pushed'], ['intervention', 'corrected']];
 
+/** The simulated world as it is now; null of a real robot's. @returns {Promise<World | null>} */
+export async function fetchWorld() {
+  return (await ask('GET', '/api/world').catch(() => ({ world: null }))).world;
+}
+
 /**
  * Draw a path into `place`; an event `moment` with an index as detail moves the robot along it.
- * @param {HTMLElement} place @param {Path} path
+ * @param {HTMLElement} place @param {Path} path @param {boolean} [isEstimate]  reckoned from the wheels
  */
-export async function drawFromAbove(place, path) {
+export async function drawFromAbove(place, path, isEstimate = false) {
   const poses = path.pose;
   if (!poses.some(Boolean)) return;
-  const { world } = await ask('GET', '/api/world').catch(() => ({ world: null }));
+  const world = isEstimate ? null : await fetchWorld();
   const [left, bottom, right, top] = bounds(poses, world);
   // North is up: y grows upwards in the world and downwards on the screen.
   const ground = svg('g', { transform: 'scale(1 -1)' });
@@ -34,23 +39,35 @@ export async function drawFromAbove(place, path) {
     ground.append(...places.map(([x, y]) => mark(kind, x, y)));
     return [kind, places.length];
   });
-  const robot = svg('path', { class: 'body', d: 'M.09 0L-.06 .06V-.06Z' });
+  const robot = makeRobot();
   ground.append(robot);
   const label = t('above.label', Object.fromEntries(counts));
   const picture = svg('svg', {
     viewBox: `${left} ${-top} ${right - left} ${top - bottom}`, role: 'img', 'aria-label': label, class: 'above',
   }, ground);
-  fill(place, /** @type {any} */ (picture), h('p', { class: 'under' }, world ? label : `${t('above.estimate')} ${label}`));
-  const stand = (/** @type {number} */ index) => {
-    const pose = poses[index];
-    if (pose) robot.setAttribute('transform', `translate(${pose[0]} ${pose[1]}) rotate(${(pose[2] * 180) / Math.PI})`);
-  };
+  fill(place, /** @type {any} */ (picture), h('p', { class: 'under' }, isEstimate ? `${t('above.estimate')} ${label}` : label));
+  const stand = (/** @type {number} */ index) => standAt(robot, poses[index]);
   place.addEventListener('moment', (event) => stand(/** @type {CustomEvent} */ (event).detail));
   stand(poses.findIndex(Boolean));
 }
 
+/** Draw the way of a whole recording. @param {HTMLElement} place @param {string} path  of the episode */
+export async function drawRecording(place, path) {
+  const { columns, is_estimate: isEstimate } = await ask('GET', `${path}/timeline`);
+  await drawFromAbove(place, columns, isEstimate);
+  place.dispatchEvent(new CustomEvent('moment', { detail: columns.pose.length - 1 }));
+}
+
+/** The robot: it points where it looks. */
+export const makeRobot = () => svg('path', { class: 'body', d: 'M.09 0L-.06 .06V-.06Z' });
+
+/** @param {Element} robot @param {readonly number[] | null} pose */
+export function standAt(robot, pose) {
+  if (pose) robot.setAttribute('transform', `translate(${pose[0]} ${pose[1]}) rotate(${(pose[2] * 180) / Math.PI})`);
+}
+
 /** @param {World} world */
-function room({ width_m: width, depth_m: depth, things }) {
+export function room({ width_m: width, depth_m: depth, things }) {
   return [
     svg('rect', { class: 'floor', x: 0, y: 0, width, height: depth }),
     ...things.map((thing) => thing.shape === 'cylinder'
@@ -62,8 +79,8 @@ function room({ width_m: width, depth_m: depth, things }) {
   ];
 }
 
-/** @param {Path['pose']} poses @param {World | null} world */
-function bounds(poses, world) {
+/** Left, bottom, right and top of what is to be seen. @param {Path['pose']} poses @param {World | null} world */
+export function bounds(poses, world) {
   const xs = poses.flatMap((pose) => (pose ? [pose[0]] : []));
   const ys = poses.flatMap((pose) => (pose ? [pose[1]] : []));
   if (world) { xs.push(0, world.width_m); ys.push(0, world.depth_m); }
@@ -72,7 +89,7 @@ function bounds(poses, world) {
   return [least(xs), least(ys), most(xs), most(ys)];
 }
 
-/** The parts of the path that one of the two drove. @param {Path} path @param {string} who */
+/** The parts of the path that one of the two drove. @param {Pick<Path, 'pose' | 'driven_by'>} path @param {string} who */
 export function way({ pose, driven_by: by }, who) {
   let d = '';
   for (let i = 1; i < pose.length; i += 1) {
@@ -90,7 +107,7 @@ export function begins(flags) {
 }
 
 /** Each has its own sign, so that colour is not needed to tell them apart. @param {string} kind @param {number} x @param {number} y */
-function mark(kind, x, y) {
+export function mark(kind, x, y) {
   /** @type {Record<string, string>} */
   const signs = { asked: 'M0 .05V-.02M0 -.05V-.055', pushed: 'M-.04 -.04L.04 .04M-.04 .04L.04 -.04', corrected: 'M-.045 0A.045 .045 0 1 0 .045 0A.045 .045 0 1 0 -.045 0' };
   return svg('path', { class: `mark ${kind}`, d: signs[kind], transform: `translate(${x} ${y})` });
