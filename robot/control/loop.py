@@ -29,6 +29,7 @@ from robot.control.publisher import StatePublisher
 from robot.control.state import LoopState, Tick
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError
+from robot.learner.base import Vector
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.types import (
@@ -38,6 +39,7 @@ from robot.types import (
     Frame,
     Mode,
     PilotCommand,
+    Prediction,
     Sensors,
     StopReason,
 )
@@ -115,6 +117,11 @@ class ControlLoop:
     def history(self) -> TrainingHistory:
         """The training history of the policy; use it only through `submit`."""
         return self._online_learning.history
+
+    @property
+    def newest(self) -> tuple[Vector, Prediction] | None:
+        """The newest frame's vector and prediction; use it only through `submit`."""
+        return self._online_learning.newest
 
     @property
     def mode(self) -> Mode:

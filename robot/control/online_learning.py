@@ -95,6 +95,13 @@ class OnlineLearning:
             del self._seen[next(iter(self._seen))]
         return True
 
+    @property
+    def newest(self) -> tuple[Vector, Prediction] | None:
+        """The newest frame's vector, and what the policy would do on it; None before the first."""
+        if self.frame is None or self.prediction is None:
+            return None
+        return self._seen[self.frame.frame_id].x, self.prediction
+
     def learn(
         self, commands: Sequence[PilotCommand], *, is_intervention: bool, may_learn: bool
     ) -> None:

@@ -14,6 +14,8 @@ from robot.types import Frame
 
 THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT = 40, 30
 """The paper's picture: 160x120 shrunk by four."""
+CELL_COLUMNS, CELL_ROWS = 8, 6
+"""Parts of a picture, to say where two views are alike."""
 
 
 class Features(Protocol):
@@ -31,6 +33,10 @@ class Features(Protocol):
 
     def grey(self, x: Vector) -> NDArray[np.uint8]:
         """Return the vector's part that is a grey picture, at any contrast: to compare frames."""
+        ...
+
+    def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return by how much each part of the picture adds to a squared distance, shape (6, 8)."""
         ...
 
 
@@ -51,6 +57,10 @@ class GreyFeatures:
         """Return shape (1200,)."""
         return x
 
+    def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sums of squares over parts of 5x5 pixels."""
+        return _cells_of_pixels(difference)
+
 
 class GradientFeatures:
     """Histograms of gradient orientations beside a grey picture at half contrast: 1584 bytes.
@@ -64,7 +74,7 @@ class GradientFeatures:
     """
 
     name = "gradient"
-    n_columns, n_rows, n_bins = 8, 6, 8
+    n_columns, n_rows, n_bins = CELL_COLUMNS, CELL_ROWS, 8
     n_gradients = n_columns * n_rows * n_bins
     samples = 10
     """Gradients are taken at 10x10 points of each cell: every second pixel of 160x120."""
@@ -84,6 +94,11 @@ class GradientFeatures:
     def grey(self, x: Vector) -> NDArray[np.uint8]:
         """Return shape (1200,), at half contrast."""
         return x[self.n_gradients :]
+
+    def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sums of squares of each cell's gradients and of its pixels."""
+        bins = difference[: self.n_gradients].reshape(self.n_rows, self.n_columns, self.n_bins)
+        return (bins * bins).sum(axis=2) + _cells_of_pixels(difference[self.n_gradients :])
 
     def _histograms(self, grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
         across, down = self._gradients(grey.astype(np.int16))
@@ -135,6 +150,13 @@ def _normalised(cells: NDArray[np.float64], noise: float) -> NDArray[np.uint8]:
     shares = cells / np.sqrt(around + noise**2)[:, :, None]
     scaled: NDArray[np.uint8] = (255.0 * np.sqrt(shares) + 0.5).astype(np.uint8)
     return scaled
+
+
+def _cells_of_pixels(pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    high, wide = THUMBNAIL_HEIGHT // CELL_ROWS, THUMBNAIL_WIDTH // CELL_COLUMNS
+    parts = pixels.reshape(CELL_ROWS, high, CELL_COLUMNS, wide)
+    sums: NDArray[np.float64] = (parts * parts).sum(axis=(1, 3))
+    return sums
 
 
 def _as_picture(pixels: NDArray[np.float64]) -> NDArray[np.uint8]:

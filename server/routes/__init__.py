@@ -22,6 +22,7 @@ MODULES = (
     "models",
     "episodes",
     "gallery",
+    "why",
     "teaching",
     "retraining",
     "world",
