@@ -103,11 +103,13 @@ class Readiness:
         self._trial = _Trial()
         self._was: DrivenBy = DrivenBy.NOBODY
         self._last_s: float | None = None
+        self._frame: Frame | None = None
 
     def note(self, tick: Tick) -> None:
         """Process one tick."""
         step_s = 0.0 if self._last_s is None else min(tick.now_s - self._last_s, _LONGEST_STEP_S)
         self._last_s = tick.now_s
+        self._frame = tick.frame or self._frame
         if tick.frame is not None and tick.prediction is not None:
             self._proposed.append((tick.now_s, tick.prediction.action))
         for event in tick.history_events:
@@ -175,7 +177,7 @@ class Readiness:
                 instead=gap.instead,
                 distance_m=tick.sensors.distance_m,
                 at_s=tick.now_s,
-                frame=tick.frame,
+                frame=self._frame,
             )
         )
 

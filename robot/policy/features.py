@@ -98,7 +98,8 @@ class GradientFeatures:
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sums of squares of each cell's gradients and of its pixels."""
         bins = difference[: self.n_gradients].reshape(self.n_rows, self.n_columns, self.n_bins)
-        return (bins * bins).sum(axis=2) + _cells_of_pixels(difference[self.n_gradients :])
+        cells: NDArray[np.float64] = (bins * bins).sum(axis=2)
+        return cells + _cells_of_pixels(difference[self.n_gradients :])
 
     def _histograms(self, grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
         across, down = self._gradients(grey.astype(np.int16))

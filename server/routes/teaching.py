@@ -42,12 +42,12 @@ def describe_teaching(request: Request) -> dict[str, Any]:
 
 
 @router.get("/readiness", dependencies=[VIEWER])
-async def show_readiness(request: Request) -> dict[str, Any]:
+async def show_readiness(request: Request, pictures: bool = True) -> dict[str, Any]:
     """Return whether the robot is ready to drive alone, or what is missing and where."""
     services = services_of(request)
     readiness = services.progress.readiness
     loop = services.robot.loop
-    return await asyncio.wrap_future(loop.submit(lambda: _describe_readiness(readiness)))
+    return await asyncio.wrap_future(loop.submit(lambda: _describe_readiness(readiness, pictures)))
 
 
 @router.get("/last", dependencies=[VIEWER])
@@ -67,7 +67,7 @@ async def undo(request: Request) -> dict[str, Any]:
     return {"undone": len(gone)}
 
 
-def _describe_readiness(readiness: Readiness) -> dict[str, Any]:
+def _describe_readiness(readiness: Readiness, has_pictures: bool) -> dict[str, Any]:
     """Describe it; on the loop's thread."""
     return {
         "stage": readiness.stage.value,
@@ -84,11 +84,15 @@ def _describe_readiness(readiness: Readiness) -> dict[str, Any]:
                 "have": round(gap.have, 1),
                 "need": gap.need,
                 "distance_m": gap.distance_m,
-                "png": gap.frame and b64encode(encode_png(_picture(gap.frame))).decode(),
+                "png": _encoded(gap.frame) if gap.frame and has_pictures else None,
             }
             for gap in readiness.missing()
         ],
     }
+
+
+def _encoded(frame: Frame) -> str:
+    return b64encode(encode_png(_picture(frame))).decode()
 
 
 def _picture(frame: Frame) -> NDArray[np.uint8]:

@@ -33,7 +33,7 @@ def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
         return None
     x, prediction = newest
     explanation = explain(loop.history.policy, x, prediction.node)
-    return explanation and (prediction, explanation)
+    return None if explanation is None else (prediction, explanation)
 
 
 def _describe(prediction: Prediction, explanation: Explanation) -> dict[str, Any]:

@@ -28,7 +28,7 @@ SIZES = [
     (1920, 1080),
     (3840, 2160),
 ]
-SCREENS = ("gallery", "teaching", "undo", "lesson", "home", "settings")
+SCREENS = ("gallery", "why", "teaching", "undo", "lesson", "home", "settings")
 
 
 @pytest.mark.parametrize("language", ["en", "es", "zh", "longer"])

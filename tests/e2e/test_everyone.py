@@ -22,7 +22,7 @@ from .world import (
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
-SCREENS = ("drive", "gallery", "teaching", "undo", "lesson", "home", "settings")
+SCREENS = ("drive", "gallery", "why", "teaching", "undo", "lesson", "home", "settings")
 MOST_BYTES = 100_000
 MOST_BYTES_FIRST = 70_000
 MOST_REQUESTS_FIRST = 40

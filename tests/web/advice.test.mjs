@@ -1,8 +1,7 @@
 import assert from 'node:assert/strict';
-import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 
-import { READY_AGREEMENT, ageParts, isReady, starvedMove, teachingAdvice, urgentAdvice, usedMoves } from '../../web/js/advice.js';
+import { ageParts, teachingAdvice, urgentAdvice, usedMoves } from '../../web/js/advice.js';
 import { initialState } from '../../web/js/store.js';
 
 const robot = (changes = {}) => ({
@@ -14,60 +13,70 @@ const page = (changes = {}, robotChanges = {}) =>
   ({ ...initialState(), link: 'open', robot: robot(robotChanges), ...changes });
 const key = (state) => urgentAdvice(state)?.key ?? null;
 
-test('a move is starved below a tenth, once there is something to go by', () => {
-  assert.equal(starvedMove({ forward: 40, left: 0 }), null);
-  assert.deepEqual(starvedMove({ forward: 95, left: 5 }), { move: 'left', share: 0.05 });
-  assert.equal(starvedMove({ forward: 60, left: 20, right: 20 }), null);
+const readiness = (changes = {}) => ({
+  stage: 'teach', alone_s: 0, alone_needed_s: 30, unknown_share: 0, moves: ['forward', 'left'], missing: [], ...changes,
 });
-
-test('ready is: much taught, much agreed, nothing starved', () => {
-  assert.equal(isReady(robot()), true);
-  assert.equal(isReady(robot({ lessons: 100 })), false);
-  assert.equal(isReady(robot({ agreement: 0.8 })), false);
-  assert.equal(isReady(robot({ taught: { forward: 290, left: 10 } })), false);
-});
+const short = { kind: 'too_short', move: null, instead: null, have: 12.3, need: 40, distance_m: null };
+const rare = { kind: 'rare_move', move: 'left', instead: null, have: 1, need: 3, distance_m: null };
+const corrected = { kind: 'corrected', move: 'left', instead: 'forward', have: 0, need: 0, distance_m: 0.2 };
 
 test('the box needs two moves: what this pilot does not use is never asked for', () => {
-  assert.equal(isReady(robot({ taught: { forward: 200, left: 100, right: 0 } })), true);
+  assert.deepEqual(usedMoves({ forward: 200, left: 100, right: 0 }), ['forward', 'left']);
   for (let left = 0; left <= 300; left += 7) {
     for (const slips of [0, 1, 4, 8]) {
       const taught = { forward: 300, left, right: slips, backward: 0 };
       for (const mode of ['train', 'stopped', 'autonomous']) {
-        const { move } = teachingAdvice(robot({ mode, taught, agreement: 0.5 }));
-        assert.ok(move === undefined || usedMoves(taught).includes(move), `${move} of ${JSON.stringify(taught)}`);
-        assert.notEqual(move, 'right');
-        assert.notEqual(move, 'backward');
+        for (const missing of [[short], [rare], [short, rare, corrected], []]) {
+          // The robot names moves in use alone (tests/robot/control/test_readiness.py).
+          const { move } = teachingAdvice(robot({ mode, taught, agreement: 0.5 }), readiness({ missing }));
+          assert.ok(move === undefined || move === 'left', `${move} of ${JSON.stringify(taught)}`);
+        }
       }
     }
   }
 });
 
 test('one move alone is no driving: a turn is asked for', () => {
-  assert.equal(teachingAdvice(robot({ taught: { forward: 300, left: 0, right: 2 } })).key, 'advice.turn');
-  assert.equal(isReady(robot({ taught: { forward: 300, left: 0 } })), false);
+  for (const stage of ['teach', 'try', 'ready']) {
+    assert.equal(teachingAdvice(robot({ taught: { forward: 300, left: 0, right: 2 } }), readiness({ stage })).key, 'advice.turn');
+  }
 });
 
 test('a robot that drives itself is never urged to be taught', () => {
-  assert.equal(teachingAdvice(robot({ mode: 'autonomous', taught: { forward: 290, left: 10 } })).key, 'advice.watch');
+  for (const stage of ['teach', 'try', 'ready']) {
+    for (const missing of [[short, rare], [corrected], []]) {
+      for (const alone_s of [0, 0.4, 12, 30, 55]) {
+        const { key } = teachingAdvice(robot({ mode: 'autonomous' }), readiness({ stage, missing, alone_s }));
+        assert.ok(['advice.watch', 'advice.trial', 'advice.can'].includes(key), key);
+      }
+    }
+  }
 });
 
-test('the documents tell the same number', () => {
-  const share = `${Math.round(100 * READY_AGREEMENT)} %`;
-  for (const file of ['tutorial.md', 'howto/page.md']) {
-    const shares = [...readFileSync(new URL(`../../docs/${file}`, import.meta.url), 'utf8').matchAll(/\d+ %/g)].map(String);
-    assert.ok(shares.includes(share), file);
-    assert.deepEqual([...new Set(shares)], [share], file);
+test('agreement is no promise: only a trial without a mistake makes it ready', () => {
+  for (const agreement of [0.5, 0.9, 1]) {
+    for (const stage of ['teach', 'try']) {
+      for (const mode of ['stopped', 'train', 'autonomous']) {
+        const { key } = teachingAdvice(robot({ agreement, mode }), readiness({ stage, alone_s: 29.9 }));
+        assert.ok(!['advice.ready', 'advice.can'].includes(key), key);
+      }
+    }
+    assert.equal(teachingAdvice(robot({ agreement }), readiness({ stage: 'ready', alone_s: 30 })).key, 'advice.ready');
   }
 });
 
 test('one step at a time, from the first visit to the first drive', () => {
-  const advice = (changes) => teachingAdvice(robot(changes)).key;
-  assert.equal(advice({ mode: 'stopped', lessons: 0, taught: {} }), 'advice.start');
-  assert.equal(advice({ lessons: 0, taught: {} }), 'advice.first');
-  assert.equal(advice({ taught: { forward: 290, left: 10 } }), 'advice.starved');
-  assert.equal(advice({ agreement: 0.5 }), 'advice.go_on');
-  assert.equal(advice({}), 'advice.ready');
-  assert.equal(advice({ mode: 'autonomous' }), 'advice.watch');
+  const advice = (changes, told = null) => teachingAdvice(robot(changes), told);
+  assert.equal(advice({ mode: 'stopped', lessons: 0, taught: {} }).key, 'advice.start');
+  assert.equal(advice({ lessons: 0, taught: {} }).key, 'advice.first');
+  assert.equal(advice({}, readiness({ missing: [short] })).key, 'advice.go_on');
+  assert.deepEqual(advice({ mode: 'stopped' }, readiness({ missing: [short] })), { key: 'advice.more', left: 28 });
+  assert.deepEqual(advice({}, readiness({ missing: [rare] })), { key: 'advice.rare', move: 'left', have: 1, need: 3 });
+  assert.equal(advice({}, readiness({ stage: 'try' })).key, 'advice.try');
+  assert.equal(advice({ mode: 'autonomous' }, readiness({ stage: 'try' })).key, 'advice.watch');
+  assert.deepEqual(advice({ mode: 'autonomous' }, readiness({ stage: 'try', alone_s: 12.5 })), { key: 'advice.trial', left: 18 });
+  assert.equal(advice({ mode: 'autonomous' }, readiness({ stage: 'ready' })).key, 'advice.can');
+  assert.equal(advice({ mode: 'stopped' }, readiness({ stage: 'ready' })).key, 'advice.ready');
 });
 
 test('the most urgent is said first', () => {

@@ -4,11 +4,7 @@
 /** @typedef {{key: string, values?: Record<string, string | number>, step?: string, level: 'info' | 'ask' | 'stop'}} Advice */
 
 const FEW_EXAMPLES = 60;
-const STARVED_SHARE = 0.1;
 const USED_SHARE = 0.03; // less of a move than this was a slip of the thumb
-const READY_EXAMPLES = 150;
-/** The line on the curve, in the tutorial and in docs/howto/page.md. */
-export const READY_AGREEMENT = 0.85;
 
 /**
  * The moves that this pilot uses: whichever were really taught. The box needs two.
@@ -18,30 +14,6 @@ export const READY_AGREEMENT = 0.85;
 export function usedMoves(taught) {
   const total = Object.values(taught).reduce((sum, n) => sum + n, 0);
   return Object.keys(taught).filter((move) => taught[move] > 0 && taught[move] >= USED_SHARE * total);
-}
-
-/**
- * The move in use with too few examples; null if there is none or it is too early to know.
- * @param {Record<string, number>} taught
- * @returns {{move: string, share: number} | null}
- */
-export function starvedMove(taught) {
-  const total = Object.values(taught).reduce((sum, n) => sum + n, 0);
-  if (total < FEW_EXAMPLES) return null;
-  const [move] = usedMoves(taught).sort((a, b) => taught[a] - taught[b]);
-  const share = taught[move] / total;
-  return share < STARVED_SHARE ? { move, share } : null;
-}
-
-/** True if the robot may try alone. @param {{lessons: number, agreement: number | null, agreement_frames: number, taught: Record<string, number>}} robot */
-export function isReady(robot) {
-  return (
-    robot.lessons >= READY_EXAMPLES &&
-    robot.agreement_frames >= 50 &&
-    (robot.agreement ?? 0) >= READY_AGREEMENT &&
-    usedMoves(robot.taught).length > 1 &&
-    starvedMove(robot.taught) === null
-  );
 }
 
 /**
@@ -119,17 +91,28 @@ function wheelElsewhere(page) {
 }
 
 /**
- * What would help the robot most now.
+ * What would help the robot most now: the robot's own verdict, not the agreement, which most pilots
+ * reach long before their robot can drive alone.
  * @param {import('./protocol.js').RobotState} robot
- * @returns {{key: string, move?: string, share?: number}}
+ * @param {import('./readiness.js').Readiness | null} readiness
+ * @returns {{key: string, move?: string, left?: number, have?: number, need?: number}}
  */
-export function teachingAdvice(robot) {
-  if (robot.mode === 'stopped' && robot.lessons === 0) return { key: 'advice.start' };
-  if (robot.lessons === 0) return { key: 'advice.first' };
-  if (robot.mode === 'autonomous') return { key: 'advice.watch' };
-  if (robot.lessons >= FEW_EXAMPLES && usedMoves(robot.taught).length < 2) return { key: 'advice.turn' };
-  const starved = starvedMove(robot.taught);
-  if (starved) return { key: 'advice.starved', ...starved };
-  if (isReady(robot)) return { key: 'advice.ready' };
-  return { key: robot.mode === 'stopped' ? 'advice.more' : 'advice.go_on' };
+export function teachingAdvice(robot, readiness) {
+  const { mode, lessons } = robot;
+  if (mode === 'stopped' && lessons === 0) return { key: 'advice.start' };
+  if (lessons === 0) return { key: 'advice.first' };
+  if (mode !== 'autonomous' && lessons >= FEW_EXAMPLES && usedMoves(robot.taught).length < 2) return { key: 'advice.turn' };
+  if (!readiness) return { key: mode === 'autonomous' ? 'advice.watch' : 'advice.go_on' };
+  const { stage, missing, alone_s: alone, alone_needed_s: needed } = readiness;
+  const left = Math.max(1, Math.ceil(needed - alone));
+  if (mode === 'autonomous') {
+    if (stage === 'ready') return { key: 'advice.can', left: needed };
+    return { key: stage === 'try' && alone >= 1 ? 'advice.trial' : 'advice.watch', left };
+  }
+  if (stage === 'ready') return { key: 'advice.ready' };
+  if (stage === 'try') return { key: 'advice.try' };
+  const [first] = missing;
+  if (first?.kind === 'rare_move' && first.move) return { key: 'advice.rare', move: first.move, have: first.have, need: first.need };
+  if (first?.kind === 'too_short' && mode === 'stopped') return { key: 'advice.more', left: Math.max(1, Math.ceil(first.need - first.have)) };
+  return { key: 'advice.go_on' };
 }

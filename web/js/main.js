@@ -7,6 +7,7 @@ import { loadLanguage } from './i18n.js';
 import { listenToGamepads } from './inputs/gamepad.js';
 import { listenToKeyboard } from './inputs/keyboard.js';
 import { Page } from './page.js';
+import { followReadiness } from './readiness.js';
 import { Router } from './router.js';
 import { Store } from './store.js';
 
@@ -21,6 +22,7 @@ for (const name of ['app-bar', 'video-view', 'teach-panel', 'mode-bar', 'drive-p
   /** @type {any} */ (document.querySelector(name)).start(page);
 }
 new Router(page).start();
+followReadiness(store);
 const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
 listenToKeyboard(page.helm, reach);
 listenToGamepads(page.helm, reach);

@@ -16,7 +16,7 @@ const STOP_MS = 300;
 /** A release waits so long for a stop by request that is not answered: it would latch the stop again. */
 const STOPPING_MS = 3000;
 const LESSON_MS = 1000;
-const SHOWING = ['drive', 'gallery']; // screens with the robot's picture
+const SHOWING = ['drive', 'gallery', 'why']; // screens with the robot's picture
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 /** @typedef {import('./protocol.js').RobotState} RobotState */

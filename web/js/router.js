@@ -5,6 +5,7 @@ import { t } from './i18n.js';
 /** @type {Record<string, string>} element of each screen besides the drive screen */
 const ELEMENTS = {
   gallery: 'gallery-screen',
+  why: 'why-screen',
   teaching: 'teaching-screen',
   undo: 'undo-screen',
   lesson: 'lesson-screen',

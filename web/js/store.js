@@ -26,6 +26,7 @@
  * @property {boolean} wheelAsked  somebody else asks for the wheel
  * @property {boolean} wheelWaiting  this page asked for it
  * @property {LessonState | null} lesson
+ * @property {import('./readiness.js').Readiness | null} readiness  null before it was asked for
  * @property {string | null} hint  which of the first visit's hints is shown
  * @property {Toast | null} toast  a sentence that goes away by itself, on any screen
  * @property {string | null} notice  a short text that disappears by itself
@@ -50,6 +51,7 @@ export const initialState = () => ({
   wheelAsked: false,
   wheelWaiting: false,
   lesson: null,
+  readiness: null,
   hint: null,
   notice: null,
   toast: null,

@@ -30,9 +30,9 @@ class Drive:
         self.readiness = Readiness()
         self.dt_s, self.now_s, self.number = 1 / rate_hz, 100.0, 0
 
-    def tick(self, who, action, proposed, *, novelty=0.0, events=(), **flags) -> None:
+    def tick(self, who, action, proposed, *, novelty=0.0, events=(), is_new=True, **flags) -> None:
         self.now_s += self.dt_s
-        self.number += 1
+        self.number += is_new
         reason = flags.pop("stop_reason", None)
         self.readiness.note(
             Tick(
@@ -44,7 +44,9 @@ class Drive:
                     height=120,
                     encoding=Encoding.YUYV,
                     data=b"",
-                ),
+                )
+                if is_new
+                else None,
                 commands=(),
                 decision=Decision(
                     action=action, driven_by=who, mode=Mode.AUTONOMOUS, stop_reason=reason
@@ -172,3 +174,12 @@ def test_another_model_begins_from_nothing() -> None:
     drive.alone(CLEAN_S + 1)
     drive.tick(DrivenBy.NOBODY, STOP, None, events=[Replaced(policy_name="x")])
     assert drive.readiness.stage is Stage.TEACH
+
+
+def test_a_gap_has_the_picture_of_its_place_although_its_tick_had_no_new_one() -> None:
+    drive = Drive()
+    drive.alone(1.0)
+    seen = drive.number
+    drive.tick(DrivenBy.PILOT, L, F, is_new=False)
+    [corrected] = [gap for gap in drive.readiness.missing() if gap.kind is GapKind.CORRECTED]
+    assert corrected.frame is not None and corrected.frame.frame_id == seen

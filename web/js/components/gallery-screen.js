@@ -166,7 +166,7 @@ export class GalleryScreen extends Screen {
   }
 }
 
-/** @param {LearnedImage} image */
+/** @param {Pick<LearnedImage, 'votes'>} image */
 export function mainMove({ votes }) {
   return Object.entries(votes).reduce((a, b) => (b[1] > a[1] ? b : a), ['stop', 0])[0];
 }

@@ -1,7 +1,7 @@
 // <teach-panel>: how good the robot is, how much it was taught, and what would help most.
 
 import { append, h, say, svg } from '../dom.js';
-import { READY_AGREEMENT, teachingAdvice, urgentAdvice } from '../advice.js';
+import { teachingAdvice, urgentAdvice } from '../advice.js';
 import { count, percent, t } from '../i18n.js';
 
 const WIDTH = 200;
@@ -15,15 +15,15 @@ export class TeachPanel extends HTMLElement {
     this.lessons = h('b', {}, '0');
     this.advice = h('p', { role: 'status' });
     this.curve = svg('polyline', { class: 'curve' });
-    const goal = svg('line', { class: 'goal', x1: 0, x2: WIDTH, y1: height(READY_AGREEMENT), y2: height(READY_AGREEMENT) });
-    const chart = svg('svg', { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: 'none', 'aria-hidden': 'true' }, goal, this.curve);
+    const all = svg('line', { class: 'goal', x1: 0, x2: WIDTH, y1: height(1), y2: height(1) });
+    const chart = svg('svg', { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: 'none', 'aria-hidden': 'true' }, all, this.curve);
     append(this, [
       h('a', { href: '#teaching', class: 'summary', title: t('screen.teaching') },
         h('span', { class: 'big' }, this.agreement, this.agreementWord), chart,
         h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught')))),
       this.advice,
     ]);
-    page.store.watch(['robot', 'link', 'lesson', 'hint', 'notice', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
+    page.store.watch(['robot', 'link', 'lesson', 'readiness', 'hint', 'notice', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
     page.store.watch(['agreement'], (state) => this.curve?.setAttribute('points', points(state.agreement)));
   }
 
@@ -42,12 +42,8 @@ export class TeachPanel extends HTMLElement {
       say(/** @type {Node} */ (this.advice), ''); // one thing at a time: it is said over the picture
       return;
     }
-    const { key, move, share } = teachingAdvice(robot);
-    say(/** @type {Node} */ (this.advice), t(key, {
-      moves: move ? t(`moves.${move}`) : '',
-      share: share === undefined ? '' : percent(share),
-      agreement: robot.agreement === null ? '' : percent(robot.agreement),
-    }));
+    const { key, move, ...values } = teachingAdvice(robot, state.readiness);
+    say(/** @type {Node} */ (this.advice), t(key, { moves: move ? t(`moves.${move}`) : '', ...values }));
   }
 }
 

@@ -1,11 +1,12 @@
 // <teaching-screen>: am I teaching well? Agreement over the lessons, and how much of each move.
 
 import { ask } from '../api.js';
-import { teachingAdvice } from '../advice.js';
 import { append, fill, h, icon, say, svg } from '../dom.js';
 import { count, percent, t } from '../i18n.js';
 import { Screen } from './screen.js';
 import { byPlace } from '../moves.js';
+import { askReadiness } from '../readiness.js';
+import { drawReadiness } from './readiness-view.js';
 
 const WIDTH = 400;
 const HEIGHT = 190;
@@ -14,11 +15,11 @@ export class TeachingScreen extends Screen {
   build() {
     /** @type {number | undefined} */
     this.drawn = undefined;
-    this.advice = h('p', { class: 'lead', role: 'status' });
+    this.readiness = h('div', { class: 'panel stack' });
     this.chart = h('figure', { class: 'panel chart' });
     this.moves = h('div', { class: 'panel bars', role: 'list' });
     append(this, [
-      this.advice,
+      h('h2', {}, t('ready.title')), this.readiness,
       h('h2', {}, t('teaching.agreement')), this.chart,
       h('h2', {}, t('teaching.moves')), this.moves,
       h('div', { class: 'row' },
@@ -38,17 +39,14 @@ export class TeachingScreen extends Screen {
   }
 
   async refresh() {
-    const teaching = await ask('GET', '/api/teaching').catch(() => null);
-    if (teaching && this.isConnected) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
+    const [teaching, readiness] = await Promise.all([ask('GET', '/api/teaching').catch(() => null), askReadiness(true)]);
+    if (!this.isConnected) return;
+    if (teaching) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
+    if (readiness) drawReadiness(/** @type {Element} */ (this.readiness), readiness);
   }
 
   /** @param {import('../protocol.js').RobotState} robot */
   render(robot) {
-    const { key, move, share } = teachingAdvice(robot);
-    say(/** @type {Node} */ (this.advice), t(key, {
-      moves: move ? t(`moves.${move}`) : '', share: share === undefined ? '' : percent(share),
-      agreement: robot.agreement === null ? '' : percent(robot.agreement),
-    }));
     const moves = /** @type {HTMLElement} */ (this.moves);
     if (moves.dataset.stamp === JSON.stringify(robot.taught)) return;
     moves.dataset.stamp = JSON.stringify(robot.taught);

@@ -24,7 +24,7 @@ export class VideoView extends HTMLElement {
     this.who = h('div', { class: 'who' });
     this.facts = h('div', { class: 'facts' });
     this.like = h('img', { width: 40, height: 30, alt: '' });
-    this.likeLink = h('a', { class: 'like', href: '#gallery', hidden: true, 'aria-label': t('like_long') }, this.like, h('span', {}, t('like')));
+    this.likeLink = h('a', { class: 'like', href: '#why', hidden: true, 'aria-label': t('like_long') }, this.like, h('span', {}, t('like')));
     const { like, likeLink } = this;
     like.addEventListener('error', () => likeLink.classList.add('missing'));
     like.addEventListener('load', () => likeLink.classList.remove('missing'));

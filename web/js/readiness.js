@@ -1,0 +1,51 @@
+// Is the robot ready to drive alone, and what is missing? The robot tells (docs/reference/http.md);
+// here it is asked while somebody looks, and said in sentences. Asking is frugal: no pictures, and
+// only while something changes.
+
+import { ask } from './api.js';
+import { percent, t } from './i18n.js';
+
+const ASK_MS = 2000;
+
+/**
+ * @typedef {{kind: string, move: string | null, instead: string | null, have: number, need: number,
+ *   distance_m: number | null, png?: string | null}} Gap
+ */
+/**
+ * @typedef {{stage: 'teach' | 'try' | 'ready', alone_s: number, alone_needed_s: number, unknown_share: number,
+ *   moves: string[], missing: Gap[]}} Readiness
+ */
+
+/** @param {boolean} pictures @returns {Promise<Readiness | null>} */
+export function askReadiness(pictures) {
+  return ask('GET', `/api/teaching/readiness?pictures=${pictures}`).catch(() => null);
+}
+
+/** Keep the store's `readiness` up to date while the drive screen is in sight. @param {import('./store.js').Store} store */
+export function followReadiness(store) {
+  let told = '';
+  const look = async () => {
+    const { robot, link, screen } = store.state;
+    if (link !== 'open' || !robot || screen !== 'drive' || document.hidden) return;
+    const now = `${robot.mode}/${robot.lessons}`;
+    if (robot.mode === 'stopped' && now === told) return;
+    const readiness = await askReadiness(false);
+    if (readiness) told = now;
+    if (readiness && JSON.stringify(readiness) !== JSON.stringify(store.state.readiness)) store.set({ readiness });
+  };
+  setInterval(look, ASK_MS);
+}
+
+/** What is missing, as a sentence. @param {Gap} gap */
+export function tellGap({ kind, move, instead, have, need, distance_m: far }) {
+  const sentence = t(`gap.${kind}`, {
+    move: move ? t(`move.${move}`) : '', moves: move ? t(`moves.${move}`) : '',
+    instead: instead ? t(`move.${instead}`) : t('gap.nothing'), have: Math.floor(have), need, left: Math.max(1, Math.ceil(need - have)),
+  });
+  return far === null ? sentence : `${sentence} ${t('gap.far', { cm: Math.round(far * 100) })}`;
+}
+
+/** How far it has come, as a sentence. @param {Readiness} readiness */
+export function tellStage({ stage, alone_s: alone, alone_needed_s: needed, unknown_share: unknown }) {
+  return t(`ready.${stage}`, { alone: Math.floor(alone), needed, left: Math.max(1, Math.ceil(needed - alone)), unknown: percent(unknown) });
+}
