@@ -11,6 +11,8 @@ import { followReadiness } from './readiness.js';
 import { Router } from './router.js';
 import { Store } from './store.js';
 
+const MAP_MS = 1000;
+
 await loadLanguage();
 const store = new Store();
 const connection = new Connection(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}`);
@@ -18,7 +20,7 @@ const page = new Page({ store, connection, preferences: new Preferences(), wakeL
 setInterval(() => page.helm.beatIfDue(performance.now()), HEARTBEAT_MS / 2);
 
 await import('./components/index.js');
-for (const name of ['app-bar', 'video-view', 'teach-panel', 'mode-bar', 'drive-pad', 'drive-map', 'toast-bar']) {
+for (const name of ['app-bar', 'video-view', 'teach-panel', 'mode-bar', 'drive-pad', 'toast-bar']) {
   /** @type {any} */ (document.querySelector(name)).start(page);
 }
 new Router(page).start();
@@ -28,6 +30,11 @@ listenToKeyboard(page.helm, reach);
 listenToGamepads(page.helm, reach);
 await /** @type {any} */ (document.querySelector('video-view')).ready;
 connection.connect();
+// The map is not needed for the first picture.
+setTimeout(async () => {
+  await import('./components/drive-map.js');
+  /** @type {any} */ (document.querySelector('drive-map')).start(page);
+}, MAP_MS);
 if (isSecureContext && 'serviceWorker' in navigator) {
   navigator.serviceWorker.register('/sw.js').catch(() => {}); // only the shell without a robot is lost
 }

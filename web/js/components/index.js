@@ -1,6 +1,5 @@
 // The drive screen's elements; other screens load theirs when they are opened.
 import './app-bar.js';
-import './drive-map.js';
 import './drive-pad.js';
 import './mode-bar.js';
 import './teach-panel.js';
