@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Any, ClassVar, Self
 
 from robot.moves import Move, describe, names
-from robot.types import DEFAULT_MOVES, Action, Mode, Sensors
+from robot.types import DEFAULT_MOVES, Action, Mode, Prediction, Sensors
 
 ACTION_TIMEOUT_S = 0.4
 """How long one `send_action` lasts. The body stops by itself unless the next comes before:
@@ -55,6 +55,11 @@ class Driver(ABC):
     def first_moves(self) -> tuple[Action, ...]:
         """What a new model learns unless a person chooses: the paper's three, or else all."""
         return DEFAULT_MOVES if set(DEFAULT_MOVES) <= set(self.moves) else self.moves
+
+    @property
+    def takes_advice(self) -> bool:
+        """True for a body that passes on what the learner would do, whoever drives."""
+        return False
 
     @property
     @abstractmethod
@@ -111,6 +116,9 @@ class Driver(ABC):
     def take_button(self) -> BodyButton | None:
         """Return what a button on the body asked for since the last call; most bodies have none."""
         return None
+
+    def advise(self, prediction: Prediction) -> None:  # noqa: B027
+        """Take what the learner would do on the newest frame; must return at once, never raises."""
 
     def announce(self, address: str) -> None:  # noqa: B027 - a body without a screen says nothing
         """Take the page's address, for a body that can show it; called before `connect`."""

@@ -26,6 +26,7 @@ REAL_PARTS = (
     "contract/test_cameras.py",
     "contract/test_drivers.py",
     "robot/drivers/pybricks/",
+    "robot/drivers/ros/",
     "robot/drivers/gpio/test_keeper.py",
 )
 """What runs real parts throughout: browsers, agents and fake bricks in processes of their own."""

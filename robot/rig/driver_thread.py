@@ -18,7 +18,7 @@ from robot.clock import Clock, Worker
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
 from robot.errors import DriveError, NotConnectedError
 from robot.moves import Move
-from robot.types import Action, Mode, Sensors
+from robot.types import Action, Mode, Prediction, Sensors
 
 SENSE_EVERY_S = 0.1
 """How often the sensors are read while actions wait; with nothing to do, as often."""
@@ -93,6 +93,15 @@ class DriverThread(Driver):
     def is_connected(self) -> bool:
         """True if the body is connected."""
         return self.driver.is_connected
+
+    @property
+    def takes_advice(self) -> bool:
+        """True if the body takes it."""
+        return self.driver.takes_advice
+
+    def advise(self, prediction: Prediction) -> None:
+        """Hand it on; it returns at once."""
+        self.driver.advise(prediction)
 
     def announce(self, address: str) -> None:
         """Hand on the page's address; called before `connect`, so on the caller's thread."""

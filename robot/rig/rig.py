@@ -9,6 +9,7 @@ from typing import Any
 from robot.camera import Camera
 from robot.clock import Clock, RealClock
 from robot.control.loop import ControlLoop, LoopConfig
+from robot.control.state import Tick
 from robot.control.thread import LoopThread
 from robot.driver import Driver
 from robot.policy.policy import Policy
@@ -36,6 +37,8 @@ class Rig(StartStop):
         self.camera = camera
         self.loop = ControlLoop(driver, camera, policy, self.clock, config, wake)
         self._thread = LoopThread(self.loop, self.clock)
+        if driver.takes_advice:
+            self.loop.subscribe(self._advise)
 
     def start(self) -> None:
         """Connect the body, start the camera, and run the loop.
@@ -56,6 +59,10 @@ class Rig(StartStop):
         self._thread.stop()
         self.camera.stop()
         self.driver.disconnect()
+
+    def _advise(self, tick: Tick) -> None:
+        if tick.frame is not None and tick.prediction is not None:
+            self.driver.advise(tick.prediction)
 
 
 def build_rig(

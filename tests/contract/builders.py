@@ -25,6 +25,7 @@ from robot.cameras.opencv import OpencvCamera, OpencvOptions
 from robot.cameras.phone import PhoneCamera, PhoneOptions
 from robot.cameras.picamera2 import Picamera2Camera, Picamera2Options
 from robot.cameras.replay import ReplayCamera, ReplayCameraOptions
+from robot.cameras.ros import RosCamera, RosCameraOptions
 from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.cameras.v4l2 import V4l2Camera
 from robot.capture.options import UsbCameraOptions
@@ -36,6 +37,7 @@ from robot.drivers.gpio.driver import GpioDriver, GpioOptions
 from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
 from robot.drivers.remote.driver import RemoteOptions
 from robot.drivers.replay import ReplayDriver
+from robot.drivers.ros.driver import RosDriver, RosOptions
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.drivers.udp import UdpDriver
 from robot.drivers.ws import WsDriver
@@ -51,6 +53,7 @@ from tests.standins.firmware import SECRET as SECRET_OF_FIRMWARE
 from tests.standins.firmware import FirmwareRobot, Relay
 from tests.standins.mjpeg import MjpegServer
 from tests.standins.pybricks_hub import FakeHub
+from tests.standins.rosbridge import RosBridgeServer
 from tests.standins.ws_robot import WsRobot
 
 
@@ -241,6 +244,27 @@ def picamera2_camera() -> Iterator[CameraCase]:
 
 
 @contextmanager
+def ros_driver() -> Iterator[DriverCase]:
+    with RosBridgeServer() as ros:
+        driver = RosDriver(RosOptions(address=ros.address))
+
+        def is_moving() -> bool:
+            ros.settle(driver._bridge)
+            return ros.is_moving
+
+        yield DriverCase(driver, time.sleep, is_moving, ros.frozen.set)
+        driver.disconnect()
+
+
+@contextmanager
+def ros_camera() -> Iterator[CameraCase]:
+    with RosBridgeServer() as ros:
+        yield CameraCase(
+            RosCamera(RosCameraOptions(address=ros.address), RealClock()), ros.frozen.set
+        )
+
+
+@contextmanager
 def mjpeg_camera() -> Iterator[CameraCase]:
     with MjpegServer() as server:
         camera = MjpegCamera(MjpegOptions(source=server.address), RealClock())
@@ -271,6 +295,7 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "ws": ws_driver,
     "pybricks": pybricks_driver,
     "gpio": gpio_driver,
+    "ros": ros_driver,
 }
 CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "sim": sim_camera,
@@ -281,4 +306,5 @@ CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "phone": phone_camera,
     "mjpeg": mjpeg_camera,
     "picamera2": picamera2_camera,
+    "ros": ros_camera,
 }

@@ -12,10 +12,13 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from robot.cameras.ros import RosCameraOptions
 from robot.drivers.gpio.driver import GpioOptions
+from robot.drivers.ros.driver import RosOptions
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs/images"
+IMAGES, ADVICE = RosCameraOptions().image_topic, "/drivelesson/advice"
 PITCH_PX, HEAD_PX, FONT_PX = 26, 40, 14
 RED, BLACK, BLUE, GREEN = "#d33", "#555", "#27c", "#283"
 
@@ -195,7 +198,31 @@ def _firmware() -> Drawing:
     return _with_motor_board("wiring-esp32", title, "ESP32, Pico W", pins, "GND", "")
 
 
-DRAWINGS = (_pybricks, _gpio, _firmware)
+def _ros() -> Drawing:
+    """The topics as the driver's and the camera's options have them."""
+    options = RosOptions()
+    server = Box(
+        "drivelesson", 16, 16, 190, (), ("velocities", "pictures", "advice"), "drives and learns"
+    )
+    bridge = Box(
+        "rosbridge", 280, 16, 330, ("in", "out", "in "), (options.cmd_vel_topic, IMAGES, ADVICE)
+    )
+    base = Box("base", 700, 16, 190, ("takes velocities",), note="must stop by itself")
+    camera = Box("camera", 700, 110, 190, ("JPEG pictures",))
+    other = Box("your own node", 700, 186, 190, ("what it would do",), note="may be left out")
+    wires = (
+        Wire((server, "velocities"), (bridge, "in"), RED, 240),
+        Wire((server, "pictures"), (bridge, "out"), BLUE, 246),
+        Wire((server, "advice"), (bridge, "in "), GREEN, 252),
+        Wire((bridge, options.cmd_vel_topic), (base, "takes velocities"), RED, 660),
+        Wire((bridge, IMAGES), (camera, "JPEG pictures"), BLUE, 650),
+        Wire((bridge, ADVICE), (other, "what it would do"), GREEN, 640),
+    )
+    boxes = (server, bridge, base, camera, other)
+    return Drawing("wiring-ros", "Drivelesson beside ROS 2", 906, 290, boxes, wires)
+
+
+DRAWINGS = (_pybricks, _gpio, _firmware, _ros)
 
 
 def render() -> dict[Path, str]:

@@ -1,0 +1,237 @@
+"""A client of rosbridge: ROS topics as JSON over a websocket, on a thread of its own.
+
+The protocol is described at github.com/RobotWebTools/rosbridge_suite (ROSBRIDGE_PROTOCOL.md).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from typing import Any
+
+from robot.clock import Clock
+from robot.errors import MissingExtraError
+
+PORT = 9090
+CONNECT_S = 4.0
+SEND_S = 0.3
+PING_EVERY_S = 0.1
+GONE_S = 0.4
+"""After so long without any sign of life the bridge counts as gone."""
+MAX_BYTES = 6 * 2**20
+_AGAIN_S = 0.5
+_LOST_S = 3.0
+"""After so long the connection is closed and opened again."""
+
+Message = Mapping[str, Any]
+
+
+class RosBridge:
+    """Connects, stays connected, and passes on what topics say.
+
+    Args:
+        host: Where rosbridge runs.
+        port: Its port.
+        clock: Where the time comes from.
+        advertised: The type of each topic that will be published.
+        subscribed: The type of each topic to listen to.
+        on_message: Called with topic and message, on the bridge's thread; must return at once.
+
+    Raises:
+        OSError: If nothing answers there.
+        MissingExtraError: If the library is not installed.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        clock: Clock,
+        *,
+        advertised: Mapping[str, str] | None = None,
+        subscribed: Mapping[str, str] | None = None,
+        on_message: Callable[[str, Message], None] = lambda topic, message: None,
+    ) -> None:
+        try:
+            import websockets  # noqa: F401 - with a sentence where it is missing
+        except ImportError as error:
+            raise MissingExtraError("ROS", "demo") from error
+        self._url, self._clock = f"ws://{host}:{port}/", clock
+        self._advertised, self._subscribed = dict(advertised or {}), dict(subscribed or {})
+        self._on_message = on_message
+        self._socket: Any = None
+        self._heard_s = clock.now_s()
+        self._trouble = ""
+        self._ends: dict[str, asyncio.TimerHandle] = {}
+        self._sending: dict[str, Future[None]] = {}
+        self._first: Future[None] = Future()
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, name="rosbridge", daemon=True)
+        self._thread.start()
+        try:
+            self._first.result()
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def silent_s(self) -> float:
+        """Since when the bridge has given no sign of life."""
+        return self._clock.now_s() - self._heard_s
+
+    @property
+    def trouble(self) -> str:
+        """What went wrong last, in brackets; empty if nothing did."""
+        return self._trouble
+
+    def publish(self, topic: str, message: Message) -> None:
+        """Publish one message, and wait until it is sent.
+
+        Raises:
+            OSError: If it cannot be sent now; it is not sent later.
+        """
+        self._send(topic, message, None).result(SEND_S)
+
+    def publish_for(self, topic: str, message: Message, end: Message, for_s: float) -> None:
+        """Publish a message, and `end` after `for_s` unless another follows before."""
+        self._send(topic, message, (end, for_s)).result(SEND_S)
+
+    def publish_soon(self, topic: str, message: Message) -> None:
+        """Publish without waiting; dropped while the one before is still being sent."""
+        with contextlib.suppress(ConnectionError):
+            self._send(topic, message, None)
+
+    def close(self) -> None:
+        """Disconnect and end the thread; idempotent."""
+        if self._loop.is_closed():
+            return
+        self._loop.call_soon_threadsafe(self._task.cancel)
+        self._thread.join()
+        self._loop.close()
+
+    def _send(
+        self, topic: str, message: Message, ends: tuple[Message, float] | None
+    ) -> Future[None]:
+        before = self._sending.get(topic)
+        if before is not None and not before.done():
+            raise ConnectionError("the bridge takes nothing more")
+        if self._loop.is_closed():
+            raise ConnectionError("the connection is closed")
+        coming = self._publish(topic, message, ends)
+        future = self._sending[topic] = asyncio.run_coroutine_threadsafe(coming, self._loop)
+        return future
+
+    # On the thread -----------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        self._task = self._loop.create_task(self._stay_connected())
+        with contextlib.suppress(asyncio.CancelledError):
+            self._loop.run_until_complete(self._task)
+        for task in asyncio.all_tasks(self._loop):
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError, Exception):
+                self._loop.run_until_complete(task)
+        self._loop.run_until_complete(asyncio.sleep(0.01))  # transports close a little later
+
+    async def _stay_connected(self) -> None:
+        from websockets import connect
+
+        while True:
+            try:
+                async with asyncio.timeout(CONNECT_S):
+                    socket = await connect(
+                        self._url,
+                        compression=None,
+                        max_size=MAX_BYTES,
+                        ping_interval=None,
+                        close_timeout=SEND_S,
+                    )
+                try:
+                    await self._serve(socket)
+                finally:
+                    self._socket = None
+                    self._end_all()
+                    with contextlib.suppress(Exception):
+                        await socket.close()
+            except Exception as error:  # the library has many kinds of "it is gone"
+                self._trouble = f" ({str(error) or type(error).__name__})"
+                if not self._first.done():
+                    self._first.set_exception(ConnectionError(str(error) or "no answer in time"))
+                    return
+            await asyncio.sleep(_AGAIN_S)
+
+    async def _serve(self, socket: Any) -> None:
+        for topic, kind in self._advertised.items():
+            await _tell(socket, op="advertise", topic=topic, type=kind)
+        for topic, kind in self._subscribed.items():
+            # One message at most waits for us: the newest counts.
+            await _tell(socket, op="subscribe", topic=topic, type=kind, queue_length=1)
+        self._socket, self._heard_s = socket, self._clock.now_s()
+        if not self._first.done():
+            self._first.set_result(None)
+        pinging = asyncio.ensure_future(self._ping(socket))
+        try:
+            async for data in socket:
+                self._take(data)
+            raise ConnectionError("the bridge has ended the connection")
+        finally:
+            pinging.cancel()
+
+    async def _ping(self, socket: Any) -> None:
+        """Ask for a sign of life, and end a connection that gives none for long."""
+        while True:
+            async with asyncio.timeout(_LOST_S):
+                try:
+                    await (await socket.ping())
+                except TimeoutError:
+                    break
+            self._heard_s, self._trouble = self._clock.now_s(), ""
+            await asyncio.sleep(PING_EVERY_S)
+        await socket.close()
+
+    def _take(self, data: str | bytes) -> None:
+        self._heard_s = self._clock.now_s()
+        try:
+            plain = json.loads(data)
+            topic, message = plain["topic"], plain["msg"]
+            if plain["op"] != "publish" or topic not in self._subscribed:
+                return
+        except (ValueError, KeyError, TypeError, RecursionError):
+            return
+        if isinstance(message, dict):
+            self._on_message(topic, message)
+
+    async def _publish(
+        self, topic: str, message: Message, ends: tuple[Message, float] | None
+    ) -> None:
+        socket = self._socket
+        if (handle := self._ends.pop(topic, None)) is not None:
+            handle.cancel()
+        if socket is None:
+            raise ConnectionError("not connected")
+        if ends is not None:
+            end, for_s = ends
+            self._ends[topic] = self._loop.call_later(for_s, self._end, topic, end)
+        try:
+            await _tell(socket, op="publish", topic=topic, msg=message)
+        except Exception as error:
+            raise ConnectionError(str(error) or type(error).__name__) from error
+
+    def _end(self, topic: str, end: Message) -> None:
+        self._ends.pop(topic, None)
+        coming = self._publish(topic, end, None)
+        task = self._loop.create_task(coming)
+        task.add_done_callback(lambda done: done.cancelled() or done.exception())
+
+    def _end_all(self) -> None:
+        for handle in self._ends.values():
+            handle.cancel()
+        self._ends.clear()
+
+
+async def _tell(socket: Any, **fields: Any) -> None:
+    await socket.send(json.dumps(fields, separators=(",", ":")))

@@ -1,0 +1,202 @@
+"""A ROS robot over a small rosbridge: velocities, pictures, advice, and what happens without it."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from robot.cameras.ros import RosCamera, RosCameraOptions
+from robot.clock import RealClock
+from robot.control.loop import LoopConfig
+from robot.drivers.ros.driver import RosDriver, RosOptions
+from robot.errors import CameraError, ConfigurationError, DriveError
+from robot.policy.registry import make_policy
+from robot.rig.driver_thread import DriverThread
+from robot.rig.rig import Rig
+from robot.types import Action
+from tests.standins.firmware import ROOT
+from tests.standins.rosbridge import RosBridgeServer, grey_image
+
+FOREIGN = ROOT / "var/roslibpy"
+ADVICE = "/drivelesson/advice"
+
+
+@pytest.fixture
+def ros() -> Iterator[RosBridgeServer]:
+    with RosBridgeServer() as running:
+        yield running
+
+
+def driver_for(ros: RosBridgeServer, **options: Any) -> RosDriver:
+    return RosDriver(RosOptions(address=ros.address, **options))
+
+
+def until(happens: Callable[[], object]) -> None:
+    for _ in range(1000):
+        if happens():
+            return
+        time.sleep(0.01)
+    pytest.fail("it never came")
+
+
+def speeds(message: dict[str, Any]) -> tuple[float, float]:
+    twist = message.get("twist", message)
+    return twist["linear"]["x"], twist["angular"]["z"]
+
+
+def test_moves_are_velocities_in_metres_and_radians(ros: RosBridgeServer) -> None:
+    moves = "forward,left,spin_right,fast:0:1,half_left:-0.5:0.25"
+    with driver_for(ros, linear_mps=0.4, turn_rate_deg_s=90.0, body_moves=moves) as driver:
+        ros.settle(driver._bridge)
+        assert ros.topics["/cmd_vel"] == "geometry_msgs/msg/Twist"
+        ros.cmd_vel.clear()
+        for move in driver.moves:
+            driver.send_action(move, speed_scale=0.5)
+        driver.send_action(Action.STOP)
+        ros.settle(driver._bridge)
+    turn = math.pi / 2
+    wanted = [(0.1, 0), (0.1, turn / 2), (0, -turn / 2), (0.2, 0), (0.05, turn / 4), (0, 0)]
+    assert [speeds(told) for told in ros.cmd_vel[:6]] == [pytest.approx(pair) for pair in wanted]
+
+
+def test_stamped_velocities_carry_the_time(ros: RosBridgeServer) -> None:
+    with driver_for(ros, stamped=True) as driver:
+        driver.send_action(Action.FORWARD)
+        ros.settle(driver._bridge)
+        assert ros.topics["/cmd_vel"] == "geometry_msgs/msg/TwistStamped"
+        stamp = ros.cmd_vel[-1]["header"]["stamp"]
+        assert speeds(ros.cmd_vel[-1]) == (0.2, 0)
+        assert 0 <= time.time() - (stamp["sec"] + stamp["nanosec"] / 1e9) < 60
+
+
+def test_a_velocity_that_is_not_renewed_is_followed_by_zero(ros: RosBridgeServer) -> None:
+    """The base here never stops by itself: it is our zero that ends the move."""
+    ros.has_timeout = False
+    with driver_for(ros) as driver:
+        driver.send_action(Action.FORWARD)
+        ros.settle(driver._bridge)
+        assert ros.is_moving
+        ros.wait_until(lambda: not ros.is_moving)
+
+
+def test_without_a_bridge_the_driver_says_what_that_means(ros: RosBridgeServer) -> None:
+    with driver_for(ros) as driver:
+        ros.frozen.set()
+        with pytest.raises(DriveError, match=r"nothing stops its robot unless its base does"):
+            for _ in range(500):
+                driver.sense()
+                time.sleep(0.01)
+        ros.frozen.clear()
+
+        def drives() -> bool:
+            try:
+                driver.send_action(Action.FORWARD)
+                return True
+            except DriveError:
+                return False
+
+        until(drives)
+        until(lambda: ros.is_moving)
+
+
+def test_a_bridge_that_is_not_there_is_a_sentence(ros: RosBridgeServer) -> None:
+    options = {"address": "127.0.0.1:9"}
+    with pytest.raises(DriveError, match="rosbridge_server"):
+        RosDriver(RosOptions(**options)).connect()
+    with pytest.raises(CameraError, match=r"127\.0\.0\.1:9"):
+        RosCamera(RosCameraOptions(**options), RealClock()).start()
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("linear_mps", 0.0),
+        ("linear_mps", math.nan),
+        ("turn_rate_deg_s", 1e9),
+        ("cmd_vel_topic", ""),
+        ("cmd_vel_topic", "/a b"),
+        ("advice_topic", "a//b"),
+        ("body_moves", "forward,push"),
+    ],
+)
+def test_bad_options_are_refused_with_their_name(option: str, value: object) -> None:
+    with pytest.raises(ConfigurationError, match="--" + option.replace("_", "-")):
+        RosDriver(RosOptions(**{option: value}))
+    with pytest.raises(ConfigurationError, match="--image-topic"):
+        RosCameraOptions(image_topic="/a b")
+
+
+@pytest.mark.parametrize(
+    ("broken", "says"),
+    [
+        ({"format": "png", "data": "iVBORw0KGgo="}, "'png', no JPEG"),
+        ({"format": "jpeg", "data": "%%%"}, "no JPEG"),
+        ({"format": 7}, "no JPEG"),
+    ],
+)
+def test_a_topic_that_sends_something_else_is_a_fault(
+    ros: RosBridgeServer, broken: dict[str, Any], says: str
+) -> None:
+    with RosCamera(RosCameraOptions(address=ros.address), RealClock()) as camera:
+        until(camera.latest)
+        ros.images = lambda index: broken
+        until(lambda: camera.fault is not None and says in camera.fault)
+        ros.images = grey_image
+        until(lambda: camera.fault is None)
+
+
+def test_what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
+    """Nobody starts the robot: it is advice alone."""
+    driver = driver_for(ros, advice_topic=ADVICE)
+    clock = RealClock()
+    camera = RosCamera(RosCameraOptions(address=ros.address), clock)
+    policy = make_policy("default-32", moves=(Action.FORWARD, Action.LEFT))
+    rig = Rig(DriverThread(driver, clock), camera, policy, clock, LoopConfig())
+    with rig:
+        ros.wait_until(lambda: len(ros.told[ADVICE]) >= 3)
+    told = [json.loads(message["data"]) for message in ros.told[ADVICE]]
+    assert ros.topics[ADVICE] == "std_msgs/msg/String"
+    assert all(set(each) == {"move", "confidence", "novel", "frame"} for each in told)
+    frames = [each["frame"] for each in told]
+    assert frames == sorted(set(frames)), "one of each picture at most"
+    assert not any(any(speeds(message)) for message in ros.cmd_vel), "and it never moved"
+
+
+def test_a_foreign_client_hears_what_we_say(ros: RosBridgeServer) -> None:
+    """`roslibpy`; CI installs it for this test alone."""
+    if not (FOREIGN / "roslibpy").is_dir():
+        if os.environ.get("CI") == "true":
+            pytest.fail("CI needs roslibpy: pip install --target var/roslibpy roslibpy")
+        pytest.skip("ROSLIBPY IS MISSING: pip install --target var/roslibpy roslibpy")
+    client = subprocess.Popen(
+        [sys.executable, "-m", "tests.robot.drivers.ros.foreign_client", ros.address],
+        env={**os.environ, "PYTHONPATH": str(FOREIGN)},
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert client.stdout is not None
+        assert client.stdout.readline().strip() == "ready"
+        ros.wait_until(lambda: bool(ros.told["/cmd_vel_foreign"]))
+        theirs = ros.told["/cmd_vel_foreign"][0]
+        until(lambda: ros._listeners["/cmd_vel"])
+        with driver_for(ros) as driver:
+            driver.send_action(Action.FORWARD)
+            heard = [json.loads(client.stdout.readline()) for _ in range(2)]
+    finally:
+        client.kill()
+        client.communicate()
+    assert [speeds(message) for message in heard] == [(0.0, 0.0), (0.2, 0.0)]
+    assert {part: set(theirs[part]) for part in theirs} == {
+        part: set(heard[1][part]) for part in heard[1]
+    }, "the same message, field by field"

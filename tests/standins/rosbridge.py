@@ -1,0 +1,153 @@
+"""A small rosbridge with a ROS robot behind it: its base stands where `cmd_vel` is not renewed."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import itertools
+import json
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from typing import Any, Self
+
+import cv2
+import numpy as np
+import websockets
+
+IMAGES = "/camera/image_raw/compressed"
+SETTLED = "/settled"
+BASE_TIMEOUT_S = 0.4
+"""As of ros2_control's diff_drive_controller (`cmd_vel_timeout`), a little less than its 0.5."""
+
+
+class RosBridgeServer:
+    """`frozen` takes and says nothing more, not even pongs; `cmd_vel` has all that was told.
+
+    Args:
+        has_timeout: The base ends a velocity that is not renewed. Many bases do not.
+    """
+
+    def __init__(self, *, has_timeout: bool = True) -> None:
+        self.has_timeout = has_timeout
+        self.frozen = threading.Event()
+        self.topics: dict[str, str] = {}
+        self.cmd_vel: list[dict[str, Any]] = []
+        self.told: dict[str, list[dict[str, Any]]] = defaultdict(list)
+        self.images: Callable[[int], dict[str, Any]] = grey_image
+        self._moved_s = -100.0
+        self.port = 0
+        self._sockets: set[Any] = set()
+        self._listeners: dict[str, set[Any]] = defaultdict(set)
+        self._news = threading.Condition()
+        self._ready, self._over = threading.Event(), threading.Event()
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    @property
+    def address(self) -> str:
+        return f"127.0.0.1:{self.port}"
+
+    @property
+    def is_moving(self) -> bool:
+        if not self.cmd_vel:
+            return False
+        twist = self.cmd_vel[-1].get("twist", self.cmd_vel[-1])
+        is_told = bool(twist["linear"]["x"] or twist["angular"]["z"])
+        is_old = self.has_timeout and time.monotonic() - self._moved_s > BASE_TIMEOUT_S
+        return is_told and not is_old
+
+    def settle(self, bridge: Any) -> None:
+        """Wait until all that a bridge has sent so far has arrived; None: until nobody is there."""
+        if self.frozen.is_set():
+            return
+        if bridge is None:
+            self.wait_until(lambda: not self._sockets)
+            return
+        marks = self.told[SETTLED]
+        count = len(marks) + 1
+        bridge.publish(SETTLED, {})
+        self.wait_until(lambda: len(marks) >= count)
+
+    def wait_until(self, happened: Callable[[], bool]) -> None:
+        with self._news:
+            assert self._news.wait_for(happened, 10.0)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        assert self._ready.wait(10.0)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._over.set()
+        self._thread.join()
+        self._loop.close()
+
+    def _run(self) -> None:
+        self._loop.run_until_complete(self._serve())
+
+    async def _serve(self) -> None:
+        async with websockets.serve(
+            self._talk, "127.0.0.1", self.port, ping_interval=None, close_timeout=0.1
+        ) as server:
+            self.port = next(iter(server.sockets)).getsockname()[1]
+            self._ready.set()
+            showing = asyncio.ensure_future(self._show())
+            while not self._over.is_set():
+                await asyncio.sleep(0.005)
+                while self.frozen.is_set() and not self._over.is_set():
+                    time.sleep(0.005)  # the whole process stands still, as after SIGSTOP
+            showing.cancel()
+        await asyncio.sleep(0.01)  # transports close a little later
+
+    async def _talk(self, socket: Any, path: str = "") -> None:
+        self._sockets.add(socket)
+        try:
+            async for data in socket:
+                await self._obey(socket, json.loads(data))
+        except websockets.ConnectionClosed:
+            pass
+        finally:
+            with self._news:
+                self._sockets.discard(socket)
+                self._news.notify_all()
+            for listeners in self._listeners.values():
+                listeners.discard(socket)
+
+    async def _obey(self, socket: Any, asked: dict[str, Any]) -> None:
+        topic = asked.get("topic", "")
+        if asked["op"] == "advertise":
+            self.topics[topic] = asked["type"]
+        elif asked["op"] == "subscribe":
+            self._listeners[topic].add(socket)
+        elif asked["op"] == "unsubscribe":
+            self._listeners[topic].discard(socket)
+        elif asked["op"] == "publish":
+            assert topic in self.topics or topic == SETTLED, "rosbridge knows no type for it"
+            await self._pass_on(topic, asked["msg"])
+
+    async def _pass_on(self, topic: str, message: dict[str, Any]) -> None:
+        with self._news:
+            self.told[topic].append(message)
+            if "twist" in self.topics.get(topic, "").lower():
+                self.cmd_vel.append(message)
+                self._moved_s = time.monotonic()
+            self._news.notify_all()
+        for listener in list(self._listeners[topic]):
+            await listener.send(json.dumps({"op": "publish", "topic": topic, "msg": message}))
+
+    async def _show(self) -> None:
+        for index in itertools.count():
+            await asyncio.sleep(0.03)
+            if self._listeners[IMAGES]:
+                await self._pass_on(IMAGES, self.images(index))
+                self.told[IMAGES].clear()
+
+
+def grey_image(index: int) -> dict[str, Any]:
+    """Return a sensor_msgs/CompressedImage as rosbridge writes it: bytes in base64."""
+    grey = np.full((120, 160, 3), 7 * index % 256, np.uint8)
+    jpeg = cv2.imencode(".jpg", grey)[1].tobytes()
+    header = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": "camera"}
+    return {"header": header, "format": "jpeg", "data": base64.b64encode(jpeg).decode()}
