@@ -11,6 +11,7 @@ from pathlib import Path
 COMMANDS = {
     "drivelesson": "from server.__main__ import main; sys.exit(main())",
     "pytest": "import pytest; sys.exit(pytest.main())",
+    "pip": "from pip._internal.cli.main import main; sys.exit(main())",
 }
 # A stranger has none of our own pytest plugins.
 _QUIET = {
@@ -24,7 +25,8 @@ class OwnEnvironment:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True, timeout=100)
+        made = [sys.executable, "-m", "venv", "--without-pip", str(folder)]
+        subprocess.run(made, check=True, timeout=100)
         self.python = folder / "bin" / "python"
         version = f"python{sys.version_info.major}.{sys.version_info.minor}"
         site = folder / "lib" / version / "site-packages"
