@@ -20,6 +20,8 @@ install: ## Put the command `drivelesson` on your PATH
 JOBS ?= 2
 NPM := $(if $(shell command -v npm),tests/web/node_modules/.made)
 
+test test-brick test-oldest: export OMP_NUM_THREADS := 1  # see tests/conftest.py
+
 test: check $(NPM) ## Check and test everything (JOBS=1 for one after the other)
 	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 

@@ -9,6 +9,10 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+# Two workers with a thread for each core apiece hold each other up: kNN is ten times slower then.
+# scikit-learn looks at it when it is loaded; numpy is loaded already, so the Makefile says it too.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 from tests import wall_clock
 from tests.wall_clock import _off_the_wall_clock  # noqa: F401
 
