@@ -106,11 +106,9 @@ def read_notes(episode: Path) -> Notes:
     """
     path = notes_path(episode)
     try:
-        text = path.read_text(encoding="utf-8")
+        return _from_plain(json.loads(path.read_text(encoding="utf-8")))
     except FileNotFoundError:
         return Notes()
-    try:
-        return _from_plain(json.loads(text))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise RecordingError(
             f"{path.name} is damaged: {error}; repair it or move it away"

@@ -13,13 +13,13 @@ from typing import Any
 import httpx
 import pytest
 
-from robot.clock import RealClock
+from robot.clock import VirtualClock
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
 from robot.storage.folder import Storage
 from robot.storage.prepare import prepare
+from robot.testing import FakeCamera, FakeDriver
 from robot.types import Action, Example
-from server.bench.robot import NotingDriver, SteadyCamera
 from server.identity import IdentityFile
 from server.persistence import Persistence
 from server.security.pairing import Pairing
@@ -60,8 +60,9 @@ class running:  # noqa: N801
 
     def __init__(self, root: Path) -> None:
         self.prepared = prepare(root)
-        clock = RealClock()
-        self.rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-4"), clock)
+        clock = VirtualClock(100.0)
+        policy = make_policy("published-4")
+        self.rig = Rig(FakeDriver(clock=clock), FakeCamera(clock), policy, clock)
         self.told: list[str] = []
         IdentityFile(root)
         Pairing(10, file=root / "paired.json")
@@ -96,8 +97,8 @@ def teach(rig: Rig) -> int:
         return history.n_examples
 
     while rig.camera.latest() is None:
-        pass
-    return rig.loop.submit(request).result(10)
+        rig.clock.sleep(0.01)
+    return rig.clock.result(rig.loop.submit(request), 10)
 
 
 LARGEST = 2**24
@@ -259,6 +260,7 @@ class DiskThatRefuses:
         patch.setattr(os, "write", real_write)
 
 
+@pytest.mark.realtime
 def test_a_real_server_starts_on_a_ruin_and_says_what_it_moved(tmp_path: Path) -> None:
     root = tmp_path / "data"
     root.mkdir()

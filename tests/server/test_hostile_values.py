@@ -12,20 +12,13 @@ from urllib.parse import quote
 import httpx
 import pytest
 
-from robot.clock import RealClock
-from robot.policy.registry import make_policy
-from robot.rig.rig import Rig
 from robot.storage.folder import Storage
-from server.app import create_app
-from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config, Limits
-from server.hosting.serving import served
 from server.persistence import Persistence
-from server.services import make_services
 from tests.robot.episodes.drives import record_drive
 from tests.robot.models.test_checking import good, malformed
 
-from .live_robot import WEB
+from .virtual_server import WEB, VirtualServer
 
 HALF_EMOJI = '"\\ud83d"'
 VALUES = (
@@ -67,22 +60,15 @@ class Robot:
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     root: Path = tmp_path_factory.mktemp("hostile")
-    clock = RealClock()
-    rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
-    storage = Storage(root)
-    episode = record_drive(storage.episodes, frames=20).id
-    persistence = Persistence(storage, rig, name="bench")
+    episode = record_drive(Storage(root).episodes, frames=20).id
     limits = Limits(requests_per_second=1e6, requests_burst=1e6)
     config = Config(port=0, web=WEB, data=root, limits=limits)
-    app = create_app(make_services(config, rig, name="bench", persistence=persistence))
     with (
-        rig,
-        persistence,
-        served(app, config) as address,
-        httpx.Client(base_url=address, timeout=60) as client,
+        VirtualServer(config, data=root, name="bench") as server,
+        httpx.Client(base_url=server.address, timeout=60) as client,
     ):
         client.post("/api/models/save")
-        yield Robot(client, persistence, episode)
+        yield Robot(client, server.persistence, episode)
 
 
 def body_of(path: str, field: str, value: str) -> bytes:

@@ -176,9 +176,10 @@ def test_no_name_leads_out_of_the_folder(store: EpisodeStore, name: str) -> None
             attempt(name)
 
 
-def test_damaged_notes_are_named_and_hide_no_episode(store: EpisodeStore) -> None:
+@pytest.mark.parametrize("damaged", [b"{", b"\xf4", b"", b"[]", b'{"edits": 1}'])
+def test_damaged_notes_are_named_and_hide_no_episode(store: EpisodeStore, damaged: bytes) -> None:
     [episode_id] = store.ids()
-    notes_path(store.path(episode_id)).write_text("{")
+    notes_path(store.path(episode_id)).write_bytes(damaged)
     assert "edits.json is damaged" in str(store.summary(episode_id).damage)
     assert len(taught_frames(store.open(episode_id))) == 60
     with pytest.raises(RecordingError, match="damaged"):
