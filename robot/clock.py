@@ -364,7 +364,8 @@ class _VirtualThread(threading.Thread):
             self._clock._hand_over()
 
     def join(self, timeout: float | None = None) -> None:
-        self._clock.wait(self._ended, timeout)
+        if self._clock.wait(self._ended, timeout):
+            super().join()  # it has handed over, and is a step from its end
 
     def is_alive(self) -> bool:
         return not self._ended.is_set()

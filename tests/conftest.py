@@ -47,11 +47,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         )
     here = Path(__file__).parent
     for item in items:
-        if (
-            item.path.relative_to(here)
-            .as_posix()
-            .startswith(wall_clock.REAL_PARTS + wall_clock.YET_TO_MOVE)
-        ):
+        if wall_clock.is_exempt(item.path.relative_to(here).as_posix(), item.name):
             item.add_marker(pytest.mark.realtime)
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 import threading
-import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from robot.camera import Camera
 from robot.capture.freshness import REOPEN_S, Freshness
-from robot.clock import Clock
+from robot.clock import Clock, Worker
 from robot.driver import Driver
 from robot.errors import CameraError, MissingExtraError
 from robot.types import Encoding
@@ -46,7 +45,7 @@ class OpencvCamera(Camera):
         self.options = options
         self._freshness = Freshness(0.0)
         self._ending = threading.Event()
-        self._threads: list[threading.Thread] = []
+        self._threads: list[Worker] = []
 
     @classmethod
     def for_driver(cls, driver: Driver, options: OpencvOptions, clock: Clock) -> Self:
@@ -75,11 +74,11 @@ class OpencvCamera(Camera):
                 "another number, file or address with --source"
             )
         self._ending.clear()
-        self._freshness = Freshness(time.monotonic())
-        for target, args in ((self._read, (capture,)), (self._watch, ())):
-            thread = threading.Thread(target=target, args=args, name="opencv-camera", daemon=True)
-            self._threads.append(thread)
-            thread.start()
+        self._freshness = Freshness(self.clock.now_s())
+        self._threads = [
+            self.clock.start_thread(lambda: self._read(capture), "opencv-camera"),
+            self.clock.start_thread(self._watch, "opencv-watch"),
+        ]
 
     def stop(self) -> None:
         """End the threads and let go of the source; a read that hangs is left behind."""
@@ -112,7 +111,7 @@ class OpencvCamera(Camera):
                 self._read_out(capture)
                 capture.release()
             if not self._is_film:
-                self._ending.wait(REOPEN_S)
+                self.clock.wait(self._ending, REOPEN_S)
             capture = None if self._ending.is_set() else self._open()
 
     def _read_out(self, capture: Any) -> None:
@@ -120,9 +119,9 @@ class OpencvCamera(Camera):
 
         rate_hz = capture.get(cv2.CAP_PROP_FPS) if self._is_film else 0.0
         pause_s = 1.0 / rate_hz if 0 < rate_hz <= 1000 else 0.0
-        while not self._ending.wait(pause_s):
+        while not self.clock.wait(self._ending, pause_s):
             is_read, picture = capture.read()
-            now_s = time.monotonic()
+            now_s = self.clock.now_s()
             if is_read:
                 self._show(picture, now_s)
             if not is_read or self._freshness.fault(now_s) is not None:
@@ -141,12 +140,12 @@ class OpencvCamera(Camera):
             width=size[0],
             height=size[1],
             encoding=Encoding.JPEG,
-            captured_s=self._on_clock(now_s),
+            captured_s=now_s,
         )
 
     def _watch(self) -> None:
-        while not self._ending.wait(0.05):
-            wrong = self._freshness.fault(time.monotonic())
+        while not self.clock.wait(self._ending, 0.05):
+            wrong = self._freshness.fault(self.clock.now_s())
             fault = f"The camera {self.options.source} {wrong}; check its cable." if wrong else None
             if fault is not None and self._fault is None:
                 self._report_fault(fault)

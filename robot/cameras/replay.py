@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Protocol, Self
 from numpy.typing import NDArray
 
 from robot.camera import Camera
-from robot.clock import Clock
+from robot.clock import Clock, Worker
 from robot.driver import Driver
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.npz import Recording, load_recording
@@ -68,7 +68,7 @@ class ReplayCamera(Camera):
         self._path = Path(options.recording or options.episode).expanduser()
         self._is_episode = bool(options.episode)
         self._loops = options.loop
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
         self._ending = threading.Event()
 
     @classmethod
@@ -84,10 +84,7 @@ class ReplayCamera(Camera):
             [_load_episode(self._path)] if self._is_episode else load_footage(self._path)
         )
         self._ending.clear()
-        self._thread = threading.Thread(
-            target=self._play, args=(recordings,), name="replay-camera", daemon=True
-        )
-        self._thread.start()
+        self._thread = self.clock.start_thread(lambda: self._play(recordings), "replay-camera")
 
     def stop(self) -> None:
         """End the thread."""
@@ -106,12 +103,12 @@ class ReplayCamera(Camera):
         due_s = self.clock.now_s()
         while True:
             for frame, shown_s in _timed_frames(recordings):
-                if self._ending.wait(max(0.0, due_s - self.clock.now_s())):
+                if self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s())):
                     return
                 self._show(frame)
                 due_s = max(due_s, self.clock.now_s() - _LONGEST_PAUSE_S) + shown_s
             if not self._loops:
-                self._ending.wait(max(0.0, due_s - self.clock.now_s()))
+                self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s()))
                 self._report_fault(f"The recording {self._path} is over.")
                 return
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.camera import Camera
-from robot.clock import Clock
+from robot.clock import Clock, Worker
 from robot.driver import Driver
 from robot.errors import CameraError, ConfigurationError, RobotError
 from robot.simulation.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX, WIDTH_PX
@@ -71,7 +71,7 @@ class SimCamera(Camera):
         self._compress = _make_compressor(options.jpeg_quality)
         self._period_s = 1.0 / options.frame_rate_hz
         self._ending = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
         self._failure: RobotError | None = None
         self._asked_id = -_ASKED_FRAMES
         self._large: Frame | None = None
@@ -92,11 +92,8 @@ class SimCamera(Camera):
         self._ending.clear()
         self._failure = None
         first = threading.Event()
-        self._thread = threading.Thread(
-            target=self._run, args=(first,), name="sim-camera", daemon=True
-        )
-        self._thread.start()
-        first.wait(timeout=20.0)
+        self._thread = self.clock.start_thread(lambda: self._run(first), "sim-camera")
+        self.clock.wait(first, 20.0)
         if self._failure is not None:
             self.stop()
             raise self._failure
@@ -165,7 +162,7 @@ class SimCamera(Camera):
     def _run_in_real_time(self) -> None:
         last_s = self.clock.now_s()
         due_s = last_s + self._period_s
-        while not self._ending.wait(max(0.0, due_s - self.clock.now_s())):
+        while not self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s())):
             now_s = self.clock.now_s()
             self._body.advance(min(now_s - last_s, _LONGEST_GAP_S))
             last_s = now_s

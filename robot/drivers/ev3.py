@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 from robot.brick.agent.body import BrickBody
 from robot.brick.chassis import ChassisBody, ChassisDriver, ChassisOptions
+from robot.clock import Clock, RealClock
 from robot.errors import MissingExtraError
 
 
@@ -27,6 +29,10 @@ class Ev3Driver(ChassisDriver):
     options_type: ClassVar[type[Any]] = Ev3Options
     options: Ev3Options
 
+    def __init__(self, options: Ev3Options, clock: Clock | None = None) -> None:
+        super().__init__(options)
+        self._clock = clock or RealClock()
+
     def _make_body(self) -> ChassisBody:
         if importlib.util.find_spec("ev3dev2") is None:
             raise MissingExtraError("driving an EV3", "ev3")
@@ -37,4 +43,5 @@ class Ev3Driver(ChassisDriver):
             options.ultrasonic_port,
             options.touch_port,
             options.brick_root,
+            SimpleNamespace(monotonic=self._clock.now_s, sleep=self._clock.sleep),
         )

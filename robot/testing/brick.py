@@ -15,10 +15,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from robot.clock import RealClock
+from robot.clock import Clock, RealClock, Worker
 
 POLL_S = 0.002
-_CLOCK = RealClock()
+_SEEN_NS = 0
+"""The time of a command that was obeyed: two may be written within one tick of a file's clock."""
 MAX_SPEED = 1050
 """Counts a second of a large motor; the kernel refuses more."""
 DEFAULTS = {
@@ -62,7 +63,6 @@ class FakeMotor:
         self.position = 123456.0
         self.is_stalled = False
         self.kept: set[str] = set()
-        self.mark: tuple[int, str] = (0, "")
 
     def read(self, name: str) -> str:
         """Return the first line of an attribute."""
@@ -77,13 +77,20 @@ class FakeMotor:
 class FakeBrick:
     """The files and the kernel thread; a context manager. Motors at outB and outC.
 
-    Both motors have settings left over by another program (`leftovers`).
+    Both motors have settings left over by another program (`leftovers`). On a virtual `clock`
+    only who waits through it as well can use the brick; an agent's own process needs the real one.
     """
 
     def __init__(
-        self, root: Path, *, ports: tuple[str, ...] = ("outB", "outC"), leftovers: bool = True
+        self,
+        root: Path,
+        *,
+        ports: tuple[str, ...] = ("outB", "outC"),
+        leftovers: bool = True,
+        clock: Clock | None = None,
     ) -> None:
         self.root = root
+        self.clock = clock or RealClock()
         self.commands: list[Command] = []
         self.refused: list[Command] = []
         self.motors: dict[str, FakeMotor] = {}
@@ -91,7 +98,7 @@ class FakeBrick:
         self._sensors: dict[str, Path] = {}
         self._rounds = 0
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._play_kernel, daemon=True)
+        self._thread: Worker | None = None
         for port in ports:
             self.add_motor(port)
         self._make(
@@ -198,12 +205,12 @@ class FakeBrick:
 
     def wait_until(self, is_so: Callable[[], bool], timeout_s: float = 3.0) -> float:
         """Wait for a condition (a callable); return how long it took, or fail."""
-        started_s = _CLOCK.now_s()
+        started_s = self.clock.now_s()
         while not is_so():
-            if _CLOCK.now_s() - started_s > timeout_s:
+            if self.clock.now_s() - started_s > timeout_s:
                 raise AssertionError("timed out waiting for the condition")
-            _CLOCK.sleep(POLL_S)
-        return _CLOCK.now_s() - started_s
+            self.clock.sleep(POLL_S)
+        return self.clock.now_s() - started_s
 
     def catch_up(self) -> None:
         """Wait until the kernel thread has seen all that is written now."""
@@ -211,10 +218,10 @@ class FakeBrick:
         self.wait_until(lambda: self._rounds >= seen)
 
     def _play_kernel(self) -> None:
-        last_s = _CLOCK.now_s()
-        while not self._ending.wait(POLL_S):
+        last_s = self.clock.now_s()
+        while not self.clock.wait(self._ending, POLL_S):
             self._rounds += 1
-            now_s = _CLOCK.now_s()
+            now_s = self.clock.now_s()
             for motor in list(self.motors.values()):
                 try:
                     self._turn(motor, now_s, now_s - last_s)
@@ -230,12 +237,11 @@ class FakeBrick:
             motor.position += motor.speed * past_s
             # One width: never seen half written.
             motor.write("position", f"{motor.position:012.0f}")
-        command = motor.read("command")
-        mark = ((motor.folder / "command").stat().st_mtime_ns, command)
-        if mark == motor.mark:
+        file = motor.folder / "command"
+        if file.stat().st_mtime_ns == _SEEN_NS:
             return
-        motor.mark = mark
-        if command:
+        os.utime(file, ns=(_SEEN_NS, _SEEN_NS))  # first: a command that comes now is seen later
+        if command := motor.read("command"):
             self._obey(motor, command, now_s)
 
     def _obey(self, motor: FakeMotor, command: str, now_s: float) -> None:
@@ -270,7 +276,7 @@ class FakeBrick:
         motor.write("position", "000000000000")  # last: whoever sees it sees the rest, too
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        self._thread = self.clock.start_thread(self._play_kernel, "fake-brick")
         return self
 
     def __exit__(
@@ -280,5 +286,6 @@ class FakeBrick:
         trace: TracebackType | None,
     ) -> None:
         self._ending.set()
-        self._thread.join()
+        if self._thread is not None:
+            self._thread.join()
         os.close(self._keys)

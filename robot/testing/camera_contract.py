@@ -27,7 +27,9 @@ def take(camera: Camera, count: int) -> list[Frame]:
             enough.set()
 
     camera.listen(note)
-    assert enough.wait(DEADLINE_S), f"{len(frames)} of {count} frames came; {camera.fault}"
+    assert camera.clock.wait(enough, DEADLINE_S), (
+        f"{len(frames)} of {count} frames came; {camera.fault}"
+    )
     camera.listen(None)
     return frames
 
@@ -93,5 +95,7 @@ class CameraContract:
             told = threading.Event()
             camera.listen(lambda: told.set() if camera.fault else None)
             camera_case.freeze()
-            assert told.wait(DEADLINE_S) or camera.fault, "it froze, and reported no fault"
+            assert camera.clock.wait(told, DEADLINE_S) or camera.fault, (
+                "it froze, and reported no fault"
+            )
             camera.listen(None)

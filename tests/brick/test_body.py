@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,15 +11,24 @@ import pytest
 from robot.brick.agent import console, sensors
 from robot.brick.agent.ports import HardwareError
 from robot.brick.chassis import ChassisOptions, wheel_speeds
+from robot.clock import VirtualClock
 from robot.driver import BodyButton
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
-from robot.testing.brick import DEFAULTS, LEFTOVERS, FakeBrick
+from robot.testing.brick import DEFAULTS, LEFTOVERS, POLL_S, FakeBrick
 from robot.types import Action, Mode
 
 
+@pytest.fixture
+def brick(tmp_path: Path) -> Iterator[FakeBrick]:
+    """In virtual time: here brick and driver are one process."""
+    with FakeBrick(tmp_path / "brick", clock=VirtualClock(100.0)) as fake:
+        yield fake
+
+
 def make_driver(brick: FakeBrick, **options: object) -> Ev3Driver:
-    return Ev3Driver(Ev3Options(brick_root=str(brick.root), **options))  # type: ignore[arg-type]
+    found = Ev3Options(brick_root=str(brick.root), **options)  # type: ignore[arg-type]
+    return Ev3Driver(found, brick.clock)
 
 
 def test_the_defaults_are_the_speeds_of_the_paper() -> None:
@@ -44,7 +53,7 @@ def test_a_move_is_timed_and_ends_by_itself(brick: FakeBrick) -> None:
         brick.wait_until(lambda: set(brick.speeds().values()) == {360})
         began_s = next(c.at_s for c in brick.commands if c.command == "run-timed")
         brick.wait_until(lambda: not brick.is_moving())
-        assert 0.39 < time.monotonic() - began_s < 0.55
+        assert brick.clock.now_s() - began_s == pytest.approx(0.4, abs=2 * POLL_S)
     moves = [c for c in brick.commands if c.command.startswith("run")]
     assert {(c.command, c.time_ms) for c in moves} == {("run-timed", 400)}
 

@@ -29,7 +29,7 @@ from robot.cameras.ros import RosCamera, RosCameraOptions
 from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.cameras.v4l2 import V4l2Camera
 from robot.capture.options import UsbCameraOptions
-from robot.clock import ManualClock, RealClock
+from robot.clock import Clock, ManualClock, RealClock, VirtualClock
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
@@ -72,12 +72,15 @@ def sim_driver() -> Iterator[DriverCase]:
 @contextmanager
 def sim_camera() -> Iterator[CameraCase]:
     driver = SimDriver(SimOptions(world="office"))
-    yield CameraCase(SimCamera(driver, SimCameraOptions(), RealClock()))
+    yield CameraCase(SimCamera(driver, SimCameraOptions(), VirtualClock()))
 
 
 @contextmanager
-def fake_brick() -> Iterator[tuple[FakeBrick, Path]]:
-    with tempfile.TemporaryDirectory() as folder, FakeBrick(Path(folder, "brick")) as brick:
+def fake_brick(clock: Clock | None = None) -> Iterator[tuple[FakeBrick, Path]]:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        FakeBrick(Path(folder, "brick"), clock=clock) as brick,
+    ):
         brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
         for bumper in ("in1", "in2"):
             brick.add_sensor(bumper, "lego-ev3-touch", 0)
@@ -89,17 +92,18 @@ def brick_case(driver: Ev3Driver | Ev3RemoteDriver, brick: FakeBrick) -> DriverC
         if driver.is_connected:
             driver.wheel_positions_deg()  # an answer: whatever was sent before has arrived
         else:
-            time.sleep(0.05)
+            brick.clock.sleep(0.05)
         brick.catch_up()
         return brick.is_moving()
 
-    return DriverCase(driver, time.sleep, is_moving)
+    return DriverCase(driver, brick.clock.sleep, is_moving)
 
 
 @contextmanager
 def ev3_driver() -> Iterator[DriverCase]:
-    with fake_brick() as (brick, _):
-        yield brick_case(Ev3Driver(Ev3Options(brick_root=str(brick.root))), brick)
+    clock = VirtualClock()
+    with fake_brick(clock) as (brick, _):
+        yield brick_case(Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock), brick)
 
 
 def real_brick_case(address: str) -> DriverCase:
@@ -155,7 +159,7 @@ def opencv_camera() -> Iterator[CameraCase]:
     with tempfile.TemporaryDirectory() as folder:
         film = Path(folder, "film.avi")
         write_film(film)
-        yield CameraCase(OpencvCamera(OpencvOptions(source=str(film)), RealClock()))
+        yield CameraCase(OpencvCamera(OpencvOptions(source=str(film)), VirtualClock()))
 
 
 def write_film(path: Path, frames: int = 30) -> None:
@@ -170,21 +174,20 @@ def write_film(path: Path, frames: int = 30) -> None:
 @contextmanager
 def phone_camera() -> Iterator[CameraCase]:
     """A phone whose pictures come on a thread, each another grey, as from its socket."""
-    clock = RealClock()
+    clock = VirtualClock()
     camera = PhoneCamera(PhoneOptions(), clock)
     ending, frozen = threading.Event(), threading.Event()
 
     def send() -> None:
         for index in itertools.count():
-            if ending.wait(0.03):
+            if clock.wait(ending, 0.03):
                 return
             if not frozen.is_set():
                 grey = np.full((24, 32, 3), 7 * index % 256, np.uint8)
                 jpeg = cv2.imencode(".jpg", grey)[1].tobytes()
                 camera.offer(jpeg, width=32, height=24, captured_s=clock.now_s())
 
-    phone = threading.Thread(target=send, daemon=True)
-    phone.start()
+    phone = clock.start_thread(send, "phone")
     yield CameraCase(camera, frozen.set)
     ending.set()
     phone.join()
@@ -282,7 +285,7 @@ def replay_driver() -> Iterator[DriverCase]:
 def replay_camera() -> Iterator[CameraCase]:
     with tempfile.TemporaryDirectory() as folder:
         path = write_footage(Path(folder) / "hall_A.npz", n_frames=8)
-        yield CameraCase(ReplayCamera(ReplayCameraOptions(recording=str(path)), RealClock()))
+        yield CameraCase(ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock()))
 
 
 DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {

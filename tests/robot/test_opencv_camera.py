@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from robot.cameras.opencv import OpencvCamera, OpencvOptions
-from robot.clock import RealClock
+from robot.clock import VirtualClock
 from robot.errors import CameraError
 from robot.types import Encoding
 from tests.contract.builders import write_film
@@ -21,6 +20,7 @@ from tests.contract.builders import write_film
 class BreakableCapture:
     """Behaves as cv2.VideoCapture of a webcam: 30 pictures a second, until it breaks."""
 
+    clock: VirtualClock
     how = "run"
     noise = np.random.default_rng(1)
     last = np.zeros((240, 320, 3), np.uint8)
@@ -32,12 +32,12 @@ class BreakableCapture:
         return self.how != "gone"
 
     def read(self) -> tuple[bool, Any]:
-        time.sleep(0.03)
+        self.clock.sleep(0.03)
         cls = type(self)
         if self.how == "run":
             cls.last = self.noise.integers(0, 255, (240, 320, 3), dtype=np.uint8)
         while self.how == "block":
-            time.sleep(0.01)
+            self.clock.sleep(0.01)
         # Unplugged, OpenCV goes on returning the last picture, as if all were well.
         return self.how != "gone", cls.last
 
@@ -51,18 +51,19 @@ class BreakableCapture:
         pass
 
 
-def wait_until(is_so: Callable[[], bool], timeout_s: float = 5.0) -> float:
-    started_s = time.monotonic()
+def wait_until(clock: VirtualClock, is_so: Callable[[], bool], timeout_s: float = 5.0) -> float:
+    started_s = clock.now_s()
     while not is_so():
-        assert time.monotonic() - started_s < timeout_s, "waited in vain"
-        time.sleep(0.005)
-    return time.monotonic() - started_s
+        assert clock.now_s() - started_s < timeout_s, "waited in vain"
+        clock.sleep(0.005)
+    return clock.now_s() - started_s
 
 
 @pytest.fixture
 def capture(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[BreakableCapture]]:
     monkeypatch.setattr(cv2, "VideoCapture", BreakableCapture)
     BreakableCapture.how = "run"
+    BreakableCapture.clock = VirtualClock()
     yield BreakableCapture
     BreakableCapture.how = "run"
 
@@ -74,20 +75,22 @@ def capture(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[BreakableCapture]]
 def test_a_broken_webcam_is_noticed_within_500_ms_and_picked_up_again(
     capture: type[BreakableCapture], how: str, words: str
 ) -> None:
-    with OpencvCamera(OpencvOptions(source="0"), RealClock()) as camera:
-        wait_until(lambda: camera.latest() is not None)
+    clock = capture.clock
+    with OpencvCamera(OpencvOptions(source="0"), clock) as camera:
+        wait_until(clock, lambda: camera.latest() is not None)
         capture.how = how
-        assert wait_until(lambda: camera.fault is not None) <= 0.5
+        assert wait_until(clock, lambda: camera.fault is not None) <= 0.5
         assert words in str(camera.fault)
         capture.how = "run"
-        wait_until(lambda: camera.fault is None)
+        wait_until(clock, lambda: camera.fault is None)
 
 
 def test_frames_are_small_jpegs_of_the_film_which_begins_again(tmp_path: Path) -> None:
     film = tmp_path / "film.avi"
     write_film(film, frames=10)
-    with OpencvCamera(OpencvOptions(source=str(film)), RealClock()) as camera:
-        wait_until(lambda: (frame := camera.latest()) is not None and frame.frame_id > 12)
+    clock = VirtualClock()
+    with OpencvCamera(OpencvOptions(source=str(film)), clock) as camera:
+        wait_until(clock, lambda: (frame := camera.latest()) is not None and frame.frame_id > 12)
         frame = camera.latest()
     assert frame is not None
     assert (frame.width, frame.height, frame.encoding) == (160, 120, Encoding.JPEG)
@@ -97,6 +100,6 @@ def test_frames_are_small_jpegs_of_the_film_which_begins_again(tmp_path: Path) -
 
 
 def test_what_cannot_be_opened_is_one_clear_line(tmp_path: Path) -> None:
-    camera = OpencvCamera(OpencvOptions(source=str(tmp_path / "none.avi")), RealClock())
+    camera = OpencvCamera(OpencvOptions(source=str(tmp_path / "none.avi")), VirtualClock())
     with pytest.raises(CameraError, match=r"cannot open .*none.avi.*--source"):
         camera.start()

@@ -1,6 +1,7 @@
 """The body of the brick: motors, sensors, buttons, lights and screen, as one thing to open."""
 
 import os
+import time
 from typing import Any, Dict, List, Optional
 
 from robot.brick.agent.console import Console
@@ -10,12 +11,17 @@ from robot.brick.agent.sensors import RobotSensors
 
 
 class BrickBody:
-    """The brick's body. `open` finds the devices; whatever fails raises HardwareError."""
+    """The brick's body. `open` finds the devices; whatever fails raises HardwareError.
 
-    def __init__(self, left: str, right: str, ultrasonic: str, touch: str, root: str = "/") -> None:
+    `clock` has the functions of Python's `time`.
+    """
+
+    def __init__(
+        self, left: str, right: str, ultrasonic: str, touch: str, root: str = "/", clock: Any = time
+    ) -> None:
         self._root = root
-        self.motors = MotorPair(left, right, root)
-        self.sensors = RobotSensors(ultrasonic, touch, root)
+        self.motors = MotorPair(left, right, root, clock)
+        self.sensors = RobotSensors(ultrasonic, touch, root, clock)
         self.console = Console(root)
 
     def open(self) -> None:

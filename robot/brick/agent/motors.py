@@ -11,9 +11,13 @@ RESET_TRIES = 50
 
 
 class MotorPair:
-    """The left and the right motor, addressed by their ports. An unplugged one is found again."""
+    """The left and the right motor, addressed by their ports. An unplugged one is found again.
 
-    def __init__(self, left: str, right: str, root: str) -> None:
+    `clock` has the functions of Python's `time`.
+    """
+
+    def __init__(self, left: str, right: str, root: str, clock: Any = time) -> None:
+        self._clock = clock
         self._addresses = (left, right)
         self._root = root
         self._ports = []  # type: List[DevicePort]
@@ -57,14 +61,13 @@ class MotorPair:
             raise
         return motor
 
-    @staticmethod
-    def _reset(motor: DevicePort) -> None:
+    def _reset(self, motor: DevicePort) -> None:
         motor.write("command", "reset")
         for _ in range(RESET_TRIES):
             if all(int(motor.read(name)) == 0 for name in RESET_ZERO):
                 if motor.read("polarity") == "normal":
                     return
-            time.sleep(0.01)
+            self._clock.sleep(0.01)
         raise HardwareError(
             "the motor at {} keeps the settings of another program; end that program, or "
             "restart the brick".format(motor.address)

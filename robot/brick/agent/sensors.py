@@ -22,10 +22,11 @@ class RobotSensors:
     """What a body senses. Ports are "auto" (take what is there), "none", or names of ports.
 
     Several touch sensors are bumpers, from left to right: in the order in which their ports are
-    named ("in4,in1"), or by port.
+    named ("in4,in1"), or by port. `clock` has the functions of Python's `time`.
     """
 
-    def __init__(self, ultrasonic: str, touch: str, root: str) -> None:
+    def __init__(self, ultrasonic: str, touch: str, root: str, clock: Any = time) -> None:
+        self._clock = clock
         self._wanted = {"ultrasonic": ultrasonic, "touch": touch}
         self._root = root
         self._ultrasonic = None  # type: Optional[DevicePort]
@@ -42,7 +43,7 @@ class RobotSensors:
         """Find the sensors; one that was named must be there."""
         self._find_ultrasonic()
         self._find_touch()
-        self._searched_s = time.monotonic()
+        self._searched_s = self._clock.monotonic()
         battery = find_port("power_supply", "*ev3-battery")
         if battery is not None:
             low, high = (float(battery.read("voltage_%s_design" % end)) for end in ("min", "max"))
@@ -74,7 +75,7 @@ class RobotSensors:
 
     def _search(self) -> None:
         """Look now and then for sensors that nobody named and that were not there at first."""
-        now_s = time.monotonic()
+        now_s = self._clock.monotonic()
         if now_s - self._searched_s < SEARCH_S:
             return
         self._searched_s = now_s
@@ -165,7 +166,7 @@ class RobotSensors:
 
     def _read_battery(self) -> Optional[float]:
         """Charge between 0 and 1, estimated from the voltage; read every five seconds."""
-        now_s = time.monotonic()
+        now_s = self._clock.monotonic()
         is_due = self._battery_read_s is None or now_s - self._battery_read_s > BATTERY_S
         if self._battery is not None and is_due:
             self._battery_read_s = now_s

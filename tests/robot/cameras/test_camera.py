@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
-import time
+from types import SimpleNamespace
 
 import pytest
 
-from robot.clock import RealClock
+from robot.clock import ManualClock
 from tests.robot.bench_robot import BenchCamera
 
 
-class _SlowClock(RealClock):
-    """The thread is held up right after each reading."""
-
-    def now_s(self) -> float:
-        read_s = super().now_s()
-        while time.monotonic() < read_s + 0.003:
-            pass
-        return read_s
+@pytest.fixture
+def machine(monkeypatch: pytest.MonkeyPatch) -> ManualClock:
+    """The machine's own clock, by which drivers of the kernel stamp their pictures."""
+    clock = ManualClock(50.0)
+    monkeypatch.setattr("robot.camera.time", SimpleNamespace(monotonic=clock.now_s))
+    return clock
 
 
-def test_a_camera_that_is_held_up_makes_no_picture_younger() -> None:
-    taken_s = time.monotonic()
-    assert BenchCamera(_SlowClock())._on_clock(taken_s) <= taken_s
+def test_a_camera_that_is_held_up_makes_no_picture_younger(machine: ManualClock) -> None:
+    class Slow(ManualClock):
+        """The thread is held up right after each reading."""
 
-
-def test_a_moment_on_another_clock_keeps_its_age() -> None:
-    class Ahead(RealClock):
         def now_s(self) -> float:
-            return super().now_s() + 3600.0
+            read_s = machine.now_s()
+            machine.advance(0.003)
+            return read_s
 
-    taken_s = time.monotonic() - 0.25
-    assert BenchCamera(Ahead())._on_clock(taken_s) == pytest.approx(taken_s + 3600.0, abs=0.05)
+    taken_s = machine.now_s()
+    assert BenchCamera(Slow())._on_clock(taken_s) <= taken_s
+
+
+def test_a_moment_on_another_clock_keeps_its_age(machine: ManualClock) -> None:
+    taken_s = machine.now_s() - 0.25
+    ahead = ManualClock(machine.now_s() + 3600.0)
+    assert BenchCamera(ahead)._on_clock(taken_s) == pytest.approx(taken_s + 3600.0)

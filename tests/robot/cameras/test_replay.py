@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from robot.cameras.replay import ReplayCamera, ReplayCameraOptions
-from robot.clock import RealClock
+from robot.clock import VirtualClock
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.npz import load_recording
 from robot.types import Frame
@@ -29,13 +29,13 @@ def play(camera: ReplayCamera, count: int) -> list[Frame]:
 
     camera.listen(note)
     with camera:
-        assert done.wait(10.0)
+        assert camera.clock.wait(done, 10.0)
     return frames
 
 
 def test_it_plays_the_very_bytes_and_begins_again(tmp_path: Path) -> None:
     path = write_footage(tmp_path / "hall_A.npz", n_frames=3, period_s=0.01)
-    camera = ReplayCamera(ReplayCameraOptions(recording=str(path)), RealClock())
+    camera = ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock())
     frames = play(camera, 7)
     files = load_recording(path).frames
     assert [frame.data for frame in frames] == [files[i % 3] for i in range(7)]
@@ -44,15 +44,15 @@ def test_it_plays_the_very_bytes_and_begins_again(tmp_path: Path) -> None:
 
 def test_it_keeps_the_pace_of_the_recording(tmp_path: Path) -> None:
     path = write_footage(tmp_path / "hall_A.npz", n_frames=9, period_s=0.05)
-    frames = play(ReplayCamera(ReplayCameraOptions(recording=str(path)), RealClock()), 9)
-    assert frames[-1].captured_s - frames[0].captured_s == pytest.approx(0.40, abs=0.06)
+    frames = play(ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock()), 9)
+    assert frames[-1].captured_s - frames[0].captured_s == pytest.approx(0.40)
 
 
 def test_it_plays_a_folder_in_order_and_says_when_it_is_over(tmp_path: Path) -> None:
     first = write_footage(tmp_path / "a.npz", n_frames=2, seed=1, period_s=0.01)
     second = write_footage(tmp_path / "b.npz", n_frames=2, seed=2, period_s=0.01)
     options = ReplayCameraOptions(recording=str(tmp_path), loop=False)
-    camera = ReplayCamera(options, RealClock())
+    camera = ReplayCamera(options, VirtualClock())
     frames = play(camera, 99)
     files = [*load_recording(first).frames, *load_recording(second).frames]
     assert [frame.data for frame in frames] == files
@@ -67,6 +67,6 @@ def test_what_cannot_be_played_is_one_clear_error(tmp_path: Path, what: str) -> 
     name = {"nothing": "", "missing": "x.npz", "empty folder": "empty", "broken": "broken.npz"}
     recording = str(tmp_path / name[what]) if name[what] else ""
     with pytest.raises((ConfigurationError, RecordingError)) as caught:
-        ReplayCamera(ReplayCameraOptions(recording=recording), RealClock()).start()
+        ReplayCamera(ReplayCameraOptions(recording=recording), VirtualClock()).start()
     assert (recording or "--recording") in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import pytest
 
 from robot.cameras.replay import ReplayCamera, ReplayCameraOptions
-from robot.clock import RealClock
+from robot.clock import VirtualClock
 from robot.episodes.edits import Edit, Notes, write_notes
 from robot.errors import ConfigurationError, RecordingError
 from tests.robot.episodes.drives import record_drive
 
 
 def played(path: Path, at_least: int) -> list[bytes]:
-    camera = ReplayCamera(ReplayCameraOptions(episode=str(path)), RealClock())
+    camera = ReplayCamera(ReplayCameraOptions(episode=str(path)), VirtualClock())
     seen: dict[int, bytes] = {}
 
     def note() -> None:
@@ -25,9 +24,8 @@ def played(path: Path, at_least: int) -> list[bytes]:
 
     camera.listen(note)
     with camera:
-        deadline = time.monotonic() + 10
-        while len(seen) < at_least and time.monotonic() < deadline:
-            time.sleep(0.01)
+        while len(seen) < at_least and camera.clock.now_s() < 10.0:
+            camera.clock.sleep(0.01)
     return list(seen.values())
 
 
@@ -42,9 +40,9 @@ def test_an_episode_plays_its_pictures_in_order_without_the_deleted_ones(tmp_pat
 
 def test_what_cannot_be_played_is_said(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="--episode"):
-        ReplayCamera(ReplayCameraOptions(), RealClock())
+        ReplayCamera(ReplayCameraOptions(), VirtualClock())
     (tmp_path / "x.mcap").write_bytes(b"no episode")
     for name in ("x.mcap", "missing.mcap"):
-        camera = ReplayCamera(ReplayCameraOptions(episode=str(tmp_path / name)), RealClock())
+        camera = ReplayCamera(ReplayCameraOptions(episode=str(tmp_path / name)), VirtualClock())
         with pytest.raises(RecordingError, match=name):
             camera.start()

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from robot.experiments.cycles import run_cycles
 from robot.testing.brick import FakeBrick
 from tests.brick.fake_video import DEVICE, FakeVideo
 from tests.brick.running_agent import SECRET, RunningAgent
 
 
+@pytest.mark.realtime
 def test_cycles_are_timed_on_a_brick_its_camera_and_wheels_included(tmp_path: Path) -> None:
     video = FakeVideo(tmp_path)
     with FakeBrick(tmp_path / "brick") as brick:

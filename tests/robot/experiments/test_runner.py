@@ -135,6 +135,7 @@ def test_an_interrupted_call_loses_no_finished_run(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.realtime
 def test_a_dask_cluster_loses_no_run_when_a_worker_is_killed(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
     with distributed.LocalCluster(

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import pytest
 
-from robot.clock import ManualClock, RealClock
+from robot.clock import ManualClock, VirtualClock
 from robot.control.loop import ControlLoop
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
 from robot.drivers.replay import ReplayDriver
@@ -235,39 +235,31 @@ def test_the_bodys_button_reaches_the_loop_once() -> None:
 class HungBody(ReplayDriver):
     """Its first action hangs until it is released."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, clock: VirtualClock) -> None:
+        super().__init__(clock=clock)
+        self.clock = clock
         self.reached, self.release = threading.Event(), threading.Event()
         self.sent: list[Action] = []
         self.done = threading.Event()
 
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
         self.reached.set()
-        self.release.wait(30.0)
+        self.clock.wait(self.release, 30.0)
         self.sent.append(action)
         if len(self.sent) == 2:
             self.done.set()
         return super().send_action(action, speed_scale=speed_scale)
 
 
-class LateClock(RealClock):
-    """Real time, plus what the test adds."""
-
-    def __init__(self) -> None:
-        self.extra_s = 0.0
-
-    def now_s(self) -> float:
-        return super().now_s() + self.extra_s
-
-
 def test_a_hung_body_holds_up_no_tick_and_is_a_fault() -> None:
-    """The real thread: the body hangs in a request while the loop goes on."""
-    clock, body = LateClock(), HungBody()
+    """The body hangs in a request on the driver's own thread while the loop goes on."""
+    clock = VirtualClock()
+    body = HungBody(clock)
     with DriverThread(body, clock) as driver:
         driver.send_action(Action.FORWARD)
-        assert body.reached.wait(10.0)
+        assert clock.wait(body.reached, 10.0)
         driver.send_action(Action.LEFT)
-        clock.extra_s = SILENT_S + 0.01
+        clock.advance(SILENT_S + 0.01)
         camera = StillCamera(clock)
         loop = ControlLoop(driver, camera, make_policy("published-8"), clock)
         loop.set_mode(Mode.TRAIN)
@@ -283,6 +275,7 @@ def test_a_hung_body_holds_up_no_tick_and_is_a_fault() -> None:
 
 def test_it_leaves_no_thread_behind() -> None:
     before = set(threading.enumerate())
-    with DriverThread(ReplayDriver(), RealClock()) as driver:
+    clock = VirtualClock()
+    with DriverThread(ReplayDriver(clock=clock), clock) as driver:
         driver.send_action(Action.FORWARD)
     assert set(threading.enumerate()) == before
