@@ -240,10 +240,12 @@ def gpio_driver() -> Iterator[DriverCase]:
 
 @contextmanager
 def picamera2_camera() -> Iterator[CameraCase]:
-    picamera2.Picamera2.is_frozen.clear()
-    camera = Picamera2Camera(Picamera2Options(), RealClock(), picamera2)
-    yield CameraCase(camera, picamera2.Picamera2.is_frozen.set)
-    picamera2.Picamera2.is_frozen.clear()
+    clock, library = VirtualClock(), picamera2.Picamera2
+    library.clock = clock
+    library.is_frozen.clear()
+    camera = Picamera2Camera(Picamera2Options(), clock, picamera2)
+    yield CameraCase(camera, library.is_frozen.set)
+    library.is_frozen.clear()
 
 
 @contextmanager

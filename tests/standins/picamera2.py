@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from robot.clock import Clock, RealClock, Worker
+
 RATE_HZ = 60.0
 
 
@@ -39,6 +41,8 @@ class Picamera2:
 
     n_cameras = 1
     is_frozen = threading.Event()
+    clock: Clock = RealClock()
+    """On which it takes its pictures."""
     _open = threading.Lock()
 
     @staticmethod
@@ -51,7 +55,7 @@ class Picamera2:
         self.pre_callback: Callable[[Request], None] | None = None
         self._size = (0, 0)
         self._ending = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
 
     def create_video_configuration(self, **wanted: Any) -> dict[str, Any]:
         assert set(wanted) <= {"main", "controls", "buffer_count"}
@@ -64,12 +68,11 @@ class Picamera2:
         self._size = main["size"]
 
     def start(self) -> None:
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
+        self._thread = self.clock.start_thread(self._run, "picamera2")
 
     def _run(self) -> None:
         index = 0
-        while not self._ending.wait(1 / RATE_HZ):
+        while not self.clock.wait(self._ending, 1 / RATE_HZ):
             index += not Picamera2.is_frozen.is_set()
             if self.pre_callback is not None and not Picamera2.is_frozen.is_set():
                 self.pre_callback(Request(index, self._size))
