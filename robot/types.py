@@ -8,12 +8,14 @@ where a bare number crosses a border.
 from __future__ import annotations
 
 import re
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import TracebackType
 from typing import ClassVar, Self
+from weakref import WeakValueDictionary
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
@@ -29,8 +31,9 @@ class Action(str):
         ValueError: If the name is not valid.
     """
 
-    __slots__ = ()
-    _interned: ClassVar[dict[str, Action]] = {}
+    __slots__ = ("__weakref__",)
+    _interned: ClassVar[WeakValueDictionary[str, Action]] = WeakValueDictionary()
+    _interning: ClassVar[threading.Lock] = threading.Lock()
 
     STOP: ClassVar[Action]
     FORWARD: ClassVar[Action]
@@ -50,7 +53,8 @@ class Action(str):
                 f"{name!r} is no name of a move; it takes a lower-case letter, then up to 31 "
                 "lower-case letters, digits or underscores"
             )
-        return cls._interned.setdefault(str(name), super().__new__(cls, name))
+        with cls._interning:  # two threads that meet a new name get the same object
+            return cls._interned.setdefault(str(name), super().__new__(cls, name))
 
     def __reduce__(self) -> tuple[type[Action], tuple[str]]:
         return Action, (str(self),)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+import gc
 import json
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from hypothesis import given
@@ -37,6 +39,23 @@ def test_one_name_is_one_object(name: str) -> None:
         assert pickle.loads(pickle.dumps(action, protocol)) is action
     assert copy.copy(action) is action and copy.deepcopy([action])[0] is action
     assert json.loads(json.dumps({action: action})) == {name: name}
+
+
+def test_names_from_outside_fill_no_table() -> None:
+    kept = Action("kept_by_somebody")
+    before = len(Action._interned)
+    for number in range(10_000):
+        Action(f"made_up_{number}")
+    gc.collect()
+    assert len(Action._interned) <= before
+    assert Action("kept_by_somebody") is kept
+
+
+def test_threads_that_meet_a_new_name_get_one_object() -> None:
+    for number in range(50):
+        with ThreadPoolExecutor(4) as pool:
+            found = list(pool.map(lambda _, n=number: Action(f"met_{n}"), range(8)))
+        assert len({id(action) for action in found}) == 1
 
 
 @given(st.text().filter(lambda text: not text.isascii() or not text.isidentifier()))
