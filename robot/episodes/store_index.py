@@ -11,7 +11,7 @@ import logging
 import os
 import zlib
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ FORMAT = 1
 _MOST_BYTES = 256 * 2**20
 _READ_WHOLE_BYTES = 2 * 2**20
 """Of a recording that is being written only the beginning is read once it is larger."""
+_FIELDS = tuple(field.name for field in fields(EpisodeSummary))
 State = tuple[int, int, int, int]
 """Bytes and time of change, of a recording and of its notes: what tells a described file."""
 
@@ -121,8 +122,8 @@ class SummaryIndex:
             plain = json.loads(text)
             if plain["format"] != FORMAT:
                 return
-            for state, fields in plain["episodes"]:
-                summary = EpisodeSummary(**fields)
+            for state, facts in plain["episodes"]:
+                summary = EpisodeSummary(**facts)
                 self._known[summary.id] = tuple(state), summary
         except FileNotFoundError:
             return
@@ -134,7 +135,7 @@ class SummaryIndex:
         """Write the index; where that cannot be it is built again at the next start."""
         recording = self._recording()
         episodes: list[Any] = [
-            [state, asdict(summary)]
+            [state, {name: getattr(summary, name) for name in _FIELDS}]
             for episode_id, (state, summary) in self._known.items()
             if episode_id != recording
         ]

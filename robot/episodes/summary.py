@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import json
 import math
-import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from robot.episodes.ends import read_metadata
 from robot.episodes.edits import Notes, read_notes
 from robot.episodes.episode import Episode, open_episode, taught_frames
-from robot.episodes.scan import Metadata, require_mcap, scan
+from robot.episodes.scan import Metadata, scan
 from robot.episodes.writer import RUN, SUMMARY
 from robot.errors import RecordingError
 
-_MOST_SUMMARY_BYTES = 16 * 2**20
 _UNUSABLE = (
     RecordingError,
     KeyError,
@@ -94,7 +93,7 @@ def read_head(path: Path) -> EpisodeSummary:
 def _read_ends(path: Path) -> dict[str, Any] | None:
     """Read the metadata at the end of the file; None if its end is missing."""
     try:
-        metadata = _metadata(path)
+        metadata = read_metadata(path)
         run, summary = metadata[RUN], metadata[SUMMARY]
         return {
             **_facts_of_run(run),
@@ -102,32 +101,8 @@ def _read_ends(path: Path) -> dict[str, Any] | None:
             "frames": int(summary["frames"]),
             "taught": {str(k): int(v) for k, v in json.loads(summary["taught"]).items()},
         }
-    except (
-        RecordingError,
-        KeyError,
-        ValueError,
-        OSError,
-        AttributeError,
-        TypeError,
-        RecursionError,
-    ):
+    except _UNUSABLE:
         return None
-
-
-def _metadata(path: Path) -> dict[str, dict[str, str]]:
-    """Return the metadata records that the file's summary lists; {} if it has no summary."""
-    require_mcap()
-    from mcap.exceptions import McapError
-    from mcap.reader import SeekingReader
-
-    with path.open("rb") as file:
-        try:
-            reader = SeekingReader(file, record_size_limit=_MOST_SUMMARY_BYTES)
-            if reader.get_summary() is None:
-                return {}
-            return {record.name: dict(record.metadata) for record in reader.iter_metadata()}
-        except (McapError, StopIteration, struct.error, MemoryError, OverflowError) as error:
-            raise RecordingError(f"no summary: {error}") from error
 
 
 def _facts_of_run(run: Mapping[str, str]) -> dict[str, Any]:
