@@ -1,8 +1,8 @@
 """The metadata of a whole MCAP file, from two short reads of its ends.
 
-A list of two thousand recordings opens two thousand files, so each may cost a tenth of a millisecond.
-The library reads all that a summary section holds and makes objects of it; only the places of the
-metadata records are wanted here. Layout: mcap.dev/spec, "Footer", "Metadata Index" and "Metadata".
+A list of two thousand recordings opens two thousand files, so each may cost a tenth of a
+millisecond. The library makes objects of all that a summary section holds; only the places of the
+metadata records are wanted here. Layout: mcap.dev/spec, "Footer", "Metadata Index", "Metadata".
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _INDEX_BODY = struct.Struct("<QQ")
 _LENGTH = struct.Struct("<I")
 _END_BYTES = _RECORD.size + _FOOTER_BODY.size + len(_MAGIC)
 _HEAD_BYTES, _TAIL_BYTES = 4096, 32768
-"""Read at once: enough for what a run says of itself, and for the summary of some minutes' drive."""
+"""Read at once: enough for what a run says of itself, and for the end of some minutes' drive."""
 _MOST_BYTES = 16 * 2**20
 """A summary section or a metadata record that claims to be larger is not read."""
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robot.episodes.ends import read_metadata
 from robot.episodes.edits import Notes, read_notes
+from robot.episodes.ends import read_metadata
 from robot.episodes.episode import Episode, open_episode, taught_frames
 from robot.episodes.scan import Metadata, scan
 from robot.episodes.writer import RUN, SUMMARY
