@@ -32,6 +32,9 @@ from server.security.access import Role
 log = logging.getLogger(__name__)
 
 STATE_EVERY_S = 0.1
+SOON_S = 0.05
+"""How often the state is sent while a robot with a slow camera moves: its pictures alone bring too
+few nonces, and a short pause of the Wi-Fi would look like a pilot who is gone."""
 
 
 class Hub:
@@ -330,9 +333,15 @@ class Hub:
         self._is_tick_due = False
         self._show_newest()
         if self.clients and (
-            self.clock.now_s() - self._sent_s >= STATE_EVERY_S or self._urgent() != self._sent
+            self.clock.now_s() - self._sent_s >= self._state_every_s()
+            or self._urgent() != self._sent
         ):
             self.publish_state()
+
+    def _state_every_s(self) -> float:
+        state = self.robot.loop.state
+        is_slow = state.camera.period_s > SOON_S and state.decision.mode is not Mode.STOPPED
+        return SOON_S if is_slow else STATE_EVERY_S
 
     def _show_newest(self) -> None:
         if self._frame is not None and self._frame is not self.video.newest:

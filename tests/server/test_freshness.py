@@ -57,6 +57,8 @@ class Page:
         self.seq = 0
         self.is_beating = True
         self.is_blind = False
+        self.acknowledges = True
+        self.seen_s = 0.0
         self.stalls_up = self.stalls_down = self.reorders = False
         self.sent: list[Sent] = []
         self._late_up: list[str | bytes] = []
@@ -88,7 +90,9 @@ class Page:
             return
         picture = parse_picture(data)
         self.sight = {"frame": picture.frame_id, "nonce": picture.nonce}
-        self._up(self.video, encode_acknowledgement(picture.frame_id))
+        self.seen_s = self.world.clock.now_s()
+        if self.acknowledges:
+            self._up(self.video, encode_acknowledgement(picture.frame_id))
 
     def _up(self, socket: Socket, message: str | bytes) -> None:
         if self.stalls_up or (self.reorders and self.world.dice.random() < 0.5):
@@ -313,3 +317,31 @@ def test_pictures_that_stop_while_the_heartbeat_goes_on_stop_the_robot() -> None
         assert world.loop.state.decision.stop_reason is StopReason.LINK_SLOW
 
     virtually(scenario)
+
+
+@pytest.mark.parametrize("mode", ["train", "autonomous"])
+@pytest.mark.parametrize("seed", range(10))
+def test_acknowledgements_that_stop_alone_stop_the_robot(mode: str, seed: int) -> None:
+    """The words go on, with fresh nonces: the pictures run dry, and with them what they name."""
+
+    async def scenario(world: ServedWorld) -> None:
+        page = Page(world)
+        await world.until(lambda: page.sight["frame"] is not None and "nonce" in page.state)
+        _teach(world)
+        page.say("mode", mode)
+        page.held = "forward" if mode == "train" else None
+        await world.until(lambda: not world.stands())
+        await world.forward(world.dice.uniform(0.5, 1.0))
+        page.acknowledges = False
+        stalled_s = world.clock.now_s()
+        await world.until(world.stands, 2.0)
+        stood_s = world.clock.now_s()
+        assert page.seen_s - stalled_s < 0.25, "no more pictures than the window"
+        assert stood_s - page.seen_s < 0.55
+        assert world.loop.state.decision.stop_reason is StopReason.LINK_SLOW
+        assert not page.errors, "the messages themselves are fresh"
+        moved_s = world.driver.moved_s
+        await world.forward(1.0)
+        assert world.driver.moved_s == moved_s, "it goes on standing"
+
+    virtually(scenario, seed=seed)

@@ -1,0 +1,103 @@
+"""An ordinary phone never trips the robot, and a phone that is gone always stops it.
+
+Both figures that the limits must meet at once, in virtual time over the same Wi-Fi. Run with -s, it
+prints them.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from robot.testing import LinkConditions
+from robot.types import DrivenBy, Mode, StopReason
+
+from .scenario import FaultWorld, in_fault_world
+from .table import FAULTS, MODES
+
+DRIVE_S = 600.0
+WIFI = LinkConditions(delay_s=0.004, jitter_s=0.03, stall_share=0.01, stall_s=0.06)
+"""Some milliseconds each way, other people's traffic, and one packet in a hundred sent again."""
+LONGEST_PAUSE_S = 0.2
+"""A phone looks for other networks or saves power: nothing passes for so long, then all at once."""
+CAMERAS = {"33 ms / 5 ms": (30.0, 0.005), "100 ms / 145 ms": (10.0, 0.145)}
+GONE = ("the tab is closed", "the browser is killed", "the page hangs, or its tab is suspended",
+        "the network falls silent")  # fmt: skip
+ENDS = 10
+"""Drives of each kind that end with the pilot gone."""
+
+
+async def on_wifi(world: FaultWorld, camera: str, seed: int) -> None:
+    """Set the conditions of an ordinary drive; what the robot measures has settled when it ends."""
+    await world.settle(seed)
+    world.camera.rate_hz, world.camera.age_s = CAMERAS[camera]
+    world.link.conditions = WIFI
+    await world.forward(3.0)
+
+
+async def live_with_pauses(world: FaultWorld, seconds: float) -> int:
+    """Let time pass in which the Wi-Fi stops now and then; return how often it did."""
+    ends_s, pauses = world.clock.now_s() + seconds, 0
+    while world.clock.now_s() < ends_s:
+        await world.forward(world.dice.uniform(0.5, 5.0))
+        world.link.conditions = LinkConditions(is_silent=True)
+        await world.forward(world.dice.uniform(0.02, LONGEST_PAUSE_S))
+        world.link.conditions = WIFI
+        pauses += 1
+    return pauses
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_ten_minutes_by_itself_with_an_ordinary_phone(
+    camera: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stops: list[StopReason] = []
+
+    async def scenario(world: FaultWorld) -> tuple[int, float]:
+        await on_wifi(world, camera, seed=13)
+        await world.drive("autonomous")
+        moved_s, started_s = world.driver.moved_s, world.clock.now_s()
+
+        def note(tick: object) -> None:
+            decision = world.loop.state.decision
+            if decision.mode is not Mode.AUTONOMOUS and decision.stop_reason is not None:
+                stops.append(decision.stop_reason)
+
+        unsubscribe = world.loop.subscribe(note)
+        pauses = await live_with_pauses(world, DRIVE_S)
+        unsubscribe()
+        took_s = world.clock.now_s() - started_s
+        assert world.loop.state.decision.driven_by is DrivenBy.ROBOT
+        return pauses, (world.driver.moved_s - moved_s) / took_s
+
+    pauses, moving = in_fault_world(scenario)
+    with capsys.disabled():
+        print(f"\n{camera}: {pauses} pauses in {DRIVE_S:.0f} s, {len(stops)} stops, {moving:.4f}")
+    assert stops == []
+    assert pauses > 150
+    assert moving > 0.99
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_it_stands_within_half_a_second_after_its_pilot_is_gone(
+    mode: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    worst: dict[str, float] = {}
+    for fault in (fault for fault in FAULTS if fault.name in GONE):
+
+        async def scenario(world: FaultWorld, fault=fault) -> float:  # type: ignore[no-untyped-def]
+            worst_s = 0.0
+            for seed in range(ENDS):
+                await on_wifi(world, "33 ms / 5 ms", seed)
+                await world.drive(mode)
+                await world.forward(world.dice.uniform(0.5, 1.5))
+                fault.begin(world)
+                worst_s = max(worst_s, await world.until(world.stands, 5.0, fault.name))
+                await world.until(lambda: world.mode is Mode.STOPPED, 0.1, "stopped")
+                fault.end(world)
+            return worst_s
+
+        worst[fault.name] = in_fault_world(scenario)
+    with capsys.disabled():
+        print(f"\n{mode}: " + ", ".join(f"{name} {1000 * s:.0f} ms" for name, s in worst.items()))
+    assert len(worst) == len(GONE)
+    assert max(worst.values()) < 0.5
