@@ -15,13 +15,13 @@ from typing import BinaryIO
 
 from robot.errors import RecordingError
 
-_MAGIC = b"\x89MCAP0\r\n"
-_METADATA, _METADATA_INDEX, _FOOTER = 0x0C, 0x0D, 0x02
-_RECORD = struct.Struct("<BQ")
+MAGIC = b"\x89MCAP0\r\n"
+METADATA, _METADATA_INDEX, _FOOTER = 0x0C, 0x0D, 0x02
+RECORD = struct.Struct("<BQ")
 _FOOTER_BODY = struct.Struct("<QQI")
 _INDEX_BODY = struct.Struct("<QQ")
 _LENGTH = struct.Struct("<I")
-_END_BYTES = _RECORD.size + _FOOTER_BODY.size + len(_MAGIC)
+_END_BYTES = RECORD.size + _FOOTER_BODY.size + len(MAGIC)
 _HEAD_BYTES, _TAIL_BYTES = 4096, 32768
 """Read at once: enough for what a run says of itself, and for the end of some minutes' drive."""
 _MOST_BYTES = 16 * 2**20
@@ -73,17 +73,17 @@ class _Ends:
     def places(self) -> Iterator[tuple[int, int]]:
         """Yield offset and length of each metadata record, as the summary section lists them."""
         end = self.bytes(max(0, self._size - _END_BYTES), min(self._size, _END_BYTES))
-        opcode, length = _RECORD.unpack_from(end)
-        if end[-len(_MAGIC) :] != _MAGIC or (opcode, length) != (_FOOTER, _FOOTER_BODY.size):
+        opcode, length = RECORD.unpack_from(end)
+        if end[-len(MAGIC) :] != MAGIC or (opcode, length) != (_FOOTER, _FOOTER_BODY.size):
             raise RecordingError("the file's end is missing")
-        start, _, _ = _FOOTER_BODY.unpack_from(end, _RECORD.size)
+        start, _, _ = _FOOTER_BODY.unpack_from(end, RECORD.size)
         summary_bytes = self._size - _END_BYTES - start
         if start == 0 or summary_bytes <= 0:
             raise RecordingError("the file has no summary")
         summary, at = self.bytes(start, summary_bytes), 0
         while at < len(summary):
-            opcode, length = _RECORD.unpack_from(summary, at)
-            at += _RECORD.size
+            opcode, length = RECORD.unpack_from(summary, at)
+            at += RECORD.size
             if opcode == _METADATA_INDEX:
                 yield _INDEX_BODY.unpack_from(summary, at)
             at += length
@@ -91,23 +91,32 @@ class _Ends:
     def metadata(self, offset: int, length: int) -> tuple[str, dict[str, str]]:
         """Return name and values of the metadata record at a place."""
         record = self.bytes(offset, length)
-        opcode, body_bytes = _RECORD.unpack_from(record)
-        if opcode != _METADATA or body_bytes != length - _RECORD.size:
+        opcode, body_bytes = RECORD.unpack_from(record)
+        if opcode != METADATA or body_bytes != length - RECORD.size:
             raise RecordingError("no metadata where the summary says")
-        name, at = _text(record, _RECORD.size)
-        (map_bytes,) = _LENGTH.unpack_from(record, at)
-        at += _LENGTH.size
-        end = at + map_bytes
-        if end > len(record):
-            raise RecordingError("a map that is longer than its record")
-        values: dict[str, str] = {}
-        while at < end:
-            key, at = _text(record, at)
-            values[key], at = _text(record, at)
-        return name, values
+        return parse_metadata(record[RECORD.size :])
 
 
-def _text(record: bytes, at: int) -> tuple[str, int]:
+def parse_metadata(body: bytes) -> tuple[str, dict[str, str]]:
+    """Return name and values of a metadata record.
+
+    Raises:
+        RecordingError, struct.error, UnicodeDecodeError: If it is none.
+    """
+    name, at = read_text(body, 0)
+    (map_bytes,) = _LENGTH.unpack_from(body, at)
+    at += _LENGTH.size
+    end = at + map_bytes
+    if end > len(body):
+        raise RecordingError("a map that is longer than its record")
+    values: dict[str, str] = {}
+    while at < end:
+        key, at = read_text(body, at)
+        values[key], at = read_text(body, at)
+    return name, values
+
+
+def read_text(record: bytes, at: int) -> tuple[str, int]:
     """Return the text that begins at `at`, and where it ends."""
     (length,) = _LENGTH.unpack_from(record, at)
     end = at + _LENGTH.size + length

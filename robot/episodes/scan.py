@@ -191,7 +191,7 @@ def _break_up(chunk: Any) -> list[Any]:
         raise RecordingError(
             f"a chunk that claims to unpack to {chunk.uncompressed_size} bytes is refused"
         )
-    data = _unpack(chunk.compression, chunk.data, chunk.uncompressed_size)
+    data = unpack(chunk.compression, chunk.data, chunk.uncompressed_size)
     if len(data) != chunk.uncompressed_size:
         raise RecordingError("a chunk unpacks to another size than it claims")
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
@@ -199,7 +199,7 @@ def _break_up(chunk: Any) -> list[Any]:
     return list(breakup_chunk(replace(chunk, compression="", data=data)))
 
 
-def _unpack(compression: str, data: bytes, size: int) -> bytes:
+def unpack(compression: str, data: bytes, size: int) -> bytes:
     """Unpack to at most one byte more than was claimed, whatever the data holds."""
     try:
         if compression == "zstd":

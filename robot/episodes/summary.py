@@ -13,6 +13,7 @@ from robot.episodes.edits import Notes, read_notes
 from robot.episodes.ends import read_metadata
 from robot.episodes.episode import Episode, open_episode, taught_frames
 from robot.episodes.scan import Metadata, scan
+from robot.episodes.tally import count_cut_recording
 from robot.episodes.writer import RUN, SUMMARY
 from robot.errors import RecordingError
 
@@ -60,8 +61,7 @@ def read_summary(path: Path) -> EpisodeSummary:
     except RecordingError as error:
         notes, complaint = Notes(), str(error)
     try:
-        found = _read_ends(path)
-        facts = found if found is not None else _read_all(open_episode(path))
+        facts = _read_ends(path) or _count_cut(path) or _read_all(open_episode(path))
     except (RecordingError, ValueError, OSError) as error:
         facts = {"is_readable": False, "damage": str(error)}
     facts.setdefault("taught", {})
@@ -105,6 +105,20 @@ def _read_ends(path: Path) -> dict[str, Any] | None:
         return None
 
 
+def _count_cut(path: Path) -> dict[str, Any] | None:
+    """Count what a recording holds that was cut short; None if it is anything else."""
+    tally = count_cut_recording(path)
+    if tally is None:
+        return None
+    return {
+        **_facts_of_run(tally.run),
+        "duration_s": tally.duration_s,
+        "frames": len(tally.frames),
+        "taught": dict(tally.taught),
+        "damage": tally.damage,
+    }
+
+
 def _facts_of_run(run: Mapping[str, str]) -> dict[str, Any]:
     return {
         "started_at_s": _finite(run.get("started_at_s", "0")),
@@ -123,7 +137,7 @@ def _finite(text: str) -> float:
 
 
 def _read_all(episode: Episode) -> dict[str, Any]:
-    """Go through a recording that was cut short."""
+    """Go through a recording that is damaged, or that another program wrote."""
     taught: dict[str, int] = {}
     for label in taught_frames(episode).values():
         taught[label.value] = taught.get(label.value, 0) + 1

@@ -22,7 +22,7 @@ from server import protocol
 from server.clients.client import Client
 from server.clients.freshness import NonceLedger
 from server.clients.lease import Lease
-from server.clients.telemetry import describe_state
+from server.clients.telemetry import STATE_EVERY_S, describe_state, state_every_s
 from server.clients.video import Encoder, VideoHub, Viewer
 from server.config import Config
 from server.events import EventBus
@@ -30,11 +30,6 @@ from server.protocol import ErrorCode, ProtocolError, encode_message
 from server.security.access import Role
 
 log = logging.getLogger(__name__)
-
-STATE_EVERY_S = 0.1
-SOON_S = 0.05
-"""How often the state is sent while a robot with a slow camera moves: its pictures alone bring too
-few nonces, and a short pause of the Wi-Fi would look like a pilot who is gone."""
 
 
 class Hub:
@@ -333,15 +328,10 @@ class Hub:
         self._is_tick_due = False
         self._show_newest()
         if self.clients and (
-            self.clock.now_s() - self._sent_s >= self._state_every_s()
+            self.clock.now_s() - self._sent_s >= state_every_s(self.robot.loop.state)
             or self._urgent() != self._sent
         ):
             self.publish_state()
-
-    def _state_every_s(self) -> float:
-        state = self.robot.loop.state
-        is_slow = state.camera.period_s > SOON_S and state.decision.mode is not Mode.STOPPED
-        return SOON_S if is_slow else STATE_EVERY_S
 
     def _show_newest(self) -> None:
         if self._frame is not None and self._frame is not self.video.newest:

@@ -5,7 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 from robot.control.state import LoopState
-from robot.types import Pose, Prediction, Sensors
+from robot.types import Mode, Pose, Prediction, Sensors
+
+STATE_EVERY_S = 0.1
+_SOON_S = 0.05
+
+
+def state_every_s(state: LoopState) -> float:
+    """Return how often the state is sent: oftener while a robot with a slow camera moves.
+
+    Its pictures alone bring the pilot too few nonces, and a short pause of the Wi-Fi would look
+    like a pilot who is gone.
+    """
+    is_slow = state.camera.period_s > _SOON_S and state.decision.mode is not Mode.STOPPED
+    return _SOON_S if is_slow else STATE_EVERY_S
 
 
 def describe_state(state: LoopState, now_ms: float) -> dict[str, Any]:
