@@ -124,6 +124,8 @@ def test_the_lesson_of_trial_1_from_start_to_result(
     assert phone.locator(".profiles figure").count() == 2
     drawn = phone.locator(".profiles .curve.pilot").first.get_attribute("points")
     assert len(drawn.split()) == 101
+    for who in ("pilot", "robot"):
+        phone.locator(f"lesson-screen .map .way.{who}[d^=M]").wait_for(state="attached")
     with phone.expect_download() as waiting:
         phone.get_by_role("link", name="Download the result").tap()
     waiting.value.save_as(tmp_path / "result.json")

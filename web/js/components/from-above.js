@@ -51,11 +51,17 @@ export async function drawFromAbove(place, path, isEstimate = false) {
   stand(poses.findIndex(Boolean));
 }
 
-/** Draw the way of a whole recording. @param {HTMLElement} place @param {string} path  of the episode */
-export async function drawRecording(place, path) {
-  const { columns, is_estimate: isEstimate } = await ask('GET', `${path}/timeline`);
-  await drawFromAbove(place, columns, isEstimate);
-  place.dispatchEvent(new CustomEvent('moment', { detail: columns.pose.length - 1 }));
+/** Draw the way of some recordings, one after the other; those that are gone are left out. @param {HTMLElement} place @param {string[]} ids */
+export async function drawRecordings(place, ids) {
+  const kept = new Set((await ask('GET', '/api/episodes').catch(() => ({ episodes: [] }))).episodes.map((/** @type {{id: string}} */ { id }) => id));
+  const parts = await Promise.all(ids.filter((id) => kept.has(id)).map((id) => ask('GET', `/api/episodes/${id}/timeline`)));
+  /** @type {Path} */
+  const path = { pose: [], driven_by: [], asks_pilot: [], intervention: [], bumped: [] };
+  for (const { columns } of parts) {
+    for (const [name, list] of /** @type {[keyof Path, any[]][]} */ (Object.entries(path))) list.push(...columns[name], null);
+  }
+  await drawFromAbove(place, path, parts.some((part) => part.is_estimate));
+  place.dispatchEvent(new CustomEvent('moment', { detail: path.pose.length - 2 }));
 }
 
 /** The robot: it points where it looks. */

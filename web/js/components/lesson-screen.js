@@ -4,6 +4,7 @@
 import { ask } from '../api.js';
 import { append, fill, h, icon, svg } from '../dom.js';
 import { count, language, t } from '../i18n.js';
+import { drawRecordings } from './from-above.js';
 import { Screen, segments } from './screen.js';
 import { minutes } from './teach-panel.js';
 import { text } from './teaching-screen.js';
@@ -101,9 +102,17 @@ export class LessonScreen extends Screen {
       h('p', { class: 'lead' }, result.ssd === null ? t('lesson.no_profile') : t('lesson.ssd', { ssd: result.ssd.toFixed(2) })),
       h('div', { class: 'profiles' }, ...result.moves.map((/** @type {string} */ move) => profile(result, move))),
       h('p', { class: 'hint' }, t('lesson.profile_how')),
+      this.map(result.episodes ?? []),
       h('p', {}, t('lesson.facts', { n: count(result.lessons), i: count(result.interventions), a: result.answer })),
       h('a', { class: 'button', href: `/api/lesson/results/${result.id}.json`, download: '' }, t('lesson.download')),
     ];
+  }
+
+  /** The world from above, with the way of the whole trial. @param {string[]} episodes */
+  map(episodes) {
+    const place = h('figure', { class: 'panel chart map' });
+    drawRecordings(place, episodes).catch(() => {}); // without its recordings there is no way to draw
+    return place;
   }
 
   again() {
