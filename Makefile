@@ -23,7 +23,7 @@ NPM := $(if $(shell command -v npm),tests/web/node_modules/.made)
 test test-brick test-oldest: export OMP_NUM_THREADS := 1  # see tests/conftest.py
 
 test: check $(NPM) ## Check and test everything (JOBS=1 for one after the other)
-	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs root; says what it lacks)
 	DRIVELESSON_BRICK=1 $(BIN)/python -m pytest tests/brick/test_server_on_brick.py $(ARGS)
@@ -32,7 +32,7 @@ test-oldest: $(OLDEST)/.made ## Test the server on the versions of Debian 12
 	DRIVELESSON_KILLS=5 $(OLDEST)/bin/python -m pytest -p tests.oldest.newer_client -p no:anyio \
 	  -p no:cacheprovider tests/server tests/faults tests/contract tests/brick/test_body.py \
 	  --ignore tests/server/test_bench.py --ignore tests/server/test_fuzz.py \
-	  --numprocesses $(JOBS) --dist loadfile -m "not slow" \
+	  --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow" \
 	  -k "not browser and not films_and_datasets" $(ARGS)
 
 check: $(VENV)/.dev ## Format, lint, types, import contracts, layout and docs, without the other tests
