@@ -74,7 +74,7 @@ test('one step at a time, from the first visit to the first drive', () => {
   assert.deepEqual(advice({}, readiness({ missing: [rare] })), { key: 'advice.rare', move: 'left', have: 1, need: 3 });
   assert.equal(advice({}, readiness({ stage: 'try' })).key, 'advice.try');
   assert.equal(advice({ mode: 'autonomous' }, readiness({ stage: 'try' })).key, 'advice.watch');
-  assert.deepEqual(advice({ mode: 'autonomous' }, readiness({ stage: 'try', alone_s: 12.5 })), { key: 'advice.trial', left: 18 });
+  assert.deepEqual(advice({ mode: 'autonomous' }, readiness({ stage: 'try', alone_s: 12.5 })), { key: 'advice.trial', left: 20 });
   assert.equal(advice({ mode: 'autonomous' }, readiness({ stage: 'ready' })).key, 'advice.can');
   assert.equal(advice({ mode: 'stopped' }, readiness({ stage: 'ready' })).key, 'advice.ready');
 });

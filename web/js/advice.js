@@ -104,7 +104,7 @@ export function teachingAdvice(robot, readiness) {
   if (mode !== 'autonomous' && lessons >= FEW_EXAMPLES && usedMoves(robot.taught).length < 2) return { key: 'advice.turn' };
   if (!readiness) return { key: mode === 'autonomous' ? 'advice.watch' : 'advice.go_on' };
   const { stage, missing, alone_s: alone, alone_needed_s: needed } = readiness;
-  const left = Math.max(1, Math.ceil(needed - alone));
+  const left = Math.max(1, Math.ceil((needed - alone) / 10)) * 10; // in tens: it is read out, too
   if (mode === 'autonomous') {
     if (stage === 'ready') return { key: 'advice.can', left: needed };
     return { key: stage === 'try' && alone >= 1 ? 'advice.trial' : 'advice.watch', left };

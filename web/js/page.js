@@ -10,6 +10,7 @@ const AGREEMENT_EVERY = 5; // lessons between two points of the curve
 const CURVE_POINTS = 160;
 const NOTICE_MS = 3500;
 const TOAST_MS = 8000;
+const HINT_MS = 20_000;
 const SLOW_PHONE_MS = 15; // heartbeats so late, as a rule, are those of a slow phone
 const SLOW_STATE_MS = 300;
 const STOP_MS = 300;
@@ -264,7 +265,11 @@ export class Page {
     const { hint } = this.store.state;
     const now = hintNow(robot, this.preferences.hintsShown);
     if (hint && hint !== now) this.endHint();
-    else if (hint !== now) this.store.set({ hint: now });
+    else if (hint !== now) {
+      this.store.set({ hint: now });
+      // Who drives has no finger to put it away; what helps most now must come to be seen again.
+      if (robot.mode !== 'stopped') setTimeout(() => this.store.state.hint === now && this.endHint(), HINT_MS);
+    }
   }
 
   endHint() {

@@ -1,0 +1,224 @@
+"""Twelve scripted newcomers before the real page: python -m tests.e2e.newcomers
+
+Each opens the page for the first time, does what its sentences say, and drives by real touch events
+with the irregular hand of one of `robot/simulation/pilots/habits.py`. Asked: within four minutes of
+opening the page it has a robot that drives a minute by itself without pushing a wall. All runs in
+real time: a newcomer takes two to four minutes. `--habits regular,late` chooses among them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from robot.experiments.habit_run import make_habit_pilot
+from robot.simulation.pilots.habits import HABITS
+from robot.simulation.pilots.situation import observe
+from robot.types import Action, DrivenBy, Mode
+
+from .world import PHONE, Fingers, World, pad, running_chromium, running_world
+
+LIMIT_S = 240.0
+ALONE_S = 60.0
+PUSHED_S = 0.5
+"""Driving against something for longer than this is pushing; a touch in passing is not."""
+READ_EVERY_S = 0.4
+READING_S = 1.5
+"""A person reads a sentence before doing what it says."""
+_TEXT = """() => {
+  const notice = document.querySelector('.notice:not([hidden]) p');
+  return (notice ?? document.querySelector('teach-panel p')).textContent;
+}"""
+
+
+@dataclass(slots=True)
+class Story:
+    """What became of one newcomer; times in seconds since the page was opened."""
+
+    habit: str
+    first_move_s: float | None = None
+    handed_over_s: float | None = None
+    called_ready_s: float | None = None
+    done_s: float | None = None
+    corrections: int = 0
+    longest_push_s: float = 0.0
+    """While the robot drove by itself."""
+    lessons: int = 0
+    read: list[str] = field(default_factory=list)
+
+    @property
+    def is_done(self) -> bool:
+        return self.done_s is not None and self.done_s <= LIMIT_S
+
+
+class Newcomer:
+    """Reads the page, taps what it is told to tap, and holds directions as its habit does."""
+
+    def __init__(self, page: Any, world: World, habit: str, opened_s: float) -> None:
+        self.page, self.world, self.opened_s = page, world, opened_s
+        self.story = Story(habit)
+        self._fingers = Fingers(page)
+        self._pilot = make_habit_pilot(HABITS[habit], f"newcomer {habit}")
+        self._held: Action | None = None
+        self._text, self._text_since_s, self._read_s = "", 0.0, 0.0
+        self._wanted = Mode.TRAIN
+        self._alone_since_s: float | None = None
+        self._pushing_since_s: float | None = None
+
+    @property
+    def now_s(self) -> float:
+        return time.monotonic() - self.opened_s
+
+    def live(self) -> Story:
+        """Teach and let it drive until the minute is done, or the time is over."""
+        while not self.story.is_done and self.now_s < LIMIT_S:
+            if self.now_s - self._read_s > READ_EVERY_S:
+                self._read()
+            self._drive()
+            self._watch()
+            time.sleep(0.03)
+        self._hold(None)
+        self.story.lessons = self.world.lessons
+        return self.story
+
+    # Reading -----------------------------------------------------------------------------------
+
+    def _read(self) -> None:
+        self._read_s = self.now_s
+        text = self.page.evaluate(_TEXT)
+        if text != self._text:
+            self._text, self._text_since_s = text, self.now_s
+            if text:
+                self.story.read.append(f"{self.now_s:.0f} s: {text}")
+        if text and self.now_s - self._text_since_s > READING_S:
+            self._do_as_told(text)
+
+    def _do_as_told(self, text: str) -> None:
+        """Do what the sentence says; the sentences are those of web/js/messages/en.js."""
+        mode = self.world.mode
+        if "without a mistake: I can" in text and self.story.called_ready_s is None:
+            self.story.called_ready_s = self.now_s
+        if mode is not Mode.AUTONOMOUS and text.startswith(("Let me try", "I am ready")):
+            self.story.handed_over_s = self.story.handed_over_s or self.now_s
+            self._choose(Mode.AUTONOMOUS)
+        elif mode is Mode.STOPPED and text.startswith(("Tap Teach", "Hold a direction")):
+            self._choose(Mode.TRAIN)
+        elif mode is Mode.STOPPED and text.startswith(("Stopped", "Emergency", "The robot")):
+            self._choose(self._wanted)
+        elif self.page.locator(".notice button", has_text="Got it").is_visible():
+            self._tap(".notice button")
+
+    def _choose(self, mode: Mode) -> None:
+        self._wanted = mode
+        self._tap(f"mode-bar [data-mode={mode.value}]")
+        self._pilot.change_mode(mode)
+
+    def _tap(self, selector: str) -> None:
+        self._hold(None)  # browsers make no click of a second finger
+        with contextlib.suppress(Exception):  # it may be gone before the finger comes
+            self._fingers.press(selector, finger=2)
+            self._fingers.lift(finger=2)
+
+    # Driving -----------------------------------------------------------------------------------
+
+    def _drive(self) -> None:
+        state = self.world.rig.loop.state
+        mode = state.decision.mode
+        if mode is not self._pilot.mode:
+            self._pilot.change_mode(mode)
+        simulation = self.world.rig.driver.simulation  # type: ignore[attr-defined]
+        now_s, frame_id = self.now_s, state.frame_id or 0
+        prediction = state.prediction
+        self._pilot.see(
+            observe(simulation, frame_id, now_s), prediction.action if prediction else None
+        )
+        for command in self._pilot.act(now_s, frame_id):
+            self._hold(command.held if mode is not Mode.STOPPED else None)
+
+    def _hold(self, move: Action | None) -> None:
+        if move is self._held:
+            return
+        if move is None:
+            self._fingers.lift()
+        elif self._held is None:
+            self._fingers.press(pad(move.value))
+        else:
+            self._fingers.slide(pad(move.value))
+        if move is not None and self.story.first_move_s is None:
+            self.story.first_move_s = self.now_s
+        if move is not None and self._held is None and self.world.mode is Mode.AUTONOMOUS:
+            self.story.corrections += 1
+        self._held = move
+
+    # Judging -----------------------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        """Follow how long the robot has driven by itself without pushing."""
+        decision, now_s = self.world.rig.loop.state.decision, self.now_s
+        is_alone = decision.driven_by is DrivenBy.ROBOT and not decision.asks_pilot
+        if not is_alone or self._held is not None:
+            self._alone_since_s = self._pushing_since_s = None
+            return
+        self._alone_since_s = self._alone_since_s or now_s
+        if not self.world.rig.driver.simulation.is_pushing:  # type: ignore[attr-defined]
+            self._pushing_since_s = None
+        else:
+            self._pushing_since_s = self._pushing_since_s or now_s
+            pushed_s = now_s - self._pushing_since_s
+            self.story.longest_push_s = max(self.story.longest_push_s, pushed_s)
+            if pushed_s > PUSHED_S:
+                self._alone_since_s = now_s
+        if now_s - self._alone_since_s >= ALONE_S:
+            self.story.done_s = now_s
+
+
+def run(habit: str, world_name: str = "box") -> Story:
+    """Return the story of one newcomer with a fresh robot and a fresh browser."""
+    with (
+        tempfile.TemporaryDirectory() as kept,
+        running_world(Path(kept), world=world_name) as world,
+        running_chromium() as browser,
+    ):
+        context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+        page = context.new_page()
+        opened_s = time.monotonic()
+        page.goto(world.address)
+        page.wait_for_selector("video-view[data-frames]", state="attached", timeout=20_000)
+        return Newcomer(page, world, habit, opened_s).live()
+
+
+def main(argv: list[str] | None = None, run: Callable[[str, str], Story] = run) -> int:
+    """Run them one after the other; 0 if at most one in twelve fails."""
+    parser = argparse.ArgumentParser(prog="python -m tests.e2e.newcomers", description=__doc__)
+    parser.add_argument("--habits", default=",".join(HABITS), help="comma-separated")
+    parser.add_argument("--world", default="box")
+    parser.add_argument("--json", type=Path, help="write all that happened here")
+    args = parser.parse_args(argv)
+    stories = []
+    print("habit        taps  hands over   ready    done  corrected  longest push")
+    for habit in args.habits.split(","):
+        story = run(habit, args.world)
+        stories.append(story)
+        times = (story.first_move_s, story.handed_over_s, story.called_ready_s, story.done_s)
+        told = [f"{at_s:5.0f} s" if at_s is not None else "   none" for at_s in times]
+        print(
+            f"{habit:11} {told[0]}     {told[1]} {told[2]} {told[3]}  "
+            f"{story.corrections:9} {story.longest_push_s:11.2f} s",
+            flush=True,
+        )
+    done = sum(story.is_done for story in stories)
+    print(f"{done} of {len(stories)} have a robot that drives a minute by itself within 4 minutes")
+    if args.json:
+        args.json.write_text(json.dumps([asdict(story) for story in stories], indent=1))
+    return 0 if 12 * done >= 11 * len(stories) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
