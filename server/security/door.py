@@ -10,9 +10,11 @@ cookie. Connections that the guard has admitted are never evicted.
 from __future__ import annotations
 
 import ipaddress
-from collections import Counter, OrderedDict
-from collections.abc import Callable, Hashable
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 from server.config import Limits
 
@@ -20,6 +22,7 @@ Peer = tuple[str, int]
 """Address and port of the remote side, as the socket reports them."""
 
 
+@lru_cache(maxsize=1024)
 def address_key(address: str) -> str:
     """Return what counts as one address: for IPv6 the /64 network, which one host may own."""
     try:
@@ -40,6 +43,37 @@ class _Pending:
     close: Callable[[], None]
 
 
+class Newest:
+    """The newest connections of each address, in the order in which they came.
+
+    Args:
+        per_address: So many of one address.
+        in_all: So many of all; beyond it the address that has most loses its oldest.
+    """
+
+    def __init__(self, per_address: int, in_all: int) -> None:
+        self._per_address, self._in_all = per_address, in_all
+        self._of_address: dict[str, deque[int]] = {}
+        self._kept: dict[int, Any] = {}
+        self._count = 0
+
+    def add(self, address: str, connection: Any) -> list[Any]:
+        """Add one that has just come; return those that have to go for it."""
+        self._count += 1
+        own = self._of_address.setdefault(address, deque())
+        own.append(self._count)
+        self._kept[self._count] = connection
+        if len(own) > self._per_address:
+            return [self._kept.pop(own.popleft())]
+        if len(self._kept) > self._in_all:
+            most = max(self._of_address.values(), key=len)
+            return [self._kept.pop(most.popleft())]
+        return []
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._kept.values())
+
+
 class Door:
     """Counts connections, and closes pending ones that are too many or too slow.
 
@@ -49,7 +83,7 @@ class Door:
     """
 
     def __init__(self, limits: Limits, capacity: int) -> None:
-        self._limits = limits
+        self.limits = limits
         self._capacity = max(1, capacity)
         self._pending: OrderedDict[Hashable, _Pending] = OrderedDict()
         self._admitted: set[Hashable] = set()
@@ -71,15 +105,15 @@ class Door:
         """
         self.expire(now_s)
         address = address_key(peer[0])
-        if self._of_address[address] >= self._limits.pending_per_address:
+        if self._of_address[address] >= self.limits.pending_per_address:
             self._evict(address)
-        elif len(self._pending) >= self._limits.pending:
+        elif len(self._pending) >= self.limits.pending:
             self._evict(self._of_address.most_common(1)[0][0])
         while self.open >= self._capacity:
             if not self._pending:
                 return False
             self._evict(self._of_address.most_common(1)[0][0])
-        self._pending[peer] = _Pending(address, now_s + self._limits.pending_s, close)
+        self._pending[peer] = _Pending(address, now_s + self.limits.pending_s, close)
         self._of_address[address] += 1
         return True
 
@@ -87,7 +121,7 @@ class Door:
         """Record a complete request: the timeout of a pending connection starts again."""
         connection = self._pending.get(peer)
         if connection is not None:
-            connection.deadline_s = now_s + self._limits.pending_s
+            connection.deadline_s = now_s + self.limits.pending_s
 
     def admit(self, peer: Peer) -> None:
         """Mark a connection as admitted by the guard; it is no longer pending."""

@@ -52,6 +52,7 @@ def main(web: str) -> None:
                         "open": services.door.open,
                         "evicted": services.door.evicted,
                         "longest_stand_s": max(stood_s[1:], default=0.0),
+                        "moves": sum(one.value != "stop" for _, one in driver.changes),
                         "mode": rig.loop.state.decision.mode.value,
                         "stops": sum(rig.loop.state.stops.values()),
                     }

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from server.config import Limits
-from server.security.door import Door, Peer, address_key
+from server.security.door import Door, Newest, Peer, address_key
 
 LIMITS = Limits(pending=6, pending_per_address=3, pending_s=5.0)
 ADDRESSES = ("10.0.0.1", "10.0.0.2", "fe80::1", "fe80::2", "2001:db8::1")
@@ -89,3 +89,27 @@ def test_a_newcomer_has_a_moment_in_the_middle_of_a_flood() -> None:
 )
 def test_what_counts_as_one_address(one: str, other: str, same: bool) -> None:
     assert (address_key(one) == address_key(other)) == same
+
+
+@given(st.lists(st.sampled_from(ADDRESSES), max_size=200))
+def test_of_a_flood_the_newest_of_each_address_are_kept(arrivals: list[str]) -> None:
+    newest = Newest(per_address=3, in_all=6)
+    gone: list[int] = []
+    for number, address in enumerate(arrivals):
+        gone += newest.add(address, number)
+    kept = list(newest)
+    assert sorted(kept + gone) == list(range(len(arrivals))), "none is forgotten, none is doubled"
+    assert kept == sorted(kept) and len(kept) <= 6
+    for address in ADDRESSES:
+        own = [number for number, one in enumerate(arrivals) if one == address]
+        still = [number for number in own if number in kept]
+        assert len(still) <= 3
+        assert still == own[len(own) - len(still) :], "the oldest goes first"
+
+
+def test_a_flood_costs_another_address_nothing() -> None:
+    newest = Newest(per_address=3, in_all=6)
+    newest.add("10.0.0.1", "a phone")
+    for number in range(5_000):
+        assert "a phone" not in newest.add("10.0.0.2", number)
+    assert "a phone" in list(newest)
