@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -83,18 +84,99 @@ def test_every_kind_of_error_is_in_the_reference() -> None:
     assert [code.value for code in ErrorCode if f"`{code.value}`" not in text] == []
 
 
+REFERENCE = (Path(__file__).parents[2] / "docs" / "reference" / "protocol.md").read_text()
+
+
+def _block(beginning: str) -> dict[str, Any]:
+    """Return the example of the reference that begins so."""
+    block = REFERENCE[REFERENCE.index("    " + beginning) :].split("\n\n")[0]
+    example: dict[str, Any] = json.loads(block)
+    return example
+
+
+def _shape(value: Any) -> Any:
+    """Return what kind of value it is, through and through: names, and numbers for numbers."""
+    if isinstance(value, dict):
+        return {name: _shape(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_shape(one) for one in value[:1]]
+    return "number" if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
 def test_the_state_in_the_reference_is_what_the_wire_carries() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "reference" / "protocol.md").read_text()
-    block = text[text.index('    {"type": "state"') :].split("\n\n")[0]
-    example = json.loads(block)
+    example = _block('{"type": "state"')
 
     async def scenario(world: ServedWorld) -> dict[str, Any]:
         pilot = await world.pilot(sees=True)
         pilot.mode("train")
         pilot.hold("forward")
-        return await pilot.wait_for_state(driven_by="pilot", within_s=5.0)
+        await pilot.wait_for_state(driven_by="pilot", within_s=5.0)
+        return await pilot.wait_for(
+            lambda m: m["type"] == "state" and bool((m["prediction"] or {}).get("action"))
+        )
 
     state = virtually(scenario)
     assert set(state) == set(example)
-    assert set(state["camera"]) == set(example["camera"])
-    assert set(state["prediction"]) == set(example["prediction"])
+    for name in ("camera", "prediction"):
+        assert set(state[name]) == set(example[name]), name
+    for name, value in example.items():
+        if state[name] is not None and value is not None:
+            assert type(_shape(state[name])) is type(_shape(value)), name
+
+
+def _table(after: str) -> dict[str, str]:
+    """Return the rows of the table that follows these words: first cell, all that follows."""
+    text = REFERENCE[REFERENCE.index(after) :]
+    lines = text[text.index("|---") :].split("\n\n")[0].splitlines()[1:]
+    cells = [line.strip("| ").split(" | ", 1) for line in lines]
+    return {first.strip("`"): rest for first, rest in cells}
+
+
+def test_every_message_up_in_the_reference_is_understood_and_no_other() -> None:
+    table = _table("Each message is one JSON object with a `type`. Up:")
+    with pytest.raises(ProtocolError) as raised:
+        protocol.parse_message('{"type": "no such"}', DEFAULT_MOVES)
+    known = str(raised.value).split("known types: ")[1].split(", ")
+    assert sorted(table) == sorted(known)
+    values = {
+        "held": "forward", "frame": 412, "nonce": 7, "seq": 1, "frame_age_ms": 31.0,
+        "phone_ms": 4.0, "mode": "train", "client_ms": 2.0,
+    }  # fmt: skip
+    for kind, row in table.items():
+        told = {name for name in values if f"`{name}`" in row.split(" | ")[0]}
+        message = protocol.parse_message(
+            json.dumps({"type": kind} | {name: values[name] for name in told}), DEFAULT_MOVES
+        )
+        assert {name for name, value in asdict(message).items() if value is not None} == told, kind
+
+
+def test_every_message_down_in_the_reference_is_what_the_wire_carries() -> None:
+    table = _table("\nDown:\n")
+
+    async def scenario(world: ServedWorld) -> dict[str, dict[str, Any]]:
+        pilot = await world.pilot(sees=True)
+        other = await world.pilot()
+        other.send(type="take")
+        pilot.send(type="ping", client_ms=1.0)
+        pilot.send(type="mode", mode="train", seq=1_000)
+        await other.wait_for(lambda m: m["type"] == "event" and m["name"] == "wheel_waiting")
+        await pilot.wait_for(lambda m: m["type"] == "error")
+        await pilot.wait_for(lambda m: m["type"] == "pong")
+        return {m["type"]: m for m in other.messages + pilot.messages}
+
+    carried = virtually(scenario)
+    assert set(carried) == set(table)
+    for kind in ("hello", "pong", "error"):
+        for name in set(carried[kind]) - {"type"}:
+            assert f"`{name}`" in table[kind], f"{kind} carries {name}, and nobody says so"
+    for name in ("protocol", "client", "role", "robot", "moves", "declared_moves", "server_ms"):
+        assert name in carried["hello"]
+    move = {name.strip('"') for name in re.findall(r'"[a-z]+"', table["hello"])}
+    assert set(carried["hello"]["declared_moves"][0]) == move
+
+
+def test_what_the_eye_is_told_is_in_the_reference() -> None:
+    from server.routes.eye import _STATE_FIELDS
+
+    text = REFERENCE[REFERENCE.index("## `/ws/eye`") :]
+    assert [name for name in _STATE_FIELDS if f"`{name}`" not in text] == []
