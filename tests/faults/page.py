@@ -6,6 +6,7 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 
+from . import bodies
 from .scenario import outcomes
 from .table import FAULTS, MODES, PAGE, render
 
@@ -21,13 +22,17 @@ def worst_ms(cell: Cell, n_seeds: int) -> float:
 
 def measure(n_seeds: int) -> dict[tuple[str, str], float]:
     """Return the worst of so many drives for each fault and mode."""
+    bodies_cells = [(name, fault) for name in bodies.BODIES for fault in bodies.FAULTS]
     cells = [(number, mode) for number in range(len(FAULTS)) for mode in MODES]
     with ProcessPoolExecutor() as pool:
         figures = pool.map(worst_ms, cells, [n_seeds] * len(cells))
-        return {
+        n_drives = [min(n_seeds, bodies.DRIVES)] * len(bodies_cells)
+        of_bodies = pool.map(bodies.worst_ms, *zip(*bodies_cells, strict=True), n_drives)
+        measured = {
             (FAULTS[number].name, mode): figure
             for (number, mode), figure in zip(cells, figures, strict=True)
         }
+        return measured | dict(zip(bodies_cells, of_bodies, strict=True))
 
 
 if __name__ == "__main__":

@@ -41,11 +41,21 @@ class MockPins:
         """What the robot's program sends arrives no more, and it is answered nothing."""
         self.is_silent = True
 
+    def hang_up(self) -> None:
+        """The line ends, as when the robot's program is killed: the keeper stands and ends."""
+        self.is_silent = True
+        if self._wheels is not None:
+            self._wheels.stand()
+
+    def tick(self) -> None:
+        """The keeper looks at the time."""
+        if self._wheels is not None:
+            self._wheels.tick(self._now_ms())
+
     def forward(self, seconds: float) -> None:
         for _ in range(round(1000 * seconds)):
-            self._clock.advance(0.001)
-            if self._wheels is not None:
-                self._wheels.tick(self._now_ms())
+            self._clock.sleep(0.001)
+            self.tick()
 
     def open_line(self, settings: dict[str, Any]) -> MockPins.Line:
         self.factory.reset()

@@ -57,10 +57,10 @@ while True:
         name, for_ms, speed, number, seen = words
         name, for_ms, speed = name.decode(), int(for_ms), min(1.0, float(speed))
         if int(number) > seq:
-            seq, late = int(number), heard - int(seen) >= 500
-            if name in SPEEDS and speed > 0 and not late:  # an order that comes late only stops
+            seq, left_ms = int(number), min(for_ms, 500 - (heard - int(seen)))
+            if name in SPEEDS and speed > 0 and left_ms > 0:  # what comes late only stops
                 for motor, full in zip((LEFT, RIGHT), SPEEDS[name]):
-                    motor.run_time(full * speed, min(for_ms, 500), Stop.BRAKE, wait=False)
+                    motor.run_time(full * speed, left_ms, Stop.BRAKE, wait=False)
                 show(Color.GREEN)
             else:
                 stand()

@@ -52,7 +52,7 @@ while True:
                 seq, age_ms = order["seq"], time.ticks_diff(now, order["seen_ms"])
                 speeds = [min(1, order["speed"]) * s for s in SPEEDS.get(order["move"], (0, 0))]
                 moving = any(speeds) and age_ms < 500  # an order that comes late only stops
-                ends = time.ticks_add(now, min(order["for_ms"], 500))
+                ends = time.ticks_add(now, min(order["for_ms"], 500 - age_ms))
                 wheels(*(speeds if moving else (0, 0)))
         except (ValueError, KeyError, TypeError):
             pass  # not for us

@@ -75,11 +75,13 @@ class TimedWheels:
         order = parse_plain_order(line, SHARES)
         if order is not None and order.seq > self._seq:
             self._seq = order.seq
-            if order.move is Action.STOP or now_ms - order.seen_ms >= LATE_MS:
+            # What was sent after `seen_ms` ends by itself so long after it, whenever it comes.
+            left_ms = min(order.for_ms, LONGEST_MS, LATE_MS - (now_ms - order.seen_ms))
+            if order.move is Action.STOP or left_ms <= 0:
                 self.stand()
             else:
                 self._move(order.move, order.speed)
-                self._ends_ms = now_ms + min(order.for_ms, LONGEST_MS)
+                self._ends_ms = now_ms + left_ms
         bumped = self._bumped() if self._bumped is not None else None
         return BodyReport(nonce="", seq=self._seq, ms=now_ms, sensors=Sensors(bumped=bumped))
 

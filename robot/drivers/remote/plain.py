@@ -17,7 +17,7 @@ from robot.types import Action, Sensors
 
 HELLO = b"?"
 LATE_MS = 500
-"""An order that was on its way for longer only stops."""
+"""So long after its `SEEN_MS` a move has ended; an order that comes later only stops."""
 LONGEST_MS = 500
 
 

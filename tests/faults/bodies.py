@@ -1,0 +1,236 @@
+"""What each body does when its server is gone, in virtual time: the last columns of the table.
+
+Judged is the body itself: nobody is left to tell it anything. The real processes of the same bodies
+are killed and frozen by their own tests.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import random
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from unittest import mock
+
+from robot.brick.agent.ports import HardwareError
+from robot.brick.chassis import ChassisBody
+from robot.brick.stock.body import StockBody
+from robot.clock import ManualClock, VirtualClock
+from robot.driver import Driver
+from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
+from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
+from robot.drivers.remote.driver import RemoteOptions
+from robot.drivers.remote.line import MessageLine
+from robot.drivers.udp import UdpDriver
+from robot.drivers.ws import WsDriver
+from robot.errors import DriveError
+from tests.standins import ev3_stock
+from tests.standins.firmware_in_time import RunningFirmware, RunningHub, RunningProgram
+
+FAULTS = ("link lost", "server killed", "server frozen")
+STANDS_S = 0.5
+DRIVES = 50
+"""As many are measured for the page."""
+_STEP_S = 0.004
+
+
+@dataclass(frozen=True)
+class TimedBody:
+    """A body with its driver, both on one clock.
+
+    `hang_up` is what the system does with the line when the server's process is gone; `lose` ends
+    all traffic, both ways, but for what is on its way; `slow_down` makes messages take so long.
+    """
+
+    driver: Driver
+    clock: ManualClock
+    is_moving: Callable[[], bool]
+    lose: Callable[[], None]
+    hang_up: Callable[[], None] = lambda: None
+    tick: Callable[[], None] = lambda: None
+    slow_down: Callable[[float], None] = lambda slowest_s: None
+
+
+@contextmanager
+def _program(
+    kind: type[RunningProgram], make: Callable[[VirtualClock, MessageLine], Driver], seed: int
+) -> Iterator[TimedBody]:
+    clock = VirtualClock()
+    board = kind(clock, seed)
+    board.start()
+    driver = make(clock, board.line())
+
+    def lose() -> None:
+        board.is_lost = True
+
+    def slow_down(slowest_s: float) -> None:
+        board.slowest_s = slowest_s
+
+    yield TimedBody(driver, clock, lambda: board.is_moving, lose, slow_down=slow_down)
+    board.end()
+
+
+def _udp(seed: int) -> AbstractContextManager[TimedBody]:
+    class Udp(UdpDriver):
+        def _open_address(self, host: str, port: int) -> MessageLine:
+            return self.line
+
+        line: MessageLine
+
+    return _program(RunningFirmware, lambda clock, line: _addressed(Udp, clock, line), seed)
+
+
+def _ws(seed: int) -> AbstractContextManager[TimedBody]:
+    class Ws(WsDriver):
+        def _open_address(self, host: str, port: int) -> MessageLine:
+            return self.line
+
+        line: MessageLine
+
+    return _program(RunningFirmware, lambda clock, line: _addressed(Ws, clock, line), seed)
+
+
+def _addressed(kind: type, clock: VirtualClock, line: MessageLine) -> Driver:
+    driver: Driver = kind(RemoteOptions(address="board", secret="geheim"), clock)
+    driver.line = line  # type: ignore[attr-defined]
+    return driver
+
+
+def _pybricks(seed: int) -> AbstractContextManager[TimedBody]:
+    class Pybricks(PybricksDriver):
+        def _open(self) -> MessageLine:
+            return self.line
+
+        line: MessageLine
+
+    def make(clock: VirtualClock, line: MessageLine) -> Driver:
+        driver = Pybricks(PybricksOptions(), clock)
+        driver.line = line
+        return driver
+
+    return _program(RunningHub, make, seed)
+
+
+@contextmanager
+def _ev3_stock(seed: int) -> Iterator[TimedBody]:
+    """The stand-in's machine of bytecodes, without its sockets."""
+    clock, chance = ManualClock(), random.Random(seed)
+
+    class Brick(ev3_stock.StockBrick):
+        def __init__(self) -> None:
+            self.motors = [ev3_stock.Motor() for _ in range(4)]
+            self.devices = {0x11: ev3_stock.LARGE, 0x12: ev3_stock.LARGE}
+            self.frozen = mock.Mock(is_set=lambda: False)
+
+    class Line:
+        is_lost = False
+
+        def ask(self, message: bytes) -> bytes:
+            clock.sleep(chance.uniform(0.001, 0.05))
+            answer = None if self.is_lost else brick.answer(message)
+            if answer is None:
+                clock.sleep(0.4)
+                raise HardwareError("the brick does not answer")
+            return answer
+
+        def close(self) -> None:
+            pass
+
+    class Stock(Ev3StockDriver):
+        def _make_body(self) -> ChassisBody:
+            return StockBody(
+                lambda: line, left="outB", right="outC", ultrasonic="none", touch="none"
+            )
+
+    brick, line = Brick(), Line()
+
+    def lose() -> None:
+        line.is_lost = True
+
+    with mock.patch.object(ev3_stock, "time", mock.Mock(monotonic=clock.now_s)):
+        yield TimedBody(Stock(Ev3StockOptions()), clock, lambda: brick.is_moving, lose)
+
+
+@contextmanager
+def _gpio(seed: int) -> Iterator[TimedBody]:
+    from robot.drivers.gpio.driver import GpioDriver, GpioOptions
+    from tests.standins.gpio import MockPins
+
+    clock = ManualClock()
+    with MockPins(clock) as pins:
+        driver = GpioDriver(GpioOptions(), clock, pins.open_line)
+        yield TimedBody(
+            driver,
+            clock,
+            lambda: pins.is_moving,
+            lose=pins.hang_up,
+            hang_up=pins.hang_up,
+            tick=pins.tick,
+        )
+
+
+BODIES: dict[str, tuple[Callable[[int], AbstractContextManager[TimedBody]], str]] = {
+    "udp": (_udp, "the firmware's own time limit"),
+    "ws": (_ws, "the firmware's own time limit"),
+    "pybricks": (_pybricks, "the motors' timed move"),
+    "ev3-stock": (_ev3_stock, "the motors' timed move"),
+    "gpio": (_gpio, "the process that holds the pins"),
+}
+"""How each is made, and what stops it."""
+OTHERS = (
+    ("`ev3`, `ev3-remote`", "stands within 500 ms", "the kernel's timer (tests/brick)"),
+    ("`ros`", "stands when its base stops it", "nothing of ours: see [ROS 2](../howto/ros.md)"),
+)
+"""Bodies that are not driven here: what is said of all three faults, and what stops them."""
+
+
+def stood_after_s(name: str, fault: str, seed: int) -> float:
+    """Drive a body, let one fault happen at a random moment, and return when it stood.
+
+    Raises:
+        AssertionError: If it never moved before, or moves again afterwards.
+    """
+    chance = random.Random(seed)
+    with BODIES[name][0](seed) as body:
+        driver = body.driver
+        driver.connect()
+        end_s = body.clock.now_s() + chance.uniform(0.3, 1.5)
+        move, has_moved = chance.choice(driver.moves), False
+        while body.clock.now_s() < end_s:
+            if chance.random() < 0.1:
+                move = chance.choice(driver.moves)
+            with contextlib.suppress(DriveError):
+                driver.send_action(move, speed_scale=chance.uniform(0.2, 1.0))
+            has_moved = _pass(body, chance.uniform(0.0, 0.1)) or has_moved
+        assert has_moved, "it never moved"
+        body.slow_down(chance.uniform(0.08, 1.2))
+        with contextlib.suppress(DriveError):
+            driver.send_action(move)
+        if fault == "link lost":
+            body.lose()
+        elif fault == "server killed":
+            body.hang_up()
+        began_s = body.clock.now_s()
+        last_s = 0.0
+        for _ in range(400):
+            if fault == "link lost" and chance.random() < 0.04:  # the server goes on, in vain
+                with contextlib.suppress(DriveError):
+                    driver.send_action(move)
+            if _pass(body, _STEP_S):
+                last_s = body.clock.now_s() - began_s
+        return last_s
+
+
+def _pass(body: TimedBody, seconds: float) -> bool:
+    """Let time pass; return whether the body moved at its end."""
+    end_s = body.clock.now_s() + seconds
+    while body.clock.now_s() < end_s:
+        body.clock.sleep(min(_STEP_S, end_s - body.clock.now_s()))
+        body.tick()
+    return body.is_moving()
+
+
+def worst_ms(name: str, fault: str, n_seeds: int) -> float:
+    """Return the longest of so many drives, in milliseconds."""
+    return 1000 * max(stood_after_s(name, fault, seed) for seed in range(n_seeds))

@@ -1,0 +1,23 @@
+"""Each body stands within half a second of losing its server, whatever was on its way."""
+
+from __future__ import annotations
+
+import pytest
+
+from .bodies import BODIES, DRIVES, FAULTS, STANDS_S, stood_after_s
+from .table import SEEDS
+
+N_DRIVES = min(max(SEEDS // 5, 3), DRIVES)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("name", BODIES)
+def test_a_body_stands_when_its_server_is_gone(name: str, fault: str) -> None:
+    if name == "gpio":
+        pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
+    late = {
+        seed: stood
+        for seed in range(N_DRIVES)
+        if (stood := stood_after_s(name, fault, seed)) >= STANDS_S
+    }
+    assert not late, f"moves on, by seed: {late}"

@@ -1,0 +1,244 @@
+"""The sample firmware and the hub's program in virtual time: run by this Python, on modules
+of a few lines in the place of MicroPython's and Pybricks'.
+
+Their real interpreter runs them in tests of their own; here thousands of moments can be tried.
+"""
+
+from __future__ import annotations
+
+import builtins
+import random
+import threading
+from collections import deque
+from types import SimpleNamespace
+from typing import Any
+
+from robot.clock import VirtualClock, Worker
+from tests.standins.firmware import FIRMWARE
+from tests.standins.pybricks_hub import PROGRAM
+
+
+class OverError(BaseException):
+    """Ends a program that would go on for ever."""
+
+
+class Box:
+    """Messages on their way to one side, each of which takes its time."""
+
+    def __init__(self, clock: VirtualClock) -> None:
+        self._clock = clock
+        self._waiting: deque[tuple[float, bytes]] = deque()
+        self._news = threading.Event()
+
+    def put(self, data: bytes, delay_s: float) -> None:
+        """Messages stay in order."""
+        last_s = self._waiting[-1][0] if self._waiting else 0.0
+        self._waiting.append((max(last_s, self._clock.now_s() + delay_s), data))
+        self._news.set()
+
+    def take(self, timeout_s: float) -> bytes | None:
+        """Return the next that has arrived, within `timeout_s`."""
+        end_s = self._clock.now_s() + timeout_s
+        while True:
+            now_s = self._clock.now_s()
+            if self._waiting and self._waiting[0][0] <= now_s:
+                return self._waiting.popleft()[1]
+            if now_s >= end_s:
+                return None
+            due_s = min(end_s, self._waiting[0][0] if self._waiting else end_s)
+            self._news.clear()
+            self._clock.wait(self._news, due_s - now_s)
+
+
+class RunningProgram:
+    """A program on a board; `is_moving` is what its wheels do. `line` is a `MessageLine` to it.
+
+    Args:
+        clock: On which all of it happens.
+        seed: Decides how long each message takes.
+    """
+
+    def __init__(self, clock: VirtualClock, seed: int) -> None:
+        self.clock = clock
+        self._random = random.Random(seed)
+        self.to_board, self.to_server = Box(clock), Box(clock)
+        self.is_lost = False
+        self.slowest_s = 0.08
+        self._is_over = False
+        self._thread: Worker | None = None
+
+    def start(self) -> None:
+        self._thread = self.clock.start_thread(self._run, "board")
+
+    def end(self) -> None:
+        self._is_over = True
+        if self._thread is not None:
+            self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            self._execute()
+        except OverError:
+            return
+
+    def _execute(self) -> None:
+        raise NotImplementedError
+
+    def check_over(self) -> None:
+        if self._is_over:
+            raise OverError
+
+    def send(self, box: Box, data: bytes) -> None:
+        if not self.is_lost:
+            box.put(data, self._random.uniform(0.0005, self.slowest_s))
+
+    @property
+    def is_moving(self) -> bool:
+        raise NotImplementedError
+
+    def line(self) -> Any:
+        """Return the server's end."""
+        return SimpleNamespace(
+            send=lambda message: self.send(self.to_board, message),
+            receive=self.to_server.take,
+            close=lambda: None,
+        )
+
+    def _modules(self, **modules: Any) -> dict[str, Any]:
+        """Return globals in which an import finds these first; None cannot be imported."""
+
+        def find(name: str, *args: Any) -> Any:
+            if name not in modules:
+                return builtins.__import__(name, *args)
+            if modules[name] is None:
+                raise ImportError(name)
+            return modules[name]
+
+        return {"__builtins__": {**vars(builtins), "__import__": find}}
+
+
+class RunningFirmware(RunningProgram):
+    """docs/examples/firmware/robot.py, its wheels as it prints them."""
+
+    wheels: tuple[float, ...] = (0.0, 0.0)
+
+    @property
+    def is_moving(self) -> bool:
+        return any(self.wheels)
+
+    def _execute(self) -> None:
+        clock = self.clock
+
+        def ticks_ms() -> int:
+            return int(1000 * clock.now_s())
+
+        def poll(timeout_ms: int) -> list[int]:
+            self.check_over()
+            self._next = self.to_board.take(timeout_ms / 1000)
+            return [] if self._next is None else [1]
+
+        sock = SimpleNamespace(
+            bind=lambda address: None,
+            recvfrom=lambda size: (self._next, "server"),
+            sendto=lambda data, to: self.send(self.to_server, data),
+        )
+        names = self._modules(
+            network=None,
+            time=SimpleNamespace(
+                ticks_ms=ticks_ms,
+                ticks_diff=lambda a, b: a - b,
+                ticks_add=lambda a, b: a + b,
+            ),
+            sys=SimpleNamespace(argv=["robot.py", "geheim", "4210"]),
+            select=SimpleNamespace(
+                poll=lambda: SimpleNamespace(register=lambda *_: None, poll=poll), POLLIN=1
+            ),
+            socket=SimpleNamespace(
+                socket=lambda *_: sock,
+                AF_INET=2,
+                SOCK_DGRAM=2,
+                getaddrinfo=lambda *_: [("0.0.0.0", 4210)],
+            ),
+        )
+        names["print"] = lambda ms, *wheels: setattr(self, "wheels", wheels)
+        exec(compile(FIRMWARE.read_text(), str(FIRMWARE), "exec"), names)
+
+
+class RunningHub(RunningProgram):
+    """docs/examples/firmware/hub.py; the hub's firmware ends what the motors were told."""
+
+    def __init__(self, clock: VirtualClock, seed: int) -> None:
+        super().__init__(clock, seed)
+        self.ends_s: dict[str, float] = {}
+        self._typed = b""
+
+    @property
+    def is_moving(self) -> bool:
+        return any(self.clock.now_s() < end_s for end_s in self.ends_s.values())
+
+    def line(self) -> Any:
+        line = super().line()
+        line.send = lambda message: self.send(self.to_board, message + b"\n")
+        return line
+
+    def _execute(self) -> None:
+        clock, hub = self.clock, self
+
+        class Motor:
+            def __init__(self, port: str, direction: int = 1) -> None:
+                self._port = port
+
+            def run_time(self, speed: float, time: int, then: str, wait: bool = True) -> None:
+                hub.ends_s[self._port] = clock.now_s() + time / 1000
+
+            def brake(self) -> None:
+                hub.ends_s[self._port] = 0.0
+
+        def wait(time_ms: int) -> None:
+            self.check_over()
+            clock.sleep(time_ms / 1000)
+
+        def poll(_: int) -> list[int]:
+            self._typed += self.to_board.take(0.0) or b""
+            return [1] if self._typed else []
+
+        def read(count: int) -> bytes:
+            data, self._typed = self._typed[:count], self._typed[count:]
+            return data
+
+        def absent(port: str) -> None:
+            raise OSError
+
+        def told(*words: Any) -> None:
+            self.send(self.to_server, " ".join(map(str, words)).encode())
+
+        def now_ms() -> int:
+            return int(1000 * clock.now_s())
+
+        light = SimpleNamespace(on=lambda color: None)
+        battery = SimpleNamespace(voltage=lambda: 8000)
+        names = self._modules(
+            **{
+                "pybricks.hubs": SimpleNamespace(
+                    ThisHub=lambda: SimpleNamespace(light=light, battery=battery)
+                ),
+                "pybricks.parameters": SimpleNamespace(
+                    Color=SimpleNamespace(RED=1, GREEN=2, BLUE=3),
+                    Direction=SimpleNamespace(COUNTERCLOCKWISE=-1),
+                    Port=SimpleNamespace(**{port: port for port in "ABCDEF"}),
+                    Stop=SimpleNamespace(BRAKE="brake"),
+                ),
+                "pybricks.pupdevices": SimpleNamespace(
+                    Motor=Motor, ForceSensor=absent, UltrasonicSensor=absent
+                ),
+                "pybricks.tools": SimpleNamespace(
+                    StopWatch=lambda: SimpleNamespace(time=now_ms), wait=wait
+                ),
+                "uselect": SimpleNamespace(
+                    poll=lambda: SimpleNamespace(register=lambda _: None, poll=poll)
+                ),
+                "usys": SimpleNamespace(stdin=SimpleNamespace(buffer=SimpleNamespace(read=read))),
+            }
+        )
+        names["print"] = told
+        exec(compile(PROGRAM.read_text(), str(PROGRAM), "exec"), names)
