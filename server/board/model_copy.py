@@ -9,6 +9,7 @@ from urllib.parse import quote
 
 from robot.errors import RobotError
 from server.board.robot_link import RobotLink
+from server.board.transport import HttpAnswer, UnreachableError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,10 +40,10 @@ async def copy_model(
         use: Have them load it as well: they save the model that they use, and must be stopped.
     """
     try:
-        name = str((await source.ask("POST", "/api/models/save", {})).json()["name"])
+        name = _name_in(await source.ask("POST", "/api/models/save", {}))
         data = (await source.ask("GET", f"/api/models/{quote(name, safe='')}/file")).body
-    except (RobotError, TimeoutError, KeyError) as error:
-        fault = f"{source.name} gave no model: {error}"
+    except (RobotError, TimeoutError) as error:
+        fault = f"{source.name} gave no model: {_why(error)}"
         return [Copied(robot=target.number, fault=fault) for target in targets]
     return list(await asyncio.gather(*(_give(target, name, data, use) for target in targets)))
 
@@ -50,10 +51,11 @@ async def copy_model(
 async def _give(target: RobotLink, name: str, data: bytes, use: bool) -> Copied:
     path = f"/api/models/{quote(name, safe='')}/file"
     try:
-        kept = str((await target.ask("PUT", path, data)).json()["name"])
-    except (RobotError, TimeoutError, KeyError) as error:
+        kept = _name_in(await target.ask("PUT", path, data))
+    except (RobotError, TimeoutError) as error:
         return Copied(
-            robot=target.number, fault=f"{target.name} did not take it, nothing changed: {error}"
+            robot=target.number,
+            fault=f"{target.name} did not take it, nothing changed: {_why(error)}",
         )
     if not use:
         return Copied(robot=target.number, name=kept)
@@ -63,6 +65,17 @@ async def _give(target: RobotLink, name: str, data: bytes, use: bool) -> Copied:
         return Copied(
             robot=target.number,
             name=kept,
-            fault=f"{target.name} has it as {kept} and goes on with its own: {error}",
+            fault=f"{target.name} has it as {kept} and goes on with its own: {_why(error)}",
         )
     return Copied(robot=target.number, name=kept, is_used=True)
+
+
+def _name_in(answer: HttpAnswer) -> str:
+    name = answer.json().get("name")
+    if not isinstance(name, str):
+        raise UnreachableError("its answer makes no sense")
+    return name
+
+
+def _why(error: Exception) -> str:
+    return str(error) or "it does not answer in time"

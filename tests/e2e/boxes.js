@@ -46,7 +46,7 @@
     if (box.left < -2 || box.right > innerWidth + 2) found.push(`outside of the window: ${name(e)}`);
     if (!canScroll && (box.top < -2 || box.bottom > innerHeight + 2)) found.push(`below the window: ${name(e)}`);
   }
-  const layer = (e) => e.closest('#menu, toast-bar, .toasts, .detail, undo-screen .wide, .sticky, header') ?? document.body;
+  const layer = (e) => e.closest('#menu, #panel, toast-bar, .toasts, .detail, undo-screen .wide, .sticky, header') ?? document.body;
   for (let i = 0; i < leaves.length; i += 1) {
     const a = leaves[i];
     for (let j = i + 1; j < leaves.length; j += 1) {

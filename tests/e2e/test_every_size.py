@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
 from .boxes import drive_faults, faults, speak_longer
+from .class_world import LiveClass, running_class
 from .test_mending import drive
 from .world import World, finish_recording, open_page
 
@@ -49,6 +51,39 @@ def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, world: World, langua
         page.wait_for_timeout(400)
         _open_all(page)
         wrong += [f"{screen} {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
+    context.close()
+    assert wrong == []
+
+
+@pytest.fixture(scope="module")
+def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveClass]:
+    """A class of which one robot does not answer, and one has a long name."""
+    with running_class(tmp_path_factory.mktemp("class"), 3, 1) as running:
+        running.robots[0].identity.change(name="Wolkenkuckucksheim Wagen")
+        yield running
+
+
+@pytest.mark.parametrize("language", ["en", "es", "zh", "longer"])
+def test_the_board_of_a_class_has_room_everywhere(
+    chromium: Any, school: LiveClass, language: str
+) -> None:
+    locale = "en" if language == "longer" else language
+    context = chromium.new_context(locale=locale, has_touch=True)
+    if language == "longer":
+        speak_longer(context)
+    page = context.new_page()
+    page.goto(school.address)
+    page.locator(".robot[data-status=there]").nth(2).wait_for()
+    page.locator("button.stop").click()
+    page.locator("#loud p").wait_for()
+    wrong = [f"pictures {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
+    page.locator("[data-view=codes]").click()
+    page.locator(".robot .code").nth(2).wait_for()
+    wrong += [f"codes {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
+    for opener in (".robot .acts button:last-child", "#bar > button:not(.stop)"):
+        page.locator(opener).first.click()
+        wrong += [f"{opener} {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
+        page.locator("#panel .title button").click()
     context.close()
     assert wrong == []
 

@@ -1,0 +1,129 @@
+"""A model is taken from one robot to others, and each failure says what is as it was."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import random
+from typing import Any
+
+import pytest
+
+from robot.clock import VirtualClock
+from server.board.model_copy import Copied, copy_model
+from server.board.robot_link import RobotLink
+from server.board.transport import HttpAnswer, RobotAddress, ServerPlace, UnreachableError
+from tests.server.virtual_server import VirtualServer
+
+from .classroom_world import KEY, VirtualNetwork
+
+STEPS = {"save": "source", "get": "source", "put": "target", "load": "target"}
+FAULTS = ("gone", "refused", "half", "empty", "late")
+
+
+class _Robots:
+    """Two robots that answer as theirs do, until one of their answers goes wrong."""
+
+    def __init__(self, step: str, fault: str) -> None:
+        self.step, self.fault = step, fault
+        self.kept: dict[int, bytes] = {}
+        self.loaded: dict[int, str] = {}
+
+    async def request(
+        self, place: ServerPlace, method: str, path: str, headers: Any, body: bytes = b""
+    ) -> HttpAnswer:
+        port = place.address.port
+        step = {"/api/models/save": "save"}.get(path) or (
+            "load" if path.endswith("/load") else method.lower()
+        )
+        if step == self.step and port == (1 if STEPS[step] == "source" else 2):
+            if self.fault in ("gone", "half"):
+                raise UnreachableError("it ended in the middle of its answer")
+            if self.fault == "late":
+                raise TimeoutError
+            if self.fault == "refused":
+                return HttpAnswer(409, b'{"detail": "Stop the robot first."}')
+            return HttpAnswer(200, b"[]")
+        if step == "save":
+            return HttpAnswer(200, b'{"name": "K\xc3\xbcche"}')
+        if step == "get":
+            return HttpAnswer(200, b"the model")
+        if step == "put":
+            self.kept[port] = body
+            return HttpAnswer(201, '{"name": "Küche 2"}'.encode())
+        self.loaded[port] = path
+        return HttpAnswer(200, b"{}")
+
+
+def _ignore(*_: object) -> None:
+    pass
+
+
+def _links(robots: Any, ports: list[int]) -> list[RobotLink]:
+    links = []
+    for port in ports:
+        address = RobotAddress("127.0.0.1", port)
+        link = RobotLink(port, address, KEY, robots, VirtualClock(), _ignore, _ignore)
+        link.name = f"R{port}"
+        link._session.place = ServerPlace(address, "")
+        link._session._secret = "s"
+        links.append(link)
+    return links
+
+
+@pytest.mark.parametrize(("step", "fault"), [*itertools.product(STEPS, FAULTS)])
+def test_what_fails_is_named_and_the_others_get_it(step: str, fault: str) -> None:
+    robots = _Robots(step, fault)
+
+    async def scenario() -> list[Copied]:
+        one, two, three = _links(robots, [1, 2, 3])
+        return await copy_model(one, [two, three])
+
+    bad, good = asyncio.run(scenario())
+    # An empty answer to `load` is none that can be told from a good one; the file may be empty.
+    is_harmless = fault == "empty" and step in ("get", "load")
+    if is_harmless:
+        assert bad.fault is None
+        return
+    assert bad.fault is not None and not bad.is_used and 2 not in robots.loaded
+    if STEPS[step] == "source":
+        assert good.fault and "R1 gave no model" in good.fault and not robots.kept
+    else:
+        assert good == Copied(robot=3, name="Küche 2", is_used=True)
+        assert robots.kept[3] == b"the model"
+        assert "R2" in bad.fault and (bad.name == "Küche 2") is (step == "load")
+    if fault == "refused":
+        assert "Stop the robot first." in bad.fault
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_damaged_file_is_refused_by_the_robot_that_gets_it(seed: int, tmp_path: Any) -> None:
+    """Real robots check what comes, whatever became of it on the way."""
+    dice = random.Random(seed)
+    with VirtualServer(data=tmp_path / "a") as server:
+        network = _Damaging(server, dice)
+
+        async def scenario() -> list[Copied]:
+            one, two = _links(network, [server.port, server.port])
+            return await copy_model(one, [two], use=False)
+
+        [copied] = server.run(scenario())
+        assert copied.fault and "nothing changed" in copied.fault, copied
+        network.is_damaging = False
+        [copied] = server.run(scenario())
+        assert copied.fault is None and copied.name in server.persistence.models.names()
+
+
+class _Damaging(VirtualNetwork):
+    def __init__(self, server: VirtualServer, dice: random.Random) -> None:
+        super().__init__({server.port: server}, dice)
+        self.is_damaging = True
+
+    async def request(
+        self, place: ServerPlace, method: str, path: str, headers: Any, body: bytes = b""
+    ) -> HttpAnswer:
+        if method == "PUT" and self.is_damaging:
+            cut = self._dice.randrange(len(body) // 2, len(body) - 1)
+            body = self._dice.choice([body[:cut], body[:cut] + b"\0" * (len(body) - cut)])
+        headers = {"content-type": "application/json"}
+        return await super().request(place, method, path, headers, body)
