@@ -69,8 +69,8 @@ function card(home, episode, isOn) {
       offer(home);
     },
   });
-  return h('article', { class: 'panel stack' }, h('div', { class: 'facts-row' }, isOn || !episode.lessons ? null : h('label', { class: 'tick' }, tick),
-    h('div', { class: 'grow' }, h('h3', {}, title(episode), ...tags.map((key) => h('span', { class: 'tag' }, t(key)))),
+  return h('article', { class: 'panel stack', 'aria-label': title(episode) }, h('div', { class: 'facts-row' }, isOn || !episode.lessons ? null : h('label', { class: 'tick' }, tick),
+    h('div', { class: 'grow' }, h('h3', {}, title(episode), ...tags.flatMap((key) => [' ', h('span', { class: 'tag' }, t(key))])),
       h('small', {}, facts(episode))), toggle), more);
 }
 

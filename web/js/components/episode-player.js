@@ -42,7 +42,7 @@ export async function openPlayer(home, path, place, teach, at = 0) {
   fill(place, player.build(),
     h('div', { class: 'row' }, button(t('mend.keep'), () => edit('trim')), button(t('mend.delete'), () => edit('delete')),
       button(t('mend.split'), split)),
-    h('div', { class: 'row' }, h('span', { class: 'hint' }, t('mend.label')),
+    h('div', { class: 'row', role: 'group', 'aria-label': t('mend.label') }, h('span', { class: 'hint' }, t('mend.label')),
       ...episode.moves.map((/** @type {string} */ move) => button(t(`move.${move}`), () => edit('relabel', move), icon(move)))),
     h('div', { class: 'row' },
       episode.edit_list.length
@@ -125,6 +125,7 @@ class Player {
     const { at_s: at } = this.columns;
     this.window?.setAttribute('x', String(from));
     this.window?.setAttribute('width', String(to - from + 1));
+    this.sliders?.forEach((slider, end) => slider.setAttribute('aria-valuetext', `${at[this.range[end]].toFixed(1)} s`));
     say(this.words, t('mend.range', { from: at[from].toFixed(1), to: at[to].toFixed(1), n: count(to - from + 1) }));
   }
 

@@ -26,7 +26,7 @@ export class HomeScreen extends Screen {
     this.known = [];
     this.models = h('div', { class: 'stack', role: 'list' });
     this.episodes = h('div', { class: 'stack' });
-    const file = h('input', { type: 'file', accept: '.npz', class: 'unseen', tabindex: -1, 'aria-label': t('home.upload'),
+    const file = h('input', { type: 'file', accept: '.npz', hidden: true,
       onchange: () => file.files?.[0] && this.upload(file.files[0]) });
     append(this, [
       h('h2', {}, t('home.models')), this.models,
@@ -65,7 +65,7 @@ export class HomeScreen extends Screen {
       : h('span', { class: 'pixels blank' });
     return h('div', { class: `panel model${current ? ' current' : ''}`, role: 'listitem' },
       h('div', { class: 'facts-row' }, preview,
-        h('div', { class: 'grow' }, h('h3', {}, name, current ? h('span', { class: 'tag' }, t('home.current')) : null),
+        h('div', { class: 'grow' }, h('h3', {}, name, ...(current ? [' ', h('span', { class: 'tag' }, t('home.current'))] : [])),
           h('small', {}, describe(model))),
         h('button', { type: 'button', class: 'quiet', 'aria-expanded': String(isOpen), 'aria-label': t('home.more', { name }), onclick: () => this.toggle(name) }, icon('more'))),
       isOpen ? this.tools(model) : null);
