@@ -10,7 +10,13 @@ function slowPainter() {
   const drawn = [];
   const acknowledged = [];
   const decoding = [];
-  const canvas = { width: 0, height: 0, getContext: () => ({ drawImage: (bitmap) => drawn.push(bitmap.frame) }) };
+  let asked = 0;
+  const getContext = () => {
+    asked += 1;
+    if (asked > 1) throw new Error('Cannot update created context to different thread'); // as in Firefox
+    return { drawImage: (bitmap) => drawn.push(bitmap.frame) };
+  };
+  const canvas = { width: 0, height: 0, getContext };
   const painter = new Painter(canvas, {
     nowMs: () => 7,
     acknowledge: (frame) => acknowledged.push(frame),

@@ -19,6 +19,8 @@ export class Painter {
     this.around = { decode, ...around };
     /** @type {{picture: Picture, arrivedMs: number} | null} */
     this.waiting = null;
+    /** @type {any} */
+    this.context = null;
     this.isDrawing = false;
     this.owesAnswer = false;
     this.dropped = 0;
@@ -54,7 +56,9 @@ export class Painter {
     const { canvas } = this;
     if (canvas.width !== bitmap.width) canvas.width = bitmap.width;
     if (canvas.height !== bitmap.height) canvas.height = bitmap.height;
-    /** @type {any} */ (canvas.getContext('2d'))?.drawImage(bitmap, 0, 0);
+    // Asked for once: of a canvas that another thread made, Firefox gives its context only once.
+    this.context ??= canvas.getContext('2d');
+    this.context?.drawImage(bitmap, 0, 0);
     bitmap.close();
   }
 }
