@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run install test test-brick test-oldest check mutate docs format screenshots clean
+.PHONY: help run install test test-brick test-browsers test-oldest check mutate docs format screenshots clean
 
 help: ## Say what there is
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -27,6 +27,9 @@ test: check $(NPM) ## Check and test everything (JOBS=1 for one after the other)
 
 test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs root; says what it lacks)
 	DRIVELESSON_BRICK=1 $(BIN)/python -m pytest tests/brick/test_server_on_brick.py $(ARGS)
+
+test-browsers: $(VENV)/.dev ## Drive the whole loop in Firefox and WebKit (says what it lacks)
+	DRIVELESSON_OTHER_BROWSERS=1 $(BIN)/python -m pytest tests/e2e/test_other_browsers.py $(ARGS)
 
 test-oldest: $(OLDEST)/.made ## Test the server on the versions of Debian 12
 	DRIVELESSON_KILLS=5 $(OLDEST)/bin/python -m pytest -p tests.oldest.newer_client -p no:anyio \

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable
 from typing import Any
@@ -14,7 +15,13 @@ from robot.types import Action, DrivenBy, Mode
 from .other_browsers import OtherBrowser, missing, running
 from .world import World, remember, wait_for
 
-pytestmark = [pytest.mark.slow]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not os.environ.get("DRIVELESSON_OTHER_BROWSERS"),
+        reason="THE PAGE WAS NOT TESTED IN FIREFOX AND WEBKIT: make test-browsers",
+    ),
+]
 STEP_S = 60.0
 
 

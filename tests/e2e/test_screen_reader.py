@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from robot.types import Mode
 
 from .class_world import running_class
+from .test_everyone import complaints
 from .test_mending import drive
 from .world import World, choose, finish_recording
 
@@ -163,7 +165,10 @@ def test_mending_is_read_out_with_times_and_states(desktop: Any, world: World) -
     assert [node.name for node in moves if node.role == "button"] == ["Forward", "Left", "Right"]
 
 
-def test_a_class_is_read_out_robot_by_robot(chromium: Any, tmp_path: Any) -> None:
+def test_a_class_is_read_out_robot_by_robot(
+    chromium: Any, tmp_path: Path, npm_modules: Path
+) -> None:
+    axe = (npm_modules / "axe-core" / "axe.min.js").read_text()
     with running_class(tmp_path, 2, 1) as school:
         context = chromium.new_context()
         page = context.new_page()
@@ -189,10 +194,15 @@ def test_a_class_is_read_out_robot_by_robot(chromium: Any, tmp_path: Any) -> Non
             "article",
             "button STOP 127",
         )
+        page.evaluate(axe)
+        assert complaints(page) == []
         page.locator("button.stop").click()
         page.locator("#loud p").wait_for()
         find(tree(page), "alert")
+        assert complaints(page) == [], "with a robot that was not reached"
         page.locator("[data-view=codes]").click()
         page.locator(".robot .code").nth(1).wait_for()
         find(tree(page), "image", "QR code that pairs a phone with Bolt")
+        page.locator(".robot .acts button:last-child").first.click()
+        assert complaints(page) == [], "with codes and a robot's panel"
         context.close()
