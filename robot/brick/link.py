@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import contextlib
 import json
-import queue
 import socket
 import threading
-import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from robot.brick.agent.ports import HardwareError
 from robot.brick.agent.wire import ENCODINGS, PICTURE
-from robot.brick.handshake import PATIENCE_S, BrickConnection, join
+from robot.brick.handshake import PATIENCE_S, BrickConnection, dial, join
+from robot.clock import Clock, RealClock, Worker
 from robot.errors import ConfigurationError
 
 SILENCE_S = 0.5
@@ -29,7 +29,7 @@ REJOIN_S = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemotePicture:
-    """One frame from the brick; `taken_s` is on this machine's monotonic clock."""
+    """One frame from the brick; `taken_s` is on the link's clock."""
 
     data: bytes
     taken_s: float
@@ -39,17 +39,33 @@ class RemotePicture:
 
 
 class BrickLink:
-    """A connection to one brick's agent, shared by its driver and its camera."""
+    """A connection to one brick's agent, shared by its driver and its camera.
 
-    def __init__(self, address: str, secret: str = "") -> None:
+    Args:
+        address: Host, or host:port.
+        secret: That it shares with the agent; else the one that is kept for this host.
+        clock: By which silence is judged.
+        dial: Opens the line.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        secret: str = "",
+        clock: Clock | None = None,
+        dial: Callable[[tuple[str, int]], socket.socket] = dial,
+    ) -> None:
+        self.clock = clock or RealClock()
+        self._dial = dial
         self._address = address
         self._secret = secret
         self._users: set[str] = set()
         self._connection: BrickConnection | None = None
         self._sending = threading.Lock()
         self._ending = threading.Event()
-        self._thread: threading.Thread | None = None
-        self._answers: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        self._thread: Worker | None = None
+        self._answers: deque[dict[str, Any]] = deque()
+        self._answered = threading.Event()
         self._standing: dict[str, dict[str, Any]] = {}
         self._received_s = 0.0
         self._offset_s: float | None = None
@@ -63,7 +79,7 @@ class BrickLink:
         """What is wrong with the line, as a sentence; None if the brick answers."""
         if self._lost is not None:
             return f"the line to the brick at {self._address} is lost ({self._lost}); trying again"
-        if time.monotonic() - self._received_s > SILENCE_S:
+        if self.clock.now_s() - self._received_s > SILENCE_S:
             return f"the brick at {self._address} does not answer; is it on, and in the network?"
         return None
 
@@ -88,8 +104,7 @@ class BrickLink:
                 raise HardwareError("which brick? name it with --brick ADDRESS")
             self._connection = self._join()
             self._ending.clear()
-            self._thread = threading.Thread(target=self._run, name="brick-link", daemon=True)
-            self._thread.start()
+            self._thread = self.clock.start_thread(self._run, "brick-link")
         self._users.add(user)
 
     def close(self, user: str) -> None:
@@ -135,12 +150,15 @@ class BrickLink:
         Raises:
             HardwareError: If the agent reports a failure, or nothing.
         """
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = self.clock.now_s() + PATIENCE_S
         while True:
-            try:
-                message = self._answers.get(timeout=max(0.0, deadline_s - time.monotonic()))
-            except queue.Empty:
-                raise HardwareError(f"the brick at {self._address} gives no answer") from None
+            if not self._answers:
+                self._answered.clear()
+            if not self._answers and not self.clock.wait(
+                self._answered, max(0.0, deadline_s - self.clock.now_s())
+            ):
+                raise HardwareError(f"the brick at {self._address} gives no answer")
+            message = self._answers.popleft()
             if "failed" in message:
                 raise HardwareError(f"brick {self._address}: {message['failed']}")
             if name in message:
@@ -159,10 +177,10 @@ class BrickLink:
         return "stop" if "stop" in buttons else buttons[-1] if buttons else None
 
     def _join(self) -> BrickConnection:
-        connection = join(self._address, self._secret)
+        connection = join(self._address, self._secret, self._dial)
         connection.line.settimeout(PING_S)
         self._offset_s, self._lost, self._report = None, None, {}
-        self._received_s = time.monotonic()
+        self._received_s = self.clock.now_s()
         return connection
 
     # The thread ---------------------------------------------------------------------------------
@@ -178,7 +196,7 @@ class BrickLink:
             except (OSError, ValueError, KeyError, HardwareError, ConfigurationError) as error:
                 self._lost = str(error)
                 self._hang_up()
-                self._ending.wait(REJOIN_S)
+                self.clock.wait(self._ending, REJOIN_S)
 
     def _rejoin(self) -> None:
         self._connection = self._join()
@@ -189,12 +207,12 @@ class BrickLink:
         """Take in messages until the line breaks, and ping meanwhile."""
         pinged_s = 0.0
         while not self._ending.is_set():
-            if time.monotonic() - pinged_s > PING_S:
-                pinged_s = time.monotonic()
+            if self.clock.now_s() - pinged_s > PING_S:
+                pinged_s = self.clock.now_s()
                 self._send("ping")
             try:
                 for kind, body in connection.receive():
-                    self._received_s = time.monotonic()
+                    self._received_s = self.clock.now_s()
                     if kind == b"J":
                         self._take_message(json.loads(body))
                     else:
@@ -211,7 +229,8 @@ class BrickLink:
         elif "fault" in message:
             self._report = {**self._report, "fault": message["fault"]}
         else:
-            self._answers.put(message)
+            self._answers.append(message)
+            self._answered.set()
 
     def _measure_offset(self, sent_s: float) -> None:
         """Learn how far the clocks are apart from the quickest message; 1 ms/s may drift."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import threading
-import time
 from typing import Any, ClassVar, Self
 
 from robot.brick.agent.ports import HardwareError
@@ -12,7 +11,7 @@ from robot.brick.link import BrickLink, RemotePicture
 from robot.camera import Camera
 from robot.capture.freshness import Freshness
 from robot.capture.options import UsbCameraOptions
-from robot.clock import Clock
+from robot.clock import Clock, Worker
 from robot.driver import Driver
 from robot.errors import CameraError, ConfigurationError
 from robot.types import Encoding
@@ -30,7 +29,7 @@ class Ev3RemoteCamera(Camera):
         self._link = link
         self._freshness = Freshness(0.0)
         self._ending = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
 
     @classmethod
     def for_driver(cls, driver: Driver, options: UsbCameraOptions, clock: Clock) -> Self:
@@ -47,7 +46,7 @@ class Ev3RemoteCamera(Camera):
         if self._thread is not None:
             return
         options = self.options
-        self._freshness = Freshness(time.monotonic())
+        self._freshness = Freshness(self.clock.now_s())
         self._link.on_picture = self._take
         try:
             self._link.open("camera")
@@ -64,8 +63,7 @@ class Ev3RemoteCamera(Camera):
             self._let_go()
             raise CameraError(str(error)) from error
         self._ending.clear()
-        self._thread = threading.Thread(target=self._watch, name="brick-camera", daemon=True)
-        self._thread.start()
+        self._thread = self.clock.start_thread(self._watch, "brick-camera")
 
     def stop(self) -> None:
         """Have the agent close its camera."""
@@ -83,18 +81,23 @@ class Ev3RemoteCamera(Camera):
         self._link.close("camera")
 
     def _take(self, picture: RemotePicture) -> None:
-        self._freshness.is_new(picture.data, time.monotonic())
+        self._freshness.is_new(picture.data, self.clock.now_s())
         self._publish(
             picture.data,
             width=picture.width,
             height=picture.height,
             encoding=Encoding(picture.encoding),
-            captured_s=self._on_clock(picture.taken_s),
+            captured_s=self._on_own_clock(picture.taken_s),
         )
 
+    def _on_own_clock(self, taken_s: float) -> float:
+        """Return what `self.clock` showed at a time of the link's clock; never a younger one."""
+        clock_s = self.clock.now_s()
+        return clock_s - max(0.0, self._link.clock.now_s() - taken_s)
+
     def _watch(self) -> None:
-        while not self._ending.wait(0.05):
-            if self._freshness.fault(time.monotonic()) is not None:
+        while not self.clock.wait(self._ending, 0.05):
+            if self._freshness.fault(self.clock.now_s()) is not None:
                 fault = self._link.fault or self._link.camera_fault or "The brick sends no pictures"
                 if fault != self._fault:
                     self._report_fault(fault)

@@ -31,9 +31,9 @@ class Ev3RemoteDriver(ChassisDriver):
     options_type: ClassVar[type[Any]] = Ev3RemoteOptions
     options: Ev3RemoteOptions
 
-    def __init__(self, options: Ev3RemoteOptions) -> None:
+    def __init__(self, options: Ev3RemoteOptions, link: BrickLink | None = None) -> None:
         super().__init__(options)
-        self.link = BrickLink(options.brick, options.brick_secret)
+        self.link = link or BrickLink(options.brick, options.brick_secret)
 
     def _make_body(self) -> ChassisBody:
         options = self.options

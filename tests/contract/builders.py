@@ -44,8 +44,8 @@ from robot.drivers.ws import WsDriver
 from robot.testing.brick import FakeBrick
 from robot.testing.cases import CameraCase, DriverCase
 from robot.types import Action
-from tests.brick.fake_video import DEVICE, FakeVideo
-from tests.brick.running_agent import SECRET, RunningAgent
+from tests.brick.fake_video import DEVICE
+from tests.brick.virtual_agent import MadeUpCamera, VirtualAgent
 from tests.robot.footage import write_footage
 from tests.standins import picamera2
 from tests.standins.ev3_stock import StockBrick
@@ -128,9 +128,9 @@ def ev3_remote_driver() -> Iterator[DriverCase]:
     if address := os.environ.get("DRIVELESSON_EV3"):
         yield real_brick_case(address)
         return
-    with fake_brick() as (brick, folder), RunningAgent(brick.root, folder) as agent:
-        options = Ev3RemoteOptions(brick=agent.address, brick_secret=SECRET)
-        yield brick_case(Ev3RemoteDriver(options), brick)
+    with fake_brick(VirtualClock(100.0)) as (brick, _), VirtualAgent(brick) as agent:
+        driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
+        yield brick_case(driver, brick)
 
 
 @contextmanager
@@ -139,12 +139,14 @@ def ev3_remote_camera() -> Iterator[CameraCase]:
         driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=address))
         yield CameraCase(Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), RealClock()))
         return
-    with fake_brick() as (brick, folder):
-        video = FakeVideo(folder)
-        with RunningAgent(brick.root, folder, video.env) as agent:
-            driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address, brick_secret=SECRET))
-            camera = UsbCameraOptions(device=DEVICE)
-            yield CameraCase(Ev3RemoteCamera.for_driver(driver, camera, RealClock()))
+    source = MadeUpCamera()
+    with (
+        fake_brick(VirtualClock(100.0)) as (brick, _),
+        VirtualAgent(brick, open_camera=source.open) as agent,
+    ):
+        driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
+        camera = Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), brick.clock)
+        yield CameraCase(camera, lambda: setattr(source, "is_frozen", True))
 
 
 @contextmanager

@@ -24,7 +24,10 @@ REPORT_S = 0.1
 
 
 class Agent:
-    """Serves one controller at a time on one thread; nothing in it ever waits for the network."""
+    """Serves one controller at a time on one thread; nothing in it ever waits for the network.
+
+    `clock` has the functions of Python's `time`, and `ready` is its `select.select`.
+    """
 
     def __init__(
         self,
@@ -34,7 +37,11 @@ class Agent:
         open_camera: Callable[..., Any] = CameraReader,
         inspect: Callable[[str, int], Dict[str, Any]] = inspect_brick,
         note: Optional[Callable[[str], None]] = None,
+        clock: Any = time,
+        ready: Callable[..., Any] = select.select,
     ) -> None:
+        self._clock = clock
+        self._ready = ready
         self._open_camera = open_camera
         self._inspect = inspect
         self._door = CallerDoor(listener)
@@ -70,13 +77,13 @@ class Agent:
         """Wait at most 50 ms for something to do, and do it."""
         callers = list(self._door.callers)
         readers = [caller.line for caller in callers]  # type: List[Any]
-        if self._door.is_open(time.monotonic()):
+        if self._door.is_open(self._clock.monotonic()):
             readers.append(self._door.listener)
         if self._reader is not None and self._reader.video is not None:
             readers.append(self._reader.video)
         writers = [caller.line for caller in callers if caller.outbox]
-        readable, writable, _ = select.select(readers, writers, [], 0.05)
-        now_s = time.monotonic()
+        readable, writable, _ = self._ready(readers, writers, [], 0.05)
+        now_s = self._clock.monotonic()
         for caller in callers:
             try:
                 if caller.line in readable:
@@ -164,7 +171,12 @@ class Agent:
     def _open_body(self, caller: Caller, command: Dict[str, Any]) -> None:
         self._close_body()
         body = BrickBody(
-            command["left"], command["right"], command["ultrasonic"], command["touch"], self._root
+            command["left"],
+            command["right"],
+            command["ultrasonic"],
+            command["touch"],
+            self._root,
+            self._clock,
         )
         try:
             body.open()
