@@ -23,7 +23,6 @@ REAL_PARTS = (
     "e2e/",
     "brick/test_calibrate.py",
     "brick/test_doctor.py",
-    "brick/test_door.py",
     "brick/test_ev3_dc.py",
     "brick/test_installer.py",
     "brick/test_safety.py",

@@ -5,12 +5,10 @@ from __future__ import annotations
 import errno
 import json
 import os
-import select
 import socket
 import threading
-import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +16,29 @@ import pytest
 
 from robot.brick.agent import callers, wire
 from robot.brick.agent.ports import HardwareError
-from robot.brick.agent.server import Agent
 from robot.brick.handshake import join
+from robot.brick.link import BrickLink
+from robot.clock import VirtualClock
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.errors import DriveError
 from robot.testing.brick import FakeBrick
 from robot.types import Action
 from tests.brick.running_agent import SECRET, RunningAgent
+from tests.brick.virtual_agent import ADDRESS, End, Listener, Net, VirtualAgent
 
 MOST_GROWTH_KB = 2048
+
+
+@pytest.fixture
+def virtual_brick(tmp_path: Path) -> Iterator[FakeBrick]:
+    with FakeBrick(tmp_path / "brick", clock=VirtualClock(100.0)) as fake:
+        yield fake
+
+
+@pytest.fixture
+def agent(virtual_brick: FakeBrick) -> Iterator[VirtualAgent]:
+    with VirtualAgent(virtual_brick) as running:
+        yield running
 
 
 def host_port(address: str) -> tuple[str, int]:
@@ -71,6 +83,7 @@ def join_patiently(address: str) -> None:
     raise AssertionError("nobody gets in any more")
 
 
+@pytest.mark.realtime
 def test_a_thousand_idle_connections_are_nothing(
     brick: FakeBrick, running_agent: RunningAgent
 ) -> None:
@@ -86,6 +99,7 @@ def test_a_thousand_idle_connections_are_nothing(
     join_patiently(running_agent.address)
 
 
+@pytest.mark.realtime
 def test_twelve_strangers_with_four_megabytes_each_get_no_memory(
     brick: FakeBrick, running_agent: RunningAgent
 ) -> None:
@@ -112,36 +126,46 @@ def test_twelve_strangers_with_four_megabytes_each_get_no_memory(
         drive_on(driver, brick)
 
 
-def test_who_does_not_join_at_once_has_to_leave(running_agent: RunningAgent) -> None:
-    with socket.create_connection(host_port(running_agent.address), timeout=5) as line:
-        for byte in wire.pack_json({"do": "join", "nonce": "a" * 32, "proof": "b"})[:8]:
-            line.sendall(bytes([byte]))  # a letter now and then does not help
-        while line.recv(1024):
-            pass
-    join(running_agent.address, SECRET).close()
+def test_who_does_not_join_at_once_has_to_leave(agent: VirtualAgent) -> None:
+    clock = agent.net.clock
+    line = agent.dial(host_port(ADDRESS))
+    line.settimeout(5)
+    began_s = clock.now_s()
+    for byte in wire.pack_json({"do": "join", "nonce": "a" * 32, "proof": "b"})[:8]:
+        line.sendall(bytes([byte]))  # a letter now and then does not help
+        clock.sleep(0.1)
+    while line.recv(1024):
+        pass
+    assert clock.now_s() - began_s == pytest.approx(callers.JOIN_S, abs=0.06), "and a tick"
+    join(ADDRESS, SECRET, agent.dial).close()
 
 
-class BrickLine:
+def new_line() -> End:
+    """Return the agent's end of a line whose other end does nothing."""
+    net = Net(VirtualClock())
+    near, far = End(net, None), End(net, 0.0)
+    near.peer, far.peer = far, near
+    return far
+
+
+class BrickLine(Listener):
     """A listener whose `accept` fails as often and in the way that a test wants."""
 
     def __init__(self, *numbers: int) -> None:
+        super().__init__()
         self.numbers = list(numbers)
-        self.real = socket.create_server(("127.0.0.1", 0))
 
     def accept(self) -> Any:
         if self.numbers:
             number = self.numbers.pop(0)
             raise OSError(number, os.strerror(number))
-        return self.real.accept()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.real, name)
+        return super().accept()
 
 
 @pytest.mark.parametrize(
     "name", ["EMFILE", "ENFILE", "ENOBUFS", "ENOMEM", "ECONNABORTED", "EPERM", "EPROTO", "EINTR"]
 )
-def test_no_error_of_accept_ends_the_agent(name: str, tmp_path: Path) -> None:
+def test_no_error_of_accept_ends_the_agent(name: str) -> None:
     listener = BrickLine(*[getattr(errno, name)] * 3)
     door = callers.CallerDoor(listener)  # type: ignore[arg-type]
     now_s = 100.0
@@ -151,30 +175,23 @@ def test_no_error_of_accept_ends_the_agent(name: str, tmp_path: Path) -> None:
         assert leaving is None
         assert not door.is_open(now_s), "the error would come again at once"
         now_s += callers.ACCEPT_PAUSE_S
-    with socket.create_connection(listener.getsockname()):
-        assert door.accept(now_s) == (None, "")
-        assert len(door.callers) == 1
-        door.leave(door.callers[0])
-    listener.close()
+    listener.arrived.append(new_line())
+    assert door.accept(now_s) == (None, "")
+    assert len(door.callers) == 1
 
 
-def test_a_flood_pushes_out_itself(tmp_path: Path) -> None:
-    listener = socket.create_server(("127.0.0.1", 0))
-    door = callers.CallerDoor(listener)
-    with ExitStack() as stack:
-        for index in range(callers.MAX_STRANGERS + 30):
-            line = stack.enter_context(socket.socket())
-            line.bind(("127.0.0.3" if index == 3 else "127.0.0.2", 0))
-            line.connect(listener.getsockname())
-            leaving, _ = door.accept(float(index))
-            if leaving is not None:
-                assert leaving.name == "127.0.0.2"
-                door.leave(leaving)
-        assert len(door.callers) == callers.MAX_STRANGERS
-        assert "127.0.0.3" in {caller.name for caller in door.callers}
-        for caller in list(door.callers):
-            door.leave(caller)
-    listener.close()
+def test_a_flood_pushes_out_itself() -> None:
+    listener = Listener()
+    door = callers.CallerDoor(listener)  # type: ignore[arg-type]
+    for index in range(callers.MAX_STRANGERS + 30):
+        listener.arrived.append(new_line())
+        listener.address = "127.0.0.3" if index == 3 else "127.0.0.2"
+        leaving, _ = door.accept(float(index))
+        if leaving is not None:
+            assert leaving.name == "127.0.0.2"
+            door.leave(leaving)
+    assert len(door.callers) == callers.MAX_STRANGERS
+    assert "127.0.0.3" in {caller.name for caller in door.callers}
 
 
 def test_a_flood_does_not_fill_the_card(capsys: pytest.CaptureFixture[str]) -> None:
@@ -187,27 +204,27 @@ def test_a_flood_does_not_fill_the_card(capsys: pytest.CaptureFixture[str]) -> N
 class Relay:
     """An impostor at the brick's address: passes the handshake on, then has ideas of its own."""
 
-    def __init__(self, address: str, idea: str) -> None:
-        self.listener = socket.create_server(("127.0.0.1", 0))
-        self.address = f"127.0.0.1:{self.listener.getsockname()[1]}"
-        self._target = host_port(address)
-        self._idea = idea
+    def __init__(self, agent: VirtualAgent, idea: str) -> None:
+        self._agent, self._idea = agent, idea
         self.did = threading.Event()
-        threading.Thread(target=self._serve, daemon=True).start()
 
-    def _serve(self) -> None:
-        with suppress(OSError):
-            near, _ = self.listener.accept()
-            with near, socket.create_connection(self._target) as far:
-                self._relay(near, far)
+    def dial(self, address: tuple[str, int]) -> Any:
+        net = self._agent.net
+        near, ours = End(net, 3.0), End(net, 0.0)
+        near.peer, ours.peer = ours, near
+        far = self._agent.dial(address)
+        net.clock.start_thread(lambda: self._relay(ours, far), "relay")
+        return near
 
-    def _relay(self, near: socket.socket, far: socket.socket) -> None:
+    def _relay(self, near: End, far: End) -> None:
         moves: list[bytes] = []
-        while True:
-            for line in select.select([near, far], [], [], 1)[0]:
+        net = self._agent.net
+        with suppress(OSError):
+            while net.wait_for(lambda: near.is_readable or far.is_readable, 10.0):
+                line = near if near.is_readable else far
                 data = line.recv(65536)
                 if not data:
-                    return
+                    break
                 if line is near and b'"run"' in data:
                     moves.append(data)
                     if self._idea == "steal":
@@ -221,6 +238,8 @@ class Relay:
                 (far if line is near else near).sendall(data)
                 if line is near and self._idea == "repeat" and moves:
                     far.sendall(moves[0])
+        near.close()
+        far.close()
 
 
 def seen_speeds(brick: FakeBrick) -> set[int]:
@@ -228,26 +247,27 @@ def seen_speeds(brick: FakeBrick) -> set[int]:
 
 
 @pytest.mark.parametrize("idea", ["steal", "change", "repeat", "swallow and repeat"])
-def test_a_relay_never_drives(brick: FakeBrick, running_agent: RunningAgent, idea: str) -> None:
-    relay = Relay(running_agent.address, idea)
-    with make_driver(relay.address) as driver:
+def test_a_relay_never_drives(virtual_brick: FakeBrick, agent: VirtualAgent, idea: str) -> None:
+    brick, clock = virtual_brick, virtual_brick.clock
+    relay = Relay(agent, idea)
+    link = BrickLink(ADDRESS, SECRET, clock, relay.dial)
+    with Ev3RemoteDriver(Ev3RemoteOptions(), link) as driver:
         with suppress(DriveError):
             driver.send_action(Action.FORWARD)
-        assert relay.did.wait(5)
+        assert clock.wait(relay.did, 5.0)
         # The agent hangs up on it, and its motors stand; the owner alone was ever obeyed.
         brick.wait_until(lambda: not brick.is_moving())
         brick.catch_up()
         assert seen_speeds(brick) <= {360}
-    relay.listener.close()
-    with make_driver(running_agent.address) as driver:
+    with Ev3RemoteDriver(Ev3RemoteOptions(), agent.link()) as driver:
         drive_on(driver, brick)
 
 
 def test_commands_that_a_relay_holds_back_move_nothing(
-    brick: FakeBrick, running_agent: RunningAgent
+    virtual_brick: FakeBrick, agent: VirtualAgent
 ) -> None:
     """Its keys are right and its order is right: only the brick's own clock tells."""
-    connection = join(running_agent.address, SECRET)
+    connection = join(ADDRESS, SECRET, agent.dial)
     reports: list[float] = []
     while not reports:
         for kind, body in connection.receive():
@@ -270,52 +290,41 @@ def test_commands_that_a_relay_holds_back_move_nothing(
             if kind == b"J":
                 inspected = json.loads(body).get("inspected", inspected)
     assert inspected["late_moves"] == 1
-    brick.catch_up()
-    assert not brick.is_moving()
+    virtual_brick.catch_up()
+    assert not virtual_brick.is_moving()
     connection.close()
 
 
-@contextmanager
-def impostor() -> Iterator[str]:
+class Impostor:
     """Somebody at the brick's address who does not know the secret, but lets everybody in."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
 
-        def serve() -> None:
-            line, _ = listener.accept()
-            with line:
-                line.sendall(wire.pack_json({"hello": wire.PROTOCOL, "nonce": "a" * 32}))
-                line.recv(1024)
-                line.sendall(wire.pack_json({"welcome": wire.PROTOCOL, "proof": "c" * 64}))
-                line.recv(1024)
+    def __init__(self, clock: VirtualClock) -> None:
+        self.clock = clock
 
-        threading.Thread(target=serve, daemon=True).start()
-        yield f"127.0.0.1:{listener.getsockname()[1]}"
+    def dial(self, address: tuple[str, int]) -> Any:
+        net = Net(self.clock)
+        near, ours = End(net, 3.0), End(net, 3.0)
+        near.peer, ours.peer = ours, near
+        self.clock.start_thread(lambda: self._serve(ours), "impostor")
+        return near
+
+    def _serve(self, line: End) -> None:
+        line.sendall(wire.pack_json({"hello": wire.PROTOCOL, "nonce": "a" * 32}))
+        line.recv(1024)
+        line.sendall(wire.pack_json({"welcome": wire.PROTOCOL, "proof": "c" * 64}))
+        line.recv(1024)
 
 
 def test_an_impostor_is_found_out() -> None:
-    with impostor() as address, pytest.raises(DriveError, match="does not know the secret"):
-        make_driver(address).connect()
+    clock = VirtualClock(100.0)
+    link = BrickLink(ADDRESS, SECRET, clock, Impostor(clock).dial)
+    with pytest.raises(DriveError, match="does not know the secret"):
+        Ev3RemoteDriver(Ev3RemoteOptions(), link).connect()
 
 
-def test_a_caller_that_never_reads_is_dropped(brick: FakeBrick) -> None:
-    listener = socket.create_server(("127.0.0.1", 0))
-    agent = Agent(listener, SECRET, str(brick.root))
-    thread_ends = threading.Event()
-
-    def serve() -> None:
-        while not thread_ends.is_set():
-            agent.tick()
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    connection = join(f"127.0.0.1:{listener.getsockname()[1]}", SECRET)
+def test_a_caller_that_never_reads_is_dropped(agent: VirtualAgent) -> None:
+    connection = join(ADDRESS, SECRET, agent.dial)
     connection.line.settimeout(5)
-    deadline_s = time.monotonic() + 30
-    with suppress(OSError):
-        while time.monotonic() < deadline_s:
+    with pytest.raises(OSError, match="Broken pipe"):
+        for _ in range(1000):
             connection.send({"do": "ping", "id": "x" * 8000})
-    assert time.monotonic() < deadline_s, "it was hung up on"
-    thread_ends.set()
-    thread.join()
-    listener.close()
-    connection.close()

@@ -108,6 +108,7 @@ class Listener:
 
     def __init__(self) -> None:
         self.arrived: deque[End] = deque()
+        self.address = "127.0.0.1"
 
     @property
     def is_readable(self) -> bool:
@@ -116,7 +117,7 @@ class Listener:
     def accept(self) -> tuple[End, tuple[str, int]]:
         if not self.arrived:
             raise BlockingIOError
-        return self.arrived.popleft(), ("127.0.0.1", 50_000)
+        return self.arrived.popleft(), (self.address, 50_000)
 
     def setblocking(self, is_blocking: bool) -> None:
         """It never waits."""
