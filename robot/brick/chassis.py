@@ -36,16 +36,21 @@ class ChassisOptions:
         },
     )
     wheel_diameter_m: float = field(
-        default=0.0509, metadata={"help": "wheel diameter in metres, as calibrate measures it"}
+        default=0.0509,
+        metadata={
+            "help": "wheel diameter in metres, as calibrate measures it",
+            "range": (0.005, 1.0),
+        },
     )
     track_m: float = field(
-        default=0.124, metadata={"help": "distance between the wheels in metres"}
+        default=0.124,
+        metadata={"help": "distance between the wheels in metres", "range": (0.01, 2.0)},
     )
     forward_speed_mps: float = field(
-        default=0.16, metadata={"help": "straight speed in metres a second"}
+        default=0.16, metadata={"help": "straight speed in metres a second", "range": (0.005, 5.0)}
     )
     turn_rate_deg_s: float = field(
-        default=18.5, metadata={"help": "turning rate in degrees a second"}
+        default=18.5, metadata={"help": "turning rate in degrees a second", "range": (0.5, 720.0)}
     )
     turn_by: str = field(
         default="backward",

@@ -25,8 +25,12 @@ class OpencvOptions:
     source: str = field(
         default="0", metadata={"help": "number of a camera, a film's file, or an address (URL)"}
     )
-    width: int = field(default=160, metadata={"help": "width of the picture in pixels"})
-    height: int = field(default=120, metadata={"help": "height of the picture in pixels"})
+    width: int = field(
+        default=160, metadata={"help": "width of the picture in pixels", "range": (40, 3840)}
+    )
+    height: int = field(
+        default=120, metadata={"help": "height of the picture in pixels", "range": (30, 2160)}
+    )
 
 
 class OpencvCamera(Camera):

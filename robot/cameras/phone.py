@@ -22,9 +22,15 @@ _WATCH_EVERY_S = 0.05
 class PhoneOptions:
     """What the phone is asked for."""
 
-    eye_width: int = field(default=320, metadata={"help": "width of the phone's pictures"})
-    eye_height: int = field(default=240, metadata={"help": "height of the phone's pictures"})
-    eye_rate: float = field(default=15.0, metadata={"help": "pictures a second"})
+    eye_width: int = field(
+        default=320, metadata={"help": "width of the phone's pictures", "range": (40, 1920)}
+    )
+    eye_height: int = field(
+        default=240, metadata={"help": "height of the phone's pictures", "range": (30, 1080)}
+    )
+    eye_rate: float = field(
+        default=15.0, metadata={"help": "pictures a second", "range": (1.0, 60.0)}
+    )
 
 
 class PhoneCamera(Camera):

@@ -25,10 +25,16 @@ _OLDEST_S = 2.0
 class Picamera2Options:
     """What the camera is asked for."""
 
-    width: int = field(default=160, metadata={"help": "width of the picture in pixels"})
-    height: int = field(default=120, metadata={"help": "height of the picture in pixels"})
-    frame_rate: int = field(default=30, metadata={"help": "pictures a second"})
-    camera_number: int = field(default=0, metadata={"help": "which camera module, from 0"})
+    width: int = field(
+        default=160, metadata={"help": "width of the picture in pixels", "range": (32, 1920)}
+    )
+    height: int = field(
+        default=120, metadata={"help": "height of the picture in pixels", "range": (24, 1920)}
+    )
+    frame_rate: int = field(default=30, metadata={"help": "pictures a second", "range": (1, 120)})
+    camera_number: int = field(
+        default=0, metadata={"help": "which camera module, from 0", "range": (0, 7)}
+    )
     upside_down: bool = field(default=False, metadata={"help": "the camera hangs upside down"})
 
     def __post_init__(self) -> None:

@@ -40,8 +40,12 @@ class SimulatedBody(Protocol):
 class SimCameraOptions:
     """What a person may choose."""
 
-    frame_rate_hz: float = field(default=30.0, metadata={"help": "simulated pictures a second"})
-    jpeg_quality: int = field(default=75, metadata={"help": "of simulated pictures"})
+    frame_rate_hz: float = field(
+        default=30.0, metadata={"help": "simulated pictures a second", "range": (1.0, 240.0)}
+    )
+    jpeg_quality: int = field(
+        default=75, metadata={"help": "of simulated pictures", "range": (1, 100)}
+    )
 
 
 class SimCamera(Camera):

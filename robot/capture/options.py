@@ -12,9 +12,13 @@ class UsbCameraOptions:
     device: str = field(
         default="auto", metadata={"help": "the camera, as /dev/video0; auto takes the first"}
     )
-    width: int = field(default=160, metadata={"help": "width of the picture in pixels"})
-    height: int = field(default=120, metadata={"help": "height of the picture in pixels"})
-    frame_rate: int = field(default=30, metadata={"help": "pictures a second"})
+    width: int = field(
+        default=160, metadata={"help": "width of the picture in pixels", "range": (40, 3840)}
+    )
+    height: int = field(
+        default=120, metadata={"help": "height of the picture in pixels", "range": (30, 2160)}
+    )
+    frame_rate: int = field(default=30, metadata={"help": "pictures a second", "range": (1, 120)})
     encoding: str = field(
         default="auto",
         metadata={

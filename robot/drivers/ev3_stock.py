@@ -24,7 +24,7 @@ class Ev3StockOptions(ChassisOptions):
     )
     beacon_port: int = field(
         default=BEACON_PORT,
-        metadata={"help": "UDP port of bricks on Wi-Fi"},
+        metadata={"help": "UDP port of bricks on Wi-Fi", "range": (1, 65535)},
     )
 
 

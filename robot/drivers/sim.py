@@ -21,7 +21,9 @@ class SimOptions:
     world: str = field(
         default="box", metadata={"help": "a world's name, or the path of a TOML file"}
     )
-    seed: int = field(default=1, metadata={"help": "decides start, floor and noise"})
+    seed: int = field(
+        default=1, metadata={"help": "decides start, floor and noise", "range": (0, 2**32 - 1)}
+    )
 
 
 class SimDriver(Driver):

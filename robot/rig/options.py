@@ -1,6 +1,7 @@
 """Options that a driver or camera declares: a frozen dataclass whose fields become flags.
 
-Each field has a default and `metadata={"help": ...}`; `choices` may be among the metadata.
+Each field has a default and `metadata={"help": ...}`; `choices`, and for a number its `range` as
+`(least, most)`, may be among the metadata.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ class Option:
     default: Any
     help: str
     choices: tuple[str, ...] | None = None
+    range: tuple[float, float] | None = None
 
     @property
     def flag(self) -> str:
@@ -57,6 +59,20 @@ class Option:
                 f"{self.flag} cannot be {text!r}{did_you_mean(text, self.choices)}; "
                 f"choose one of: {', '.join(self.choices)}"
             )
+        return self.check(value)
+
+    def check(self, value: Any) -> Any:
+        """Return the value, unless it is a number out of range.
+
+        Raises:
+            ConfigurationError: If it is; says what the range is.
+        """
+        if self.range is not None and value is not None:
+            least, most = self.range
+            if not least <= value <= most:  # nor is what is no number
+                raise ConfigurationError(
+                    f"{self.flag} must be from {least:g} to {most:g}, not {value:g}"
+                )
         return value
 
 
@@ -70,6 +86,7 @@ def options_of(options_type: type[Any]) -> list[Option]:
             default=None if field.default is MISSING else field.default,
             help=field.metadata.get("help", ""),
             choices=field.metadata.get("choices"),
+            range=field.metadata.get("range"),
         )
         for field in fields(options_type)
     ]
@@ -81,13 +98,14 @@ def make_options(options_type: type[Any], given: Mapping[str, Any]) -> Any:
     Names that this dataclass does not declare are left alone: they belong to other classes.
 
     Raises:
-        ConfigurationError: If a value is not of its type.
+        ConfigurationError: If a value is not of its type, or out of range.
     """
     values: dict[str, Any] = {}
     for option in options_of(options_type):
         if option.name in given and given[option.name] is not None:
             value = given[option.name]
-            values[option.name] = option.parse(value) if isinstance(value, str) else value
+            is_text = isinstance(value, str)
+            values[option.name] = option.parse(value) if is_text else option.check(value)
     return options_type(**values)
 
 

@@ -45,9 +45,12 @@ class GpioOptions:
         default="", metadata={"help": "pin of a bumper's switch to ground; empty: none"}
     )
     straight_speed: float = field(
-        default=0.6, metadata={"help": "share of the motors' full speed, straight on"}
+        default=0.6,
+        metadata={"help": "share of the motors' full speed, straight on", "range": (0.01, 1.0)},
     )
-    turn_speed: float = field(default=0.4, metadata={"help": "share of it in turns"})
+    turn_speed: float = field(
+        default=0.4, metadata={"help": "share of it in turns", "range": (0.01, 1.0)}
+    )
 
     def __post_init__(self) -> None:
         for name in ("straight_speed", "turn_speed"):

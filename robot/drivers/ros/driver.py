@@ -29,10 +29,14 @@ class RosOptions:
         default=False, metadata={"help": "the robot takes TwistStamped instead of Twist"}
     )
     linear_mps: float = field(
-        default=0.4, metadata={"help": "metres a second at full throttle; forward is half of it"}
+        default=0.4,
+        metadata={
+            "help": "metres a second at full throttle; forward is half of it",
+            "range": (0.001, 5.0),
+        },
     )
     turn_rate_deg_s: float = field(
-        default=45.0, metadata={"help": "degrees a second at full steering"}
+        default=45.0, metadata={"help": "degrees a second at full steering", "range": (0.1, 720.0)}
     )
     body_moves: str = field(
         default="forward,left,right,backward,spin_left,spin_right",
