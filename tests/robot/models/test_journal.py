@@ -176,6 +176,43 @@ def test_nothing_is_replayed_after_a_start_in_which_nothing_changed(tmp_path: Pa
     assert len(list(tmp_path.glob("models/robot/*.npz"))) == 1
 
 
+class OneAtATime(random.Random):
+    """Teaches one example at a time, so that every state in between is known."""
+
+    def randrange(self, *bounds: int) -> int:  # type: ignore[override]
+        return 1 if bounds == (1, 6) else super().randrange(*bounds)
+
+
+@pytest.mark.parametrize("how", ["remove", "empty", "cut", "rubbish"])
+@pytest.mark.parametrize("seed", range(5))
+def test_where_both_files_of_a_part_are_lost_the_saved_model_is_left(
+    tmp_path: Path, seed: int, how: str
+) -> None:
+    """The third source: what came since the last save may be lost, and nothing older is back."""
+    rng = random.Random(seed)
+    life = Life(tmp_path, [0.0], rng)
+    for op in ("teach", "teach", "write", "edit", "undo", "teach", "write"):
+        getattr(life, op)()
+    life.save()
+    allowed = [life.state()]
+    life.rng = OneAtATime(seed)
+    for _ in range(rng.randrange(1, 20)):
+        life.teach()
+        life.write()
+        allowed.append(life.state())
+    life.die()
+    for path in list_parts(tmp_path / "journal")[-1].paths:
+        data = path.read_bytes()
+        if how == "remove":
+            path.unlink()
+        elif how == "cut":
+            path.write_bytes(data[: rng.randrange(len(data))])
+        else:
+            path.write_bytes(rng.randbytes(len(data)) if how == "rubbish" else b"")
+    found = Life(tmp_path, [0.0], rng).state()
+    assert any(same(found, state) for state in allowed)
+
+
 @pytest.mark.parametrize("seed", range(30))
 def test_a_flipped_byte_costs_one_record_of_one_file(tmp_path: Path, seed: int) -> None:
     rng = random.Random(seed)
