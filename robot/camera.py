@@ -72,6 +72,15 @@ class Camera(StartStop):
         """What is wrong with the camera, as a sentence for the page; None if all is well."""
         return self._fault
 
+    @property
+    def source_age_s(self) -> float | None:
+        """How old pictures are where the camera is plugged in, as it says, in seconds.
+
+        What they are older here they spent there waiting and on their way. None: the camera is
+        plugged in here, or does not say.
+        """
+        return None
+
     def listen(self, on_frame: Callable[[], None] | None) -> None:
         """Have `on_frame` called after each new frame, on the camera's thread; it must be quick."""
         self._on_frame = on_frame

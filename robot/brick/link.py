@@ -89,6 +89,12 @@ class BrickLink:
         return self._report.get("camera_fault")
 
     @property
+    def picture_age_s(self) -> float | None:
+        """How old the camera's last picture was when the brick had it; None: not known."""
+        age_s = self._report.get("picture_age_s")
+        return max(0.0, float(age_s)) if isinstance(age_s, int | float) else None
+
+    @property
     def report_time_s(self) -> float | None:
         """The brick's clock in the newest report; a move carries it to prove that it is fresh."""
         return self._report.get("t")

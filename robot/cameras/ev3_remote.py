@@ -65,6 +65,11 @@ class Ev3RemoteCamera(Camera):
         self._ending.clear()
         self._thread = self.clock.start_thread(self._watch, "brick-camera")
 
+    @property
+    def source_age_s(self) -> float | None:
+        """How old pictures are when the brick has them: exposure and the bus."""
+        return self._link.picture_age_s
+
     def stop(self) -> None:
         """Have the agent close its camera."""
         if self._thread is not None:

@@ -37,6 +37,8 @@ class CameraState:
 
     period_s: float = USUAL_PERIOD_S
     delivery_age_s: float = 0.0
+    source_age_s: float | None = None
+    """How much of it is the camera's own; None: all of it."""
     timeout_s: float = 0.2
     speed_scale: float = 1.0
 
@@ -63,6 +65,8 @@ class CameraTiming:
         self._noted_s: float | None = None
         self.period_s = USUAL_PERIOD_S
         self.delivery_age_s = 0.0
+        self.source_age_s: float | None = None
+        """What a camera elsewhere says of its pictures' age there."""
 
     def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:
         """Take note of a new picture.
@@ -109,6 +113,7 @@ class CameraTiming:
         return CameraState(
             period_s=self.period_s,
             delivery_age_s=self.delivery_age_s,
+            source_age_s=self.source_age_s,
             timeout_s=self.timeout_s,
             speed_scale=self.speed_scale,
         )

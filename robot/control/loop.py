@@ -291,6 +291,7 @@ class ControlLoop:
         frame = self._online_learning.frame
         if frame is None or not is_new:
             return None
+        self._camera_timing.source_age_s = self._camera.source_age_s
         self._camera_timing.note(
             frame.captured_s, delivered_s, is_moving=self._gate.mode is not Mode.STOPPED
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from robot.control.camera_timing import CameraState
 from robot.control.state import LoopState
 from robot.types import Mode, Pose, Prediction, Sensors
 
@@ -19,6 +20,12 @@ def state_every_s(state: LoopState) -> float:
     """
     is_slow = state.camera.period_s > _SOON_S and state.decision.mode is not Mode.STOPPED
     return _SOON_S if is_slow else STATE_EVERY_S
+
+
+def _brick_age_s(camera: CameraState) -> float | None:
+    """Return what a camera on a brick is late by for the brick and the line to it."""
+    source_s = camera.source_age_s
+    return None if source_s is None else max(0.0, camera.delivery_age_s - source_s)
 
 
 def describe_state(state: LoopState, now_ms: float) -> dict[str, Any]:
@@ -40,6 +47,7 @@ def describe_state(state: LoopState, now_ms: float) -> dict[str, Any]:
         "camera": {
             "period_ms": _milliseconds(state.camera.period_s),
             "age_ms": _milliseconds(state.camera.delivery_age_s),
+            "brick_ms": _milliseconds(_brick_age_s(state.camera)),
             "limit_ms": _milliseconds(state.camera.timeout_s),
             "speed_scale": _rounded(state.camera.speed_scale),
         },

@@ -124,6 +124,8 @@ def test_with_pictures_of_300_ms_it_slows_down_and_shows_why(
         start(pilot)
         state = pilot.wait_for(lambda m: m["type"] == "state" and m["speed_scale"] < 0.9, 20)
         assert state["camera"]["age_ms"] >= 290
+        own_ms = state["camera"]["age_ms"] - state["camera"]["brick_ms"]
+        assert state["camera"]["brick_ms"] == 0 or own_ms >= 290, "the camera's part is told apart"
         brick.wait_until(lambda: 0 < brick.speeds()["outB"] < 324)  # of 360
 
 

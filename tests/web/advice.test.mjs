@@ -112,6 +112,10 @@ test('the age of a picture is told by its parts, and what is slow by its name', 
   const camera = { period_ms: 100, age_ms: 145, limit_ms: 395, speed_scale: 1 };
   const late = (changes, robotChanges = {}) => page({ drawnAgeMs: 200, drawingMs: 15, ...changes }, { camera, ...robotChanges });
   assert.deepEqual(ageParts(late()), { camera: 145, link: 40, phone: 15 });
+  assert.deepEqual(ageParts(late({}, { camera: { ...camera, brick_ms: 50 } })), { camera: 95, brick: 50, link: 40, phone: 15 });
+  assert.deepEqual(ageParts(late({}, { camera: { ...camera, brick_ms: 500 } })), { camera: 0, brick: 145, link: 40, phone: 15 });
+  assert.equal(urgentAdvice(late({}, { camera: { ...camera, age_ms: 300, brick_ms: 200, speed_scale: 0.75 } }))?.key, 'lag.brick');
+  assert.equal(urgentAdvice(late({}, { camera: { ...camera, age_ms: 300, brick_ms: 100, speed_scale: 0.75 } }))?.key, 'lag.camera');
   assert.equal(ageParts(late({ drawnAgeMs: null })), null);
   assert.equal(urgentAdvice(late({}, { camera: { ...camera, age_ms: 300, speed_scale: 0.75 } }))?.key, 'lag.camera');
   assert.equal(urgentAdvice(late({ drawnAgeMs: 500, drawingMs: 320 }))?.key, 'lag.phone');

@@ -51,15 +51,18 @@ export function urgentAdvice(page) {
 
 /**
  * Where the age of the picture on the screen comes from, in milliseconds: the camera and the way to
- * the robot's loop, the link from there to this phone, and the phone itself.
+ * the robot's loop (a brick's part of it by itself), the link from there to this phone, and the phone.
  * @param {PageState} page
- * @returns {{camera: number, link: number, phone: number} | null}  null as long as it is not known
+ * @returns {{camera: number, brick?: number, link: number, phone: number} | null}  null as long as it is not known
  */
 export function ageParts({ robot, drawnAgeMs, drawingMs }) {
   if (!robot?.camera || drawnAgeMs === null) return null;
   const phone = Math.min(Math.max(drawingMs, 0), drawnAgeMs);
   const camera = Math.min(robot.camera.age_ms, drawnAgeMs - phone);
-  return { camera: Math.round(camera), link: Math.round(drawnAgeMs - phone - camera), phone: Math.round(phone) };
+  const link = Math.round(drawnAgeMs - phone - camera);
+  const brick = robot.camera.brick_ms == null ? null : Math.min(robot.camera.brick_ms, camera);
+  if (brick === null) return { camera: Math.round(camera), link, phone: Math.round(phone) };
+  return { camera: Math.round(camera - brick), brick: Math.round(brick), link, phone: Math.round(phone) };
 }
 
 const OLD_MS = 200;
@@ -70,6 +73,8 @@ function lagAdvice(page) {
   if (!robot?.camera || robot.mode === 'stopped') return null;
   const parts = ageParts(page);
   const camera = Math.round(robot.camera.age_ms);
+  const brick = Math.round(robot.camera.brick_ms ?? 0);
+  if (robot.camera.speed_scale < 1 && 2 * brick > camera) return { key: 'lag.brick', values: { ms: brick }, level: 'info' };
   if (robot.camera.speed_scale < 1) return { key: 'lag.camera', values: { ms: camera }, level: 'info' };
   if (parts && parts.phone > OLD_MS && parts.phone > parts.link) return { key: 'lag.phone', values: { ms: parts.phone }, level: 'info' };
   return null;

@@ -61,7 +61,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {'good' | 'slow' | 'capped' | 'not_learning' | 'too_slow'} link  what the link allows
  * @property {number | null} pilot_frame_age_ms
  * @property {number} nonce
- * @property {{period_ms: number, age_ms: number, limit_ms: number, speed_scale: number}} camera
+ * @property {{period_ms: number, age_ms: number, brick_ms?: number | null, limit_ms: number, speed_scale: number}} camera
  * @property {Prediction | null} prediction
  * @property {number | null} agreement
  * @property {number} agreement_frames

@@ -57,6 +57,7 @@ class Agent:
         self._frame_id = 0
         self._is_frame_free = True
         self._newest = None  # type: Optional[VideoFrame]
+        self._picture_age_s = None  # type: Optional[float]
 
     def serve_forever(self) -> None:
         """Serve until interrupted; the motors stand whenever this ends."""
@@ -221,7 +222,10 @@ class Agent:
         """Send the newest picture if the last one has arrived; older ones are dropped."""
         if self._reader is None or self._controller is None:
             return
-        self._newest = self._reader.poll(now_s) or self._newest
+        picture = self._reader.poll(now_s)
+        if picture is not None:
+            self._newest = picture
+            self._picture_age_s = round(max(0.0, time.monotonic() - picture.taken_s), 4)
         video = self._reader.video
         if self._newest is None or video is None or not self._is_frame_free:
             return
@@ -249,7 +253,7 @@ class Agent:
             except HardwareError as error:
                 message.update(fault=str(error))
         if self._reader is not None:
-            message.update(camera_fault=self._reader.fault)
+            message.update(camera_fault=self._reader.fault, picture_age_s=self._picture_age_s)
         caller.send(message)
 
     def _drop(self, caller: Caller, why: str) -> None:
@@ -270,7 +274,7 @@ class Agent:
             self._body = None
 
     def _close_reader(self) -> None:
-        self._newest = None
+        self._newest, self._picture_age_s = None, None
         if self._reader is not None:
             self._reader.close()
             self._reader = None

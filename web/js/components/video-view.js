@@ -98,7 +98,7 @@ export class VideoView extends HTMLElement {
     const ageMs = this.page?.store.state.pictureAgeMs;
     const parts = this.page && ageParts(this.page.store.state);
     const total = Math.max(1, Math.round((ageMs ?? 0) / 10)) * 10;
-    if (robot && ageMs != null) facts.push(ageMs > OLD_PICTURE_MS && parts ? t('age_parts', { total, ...parts }) : t('picture_age', { ms: total }));
+    if (robot && ageMs != null) facts.push(ageMs > OLD_PICTURE_MS && parts ? t(parts.brick === undefined ? 'age_parts' : 'age_parts_brick', { total, ...parts }) : t('picture_age', { ms: total }));
     const element = /** @type {HTMLElement} */ (this.facts);
     element.classList.toggle('old', (ageMs ?? 0) > OLD_PICTURE_MS);
     element.hidden = facts.length === 0;
