@@ -12,13 +12,14 @@ from robot.experiments.figure6 import Figure6
 from robot.experiments.figure7 import Figure7
 from robot.experiments.figure8 import Figure8
 from robot.experiments.habits import Habits
+from robot.experiments.mind import Mind
 from robot.experiments.ready import Ready
 
 EXPERIMENTS: dict[str, Experiment] = {
     experiment.name: experiment
     for experiment in (
         *(Figure3(), Figure5(), Figure6(), Figure7(), Figure8()),
-        *(Delay(), MoreMoves(), Behaviours(), Ablation(), Habits(), Ready()),
+        *(Delay(), MoreMoves(), Behaviours(), Ablation(), Habits(), Ready(), Mind()),
     )
 }
 """In the order in which `all` runs them."""

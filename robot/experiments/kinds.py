@@ -14,6 +14,7 @@ from robot.experiments.ideas import make_learner
 from robot.experiments.metrics import driving
 from robot.experiments.metrics.log import DriveLog
 from robot.experiments.metrics.profile import Profile, compare
+from robot.experiments.mind_run import run_mind
 from robot.experiments.pilots import make_pilot
 from robot.experiments.ready_run import run_ready
 from robot.experiments.task import Result, Task
@@ -103,5 +104,6 @@ RUNNERS: dict[str, Callable[[Mapping[str, Any]], Result]] = {
     "episodes": run_episodes,
     "habit": run_habit,
     "ready": run_ready,
+    "mind": run_mind,
 }
 """Every kind of task."""

@@ -51,7 +51,8 @@ _PARTS_THAT_COUNT = (
     *("experiments/metrics", "experiments/evaluation.py"),
     *("experiments/trial.py", "experiments/kinds.py", "experiments/footage.py"),
     *("experiments/pilots.py", "experiments/cycles.py", "experiments/episodes.py"),
-    *("experiments/habit_run.py", "experiments/ready_run.py", "clock.py", "moves.py", "types.py"),
+    *("experiments/habit_run.py", "experiments/ready_run.py", "experiments/mind_run.py"),
+    *("clock.py", "moves.py", "types.py"),
 )
 
 

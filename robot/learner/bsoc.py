@@ -50,6 +50,7 @@ class BSOC:
         last_distance_: Squared distance of the latest frame from the nearest node before it that
             none of the `HELD_OUT` frames before it went into (of all, if there is no such node);
             None for the first frames.
+        last_held_: That node's index before any merge; None if every node had such frames.
     """
 
     measures_novelty = True
@@ -64,6 +65,7 @@ class BSOC:
         self.integer = integer
         self.last_merge_: Merge | None = None
         self.last_distance_: float | None = None
+        self.last_held_: int | None = None
         self._size = 0
         self._next_id = 0
         self._n_pinned = 0
@@ -164,12 +166,18 @@ class BSOC:
         return int(distances.argmin())
 
     def _held_out(self, distances: Floats) -> float | None:
-        """Return the squared distance to the nearest node that no recent frame went into."""
-        if self._next_id <= HELD_OUT:
+        """Find the nearest node that no recent frame went into; return its squared distance."""
+        self.last_held_ = None
+        if self._next_id <= HELD_OUT or not distances.size:
             return None
-        held = distances[self._touched[: distances.size] < self._next_id - HELD_OUT]
-        # Few nodes are all touched all the time; then the nearest has to do.
-        return 2.0 * float((held if held.size else distances).min()) if distances.size else None
+        is_recent = self._touched[: distances.size] >= self._next_id - HELD_OUT
+        held = np.where(is_recent, np.float32(np.inf), distances)
+        nearest = int(held.argmin())
+        if is_recent[nearest]:  # few nodes are all touched all the time; then the nearest has to do
+            nearest = int(distances.argmin())
+        else:
+            self.last_held_ = nearest
+        return 2.0 * float(distances[nearest])
 
     def _absorb(self, node: int, distances: Floats) -> None:
         """Merge the measured frame into a node; updates `distances`."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from robot.learner import votes
 from robot.learner.base import Abilities, Evidence, Label, Node, NotFittedError, State, Vector
 from robot.learner.bsoc import BSOC, Merge
+from robot.learner.change_of_mind import ChangeOfMind
 from robot.learner.novelty import Novelty
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import RecursiveRidge
@@ -20,6 +21,8 @@ N_VOTERS = 3
 LINEAR_SHARE = 0.7
 SHARPNESS = 1.6
 """Calibrates the mixture's chances: one number for all places (docs/explanation/learner.md)."""
+STILL_VALID = 0.3
+"""Share of the old label's votes that are left when the pilot has changed his mind."""
 
 
 class BSOCClassifier:
@@ -33,6 +36,8 @@ class BSOCClassifier:
         linear_share: Weight of the linear part in the mixture.
         integer: Compute on the nodes' pixels in whole numbers alone; vectors are then bytes.
         cluster: The clustering; a label-aware `BSOC` unless given.
+        forgets: Give up a label that the pilot no longer uses where it was taught
+            (`change_of_mind.py`). A clustering that measures no novelty cannot.
 
     Example:
         >>> learner = BSOCClassifier(max_nodes=2)
@@ -51,6 +56,7 @@ class BSOCClassifier:
         linear_share: float = LINEAR_SHARE,
         integer: bool = False,
         cluster: BSOC | PublishedBSOC | None = None,
+        forgets: bool = True,
     ) -> None:
         if n_voters < 1:
             raise ValueError(f"n_voters must be at least 1, not {n_voters}")
@@ -65,6 +71,7 @@ class BSOCClassifier:
         self.linear = linear
         self.linear_share = linear_share
         self.novelty_ = Novelty()
+        self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
 
     @classmethod
@@ -104,6 +111,7 @@ class BSOCClassifier:
         column = self.labels_.index(y) if y in self.labels_ else len(self.labels_)
         node = self.cluster.train(x, column)
         self._know(y)
+        remembered = self._remembered()
         if self.cluster.last_merge_ is not None:
             self._follow(self.cluster.last_merge_)
         self._histograms[node, column] += 1
@@ -113,6 +121,32 @@ class BSOCClassifier:
             self.novelty_.learn(self.cluster.last_distance_)
         if self.linear is not None:
             self.linear.learn(x, np.eye(len(self.labels_))[column])
+        if self._mind is not None:
+            given_up = self._mind.note(column, remembered)
+            if given_up is not None:
+                self._give_up(given_up, column)
+
+    def _remembered(self) -> int | None:
+        """Return the label of the nearest image without recent examples, before any merge."""
+        node = self.cluster.last_held_
+        return None if node is None else int(self._histograms[node].argmax())
+
+    def _give_up(self, old: int, new: int) -> None:
+        """Move most of one label's votes to another, in all images that are not pinned."""
+        votes = self._histograms[: len(self.cluster)]
+        moved = np.where(self.cluster.pinned_, 0, votes[:, old])
+        moved -= (STILL_VALID * moved).astype(np.int64)
+        if not moved.any():
+            return
+        votes[:, old] -= moved
+        votes[:, new] += moved
+        for node in np.flatnonzero(moved).tolist():
+            self.cluster.set_group(node, int(votes[node].argmax()))
+        if self.linear is not None:
+            total = float(moved.sum())
+            change = np.zeros(len(self.labels_))
+            change[old], change[new] = -total, total
+            self.linear.retarget(moved @ self.cluster.nodes_ / total, change)
 
     def _know(self, y: Label) -> int:
         """Return the column of a label; adds one for a new label."""
@@ -122,6 +156,8 @@ class BSOCClassifier:
             self._histograms = np.hstack([self._histograms, new])
             if self.linear is not None:
                 self.linear.add_label()
+            if self._mind is not None:
+                self._mind.add_label()
         return self.labels_.index(y)
 
     def predict_one(self, x: Vector) -> Label:
@@ -208,6 +244,8 @@ class BSOCClassifier:
         arrays["novelty"] = novelty.get_array()
         if self.linear is not None:
             arrays.update(self.linear.get_arrays())
+        if self._mind is not None:
+            arrays.update(self._mind.get_arrays())
         return State(
             kind=self._kind,
             params=params,
@@ -236,6 +274,8 @@ class BSOCClassifier:
             novelty.set_moments(*state.params["novelty"])
         if self.linear is not None:
             self.linear.set_arrays(state.arrays)
+        if self._mind is not None:
+            self._mind.set_arrays(state.arrays, len(self.labels_))
 
     @property
     def _kind(self) -> str:

@@ -30,7 +30,9 @@ _LARGEST, _LARGEST_WEIGHT = 1e12, 1e24
 _WHOLE = 2**53
 _PREVIEW_PX = 512
 _SMALL, _LARGE = 2, 3
-_OPTIONAL = frozenset({"touched", "novelty", "pace_picture", "last_learned", "pace"})
+_OPTIONAL = frozenset(
+    {"touched", "novelty", "runs", "contrary", "pace_picture", "last_learned", "pace"}
+)
 """What models of version 0.1 do not have, or have elsewhere."""
 _LEAST_NOVELTY, _MOST_NOVELTY = 3, 100_000
 _FIXED = frozenset({"group_cost", "n_voters"})
@@ -212,6 +214,8 @@ def _check_cluster(
     if "cluster_groups" in arrays:
         groups = arrays["cluster_groups"][:size]
         _demand(size == 0 or int(groups.max()) < n_labels, f"{prefix}an image has no such label")
+    runs = arrays.get("runs")
+    _demand(runs is None or int(runs[1:].max()) <= n_labels, f"{prefix}runs have no such label")
     votes = arrays["histograms"][:size].sum(axis=1)
     _demand(size == 0 or int(votes.min()) > 0, f"{prefix}an image has no votes")
 

@@ -190,7 +190,7 @@ def stamp(model: Model, *, saved_at_s: float, place: str | None = None) -> Model
     return replace(model, summary=summary if place is None else replace(summary, place=place))
 
 
-_LATER = ("touched", "novelty", "pace_picture")
+_LATER = ("touched", "novelty", "runs", "contrary", "pace_picture")
 """Arrays that models of version 0.1 do not have."""
 
 

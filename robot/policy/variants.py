@@ -32,6 +32,7 @@ class Design:
     n_voters: int = N_VOTERS
     is_integer: bool = False
     """Whole numbers alone, on any machine."""
+    forgets: bool = True
 
     def make_learner(self, number: int, integer: bool) -> BSOCClassifier:
         """Return the learner alone, of at most `number` nodes."""
@@ -45,6 +46,7 @@ class Design:
             linear=RecursiveRidge(GradientFeatures.n_gradients) if has_ridge else None,
             linear_share=self.linear_share,
             integer=integer,
+            forgets=self.forgets and not integer,
         )
 
     def make(self, number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
@@ -71,6 +73,7 @@ VARIANTS: dict[str, Maker] = {
             action_filter=lambda: ActionFilter(commitment=Commitment(0.0, 0.0))
         ),
         "without-reflex": Design(action_filter=lambda: ActionFilter(gives_up=False)),
+        "without-forgetting": Design(forgets=False),
         "grey-alone": Design(features=GreyFeatures, is_linear=False),
         "whole-numbers": Design(is_integer=True),
     }.items()
