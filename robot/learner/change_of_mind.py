@@ -11,6 +11,7 @@ view means both. So one contradiction says nothing. A label counts as given up w
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 
 import numpy as np
@@ -69,7 +70,7 @@ class ChangeOfMind:
             return False
         others = [label for label in self._runs if label != usual]
         at = [i for i, label in enumerate(others) if label == old]
-        longest = max(b - a - 1 for a, b in zip(at, at[1:], strict=False))
+        longest = max(b - a - 1 for a, b in itertools.pairwise(at))
         return len(others) - 1 - at[-1] >= longest + LONGER_RUNS
 
     def get_arrays(self) -> dict[str, NDArray[np.int64]]:
