@@ -34,6 +34,7 @@ from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
 from robot.drivers.gpio.driver import GpioDriver, GpioOptions
+from robot.drivers.lego_education import LegoEducationDriver, LegoEducationOptions
 from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
 from robot.drivers.remote.driver import RemoteOptions
 from robot.drivers.replay import ReplayDriver
@@ -51,6 +52,7 @@ from tests.standins import picamera2
 from tests.standins.ev3_stock import StockBrick
 from tests.standins.firmware import SECRET as SECRET_OF_FIRMWARE
 from tests.standins.firmware import FirmwareRobot, Relay
+from tests.standins.lego_education import FakeDoubleMotor
 from tests.standins.mjpeg import MjpegServer
 from tests.standins.pybricks_hub import FakeHub
 from tests.standins.rosbridge import RosBridgeServer
@@ -251,6 +253,14 @@ def picamera2_camera() -> Iterator[CameraCase]:
 
 
 @contextmanager
+def lego_education_driver() -> Iterator[DriverCase]:
+    with FakeDoubleMotor() as motor:
+        driver = LegoEducationDriver(LegoEducationOptions(), library=motor.library)
+        yield DriverCase(driver, time.sleep, lambda: motor.is_moving, motor.cut)
+        driver.disconnect()
+
+
+@contextmanager
 def ros_driver() -> Iterator[DriverCase]:
     with RosBridgeServer() as ros:
         driver = RosDriver(RosOptions(address=ros.address))
@@ -303,6 +313,7 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "pybricks": pybricks_driver,
     "gpio": gpio_driver,
     "ros": ros_driver,
+    "lego-education": lego_education_driver,
 }
 CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "sim": sim_camera,

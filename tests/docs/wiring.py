@@ -222,7 +222,24 @@ def _ros() -> Drawing:
     return Drawing("wiring-ros", "Drivelesson beside ROS 2", 906, 290, boxes, wires)
 
 
-DRAWINGS = (_pybricks, _gpio, _firmware, _ros)
+def _lego_education() -> Drawing:
+    """No cables: what lies on what."""
+    phone = Box("phone", 190, 16, 230, note="the eye, looks ahead")
+    motor = Box("double motor", 190, 100, 230, ("left",), ("right",), note="button: STOP")
+    left = Box("wheel", 16, 106, 110, (), ("axle",))
+    right = Box("wheel", 484, 106, 110, ("axle",))
+    laptop = Box("laptop", 190, 216, 230, note="Bluetooth and Wi-Fi")
+    wires = (
+        Wire((left, "axle"), (motor, "left"), BLACK, 158),
+        Wire((right, "axle"), (motor, "right"), BLACK, 452),
+    )
+    boxes = (phone, motor, left, right, laptop)
+    return Drawing(
+        "wiring-lego-education", "A LEGO double motor as a robot", 610, 290, boxes, wires
+    )
+
+
+DRAWINGS = (_pybricks, _gpio, _firmware, _ros, _lego_education)
 
 
 def render() -> dict[Path, str]:

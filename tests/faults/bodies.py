@@ -180,6 +180,11 @@ BODIES: dict[str, tuple[Callable[[int], AbstractContextManager[TimedBody]], str]
 """How each is made, and what stops it."""
 OTHERS = (
     ("`ev3`, `ev3-remote`", "stands within 500 ms", "the kernel's timer (tests/brick)"),
+    (
+        "`lego-education`",
+        "its motor ends each move of 400 ms",
+        "LEGO's firmware, which is not here",
+    ),
     ("`ros`", "stands when its base stops it", "nothing of ours: see [ROS 2](../howto/ros.md)"),
 )
 """Bodies that are not driven here: what is said of all three faults, and what stops them."""

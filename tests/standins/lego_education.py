@@ -1,0 +1,142 @@
+"""LEGO's double motor behind the transport seam that LEGO's library documents.
+
+The library is no dependency (its licence allows non-commercial use alone): CI installs it into
+var/legoeducation for these tests.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import os
+import struct
+import sys
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any, Self
+
+import pytest
+
+from tests.standins.firmware import ROOT
+
+FOLDER = ROOT / "var/legoeducation"
+
+
+def find_library() -> Any:
+    """Return LEGO's library; skips loudly where it is missing, and fails in CI."""
+    if not (FOLDER / "legoeducation").is_dir():
+        hint = "pip install --no-deps --target var/legoeducation legoeducation"
+        if os.environ.get("CI") == "true":
+            pytest.fail(f"CI needs LEGO's library: {hint}")
+        pytest.skip(f"LEGO'S LIBRARY IS MISSING: {hint}")
+    if str(FOLDER) not in sys.path:
+        sys.path.append(str(FOLDER))
+    return importlib.import_module("legoeducation")
+
+
+class FakeDoubleMotor:
+    """`told` has (direction, percent, milliseconds); `cut` carries it out of reach."""
+
+    def __init__(self) -> None:
+        self.library = find_library()
+        self.rpc = importlib.import_module("legoeducation.rpc_message")
+        self.name = "Double Motor"
+        self.told: list[tuple[int, int, int]] = []
+        self.percent, self.ends_s = 0, 0.0
+        self.is_in_reach, self.is_pressed = True, False
+        self.rpc_version: tuple[int, int, int] = self.rpc.RPC_VERSION
+        self._say: Callable[[Any, bytes], Awaitable[None]] | None = None
+        self._lost: Callable[[], None] = lambda: None
+        self._telling: asyncio.Task[None] | None = None
+
+    def __enter__(self) -> Self:
+        seam = importlib.import_module("legoeducation.ble_transport")
+        motor = self
+
+        class Transport(seam.BLETransport):  # type: ignore[name-defined,misc]
+            async def scan_devices(self, timeout: float, filters: Any = None) -> list[Any]:
+                wanted = (filters or {}).get("device_name") or ""
+                return [motor] if motor.is_in_reach and wanted in motor.name else []
+
+            async def connect(self, device: Any, say: Any, lost: Any) -> bool:
+                motor._say, motor._lost = say, lost
+                return motor.is_in_reach
+
+            async def send(self, device: Any, message: bytes) -> None:
+                if motor.is_in_reach:
+                    await motor.obey(bytes(message))
+
+            async def device_disconnect(self, device: Any) -> None:
+                motor.hang_up()
+
+            def shutdown_all(self) -> None:
+                motor.hang_up()
+
+        self._before = seam._transport_class
+        seam.register_transport(Transport)
+        self._manager = importlib.import_module("legoeducation.basic_device").my_worker
+        self._manager._transport = None
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        importlib.import_module("legoeducation.ble_transport")._transport_class = self._before
+        self._manager._transport = None
+
+    @property
+    def is_moving(self) -> bool:
+        return time.monotonic() < self.ends_s
+
+    def cut(self) -> None:
+        self.is_in_reach = False
+
+    def hang_up(self) -> None:
+        if self._telling is not None:
+            self._telling.cancel()
+        self._telling = None
+        self._lost()
+
+    async def obey(self, message: bytes) -> None:
+        """Take the commands of one packet, one after the other."""
+        rpc = self.rpc
+        while message:
+            kind, rest = message[0], message[1:]
+            if kind == rpc.INFO_REQUEST:
+                size = 0
+                answer = rpc.InfoResponse(*self.rpc_version, 1, 0, 0, 1, 0, 0, 244, 513)
+            elif kind == rpc.DEVICE_NOTIFICATION_REQUEST:
+                size = 2
+                (every_ms,) = struct.unpack_from("<H", rest)
+                if self._telling is None:
+                    self._telling = asyncio.ensure_future(self._tell(every_ms / 1000))
+                answer = rpc.DeviceNotificationResponse(0)
+            elif kind == rpc.MOVEMENT_SET_SPEED_COMMAND:
+                size = 1
+                (self.percent,) = struct.unpack_from("<b", rest)
+                answer = rpc.MovementSetSpeedResult(0)
+            elif kind == rpc.MOVEMENT_MOVE_FOR_TIME_COMMAND:
+                size = 5
+                run_ms, direction = struct.unpack_from("<LB", rest)
+                self.told.append((direction, self.percent, run_ms))
+                self.ends_s = time.monotonic() + run_ms / 1000
+                answer = rpc.MovementMoveForTimeResult(0)
+            elif kind == rpc.MOVEMENT_STOP_COMMAND:
+                size = 0
+                self.ends_s = 0.0
+                answer = rpc.MovementStopResult(0)
+            else:
+                raise AssertionError(f"the double motor knows no command {kind}")
+            await self._answer(answer)
+            message = rest[size:]
+
+    async def _answer(self, answer: Any) -> None:
+        if self._say is not None and self.is_in_reach:
+            await self._say("characteristic", bytes(answer.Serialize()))
+
+    async def _tell(self, every_s: float) -> None:
+        rpc = self.rpc
+        while True:
+            state = rpc.BUTTON_STATE_PRESSED if self.is_pressed else rpc.BUTTON_STATE_RELEASED
+            parts = (rpc.InfoDeviceNotification(80, 0), rpc.ButtonStateNotification(state))
+            data = b"".join(bytes(part.Serialize()) for part in parts)
+            await self._answer(rpc.DeviceNotification(len(data), data))
+            await asyncio.sleep(every_s)
