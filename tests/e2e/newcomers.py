@@ -103,7 +103,7 @@ class Newcomer:
     def _do_as_told(self, text: str) -> None:
         """Do what the sentence says; the sentences are those of web/js/messages/en.js."""
         mode = self.world.mode
-        if "without a mistake: I can" in text and self.story.called_ready_s is None:
+        if text.startswith("Ready: ") and self.story.called_ready_s is None:
             self.story.called_ready_s = self.now_s
         if mode is not Mode.AUTONOMOUS and text.startswith(("Let me try", "I am ready")):
             self.story.handed_over_s = self.story.handed_over_s or self.now_s

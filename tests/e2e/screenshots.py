@@ -11,7 +11,7 @@ import itertools
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,36 +41,55 @@ from .world import (
     teach,
 )
 
-SIZES = {"phone": PHONE, "desktop": DESKTOP}
-SCREENS = ("gallery", "teaching", "undo", "home", "settings")
+SMALL = {"width": 320, "height": 480}
+LIGHT = {
+    "phone": (PHONE, "light"),
+    "small": (SMALL, "light"),
+    "landscape": (LANDSCAPE, "light"),
+    "desktop": (DESKTOP, "light"),
+}
+"""What a picture's name ends in: size and colour scheme."""
+ALSO_DARK = {**LIGHT, "phone-dark": (PHONE, "dark")}
+SCREENS = ("gallery", "why", "teaching", "undo", "home", "settings")
+Looks = dict[str, tuple[Any, str]]
 Shoot = Callable[[str], None]
-_FLAT, _MIXED = 32, 64
-_FILM_PX, _FILM_BYTES = (312, 675), 2_000_000
+_QUALITY = 85
+_FILM_PX, _FILM_BYTES, _LONGEST_S = (312, 675), 2_000_000, 0.3
 
 
-def take_all(folder: Path) -> None:
-    """Write one PNG a screen, size and colour scheme: NAME-SIZE-SCHEME.png."""
+def take_all(folder: Path, only: Sequence[str] = ()) -> None:
+    """Write one picture for each screen and size, NAME-SIZE.webp, and the page that shows them."""
     folder.mkdir(parents=True, exist_ok=True)
     with running_chromium() as browser:
-        with _world("office") as world:
-            _each(browser, world, folder, _take_hints, hints=True)
-            _teach_first(browser, world)
-            _each(browser, world, folder, _take_drive)
-            _each(browser, world, folder, _take_drive, sizes={"landscape": LANDSCAPE})
-            finish_recording(world)
-            _each(browser, world, folder, _take_screens)
-            _take_away(browser, world, folder)
-        _take_pairing(browser, folder)
-        _take_class(browser, folder)
-        for _ in range(5):  # a busy machine may stop the robot in the middle of it
-            with _world("box") as world:
-                if _film(browser, world, folder / "ten-seconds.webp"):
-                    break
+        for name, take in PARTS.items():
+            if not only or name in only:
+                take(browser, folder)
+    write_page(folder)
+
+
+def _take_office(browser: Any, folder: Path) -> None:
+    with _world("office") as world:
+        _each(browser, world, folder, _take_hints, hints=True)
+        _teach_first(browser, world)
+        _each(browser, world, folder, _take_drive, looks=ALSO_DARK)
+        finish_recording(world)
+        _each(browser, world, folder, _take_screens)
+        _take_away(browser, world, folder)
+
+
+def _take_film(browser: Any, folder: Path) -> None:
+    for _ in range(5):  # a busy machine may stop the robot in the middle of it
         with _world("box") as world:
-            _hold_lesson(browser, world)
-            _each(browser, world, folder, _take_result)
-            httpx.delete(f"{world.address}/api/lesson")
-            _each(browser, world, folder, _take_lesson)
+            if _film(browser, world, folder / "ten-seconds.webp"):
+                return
+
+
+def _take_study(browser: Any, folder: Path) -> None:
+    with _world("box") as world:
+        _hold_lesson(browser, world)
+        _each(browser, world, folder, _take_result)
+        httpx.delete(f"{world.address}/api/lesson")
+        _each(browser, world, folder, _take_lesson)
 
 
 @contextlib.contextmanager
@@ -85,45 +104,38 @@ def _each(
     folder: Path,
     take: Callable[[Any, World, Shoot], None],
     *,
-    sizes: dict[str, dict[str, int]] = SIZES,
+    looks: Looks = LIGHT,
     hints: bool = False,
 ) -> None:
-    for ending, context in _contexts(browser, sizes):
+    for ending, context in _contexts(browser, looks):
         page = open_page(context, world.address, hints=hints)
 
         def shoot(name: str, page: Any = page, ending: str = ending) -> None:
-            _save(page.screenshot(), folder / f"{name}-{ending}.png")
+            _save(page.screenshot(), folder / f"{name}-{ending}.webp")
 
         take(page, world, shoot)
 
 
-def _contexts(browser: Any, sizes: dict[str, dict[str, int]] = SIZES) -> Iterator[tuple[str, Any]]:
+def _contexts(browser: Any, looks: Looks = LIGHT) -> Iterator[tuple[str, Any]]:
     """Yield a fresh browser of each size and colour scheme, with what their pictures end in."""
-    for size, viewport in sizes.items():
-        for scheme in ("light", "dark"):
-            context = browser.new_context(
-                viewport=viewport, color_scheme=scheme, has_touch=True, is_mobile=size != "desktop"
-            )
-            yield f"{size}-{scheme}", context
-            context.close()
+    for ending, (viewport, scheme) in looks.items():
+        context = browser.new_context(
+            viewport=viewport, color_scheme=scheme, has_touch=True, is_mobile=ending != "desktop"
+        )
+        yield ending, context
+        context.close()
 
 
 def _save(png: bytes, path: Path) -> None:
-    """Write a picture in few colours: a quarter of the bytes."""
+    """Write a picture with a fifth of the bytes."""
     from PIL import Image
 
-    picture = Image.open(io.BytesIO(png)).convert("RGB")
-    # The page's own flat colours stay exact; those of the camera's picture share the rest.
-    flat = sorted(picture.getcolors(2**24) or [], reverse=True)[:_FLAT]
-    mixed = picture.quantize(_MIXED).getpalette() or []
-    palette = Image.new("P", (1, 1))
-    palette.putpalette([part for _, colour in flat for part in colour] + mixed[: 3 * _MIXED])
-    picture.quantize(palette=palette, dither=Image.Dither.NONE).save(path, optimize=True)
+    Image.open(io.BytesIO(png)).convert("RGB").save(path, quality=_QUALITY, method=6)
     print(path)
 
 
 def _take_hints(page: Any, world: World, shoot: Shoot) -> None:
-    page.wait_for_timeout(600)
+    page.wait_for_timeout(2500)  # the map comes after the first picture
     shoot("hints")
 
 
@@ -148,7 +160,7 @@ def _take_drive(page: Any, world: World, shoot: Shoot) -> None:
     page.locator("[data-mode=autonomous]").tap()
     page.wait_for_timeout(800)
     shoot("drive")
-    page.locator("drive-pad .stop").tap()
+    page.locator("button.stop.shown").tap()
     page.wait_for_timeout(400)
     shoot("stop")
     page.locator(".notice button").tap()
@@ -172,6 +184,7 @@ def _take_screens(page: Any, world: World, shoot: Shoot) -> None:
     page.wait_for_timeout(800)
     shoot("mend")
     page.goto(f"{world.address}/#drive")
+    page.wait_for_timeout(2500)
     page.locator("app-bar [aria-controls=menu]").tap()
     page.wait_for_timeout(300)
     shoot("menu")
@@ -186,7 +199,7 @@ def _take_away(browser: Any, world: World, folder: Path) -> None:
         page.wait_for_timeout(500)
         proxy.fall_silent()
         page.wait_for_timeout(4000)
-        _save(page.screenshot(), folder / f"away-{ending}.png")
+        _save(page.screenshot(), folder / f"away-{ending}.webp")
         proxy.close()
 
 
@@ -230,7 +243,9 @@ def _save_film(frames: list[tuple[float, bytes]], path: Path) -> None:
 
     pictures = [Image.open(io.BytesIO(data)).resize(_FILM_PX) for _, data in frames]
     times_s = [at_s for at_s, _ in frames]
-    shown_ms = [round(1000 * (b - a)) for a, b in itertools.pairwise(times_s)] + [800]
+    # Longer than that nothing was filmed: a cut.
+    spans_s = [min(b - a, _LONGEST_S) for a, b in itertools.pairwise(times_s)]
+    shown_ms = [round(1000 * span_s) for span_s in spans_s] + [800]
     first, *others = pictures
     first.save(
         path, save_all=True, append_images=others, duration=shown_ms, loop=0, quality=60, method=4
@@ -248,7 +263,7 @@ def _take_pairing(browser: Any, folder: Path) -> None:
                 page = context.new_page()
                 page.goto(f"{server.address}/pair")
                 page.wait_for_timeout(300)
-                _save(page.screenshot(), folder / f"pair-{ending}.png")
+                _save(page.screenshot(), folder / f"pair-{ending}.webp")
 
 
 def _take_class(browser: Any, folder: Path) -> None:
@@ -256,16 +271,16 @@ def _take_class(browser: Any, folder: Path) -> None:
     for ending, context in _contexts(browser):
         with (
             tempfile.TemporaryDirectory() as kept,
-            running_class(Path(kept), 8, 1, simulated=True) as world,
+            running_class(Path(kept), 6, 1, simulated=True) as world,
         ):
             page = context.new_page()
 
             def shoot(name: str, page: Any = page, ending: str = ending) -> None:
                 page.wait_for_timeout(800)
-                _save(page.screenshot(), folder / f"{name}-{ending}.png")
+                _save(page.screenshot(), folder / f"{name}-{ending}.webp")
 
             page.goto(world.address)
-            page.locator(".robot[data-status=there]").nth(7).wait_for()
+            page.locator(".robot[data-status=there]").nth(5).wait_for()
             page.wait_for_timeout(1500)
             shoot("class")
             page.locator("[data-view=codes]").click()
@@ -308,5 +323,44 @@ def _take_lesson(page: Any, world: World, shoot: Shoot) -> None:
     shoot("lesson")
 
 
+PARTS: dict[str, Callable[[Any, Path], None]] = {
+    "office": _take_office,
+    "pairing": _take_pairing,
+    "class": _take_class,
+    "film": _take_film,
+    "study": _take_study,
+}
+"""What can be taken alone: python -m tests.e2e.screenshots FOLDER office film."""
+
+PAGE = "screens.md"
+
+
+def write_page(folder: Path) -> None:
+    """Write the page that shows each screen at each size: docs/reference/screens.md."""
+    names = sorted({path.stem.rsplit("-", 1)[0] for path in folder.glob("*-phone.webp")})
+    sizes = "".join(f" {size} |" for size in LIGHT)
+    lines = [
+        "# Every screen at every size",
+        "",
+        "Taken by `make screenshots` from the running program in simulated rooms:",
+        ", ".join(f"{size} {look['width']}x{look['height']}" for size, (look, _) in LIGHT.items())
+        + ".",
+        "[What is on them](../howto/page.md).",
+        "",
+        f"| screen |{sizes}",
+        "|---" * (1 + len(LIGHT)) + "|",
+    ]
+    for name in names:
+        cells = "".join(
+            f' <img src="../images/{name}-{size}.webp" width="{width}" alt="{name}, {size}"> |'
+            for size, width in zip(LIGHT, (150, 120, 220, 280), strict=True)
+        )
+        lines.append(f"| {name.replace('-', ' ')} |{cells}")
+    dark = sorted(path.name for path in folder.glob("*-phone-dark.webp"))
+    shown = [f'<img src="../images/{name}" width="150" alt="{name}">' for name in dark]
+    lines += ["", "In the dark:", "", *shown]
+    (folder.parent / "reference" / PAGE).write_text("\n".join(lines) + "\n", "utf-8")
+
+
 if __name__ == "__main__":
-    take_all(Path(sys.argv[1]))
+    take_all(Path(sys.argv[1]), sys.argv[2:])

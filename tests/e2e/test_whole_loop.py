@@ -75,6 +75,14 @@ def test_teach_drive_correct_and_stop_in_the_simulator(phone: Any, world: World)
     here = world.pose
     wait_for(lambda: world.pose != here, "let go, it drives on")
 
+    for drawn in (".way.pilot[d^=M]", ".way.robot[d^=M]", ".mark.corrected"):
+        phone.locator(f"drive-map {drawn}").first.wait_for(state="attached")
+    phone.locator(".like").tap()
+    phone.locator("why-screen .alike image").nth(1).wait_for(state="attached")
+    assert world.mode is Mode.AUTONOMOUS, "asking why does not stop it"
+    phone.locator("app-bar .back").tap()
+    phone.wait_for_selector("video-view[data-by=robot]")
+
     choose(phone, world, Mode.STOPPED)
     here = world.pose
     phone.wait_for_timeout(300)
