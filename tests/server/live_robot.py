@@ -91,7 +91,7 @@ class Pilot:
         self._stack = contextlib.ExitStack()
         self.picture: int | None = None
         self.socket: ClientConnection = self._stack.enter_context(
-            connect(url, compression=None, **options)
+            connect(url, **{"compression": None, "open_timeout": 60, **options})
         )
         self.messages: list[dict[str, Any]] = []
         self.held: str | None = None
