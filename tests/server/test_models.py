@@ -61,6 +61,31 @@ def test_a_taught_model_is_saved_listed_and_previewed(bench: Bench) -> None:
     assert preview.content.startswith(b"\x89PNG")
 
 
+@pytest.mark.parametrize("ask", ["begin", "load"])
+def test_a_full_disk_refuses_another_model_and_keeps_what_was_taught(
+    bench: Bench, ask: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.teach(5)
+    assert bench.client.post("/api/models/save").status_code == 200
+    bench.teach(7)
+
+    def refuse(name: str, model: object) -> Path:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(bench.persistence.models, "save", refuse)
+    path, body = {
+        "begin": ("/api/models", {"name": "new"}),
+        "load": ("/api/models/bench/load", {}),
+    }[ask]
+    answer = bench.client.post(path, json=body)
+    assert answer.status_code == 507 and "No space left" in answer.json()["detail"]
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 12
+    monkeypatch.undo()
+    assert bench.client.post(path, json=body).status_code in (200, 201)
+    assert bench.client.post("/api/models/bench/load").status_code == 200
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) in (5, 12)
+
+
 def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
     bench.teach(12)
     bench.client.post("/api/models/save")
