@@ -82,6 +82,12 @@ class End:
         self.net.poke()
         return len(sent)
 
+    def hear_nothing(self, size: int) -> bytes:
+        """As `recv` where the line was cut."""
+        if not self.net.wait_for(lambda: self.is_closed, self.timeout_s):
+            raise TimeoutError("timed out") if self.timeout_s else BlockingIOError()
+        return b""
+
     def sendall(self, data: bytes) -> None:
         while data:
             data = data[self.send(data) :]
@@ -140,6 +146,7 @@ class VirtualAgent:
         self._listener = Listener()
         self._ending = threading.Event()
         self._thread: Worker | None = None
+        self._dialled: list[End] = []
         self._agent = Agent(
             self._listener,  # type: ignore[arg-type]
             SECRET,
@@ -160,9 +167,22 @@ class VirtualAgent:
             raise ConnectionRefusedError(111, "Connection refused")
         near, far = End(self.net, 3.0), End(self.net, 0.0)
         near.peer, far.peer = far, near
+        self._dialled.append(near)
         self._listener.arrived.append(far)
         self.net.poke()
         return near
+
+    def cut(self) -> None:
+        """Cut all lines for good: nobody notices, and nothing arrives any more, either way."""
+        for near in self._dialled:
+            near.send = len  # type: ignore[method-assign,assignment]
+            near.recv = near.hear_nothing  # type: ignore[method-assign]
+
+    def hang_up(self) -> None:
+        """Close all lines from the server's side, as the system does when its process is killed."""
+        self.cut()
+        for near in self._dialled:
+            near.close()
 
     def kill(self) -> None:
         """End as a killed process ends: nothing is stopped, the kernel closes the lines."""

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import random
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from unittest import mock
 
 from robot.brick.agent.ports import HardwareError
@@ -18,6 +20,7 @@ from robot.brick.chassis import ChassisBody
 from robot.brick.stock.body import StockBody
 from robot.clock import ManualClock, VirtualClock
 from robot.driver import Driver
+from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
 from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
 from robot.drivers.remote.driver import RemoteOptions
@@ -25,6 +28,8 @@ from robot.drivers.remote.line import MessageLine
 from robot.drivers.udp import UdpDriver
 from robot.drivers.ws import WsDriver
 from robot.errors import DriveError
+from robot.testing.brick import FakeBrick
+from tests.brick.virtual_agent import VirtualAgent
 from tests.standins import ev3_stock
 from tests.standins.firmware_in_time import RunningFirmware, RunningHub, RunningProgram
 
@@ -40,7 +45,8 @@ class TimedBody:
     """A body with its driver, both on one clock.
 
     `hang_up` is what the system does with the line when the server's process is gone; `lose` ends
-    all traffic, both ways, but for what is on its way; `slow_down` makes messages take so long.
+    all traffic, both ways, but for what is on its way; `freeze` holds up what the driver does on
+    threads of its own; `slow_down` makes messages take so long.
     """
 
     driver: Driver
@@ -48,6 +54,7 @@ class TimedBody:
     is_moving: Callable[[], bool]
     lose: Callable[[], None]
     hang_up: Callable[[], None] = lambda: None
+    freeze: Callable[[], None] = lambda: None
     tick: Callable[[], None] = lambda: None
     slow_down: Callable[[float], None] = lambda slowest_s: None
 
@@ -170,16 +177,31 @@ def _gpio(seed: int) -> Iterator[TimedBody]:
         )
 
 
+@contextmanager
+def _ev3_remote(seed: int) -> Iterator[TimedBody]:
+    """The brick's agent on a brick made of files, whose kernel ends what `run-timed` began."""
+    clock = VirtualClock(100.0)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        FakeBrick(Path(folder), clock=clock) as brick,
+        VirtualAgent(brick) as agent,
+    ):
+        driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
+        yield TimedBody(driver, clock, brick.is_moving, agent.cut, agent.hang_up, freeze=agent.cut)
+        driver.disconnect()
+
+
 BODIES: dict[str, tuple[Callable[[int], AbstractContextManager[TimedBody]], str]] = {
     "udp": (_udp, "the firmware's own time limit"),
     "ws": (_ws, "the firmware's own time limit"),
     "pybricks": (_pybricks, "the motors' timed move"),
+    "ev3-remote": (_ev3_remote, "the kernel's timed move, or the agent"),
     "ev3-stock": (_ev3_stock, "the motors' timed move"),
     "gpio": (_gpio, "the process that holds the pins"),
 }
 """How each is made, and what stops it."""
 OTHERS = (
-    ("`ev3`, `ev3-remote`", "stands within 500 ms", "the kernel's timer (tests/brick)"),
+    ("`ev3`", "stands within 500 ms", "the kernel's timed move (the contract of drivers)"),
     (
         "`lego-education`",
         "its motor ends each move of 400 ms",
@@ -216,6 +238,8 @@ def stood_after_s(name: str, fault: str, seed: int) -> float:
             body.lose()
         elif fault == "server killed":
             body.hang_up()
+        else:
+            body.freeze()
         began_s = body.clock.now_s()
         last_s = 0.0
         for _ in range(400):

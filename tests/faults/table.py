@@ -229,7 +229,8 @@ _BODIES_INTRODUCTION = [
     "",
     "Nobody is left to stop the robot but the body itself. The real driver and the real firmware",
     "drive in virtual time; messages take up to 80 ms, and up to 1.2 s around the fault (for",
-    "`ev3-stock` up to 50 ms: LEGO's firmware cannot tell that an order is late).",
+    "`ev3-stock` up to 50 ms: LEGO's firmware cannot tell that an order is late; for `ev3-remote`",
+    "none: its agent refuses what comes late, as its own tests show).",
     f"In brackets is the worst of {bodies.DRIVES} drives, counted from the fault.",
 ]
 _CLOSING = [
