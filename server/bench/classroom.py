@@ -1,7 +1,8 @@
 """Simulated robots of a class in one process, each with a server of its own and a pupil who drives.
 
 `python -m server.bench.classroom COUNT RATE KEYFILE` prints the ports. A line on standard input is
-a command: `drive` starts all robots, with Forward held on each; `report` says when each stopped.
+a command: `drive` starts all robots that stand, with Forward held on each; `report` says when each
+stopped.
 """
 
 from __future__ import annotations
@@ -50,7 +51,9 @@ class _Pupil:
         if self.rig.loop.state.emergency and self.latched_s is None:
             self.latched_s = time.monotonic()
 
-    def start(self) -> None:
+    def start_if_stopped(self) -> None:
+        if self.rig.loop.state.decision.mode is Mode.TRAIN and self.latched_s is None:
+            return
         self.rig.loop.release_emergency()
         now_s = self.rig.clock.now_s()
         self.rig.loop.set_mode(
@@ -103,7 +106,7 @@ def main() -> None:
         for line in sys.stdin:
             if line.strip() == "drive":
                 for pupil in pupils:
-                    pupil.start()
+                    pupil.start_if_stopped()
             rows = [
                 {
                     "moved_s": pupil.moved_s,
