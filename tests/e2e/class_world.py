@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import datetime as dt
 import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from server.config import Config
 from server.hosting.serving import served
 from server.identity import COLOURS, IdentityFile
 from server.persistence import Persistence
+from server.security.certificates import make_certificates
 from server.security.class_key import ClassKey
 from server.security.classroom import Classroom
 from server.security.pairing import Pairing
@@ -41,9 +43,12 @@ class LiveClass:
 
 @contextlib.contextmanager
 def running_class(
-    folder: Path, robots: int = 3, away: int = 0, *, simulated: bool = False
+    folder: Path, robots: int = 3, away: int = 0, *, simulated: bool = False, tls: int = 0
 ) -> Iterator[LiveClass]:
-    """Serve so many robots and their board; `away` more are on its list and do not answer."""
+    """Serve so many robots and their board; `away` more are on its list and do not answer.
+
+    The first `tls` robots are served over https.
+    """
     with contextlib.ExitStack() as stack:
         found, addresses = [], []
         for i in range(robots):
@@ -59,7 +64,11 @@ def running_class(
             identity = IdentityFile(data, NAMES[i % len(NAMES)])
             identity.change(colour=COLOURS[i % len(COLOURS)])
             persistence = Persistence(Storage(data), rig, name=identity.now.name)
-            config = Config(port=0, data=data)
+            config = Config(port=0, data=data, tls=i < tls)
+            certificates = None
+            if config.tls:
+                now = dt.datetime.now(dt.UTC)
+                certificates = make_certificates(data / "tls", ["127.0.0.1"], now)
             services = make_services(
                 config,
                 rig,
@@ -70,7 +79,7 @@ def running_class(
             )
             stack.enter_context(rig)
             stack.enter_context(persistence)
-            address = stack.enter_context(served(create_app(services), config))
+            address = stack.enter_context(served(create_app(services), config, certificates))
             addresses.append(RobotAddress.parse(address))
             found.append(services)
         addresses += [RobotAddress("127.0.0.1", _free_port()) for _ in range(away)]

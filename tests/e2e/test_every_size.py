@@ -30,6 +30,8 @@ SIZES = [
     (1920, 1080),
     (3840, 2160),
 ]
+_LAID_OUT = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+"""Two frames later everything that follows the size has followed it, however busy the machine."""
 SCREENS = ("gallery", "why", "teaching", "undo", "lesson", "home", "settings")
 
 
@@ -91,7 +93,7 @@ def test_the_board_of_a_class_has_room_everywhere(
 def _sizes(page: Any) -> Any:
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
-        page.wait_for_timeout(60)
+        page.evaluate(_LAID_OUT)
         yield f"{width}x{height}"
 
 

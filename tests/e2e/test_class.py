@@ -1,0 +1,80 @@
+"""A teacher's hour on the board, with real servers: one of them over https."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from robot.types import Action
+
+from .class_world import running_class
+from .world import PHONE, wait_for
+
+pytestmark = pytest.mark.browser
+
+
+def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> None:
+    with running_class(tmp_path, 2, tls=1) as school:
+        context = chromium.new_context(locale="en")
+        page = context.new_page()
+        page.goto(school.address)
+        page.locator(".robot[data-status=there]").nth(1).wait_for()
+        page.locator(".seen[data-frames]").nth(1).wait_for(timeout=10_000)
+
+        def open_panel(number: int) -> None:
+            page.locator(f"[data-number='{number}'] .acts button").last.click()
+
+        # A name that is given on the board is the robot's own.
+        open_panel(2)
+        page.get_by_label("Name", exact=True).fill("Zora")
+        page.get_by_label("Name", exact=True).blur()
+        page.locator("[data-number='2'] h2", has_text="Zora").wait_for()
+        assert school.robots[1].identity.now.name == "Zora"
+
+        # Two phones scan one code; neither types, and both drive.
+        there = school.board.robot(2).page_address
+        assert there is not None and "/pair#" in there
+        phones = []
+        for _ in range(2):
+            phone = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+            scanned = phone.new_page()
+            scanned.goto(there)
+            scanned.wait_for_selector("video-view[data-frames]", state="attached")
+            phones.append(phone)
+
+        # What is locked is refused by the robot, whoever asks.
+        page.get_by_label("models", exact=True).check()
+        classroom = school.robots[1].classroom
+        assert classroom is not None
+        wait_for(lambda: classroom.locks == {"models"}, "the robot knows its lock")
+        jar = {cookie["name"]: cookie["value"] for cookie in phones[0].cookies()}
+        address = there.rsplit("/pair", 1)[0]
+        assert httpx.post(f"{address}/api/models", cookies=jar).status_code == 423
+        assert httpx.get(f"{address}/api/models", cookies=jar).status_code == 200
+
+        # A model goes from the robot behind https to the other one, locked or not.
+        page.locator("#panel .title button").click()
+        source, target = (robot.persistence for robot in school.robots)
+        assert source is not None and target is not None
+        open_panel(1)
+        page.locator("#panel .choice", has_text="Zora").locator("input").check()
+        page.get_by_role("button", name="Give it").click()
+        page.locator(".said", has_text="Done").wait_for()
+        assert target.autosave.name in target.models.names()
+        assert target.autosave.name == source.autosave.name
+
+        # STOP is felt when it is pressed, before it is let go.
+        box = page.locator("button.stop").bounding_box()
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        page.mouse.down()
+        for robot in school.robots:
+            wait_for(lambda r=robot: r.robot.loop.state.emergency, "STOP ALL reaches each")
+            driver: Any = robot.robot.driver
+            assert driver.now is Action.STOP
+        page.mouse.up()
+        for phone in phones:
+            phone.close()
+        context.close()
