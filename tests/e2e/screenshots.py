@@ -313,13 +313,15 @@ def _hold_lesson(browser: Any, world: World) -> None:
 
 def _take_result(page: Any, world: World, shoot: Shoot) -> None:
     page.goto(f"{world.address}/#lesson")
-    page.wait_for_timeout(800)
+    page.locator("lesson-screen .curve.robot").first.wait_for(state="attached")
+    page.wait_for_timeout(1500)
     shoot("result")
 
 
 def _take_lesson(page: Any, world: World, shoot: Shoot) -> None:
     page.goto(f"{world.address}/#lesson")
-    page.wait_for_timeout(800)
+    page.locator("lesson-screen .primary").wait_for()
+    page.wait_for_timeout(300)
     shoot("lesson")
 
 
