@@ -318,7 +318,8 @@ class Conductor(StartStop):
                 autosave.load(model.before)
             else:
                 moves = tuple(Action(move) for move in model.moves_before)
-                autosave.begin(None, model.learner_before, None, moves)
+                # Empty and without a name, as it was.
+                autosave.delete(autosave.begin(None, model.learner_before, None, moves))
         if model.own in autosave.store.names():
             autosave.delete(model.own)
         self.folder.active = None

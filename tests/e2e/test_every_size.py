@@ -32,7 +32,7 @@ SIZES = [
 ]
 _LAID_OUT = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 """Two frames later everything that follows the size has followed it, however busy the machine."""
-SCREENS = ("gallery", "why", "teaching", "undo", "lesson", "home", "settings")
+SCREENS = ("gallery", "why", "teaching", "undo", "lesson", "study", "home", "settings")
 
 
 @pytest.mark.parametrize("language", ["en", "es", "zh", "longer"])

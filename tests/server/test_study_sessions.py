@@ -164,6 +164,17 @@ def test_two_participants_meet_both_conditions_in_balanced_order(tmp_path: Path)
     assert (study["done"], study["next_order"]) == (2, None)
 
 
+def test_a_robot_that_knew_nothing_has_no_model_afterwards(tmp_path: Path) -> None:
+    with VirtualServer(data=tmp_path) as server:
+        before = standing(server)
+        begin(server)
+        post(server, "/api/session/drive", confirmed=True)
+        drive(server, 0.5)
+        ask(server, "DELETE", "/api/session")
+        assert standing(server) == before
+        assert before[1] == []
+
+
 @pytest.mark.parametrize("at", ["consent", "ready", "drive", "questions"])
 def test_a_session_that_is_left_leaves_no_model_and_goes_on_where_it_was(
     tmp_path: Path, at: str

@@ -8,7 +8,8 @@ const pages = [['the page', '../../web/js/', 60], ["the class's board", '../../w
 
 for (const [page, path, least] of pages) {
   const folder = new URL(path, import.meta.url);
-  const read = async (code) => (await import(new URL(`messages/${code}.js`, folder))).default;
+  const studies = path.endsWith('/js/') ? (await import(new URL('study/words.js', folder))).default : {};
+  const read = async (code) => ({ ...(await import(new URL(`messages/${code}.js`, folder))).default, ...studies[code] });
   const english = await read('en');
   const places = (sentence) => [...sentence.matchAll(/\{(\w+)\}/g)].map(([, name]) => name).sort();
 

@@ -83,7 +83,7 @@ function lagAdvice(page) {
 /** What the study run asks for next. @param {PageState} page @returns {Advice | null} */
 function lessonAdvice({ lesson, robot }) {
   if (!lesson || lesson.phase === 'done') return null;
-  if (lesson.phase === 'question') return { key: 'lesson.over', step: 'lesson', level: 'info' };
+  if (lesson.phase === 'question') return { key: lesson.participant ? 'lesson.questions' : 'lesson.over', step: 'lesson', level: 'info' };
   return robot?.mode === lesson.mode ? null : { key: `lesson.next_${lesson.phase}`, level: 'info' };
 }
 

@@ -249,7 +249,7 @@ export class Page {
       return;
     }
     if (step === 'lesson') {
-      location.hash = 'lesson';
+      location.hash = this.store.state.lesson?.participant ? 'study' : 'lesson';
       return;
     }
     if (step === 'release') {

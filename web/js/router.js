@@ -9,9 +9,13 @@ const ELEMENTS = {
   teaching: 'teaching-screen',
   undo: 'undo-screen',
   lesson: 'lesson-screen',
+  study: 'study-screen',
   home: 'home-screen',
   settings: 'settings-screen',
 };
+
+/** @type {Record<string, string>} folders of screens that have one of their own */
+const ROOMS = { study: 'study' };
 
 export class Router {
   /** @param {import('./page.js').Page} page */
@@ -38,7 +42,7 @@ export class Router {
     other.hidden = screen === 'drive';
     other.replaceChildren();
     if (screen === 'drive') return;
-    await import(`./components/${ELEMENTS[screen]}.js`);
+    await import(`./${ROOMS[screen] ?? 'components'}/${ELEMENTS[screen]}.js`);
     if (page.store.state.screen !== screen) return;
     const element = /** @type {any} */ (document.createElement(ELEMENTS[screen]));
     other.append(element);

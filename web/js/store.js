@@ -4,7 +4,7 @@
 /**
  * The study run in progress; see docs/reference/http.md.
  * @typedef {{trial: number, phase: string, mode: string | null, left_s: number,
- *   wanted_s: Record<string, number>, done_s: Record<string, number>, interventions: number, result: any}} LessonState
+ *   wanted_s: Record<string, number>, done_s: Record<string, number>, interventions: number, result: any, participant?: string}} LessonState
  */
 /** @typedef {{text: string, step: {label: string, act: () => void} | null}} Toast */
 /**

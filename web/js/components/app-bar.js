@@ -6,7 +6,7 @@ import { percent, t } from '../i18n.js';
 import { makeStop } from '../stop.js';
 import { minutes } from './teach-panel.js';
 
-export const SCREENS = ['drive', 'gallery', 'teaching', 'lesson', 'home', 'settings'];
+export const SCREENS = ['drive', 'gallery', 'teaching', 'lesson', 'study', 'home', 'settings'];
 
 export class AppBar extends HTMLElement {
   shownFigures = '';

@@ -26,6 +26,7 @@ export class LessonScreen extends Screen {
 
   /** @param {import('../store.js').LessonState | null} lesson */
   render(lesson) {
+    if (lesson?.participant) lesson = null; // a session of the study has a screen of its own
     const body = /** @type {HTMLElement} */ (this.body);
     const stamp = lesson ? `${lesson.phase}/${lesson.result ? 1 : 0}` : 'none';
     if (body.dataset.stamp !== stamp) {

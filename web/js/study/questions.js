@@ -1,0 +1,105 @@
+// The questions after a part of a study: native radios, sliders and fields, so that keyboard and
+// screen reader work as everywhere. Each answer is sent at once; a reload loses none.
+
+import { ask } from '../api.js';
+import { h, say } from '../dom.js';
+import { language, t } from '../i18n.js';
+
+/** @typedef {Record<string, string>} Words */
+/** @typedef {{name: string, text: Words, kind: string, least: number, most: number, step: number, low: Words, high: Words, options: Words[]}} Question */
+
+const MOST_RADIOS = 11;
+
+/** A text in the page's language, else in English, else in any. @param {Words} words */
+export const inWords = (words) => words[language] ?? words.en ?? Object.values(words)[0] ?? '';
+
+/**
+ * @param {Question[]} questions
+ * @param {Record<string, string>} answers  given so far
+ * @param {(send: () => Promise<any>) => Promise<any>} attempt  runs what may be refused
+ * @param {(session: any) => void} done  called with the session when all are answered
+ */
+export function questionForm(questions, answers, attempt, done) {
+  /** @type {Record<string, number | string>} */
+  const given = {};
+  for (const { name, kind } of questions) if (name in answers) given[name] = kind === 'text' ? answers[name] : Number(answers[name]);
+  const parts = questions.map((question) => {
+    const missing = h('p', { class: 'hint', role: 'alert' });
+    const take = (/** @type {number | string} */ value) => {
+      given[question.name] = value;
+      say(missing, '');
+      return attempt(() => ask('POST', '/api/session/answers', { answers: { [question.name]: value } }));
+    };
+    const field = question.kind === 'text' ? written(question, given, take) : chosen(question, given, take);
+    field.append(missing);
+    return { question, field, missing };
+  });
+  const send = async (/** @type {Event} */ event) => {
+    event.preventDefault();
+    // A text may stay empty.
+    for (const { name, kind } of questions) if (kind === 'text') given[name] ??= '';
+    const open = parts.filter(({ question }) => !(question.name in given));
+    for (const { missing } of open) say(missing, t('study.missing'));
+    if (open.length) {
+      open[0].field.querySelector('input')?.focus();
+      open[0].field.scrollIntoView({ block: 'center' });
+      return;
+    }
+    const answer = await attempt(() => ask('POST', '/api/session/answers', { answers: given, done: true }));
+    if (answer) done(answer.session);
+  };
+  return h('form', { class: 'stack', onsubmit: send, novalidate: true }, h('h2', {}, t('study.questions')),
+    ...parts.map(({ field }) => field), h('button', { class: 'primary wide' }, t('study.send')));
+}
+
+/** @param {Question} question @param {Record<string, any>} given @param {(value: number) => void} take */
+function chosen(question, given, take) {
+  const legend = h('legend', {}, inWords(question.text));
+  const { least, most, step } = question;
+  if (question.kind === 'scale' && (most - least) / step + 1 > MOST_RADIOS) return slider(question, legend, given, take);
+  const values = question.kind === 'choice'
+    ? question.options.map((words, i) => /** @type {[number, string]} */ ([i + 1, inWords(words)]))
+    : Array.from({ length: Math.floor((most - least) / step) + 1 }, (_, i) => /** @type {[number, string]} */ ([least + i * step, String(least + i * step)]));
+  const radios = values.map(([value, text]) => {
+    const end = value === least ? inWords(question.low) : value === most ? inWords(question.high) : '';
+    return h('label', { class: question.kind === 'choice' ? 'choice' : 'point' },
+      h('input', { type: 'radio', name: question.name, value, checked: given[question.name] === value, onchange: () => take(value) }),
+      h('span', {}, text), question.kind === 'scale' && end ? h('span', { class: 'unseen' }, end) : null);
+  });
+  return h('fieldset', { class: 'panel stack' }, legend,
+    ...(question.kind === 'choice' ? radios : [h('div', { class: 'points' }, ...radios), ends(question)]));
+}
+
+/** Nothing is chosen until it is touched. @param {Question} question @param {HTMLElement} legend @param {Record<string, any>} given @param {(value: number) => void} take */
+function slider(question, legend, given, take) {
+  const { name, least, most, step } = question;
+  const shown = h('output');
+  const range = h('input', { type: 'range', min: least, max: most, step, 'aria-label': inWords(question.text), value: given[name] ?? (least + most) / 2 });
+  const show = () => {
+    const isSet = name in given;
+    range.classList.toggle('unset', !isSet);
+    range.setAttribute('aria-valuetext', isSet ? `${given[name]}` : t('study.unset'));
+    say(shown, isSet ? `${given[name]}` : '–');
+  };
+  const set = () => {
+    given[name] = Number(range.value);
+    show();
+  };
+  range.addEventListener('input', set);
+  // The middle can be meant, too: a press or a key that moves nothing chooses it.
+  range.addEventListener('pointerup', () => (set(), take(Number(range.value))));
+  range.addEventListener('keydown', (event) => [' ', 'Enter'].includes(event.key) && (event.preventDefault(), event.stopPropagation(), set(), take(Number(range.value))));
+  range.addEventListener('change', () => take(Number(range.value)));
+  show();
+  return h('fieldset', { class: 'panel stack' }, legend, h('div', { class: 'slider' }, range, shown), ends(question));
+}
+
+/** @param {Question} question */
+const ends = ({ low, high }) => h('div', { class: 'ends', 'aria-hidden': 'true' }, h('small', {}, inWords(low)), h('small', {}, inWords(high)));
+
+/** @param {Question} question @param {Record<string, any>} given @param {(value: string) => void} take */
+function written(question, given, take) {
+  const area = h('textarea', { rows: 3, maxlength: 1000, 'aria-label': inWords(question.text), onchange: () => take(area.value) });
+  area.value = given[question.name] ?? '';
+  return h('fieldset', { class: 'panel stack' }, h('legend', {}, inWords(question.text)), area);
+}

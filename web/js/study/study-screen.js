@@ -1,0 +1,228 @@
+// <study-screen>: studies with participants. Without a session it is the researcher's; with one, it
+// leads a participant through it.
+
+import { ask } from '../api.js';
+import { minutes } from '../components/teach-panel.js';
+import { Screen } from '../components/screen.js';
+import { append, fill, h } from '../dom.js';
+import { language, learn, t } from '../i18n.js';
+import { inWords, questionForm } from './questions.js';
+import words from './words.js';
+
+learn({ ...words.en, .../** @type {Record<string, Record<string, string>>} */ (words)[language] });
+
+const OWN = 'plan';
+
+export class StudyScreen extends Screen {
+  body = h('div', { class: 'stack' });
+  refusal = h('p', { class: 'panel refusal', role: 'alert', hidden: true });
+  /** @type {string | null} the study that is shown */
+  chosen = null;
+  drawn = '';
+
+  build() {
+    append(this, [this.refusal, this.body]);
+    this.watch(['lesson'], () => this.refresh());
+  }
+
+  async refresh() {
+    const answer = await ask('GET', '/api/session').catch(() => null);
+    if (answer && this.isConnected) await this.show(answer.session);
+  }
+
+  /** @param {any} session */
+  async show(session) {
+    const stamp = session ? JSON.stringify([session.participant, session.step, session.position, session.phase, session.is_driving]) : '';
+    if (stamp && stamp === this.drawn) {
+      this.progress(session);
+      return;
+    }
+    const isNew = stamp !== this.drawn;
+    this.drawn = stamp;
+    if (!session) {
+      await this.list();
+      return;
+    }
+    this.refuse('');
+    fill(this.body, ...this.lead(session));
+    this.progress(session);
+    if (isNew) document.querySelector('main#other')?.scrollTo(0, 0);
+  }
+
+  /** What the robot refuses stays to be read. @param {string} sentence */
+  refuse(sentence) {
+    this.refusal.hidden = !sentence;
+    this.refusal.textContent = sentence;
+  }
+
+  /** @param {() => Promise<any>} act @returns {Promise<any>} */
+  async act(act) {
+    try {
+      const answer = await act();
+      this.refuse('');
+      return answer;
+    } catch (error) {
+      this.refuse(error instanceof TypeError ? t('unreachable') : /** @type {Error} */ (error).message);
+      this.refusal.scrollIntoView({ block: 'nearest' });
+      return undefined;
+    }
+  }
+
+  /** Do something to the session, and show it. @param {string} method @param {string} path @param {any} [body] */
+  async step(method, path, body) {
+    const answer = await this.act(() => ask(method, path, body));
+    if (answer) await this.show(answer.session);
+    return answer;
+  }
+
+  // The researcher's ---------------------------------------------------------------------------
+
+  async list() {
+    const answer = await this.act(() => ask('GET', '/api/studies'));
+    if (!answer || !this.isConnected) return;
+    const names = /** @type {string[]} */ (answer.studies);
+    if (!this.chosen || !names.includes(this.chosen)) this.chosen = names[0] ?? null;
+    const study = this.chosen && (await this.act(() => ask('GET', `/api/studies/${encodeURIComponent(this.chosen ?? '')}`)));
+    const pick = h('select', { 'aria-label': t('study.which'), onchange: () => {
+      this.chosen = pick.value;
+      this.list();
+    } }, ...names.map((name) => h('option', { selected: name === this.chosen }, name)));
+    fill(this.body, ...(names.length ? [pick] : [h('p', { class: 'lead' }, t('study.none'))]),
+      ...(study ? this.study(study) : []), this.creation(!names.length));
+  }
+
+  /** @param {any} study */
+  study(study) {
+    const code = h('input', { 'aria-label': t('study.code'), placeholder: 'P07', maxlength: 7, autocomplete: 'off', autocapitalize: 'characters' });
+    const begin = async (/** @type {Event} */ event) => {
+      event.preventDefault();
+      await this.step('POST', '/api/session', { study: study.name, participant: code.value.trim().toUpperCase() });
+    };
+    return [
+      h('div', { class: 'panel stack' }, h('h2', {}, study.title),
+        h('progress', { max: study.participants, value: study.done, 'aria-label': t('study.progress', { done: study.done, n: study.participants }) }),
+        h('p', {}, t('study.progress', { done: study.done, n: study.participants })),
+        h('p', { class: 'hint' }, study.next_order ? t('study.next', { order: study.next_order.join(', ') }) : t('study.full')),
+        h('form', { class: 'row', onsubmit: begin }, code, h('button', { class: 'primary' }, t('study.begin'))),
+        h('p', { class: 'hint' }, t('study.code_hint')),
+        h('a', { class: 'button', href: `/api/studies/${encodeURIComponent(study.name)}/zip`, download: `${study.name}.zip` }, t('study.download'))),
+      study.sessions.length ? h('h2', {}, t('study.sessions')) : null,
+      h('div', { class: 'stack', role: 'list' }, ...study.sessions.map((/** @type {any} */ session) => this.line(study, session))),
+    ].filter((part) => part !== null);
+  }
+
+  /** @param {any} study @param {any} session */
+  line(study, session) {
+    const { participant: code, step, order, position: n, of, fault } = session;
+    const state = fault || (step === 'done' ? t('study.step.done') : `${t('study.at', { n, of })}, ${t(`study.step.${step}`)}`);
+    return h('div', { class: 'panel stack', role: 'listitem' },
+      h('div', { class: 'row' }, h('h3', { class: 'grow' }, code), h('span', {}, state)),
+      h('small', {}, order.join(', ')),
+      h('div', { class: 'row' },
+        step === 'done' || fault ? null : h('button', { type: 'button', onclick: () => this.step('POST', '/api/session', { study: study.name, participant: code }) }, t('study.resume', { code })),
+        h('button', { type: 'button', onclick: () => this.withdraw(study.name, code) }, t('study.withdraw', { code }))));
+  }
+
+  /** @param {string} study @param {string} code */
+  withdraw(study, code) {
+    this.page?.toast(t('study.withdraw_really', { code }), { label: t('study.withdraw_yes'), act: async () => {
+      await this.act(() => ask('DELETE', `/api/studies/${encodeURIComponent(study)}/sessions/${code}`));
+      await this.list();
+    } });
+  }
+
+  /** @param {boolean} isFirst */
+  creation(isFirst) {
+    let source = '1';
+    const name = h('input', { 'aria-label': t('study.name'), placeholder: t('study.name'), maxlength: 40, required: true });
+    const file = h('input', { type: 'file', accept: '.toml', 'aria-label': t('study.plan') });
+    const place = h('div', { hidden: true }, file);
+    const kinds = h('select', { 'aria-label': t('study.new'), onchange: () => {
+      source = kinds.value;
+      place.hidden = source !== OWN;
+    } }, ...['1', '2', '3'].map((n) => h('option', { value: n }, t('study.trial', { n }))), h('option', { value: OWN }, t('study.plan')));
+    const create = async (/** @type {Event} */ event) => {
+      event.preventDefault();
+      const plan = source === OWN ? { plan: (await file.files?.[0]?.text()) ?? '' } : { trial: Number(source) };
+      const made = await this.act(() => ask('POST', '/api/studies', { name: name.value.trim(), ...plan }));
+      if (!made) return;
+      this.chosen = made.name;
+      await this.list();
+    };
+    return h('details', { class: 'panel', open: isFirst }, h('summary', {}, t('study.new')),
+      h('form', { class: 'stack', onsubmit: create }, name, kinds, place, h('button', {}, t('study.create'))));
+  }
+
+  // The participant's --------------------------------------------------------------------------
+
+  /** @param {any} session @returns {HTMLElement[]} */
+  lead(session) {
+    const heading = h('h2', {}, t('study.part', { n: session.position, of: session.of }));
+    if (session.step === 'consent') return [this.consent(session), this.forResearcher(session)];
+    if (session.step === 'questions') {
+      return [heading, questionForm(session.questions, session.answers, (send) => this.act(send), (next) => this.show(next)), this.forResearcher(session)];
+    }
+    if (session.step === 'done') {
+      return [h('p', { class: 'lead' }, t('study.thanks')),
+        h('button', { type: 'button', class: 'wide', onclick: () => this.step('DELETE', '/api/session') }, t('study.close'))];
+    }
+    const text = inWords(session.instructions);
+    return [heading, ...(text ? [h('p', { class: 'prose' }, text)] : []), this.phases(session), ...this.go(session), this.forResearcher(session)];
+  }
+
+  /** @param {any} session */
+  consent(session) {
+    return h('div', { class: 'stack' }, h('p', { class: 'panel prose' }, inWords(session.consent)),
+      h('button', { type: 'button', class: 'primary wide', onclick: () => this.step('POST', '/api/session/consent', { language }) }, t('study.agree')));
+  }
+
+  /** @param {any} session */
+  phases(session) {
+    this.bars = session.phases.map(() => h('i'));
+    this.left = session.phases.map(() => h('span', { class: 'bar-figure' }));
+    const steps = session.phases.map((/** @type {any} */ phase, /** @type {number} */ i) => h('li', { class: i === session.phase ? 'now' : '' },
+      h('b', {}, `${i + 1}. ${t(`lesson.${phase.kind}`)}`), this.left[i],
+      h('span', { class: 'hint' }, inWords(phase.instructions) || t(`study.${phase.kind}_how`)),
+      h('span', { class: 'track', 'aria-hidden': 'true' }, this.bars[i])));
+    return h('div', { class: 'panel stack' }, h('h3', {}, t('study.what')), h('ol', { class: 'steps' }, ...steps), h('p', { class: 'hint' }, t('study.clock')));
+  }
+
+  /** @param {any} session */
+  progress({ phases, step }) {
+    if (step !== 'drive' && step !== 'ready') return;
+    phases.forEach((/** @type {any} */ { seconds, done_s: done }, /** @type {number} */ i) => {
+      this.bars[i].style.transform = `scaleX(${step === 'drive' ? Math.min(1, done / seconds) : 0})`;
+      this.left[i].textContent = minutes(step === 'drive' ? seconds - done : seconds);
+    });
+  }
+
+  /** @param {any} session */
+  go(session) {
+    if (session.step === 'drive' && session.is_driving) return [h('a', { class: 'button primary wide', href: '#drive' }, t('study.wheel'))];
+    const confirmed = h('input', { type: 'checkbox' });
+    const start = async () => {
+      const answer = await this.step('POST', '/api/session/drive', { confirmed: confirmed.checked });
+      if (answer?.session?.is_driving) location.hash = 'drive';
+    };
+    return [
+      ...(session.needs_confirmation ? [h('label', { class: 'choice' }, confirmed, h('span', {}, t('study.place', { world: session.world })))] : []),
+      h('button', { type: 'button', class: 'primary wide', onclick: start }, t(session.step === 'drive' ? 'study.go_on' : 'study.start')),
+    ];
+  }
+
+  /** @param {any} session */
+  forResearcher(session) {
+    const button = (/** @type {string} */ key, /** @type {() => any} */ act) => h('button', { type: 'button', onclick: act }, t(key));
+    return h('details', { class: 'panel' }, h('summary', {}, t('study.researcher')),
+      h('div', { class: 'stack' }, h('p', { class: 'hint' }, t('study.session', { code: session.participant })), session.fault ? h('p', {}, session.fault) : null,
+        h('div', { class: 'row' }, button('study.leave', () => this.step('DELETE', '/api/session')),
+          session.step === 'drive' ? button('study.anew', () => this.step('POST', '/api/session/drive', { anew: true, confirmed: true })) : null)));
+  }
+
+  /** @type {HTMLElement[]} */
+  bars = [];
+  /** @type {HTMLElement[]} */
+  left = [];
+}
+
+customElements.define('study-screen', StudyScreen);
