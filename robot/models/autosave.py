@@ -129,7 +129,9 @@ class Autosave:
         if not self.has_unsaved:
             return
         try:
-            self.save()
+            with self._lock:  # another model may be on its way, and count as saved in a moment
+                if self.has_unsaved:
+                    self.save()
         except Exception as error:  # whatever it is, the thread must go on
             expected = isinstance(error, OSError | RobotError)
             log.warning("the model was not saved: %s", error, exc_info=not expected)

@@ -269,7 +269,7 @@ class Conductor(StartStop):
         session, study, autosave = self._session(), self.study or "", self._autosave
         self._wait(self._loop.set_mode(Mode.STOPPED))
         state = self._loop.state
-        before = autosave.save() if state.taught else autosave.name
+        before = autosave.save() if any(state.taught.values()) else autosave.name
         position = session.position + 1
         wanted = f"{study} {session.participant} {position}"
         model = SessionModel(
