@@ -253,6 +253,7 @@ class Conductor(StartStop):
         events += session.note(tick, wall_s, self._measure)
         event_log.add(events)
         if any(event.event == "phase_ended" for event in events):
+            self._episode = None  # each phase names its recordings
             self._loop.set_mode(Mode.STOPPED)
             self._announce("lesson", phase=session.step.value)
 

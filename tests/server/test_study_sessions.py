@@ -160,6 +160,7 @@ def test_two_participants_meet_both_conditions_in_balanced_order(tmp_path: Path)
     for row in found:
         if row["kind"] in ("teach", "alone"):
             assert float(row["driven_s"]) == float(row["planned_s"])
+            assert row["recordings"], "each phase names what was recorded of it"
     assert {r["trust"] for r in found if r["trust"]} == {"4.0"}
     assert (study["done"], study["next_order"]) == (2, None)
 
