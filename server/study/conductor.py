@@ -1,8 +1,6 @@
-"""Conducts one participant's session: timed phases on the loop's ticks, questions, models.
+"""Conducts one participant's session: timed phases on the loop's ticks, and questions.
 
-What participants teach is never among the robot's own models for longer than it is driven: it is
-put away beside the session's log, and what was in use before is in use again. `StudyFolder.active`
-says so on disk, so that a start after a power cut can do the same.
+Where a session stands is what its log says, so that it can be taken up again at any time.
 """
 
 from __future__ import annotations
@@ -18,14 +16,13 @@ from robot.experiments.study.plan import Condition
 from robot.experiments.study.session import SessionStep, StudySession, follow_log
 from robot.models.autosave import Autosave
 from robot.rig.rig import Rig
-from robot.storage.folder import write_whole
-from robot.types import Action, Mode, StartStop
+from robot.types import Mode, StartStop
 from server.study.event_log import EventLog
-from server.study.folder import SessionModel, StudyFolder, fingerprint
+from server.study.folder import StudyFolder, fingerprint
 from server.study.lesson import name_of_world
+from server.study.models import PATIENCE_S, SessionModels
 
 log = logging.getLogger(__name__)
-_PATIENCE_S = 10.0
 _T = TypeVar("_T")
 
 
@@ -54,11 +51,10 @@ class Conductor(StartStop):
         self.study: str | None = None
         self.session: StudySession | None = None
         self._rig, self._loop, self._clock = rig, rig.loop, rig.clock
-        self._autosave = autosave
+        self._models = SessionModels(rig, folder, autosave)
         self._announce = announce
         self._recording = recording
         self._log: EventLog | None = None
-        self._model: SessionModel | None = None
         self._episode: str | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
 
@@ -66,7 +62,7 @@ class Conductor(StartStop):
         """Put away what a power cut left in use, and follow the loop."""
         self._unsubscribe = self._loop.subscribe(self.note)
         try:
-            self._put_away()
+            self._models.put_away()
         except (RobotError, OSError, TimeoutError) as error:  # the robot starts anyway
             log.warning("a session's model is still in use: %s", error)
 
@@ -81,7 +77,7 @@ class Conductor(StartStop):
     @property
     def is_driving(self) -> bool:
         """Whether the session's own model is in use, so that its phases' clocks may run."""
-        return self._model is not None
+        return self._models.in_use is not None
 
     @property
     def fault(self) -> str:
@@ -162,17 +158,19 @@ class Conductor(StartStop):
         session = self._session()
         if session.step is not SessionStep.DRIVE:
             self._require(SessionStep.READY)
-        elif self._model is not None and not anew:
+        elif self.is_driving and not anew:
             return
         condition = session.condition
         checked_by = self._check_place(condition, confirmed)
         missing = set(condition.moves) - set(self._rig.driver.moves)
         if missing:
             raise ConfigurationError(f"this robot cannot {', '.join(sorted(missing))}")
-        self._put_away()
-        kept = self._kept_model()
+        self._models.put_away()
+        whose = (self.study or "", session.participant, session.position + 1)
+        kept = self._models.kept(*whose)
         is_new = anew or session.step is SessionStep.READY or kept is None
-        self._put_in_use(condition, None if is_new else kept)
+        self._models.put_in_use(*whose, condition, None if is_new else kept)
+        self._episode = None
         fields = {"attempt": session.attempt + 1} if is_new else {}
         self._happen("condition_begun" if is_new else "condition_resumed", **fields)
         self._happen("world", name=checked_by, value=condition.world)
@@ -220,7 +218,7 @@ class Conductor(StartStop):
             self._happen("answered")
             if self._session().step is SessionStep.DONE:
                 self._happen("session_ended")
-            self._put_away()
+            self._models.put_away()
             self._announce("lesson", phase="answered")
         self._flush()
 
@@ -230,7 +228,7 @@ class Conductor(StartStop):
         if session is not None and session.step is not SessionStep.DONE:
             self._happen("left", value=why)
         try:
-            self._put_away()
+            self._models.put_away()
         finally:
             self.session = self.study = self._log = None
             if event_log is not None:
@@ -242,7 +240,12 @@ class Conductor(StartStop):
     def note(self, tick: Tick) -> None:
         """Record one tick, on the loop's thread; stop the robot when a phase ends."""
         session, event_log = self.session, self._log
-        if session is None or event_log is None or self._model is None or session.phase is None:
+        if (
+            session is None
+            or event_log is None
+            or self._models.in_use is None
+            or session.phase is None
+        ):
             return
         wall_s = self._clock.wall_s()
         events: list[StudyEvent] = []
@@ -263,67 +266,6 @@ class Conductor(StartStop):
         if state.agreement is not None:
             measures["agreement"] = repr(float(state.agreement))
         return measures
-
-    # Models -----------------------------------------------------------------------------------
-
-    def _put_in_use(self, condition: Condition, kept: bytes | None) -> None:
-        session, study, autosave = self._session(), self.study or "", self._autosave
-        self._wait(self._loop.set_mode(Mode.STOPPED))
-        state = self._loop.state
-        before = autosave.save() if any(state.taught.values()) else autosave.name
-        position = session.position + 1
-        wanted = f"{study} {session.participant} {position}"
-        model = SessionModel(
-            study=study,
-            participant=session.participant,
-            position=position,
-            own=autosave.store.free_name(wanted),
-            before=before,
-            learner_before=state.learner,
-            moves_before=tuple(map(str, state.moves)),
-        )
-        self.folder.active = model
-        try:
-            if kept is None:
-                autosave.begin(model.own, condition.learner, condition.world, condition.moves)
-            else:
-                autosave.load(autosave.store.add_file(model.own, kept))
-        except BaseException:
-            self.folder.active = None
-            raise
-        self._episode = None
-        self._model = model
-
-    def _kept_model(self) -> bytes | None:
-        session = self._session()
-        path = self.folder.model_path(self.study or "", session.participant, session.position + 1)
-        return path.read_bytes() if path.is_file() else None
-
-    def _put_away(self) -> None:
-        """Keep the session's model beside its log, and use again what was in use before."""
-        model, autosave = self.folder.active, self._autosave
-        self._model = None
-        if model is None:
-            return
-        self._wait(self._loop.set_mode(Mode.STOPPED))
-        is_in_use = autosave.name == model.own
-        if is_in_use and autosave.has_unsaved:
-            autosave.save()
-        if model.own in autosave.store.names():
-            data = autosave.store.read_file(model.own)
-            write_whole(
-                self.folder.model_path(model.study, model.participant, model.position), data
-            )
-        if is_in_use:
-            if model.before is not None and model.before in autosave.store.names():
-                autosave.load(model.before)
-            else:
-                moves = tuple(Action(move) for move in model.moves_before)
-                # Empty and without a name, as it was.
-                autosave.delete(autosave.begin(None, model.learner_before, None, moves))
-        if model.own in autosave.store.names():
-            autosave.delete(model.own)
-        self.folder.active = None
 
     # Within -----------------------------------------------------------------------------------
 
@@ -348,4 +290,4 @@ class Conductor(StartStop):
             self._log.flush()
 
     def _wait(self, future: Any) -> Any:
-        return self._clock.result(future, _PATIENCE_S)
+        return self._clock.result(future, PATIENCE_S)

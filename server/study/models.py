@@ -1,0 +1,92 @@
+"""The model of the session that is driven: in use while it is, then beside the session's log.
+
+What participants teach is never among the robot's own models for longer than it is driven: it is
+put away, and what was in use before is in use again. `StudyFolder.active` says so on disk, so that
+a start after a power cut can do the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robot.experiments.study.plan import Condition
+from robot.models.autosave import Autosave
+from robot.rig.rig import Rig
+from robot.storage.folder import write_whole
+from robot.types import Action, Mode
+from server.study.folder import SessionModel, StudyFolder
+
+PATIENCE_S = 10.0
+
+
+class SessionModels:
+    """Puts sessions' models in use and away; waits for loop and disk."""
+
+    def __init__(self, rig: Rig, folder: StudyFolder, autosave: Autosave) -> None:
+        self.in_use: SessionModel | None = None
+        self._loop, self._clock = rig.loop, rig.clock
+        self._folder, self._autosave = folder, autosave
+
+    def kept(self, study: str, participant: str, position: int) -> bytes | None:
+        """Return what a participant taught in a condition that was left; None if nothing."""
+        path = self._folder.model_path(study, participant, position)
+        return path.read_bytes() if path.is_file() else None
+
+    def put_in_use(
+        self, study: str, participant: str, position: int, condition: Condition, kept: bytes | None
+    ) -> None:
+        """Use an empty model of the condition, or the one that was kept.
+
+        Raises:
+            ConfigurationError, OSError: If it cannot be: the model before then stays in use.
+        """
+        autosave = self._autosave
+        self._stop()
+        state = self._loop.state
+        before = autosave.save() if any(state.taught.values()) else autosave.name
+        model = SessionModel(
+            study=study,
+            participant=participant,
+            position=position,
+            own=autosave.store.free_name(f"{study} {participant} {position}"),
+            before=before,
+            learner_before=state.learner,
+            moves_before=tuple(map(str, state.moves)),
+        )
+        self._folder.active = model
+        try:
+            if kept is None:
+                autosave.begin(model.own, condition.learner, condition.world, condition.moves)
+            else:
+                autosave.load(autosave.store.add_file(model.own, kept))
+        except BaseException:
+            self._folder.active = None
+            raise
+        self.in_use = model
+
+    def put_away(self) -> None:
+        """Keep the session's model beside its log, and use again what was in use before."""
+        model, autosave = self._folder.active, self._autosave
+        self.in_use = None
+        if model is None:
+            return
+        self._stop()
+        is_in_use = autosave.name == model.own
+        if is_in_use and autosave.has_unsaved:
+            autosave.save()
+        if model.own in autosave.store.names():
+            path = self._folder.model_path(model.study, model.participant, model.position)
+            write_whole(path, autosave.store.read_file(model.own))
+        if is_in_use:
+            if model.before is not None and model.before in autosave.store.names():
+                autosave.load(model.before)
+            else:
+                moves = tuple(Action(move) for move in model.moves_before)
+                # Empty and without a name, as it was.
+                autosave.delete(autosave.begin(None, model.learner_before, None, moves))
+        if model.own in autosave.store.names():
+            autosave.delete(model.own)
+        self._folder.active = None
+
+    def _stop(self) -> Any:
+        return self._clock.result(self._loop.set_mode(Mode.STOPPED), PATIENCE_S)
