@@ -193,7 +193,6 @@ def test_a_flood_neither_stops_the_pilot_nor_locks_out_a_new_phone(
         print(f"\nflood: {notes}, log {log.stat().st_size} B, lines {phone.connections}")
         print(f"back in {[round(1000 * one_s) for one_s in back_s]} ms; a page waits 250 first")
     assert statistics.median(back_s) < 5.0  # one may lose its SYN, which the kernel repeats
-    assert notes["moves"] > 0
     assert notes["longest_stand_s"] < 5.0
     assert phone.connections == 1, "the pilot's line was cut"
     assert ended > 0.9 * (HALF_REQUESTS + IDLE), "pending connections are not closed"
