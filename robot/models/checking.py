@@ -286,8 +286,11 @@ def _check_policy_params(
         at_s, label = last
         _demand(_is_number(at_s) and str(label) in map(str, moves), "last_learned is invalid")
     if "pace" in params:
-        _check_plain(params["pace"], "pace")
         _demand(isinstance(params["pace"], dict), "pace is not a table")
+        pace = dict(params["pace"])
+        turning = pace.pop("turning", None)
+        _demand(turning is None or turning in map(str, moves), "pace.turning is no move")
+        _check_plain(pace, "pace")
         PilotPace().set_state(params["pace"], {})
 
 

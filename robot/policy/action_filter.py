@@ -119,6 +119,7 @@ class Commitment:
         futile: Action | None = None,
         *,
         urge: float = 0.0,
+        hold: float = 1.0,
     ) -> Action:
         """Return the allowed action with most votes; the first on a tie.
 
@@ -128,11 +129,12 @@ class Commitment:
                 move must not influence a prediction that is compared with the pilot's move.
             futile: A move without effect: chosen only if there are no votes for another.
             urge: How much is subtracted from the votes of all turns.
+            hold: Share of its inertia that a turn under way has.
         """
         barred = OPPOSITE.get(self._turn) if self._turn is not None else None
         allowed = [action for action in shares if action is not barred] or list(shares)
         fruitful = [action for action in allowed if action is not futile and shares[action] > 0]
-        inertia = self.turn_inertia if under_way in TURNS else self.straight_inertia
+        inertia = hold * self.turn_inertia if under_way in TURNS else self.straight_inertia
         chosen = max(
             fruitful or allowed,
             key=lambda action: (
@@ -185,6 +187,7 @@ class ActionFilter:
         self._clock = ProgressClock()
         self._gives_up = gives_up
         self._asks_until_s = 0.0
+        self._turns_since_s: float | None = None
 
     @classmethod
     def none(cls) -> Self:
@@ -205,6 +208,7 @@ class ActionFilter:
         *,
         longest_debt_s: float,
         patience_s: float,
+        timed_turn_s: float | None = None,
     ) -> Action:
         """Return what to do.
 
@@ -214,6 +218,7 @@ class ActionFilter:
             under_way: As `Commitment.choose` has it.
             longest_debt_s: The pilot's largest debt (`PilotPace`).
             patience_s: How long a straight move may be without effect.
+            timed_turn_s: How long the pilot's turns take, if always as long (`PilotPace`).
         """
         if not self._gives_up:  # on an EV3 each comparison of pictures counts
             if under_way not in TURNS:
@@ -226,7 +231,20 @@ class ActionFilter:
             share > 0.0 for action, share in shares.items() if action is not futile
         ):
             self._ask(view.at_s)  # it was taught no other move
-        return self._commitment.choose(shares, under_way, futile, urge=urge)
+        hold = self._hold(under_way, view.at_s, timed_turn_s)
+        return self._commitment.choose(shares, under_way, futile, urge=urge, hold=hold)
+
+    def _hold(self, under_way: Action | None, at_s: float, timed_s: float | None) -> float:
+        """Return the share of its inertia that a turn has; negative when its time is over."""
+        if under_way not in TURNS:
+            self._turns_since_s = None
+            return 1.0
+        if self._turns_since_s is None:
+            self._turns_since_s = at_s
+        if timed_s is None:
+            return 1.0
+        over_s = at_s - self._turns_since_s - timed_s
+        return min(max(1.0 - over_s / _USUAL_STEP_S, -1.0), 1.0)
 
     def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
         """Update the clock and `needs_help`; return what to subtract from the votes of turns."""
@@ -259,4 +277,5 @@ class ActionFilter:
         self._commitment.free()
         self._stall_detector.reset()
         self._clock.reset()
+        self._turns_since_s = None
         self.needs_help = False

@@ -130,6 +130,7 @@ class Policy:
             under_way,
             longest_debt_s=self._pace.longest_debt_s,
             patience_s=self._pace.patience_s,
+            timed_turn_s=self._pace.timed_turn_s,
         )
         self._note(self._last_used, evidence.node, self._n_proposals)
         return Prediction(

@@ -1,8 +1,16 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from robot.policy.action_filter import STRAIGHT_INERTIA, TURN_INERTIA, Commitment, RunningVotes
+from robot.policy.action_filter import (
+    STRAIGHT_INERTIA,
+    TURN_INERTIA,
+    ActionFilter,
+    Commitment,
+    RunningVotes,
+    View,
+)
 from robot.types import Action
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -44,3 +52,26 @@ def test_driving_straight_yields_sooner_than_a_turn():
 
 def test_standing_still_is_no_move_under_way():
     assert Commitment().choose({F: 0.4, L: 0.6}, Action.STOP) is L
+
+
+@pytest.mark.parametrize("rate_hz", [5, 10, 30])
+@pytest.mark.parametrize("timed_s", [None, 1.0, 2.0])
+def test_a_turn_by_the_clock_yields_when_its_time_is_over_and_not_before(rate_hz, timed_s):
+    """Votes that are even: inertia alone decides, and yields only to the pilot's own time."""
+    actions, doing, turned_s = ActionFilter(), L, 0.0
+    for number in range(1, 3 * rate_hz):
+        at_s = number / rate_hz
+        picture = np.random.default_rng(number).integers(0, 255, 1200).astype(np.uint8)
+        view = View(picture=picture, at_s=at_s, bumped=False)
+        doing = actions.choose(
+            {F: 0.5, L: 0.5, R: 0.0},
+            view,
+            doing,
+            longest_debt_s=12.0,
+            patience_s=0.5,
+            timed_turn_s=timed_s,
+        )
+        if doing is not L:
+            break
+        turned_s = at_s
+    assert turned_s == pytest.approx(timed_s or 3.0, abs=0.1 + 2 / rate_hz)

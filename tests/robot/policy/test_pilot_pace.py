@@ -74,3 +74,37 @@ def test_its_state_goes_on_as_if_nothing_had_been():
     values_too, arrays_too = other.pace.get_state()
     assert values == values_too
     assert arrays.keys() == arrays_too.keys()
+
+
+@pytest.mark.parametrize("rate_hz", [10, 15, 30])
+@pytest.mark.parametrize("turn_s", [1.0, 2.0, 4.0])
+def test_turns_of_one_length_are_timed_at_any_frame_rate(rate_hz, turn_s):
+    pilot = Pilot(rate_hz)
+    assert pilot.pace.timed_turn_s is None
+    for _ in range(6):
+        pilot.drive(F, 2).drive(L, turn_s)
+    pilot.drive(F, 1)
+    assert pilot.pace.timed_turn_s == pytest.approx(turn_s, abs=0.15)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_person_who_turns_until_the_way_is_free_does_not_turn_by_the_clock(seed):
+    pilot, chance = Pilot(), np.random.default_rng(seed)
+    for _ in range(20):
+        pilot.drive(F, 2).drive(L, float(chance.uniform(0.8, 4.0)))
+    assert pilot.pace.timed_turn_s is None
+
+
+def test_restored_in_the_middle_of_a_turn_it_is_the_same_turn():
+    whole, first = Pilot(), Pilot()
+    for pilot in (whole, first):
+        for _ in range(5):
+            pilot.drive(F, 2).drive(L, 2)
+        pilot.drive(F, 2).drive(L, 1.2)
+    values, arrays = first.pace.get_state()
+    first.pace = PilotPace()
+    first.pace.set_state(values, arrays)
+    for pilot in (whole, first):
+        pilot.drive(L, 0.8).drive(F, 1)
+    assert first.pace.get_state()[0] == whole.pace.get_state()[0]
+    assert whole.pace.timed_turn_s is not None
