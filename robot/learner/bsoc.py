@@ -40,6 +40,8 @@ class BSOC:
         group_cost: How many times dearer it is to merge nodes of two groups (labels, say).
             1 is as in the paper, which has no groups.
         integer: Compute on pixels in whole numbers alone; vectors are then bytes.
+        n_compared: With `integer`: how many values of a vector are compared, from the first; None
+            for all.
 
     Attributes:
         nodes_: Node images, shape (n, d), float32.
@@ -55,7 +57,14 @@ class BSOC:
 
     measures_novelty = True
 
-    def __init__(self, max_nodes: int, *, group_cost: float = 1.0, integer: bool = False) -> None:
+    def __init__(
+        self,
+        max_nodes: int,
+        *,
+        group_cost: float = 1.0,
+        integer: bool = False,
+        n_compared: int | None = None,
+    ) -> None:
         if max_nodes < 1:
             raise ValueError(f"max_nodes must be at least 1, not {max_nodes}")
         if group_cost < 1.0:
@@ -79,7 +88,9 @@ class BSOC:
         self._pinned = np.zeros(max_nodes, np.bool_)
         self._distances = np.zeros((max_nodes, max_nodes), np.float32)
         self._edges = Edges(max_nodes)
-        self._images: Images = IntegerImages(max_nodes) if integer else FloatImages(max_nodes)
+        self._images: Images = (
+            IntegerImages(max_nodes, n_compared) if integer else FloatImages(max_nodes)
+        )
 
     def __len__(self) -> int:
         return self._size

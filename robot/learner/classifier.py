@@ -13,7 +13,7 @@ from robot.learner.bsoc import BSOC, Merge
 from robot.learner.change_of_mind import ChangeOfMind
 from robot.learner.novelty import Novelty
 from robot.learner.published import PublishedBSOC
-from robot.learner.ridge import RecursiveRidge
+from robot.learner.ridge import LinearPart
 
 GROUP_COST = 1000.0
 """Merging nodes of two labels is this many times dearer: in practice the last resort."""
@@ -52,7 +52,7 @@ class BSOCClassifier:
         *,
         group_cost: float = GROUP_COST,
         n_voters: int = N_VOTERS,
-        linear: RecursiveRidge | None = None,
+        linear: LinearPart | None = None,
         linear_share: float = LINEAR_SHARE,
         integer: bool = False,
         cluster: BSOC | PublishedBSOC | None = None,

@@ -166,40 +166,59 @@ class FloatImages:
         self.is_empty = self._origin.size == 0
 
 
-_STEPS = 256
+_STEPS = 16
 """Steps between two grey levels in the images of `IntegerImages`."""
+_STEPS_0_1 = 256
+"""The same in models of version 0.1, which were of int64."""
+_LONGEST_INT32 = (2**31 - 1) // (255 * 255 * _STEPS)
+"""Up to so many values a product of two vectors fits into 32 bits, half as dear without an FPU."""
+_MOST_INT32 = (2**31 - 1) // (255 * 2 * _STEPS)
+"""Up to so many frames a row's sum does."""
 
 
 class IntegerImages:
     """Whole numbers alone on every pixel, for machines without a floating-point unit.
 
     Vectors are whole numbers from 0 to 255. A row keeps the exact sum of its frames, so that
-    nothing is lost however many there are; frames are compared with the mean in 1/256 steps.
+    nothing is lost however many there are; frames are compared with the mean in 1/16 steps.
+
+    Args:
+        max_nodes: How many rows there are.
+        n_compared: How many values of a vector are compared, from the first; None for all. The
+            others only follow: a picture to look at needs more pixels than one to recognise.
     """
 
-    def __init__(self, max_nodes: int) -> None:
+    def __init__(self, max_nodes: int, n_compared: int | None = None) -> None:
         self.max_nodes = max_nodes
+        self.n_compared = n_compared
         self.is_empty = True
         self.least = 0.0
-        self._sums = np.zeros((max_nodes, 0), np.int64)
-        self._rows = np.zeros((max_nodes, 0), np.int64)
+        self._sums = np.zeros((max_nodes, 0), np.int32)
+        self._frames = np.zeros(max_nodes, np.int64)
+        self._rows: NDArray[Any] = np.zeros((max_nodes, 0), np.int32)
         self._norms = np.zeros(max_nodes)
-        self._x = np.zeros(0, np.int64)
+        self._x: NDArray[Any] = np.zeros(0, np.uint8)
+        self._near: NDArray[Any] = np.zeros(0, np.int32)
         self._x_norm = 0.0
 
     def begin(self, x: Vector) -> None:
         """Fix the length by the first vector."""
-        size = checked_vector(x).size
-        self._sums = np.zeros((self.max_nodes, size), np.int64)
-        self._rows = np.zeros((self.max_nodes, size), np.int64)
+        self._set_sums(np.zeros((self.max_nodes, checked_vector(x).size), np.int32))
         self.is_empty = False
+
+    def _set_sums(self, sums: NDArray[np.int32]) -> None:
+        self._sums = sums
+        size = min(sums.shape[1], self.n_compared or sums.shape[1])
+        dtype = np.int32 if size <= _LONGEST_INT32 else np.int64
+        self._rows = np.zeros((self.max_nodes, size), dtype)
 
     def measure(self, x: Vector, size: int) -> Floats:
         """Return |n|^2 / 2 - n.x + |x|^2 / 2 for each image, shape (size,)."""
-        self._x = checked_bytes(x, self._rows.shape[1]).astype(np.int64)
-        self._x_norm = 0.5 * float(self._x.dot(self._x))
-        products = self._rows[:size].dot(self._x)
-        distances = self._norms[:size] - products / _STEPS + self._x_norm
+        self._x = checked_bytes(x, self._sums.shape[1])
+        self._near = near = self._x[: self._rows.shape[1]].astype(self._rows.dtype)
+        self._x_norm = 0.5 * float(near.dot(near))
+        distances = self._norms[:size] - self._rows[:size].dot(near) / _STEPS
+        distances += self._x_norm
         single: Floats = np.maximum(distances, 0.0).astype(np.float32)
         self.least = float(single.min()) if size else 0.0
         return single
@@ -207,12 +226,14 @@ class IntegerImages:
     def put(self, row: int) -> None:
         """Make the measured vector the image of a row."""
         self._sums[row] = self._x
-        self._rows[row] = self._x * _STEPS
+        self._frames[row] = 1
+        self._rows[row] = self._near * _STEPS
         self._norms[row] = self._x_norm
 
     def absorb(self, row: int, count: int) -> None:
         """Add the measured vector to a row's sum."""
-        self._sums[row] += self._x
+        sums = self._sums[row]
+        np.add(sums, self._x, out=sums, casting="unsafe")  # whole numbers, whatever their type
         self._divide(row, count + 1)
 
     def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
@@ -221,34 +242,43 @@ class IntegerImages:
         self._divide(kept, count_kept + count_removed)
 
     def _divide(self, row: int, count: int) -> None:
-        image = (self._sums[row] * _STEPS + count // 2) // count
+        self._frames[row] = count
+        sums = self._sums[row, : self._rows.shape[1]]
+        if count > _MOST_INT32:
+            sums = sums.astype(np.int64)
+        image = (sums * _STEPS + count // 2) // count
         self._rows[row] = image
-        self._norms[row] = 0.5 * float(image.dot(image)) / _STEPS**2
+        wide = image.astype(np.int64)
+        self._norms[row] = 0.5 * float(wide.dot(wide)) / _STEPS**2
 
     def move(self, source: int, target: int) -> None:
         """Copy one row over another."""
-        for array in (self._sums, self._rows, self._norms):
+        for array in (self._sums, self._frames, self._rows, self._norms):
             array[target] = array[source]
 
     def nodes(self, size: int) -> NDArray[np.float32]:
-        """Return the images, shape (size, d)."""
-        return self._rows[:size].astype(np.float32) / np.float32(_STEPS)
+        """Return the images, the exact means of their frames, shape (size, d)."""
+        frames = np.maximum(self._frames[:size, None], 1).astype(np.float32)
+        means: NDArray[np.float32] = self._sums[:size].astype(np.float32) / frames
+        return means
 
     def get_arrays(self) -> dict[str, NDArray[Any]]:
         """Return copies of sums, images and their norms."""
         return {
             "sums": self._sums.copy(),
-            "images": self._rows.copy(),
+            "images": self._rows.astype(np.int16),  # 4080 at most
             "norms": self._norms.copy(),
         }
 
     def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Become what gave `arrays`."""
-        self._sums = arrays["sums"].astype(np.int64)
-        self._rows = arrays["images"].astype(np.int64)
+        """Restore what `get_arrays` returned, and the frames that each row sums up (`counts`)."""
+        self.max_nodes = len(arrays["sums"])
+        self._set_sums(arrays["sums"].astype(np.int32))
+        self._frames = arrays["counts"].astype(np.int64)
+        was_0_1 = arrays["images"].dtype == np.int64
+        self._rows[:] = arrays["images"] // (_STEPS_0_1 // _STEPS if was_0_1 else 1)
         self._norms = arrays["norms"].astype(np.float64)
-        self.max_nodes = len(self._rows)
-        self.is_empty = self._rows.shape[1] == 0
+        self.is_empty = self._sums.shape[1] == 0
 
 
 def checked_bytes(x: Vector, n_features: int | None = None) -> Vector:

@@ -6,12 +6,40 @@ After any number of frames the weights are those of batch ridge regression on al
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+
+
+class LinearPart(Protocol):
+    """A linear score per label, learned one frame at a time."""
+
+    def add_label(self) -> None:
+        """Add a label, which no frame so far had."""
+        ...
+
+    def scores(self, x: NDArray[Any]) -> Floats:
+        """Return one score a label, about its probability but not bounded, shape (n_labels,)."""
+        ...
+
+    def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:
+        """Add a frame with its target scores `weight` times; a negative weight takes it back."""
+        ...
+
+    def retarget(self, x: NDArray[Any], change: Floats) -> None:
+        """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
+        ...
+
+    def get_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all that was learned."""
+        ...
+
+    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Restore what `get_arrays` returned; raises ValueError if it had other features."""
+        ...
 
 
 class RecursiveRidge:

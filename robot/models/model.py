@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from robot.errors import RecordingError
 from robot.learner.base import State
-from robot.policy.policy import LearnedImage, Policy
+from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.storage.npz import read_arrays, view_arrays, write_arrays
 from robot.types import Action
@@ -107,19 +107,20 @@ def take_model(
         place=place,
         position=position,
     )
-    preview = _preview(policy.gallery() if with_preview else [])
+    preview = _preview(policy) if with_preview else np.zeros((1, 1), np.uint8)
     return Model(summary=summary, state=policy.get_state(), preview=preview)
 
 
 def with_preview(model: Model) -> Model:
     """Return the model with its preview; slow, so not for the loop's thread."""
-    return replace(model, preview=_preview(model.to_policy().gallery()))
+    return replace(model, preview=_preview(model.to_policy()))
 
 
-def _preview(gallery: list[LearnedImage]) -> NDArray[np.uint8]:
-    if not gallery:
+def _preview(policy: Policy) -> NDArray[np.uint8]:
+    nodes = policy.learner.nodes()
+    if not nodes:
         return np.zeros((1, 1), np.uint8)
-    return max(gallery, key=lambda image: image.frames).thumbnail.astype(np.uint8)
+    return policy.features.thumbnail(max(nodes, key=lambda node: node.frames).image)
 
 
 def encode_model(model: Model, *, is_packed: bool = False) -> bytes:

@@ -6,10 +6,13 @@ import os
 import re
 
 from robot.errors import ConfigurationError, did_you_mean
-from robot.learner.classifier import BSOCClassifier
+from robot.learner.bsoc import BSOC
+from robot.learner.classifier import GROUP_COST, BSOCClassifier
+from robot.learner.integer_ridge import IntegerRidge
 from robot.learner.places import BinaryFeatures, MultiPlace
 from robot.policy.action_filter import ActionFilter
 from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GradientFeatures, GreyFeatures
+from robot.policy.integer_features import IntegerGradientFeatures
 from robot.policy.policy import Policy
 from robot.policy.variants import DEFAULT, VARIANTS, Maker
 from robot.types import DEFAULT_MOVES, Action
@@ -23,6 +26,15 @@ def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool)
     return Policy(
         name, number, learner, GreyFeatures(), moves=moves, action_filter=ActionFilter.none()
     )
+
+
+def _integer(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    """Return the default's parts in whole numbers, the same bit for bit on every machine."""
+    features = IntegerGradientFeatures()
+    ridge = IntegerRidge(features.n_gradients)
+    nodes = BSOC(number, group_cost=GROUP_COST, integer=True, n_compared=features.n_compared)
+    learner = BSOCClassifier(number, linear=ridge, cluster=nodes)
+    return Policy(name, number, learner, features, moves=moves)
 
 
 def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
@@ -53,6 +65,7 @@ def _rival(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> 
 
 MAKERS: dict[str, Maker] = {
     "default": DEFAULT.make,
+    "integer": _integer,
     "published": _published,
     "multi-place": _multi_place,
     "knn": _baseline,
