@@ -166,21 +166,18 @@ class FloatImages:
         self.is_empty = self._origin.size == 0
 
 
-_STEPS = 16
+_INT32 = 2**31
+_MOST_STEPS, _FEWEST_STEPS = 256, 16
 """Steps between two grey levels in the images of `IntegerImages`."""
-_STEPS_0_1 = 256
-"""The same in models of version 0.1, which were of int64."""
-_LONGEST_INT32 = (2**31 - 1) // (255 * 255 * _STEPS)
-"""Up to so many values a product of two vectors fits into 32 bits, half as dear without an FPU."""
-_MOST_INT32 = (2**31 - 1) // (255 * 2 * _STEPS)
-"""Up to so many frames a row's sum does."""
 
 
 class IntegerImages:
     """Whole numbers alone on every pixel, for machines without a floating-point unit.
 
     Vectors are whole numbers from 0 to 255. A row keeps the exact sum of its frames, so that
-    nothing is lost however many there are; frames are compared with the mean in 1/16 steps.
+    nothing is lost however many there are; frames are compared with the mean in steps of 1/16 to
+    1/256, as fine as products of two vectors fit into 32 bits: 64 cost such a processor twice as
+    much.
 
     Args:
         max_nodes: How many rows there are.
@@ -200,6 +197,7 @@ class IntegerImages:
         self._x: NDArray[Any] = np.zeros(0, np.uint8)
         self._near: NDArray[Any] = np.zeros(0, np.int32)
         self._x_norm = 0.0
+        self._steps = _MOST_STEPS
 
     def begin(self, x: Vector) -> None:
         """Fix the length by the first vector."""
@@ -209,15 +207,18 @@ class IntegerImages:
     def _set_sums(self, sums: NDArray[np.int32]) -> None:
         self._sums = sums
         size = min(sums.shape[1], self.n_compared or sums.shape[1])
-        dtype = np.int32 if size <= _LONGEST_INT32 else np.int64
-        self._rows = np.zeros((self.max_nodes, size), dtype)
+        self._steps = _MOST_STEPS
+        while self._steps > _FEWEST_STEPS and size * 255 * 255 * self._steps >= _INT32:
+            self._steps //= 2
+        is_short = size * 255 * 255 * self._steps < _INT32
+        self._rows = np.zeros((self.max_nodes, size), np.int32 if is_short else np.int64)
 
     def measure(self, x: Vector, size: int) -> Floats:
         """Return |n|^2 / 2 - n.x + |x|^2 / 2 for each image, shape (size,)."""
         self._x = checked_bytes(x, self._sums.shape[1])
         self._near = near = self._x[: self._rows.shape[1]].astype(self._rows.dtype)
         self._x_norm = 0.5 * float(near.dot(near))
-        distances = self._norms[:size] - self._rows[:size].dot(near) / _STEPS
+        distances = self._norms[:size] - self._rows[:size].dot(near) / self._steps
         distances += self._x_norm
         single: Floats = np.maximum(distances, 0.0).astype(np.float32)
         self.least = float(single.min()) if size else 0.0
@@ -227,7 +228,7 @@ class IntegerImages:
         """Make the measured vector the image of a row."""
         self._sums[row] = self._x
         self._frames[row] = 1
-        self._rows[row] = self._near * _STEPS
+        self._rows[row] = self._near * self._steps
         self._norms[row] = self._x_norm
 
     def absorb(self, row: int, count: int) -> None:
@@ -244,12 +245,12 @@ class IntegerImages:
     def _divide(self, row: int, count: int) -> None:
         self._frames[row] = count
         sums = self._sums[row, : self._rows.shape[1]]
-        if count > _MOST_INT32:
+        if count * 255 * 2 * self._steps >= _INT32:
             sums = sums.astype(np.int64)
-        image = (sums * _STEPS + count // 2) // count
+        image = (sums * self._steps + count // 2) // count
         self._rows[row] = image
         wide = image.astype(np.int64)
-        self._norms[row] = 0.5 * float(wide.dot(wide)) / _STEPS**2
+        self._norms[row] = 0.5 * float(wide.dot(wide)) / self._steps**2
 
     def move(self, source: int, target: int) -> None:
         """Copy one row over another."""
@@ -266,7 +267,7 @@ class IntegerImages:
         """Return copies of sums, images and their norms."""
         return {
             "sums": self._sums.copy(),
-            "images": self._rows.astype(np.int16),  # 4080 at most
+            "images": self._rows.astype(np.uint16),
             "norms": self._norms.copy(),
         }
 
@@ -275,8 +276,8 @@ class IntegerImages:
         self.max_nodes = len(arrays["sums"])
         self._set_sums(arrays["sums"].astype(np.int32))
         self._frames = arrays["counts"].astype(np.int64)
-        was_0_1 = arrays["images"].dtype == np.int64
-        self._rows[:] = arrays["images"] // (_STEPS_0_1 // _STEPS if was_0_1 else 1)
+        was_0_1 = arrays["images"].dtype == np.int64  # always in steps of 1/256 then
+        self._rows[:] = arrays["images"] // (_MOST_STEPS // self._steps if was_0_1 else 1)
         self._norms = arrays["norms"].astype(np.float64)
         self.is_empty = self._sums.shape[1] == 0
 

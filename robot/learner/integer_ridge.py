@@ -1,9 +1,9 @@
 """Online ridge regression in whole numbers, for processors without a floating-point unit.
 
-Source: dichotomous coordinate descent, Zakharov, White and Liu, "Low-complexity RLS algorithms using
-dichotomous coordinate descent iterations" (IEEE Transactions on Signal Processing, 2008): the normal
-equations grow by one frame at a time, and a few steps of coordinate descent follow each, instead of an
-exact solution. Here a step goes all the way to the least error of its coordinate.
+Source: Zakharov, White and Liu, "Low-complexity RLS algorithms using dichotomous coordinate
+descent iterations" (IEEE Transactions on Signal Processing, 2008): the normal equations grow by a
+frame at a time, and a few steps of coordinate descent follow each in place of an exact solution.
+Here a step goes all the way to the least error of its coordinate.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ _SHIFT = 2
 """Values are used in steps of 4, so that they take six bits: a product of two takes twelve."""
 _TOP = 63
 _FULL = 1 << 30
-"""Where a sum of products must not go beyond: all are halved then, after 75 hours at ten a second
-with values of 20 in the mean."""
+"""Where a sum of products must not go beyond: all are halved then, after seven hours of teaching at
+ten frames a second."""
+_MOST_HALVINGS = 62
 STEPS = 4
 """Coordinates that are improved after each frame."""
 
@@ -31,12 +32,13 @@ STEPS = 4
 class IntegerRidge:
     """A linear score per label, from the first `n_features` values of a vector of bytes.
 
-    What `RecursiveRidge` computes, to about a thousandth. Every operation is exact in whole numbers, so
-    that machines agree bit for bit and nothing drifts: `residual` is at any time
+    Follows what `RecursiveRidge` computes, a few steps behind. Every operation is exact in whole
+    numbers, so that machines agree bit for bit and nothing drifts: `residual` is at any time
     `moments - weights @ products`, where products are the sums of z z' (with the penalty on the
     diagonal), and moments those of target z.
 
-    A frame costs n_features ** 2 additions and multiplications, and a few times n_features for each step.
+    A frame costs n_features ** 2 additions and multiplications, and each step a few times
+    n_features.
 
     Args:
         n_features: How many values are used, of 0 to 255; a constant is added to them.
@@ -72,7 +74,7 @@ class IntegerRidge:
     def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:
         """Add a frame with its target scores `weight` times; a negative weight takes it back.
 
-        A weight other than 1 is for the mean of so many frames, which is no vector of whole numbers.
+        A weight other than 1 is for the mean of so many frames: no vector of whole numbers.
         """
         if weight != 1.0:
             self._learn_mean(x, targets, weight)
@@ -90,6 +92,7 @@ class IntegerRidge:
         z = np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
         weight /= 1 << self._halvings
         added = np.rint(weight * np.outer(z, z)).astype(np.int64)
+        np.maximum(added, -self._products, out=added)  # by rounding, a sum could fall below 0
         self._products += added.astype(np.int32)
         self._residual += np.rint(weight * _ONE * np.outer(targets, z)).astype(np.int64)
         self._residual -= self._weights.dot(added)
@@ -103,7 +106,7 @@ class IntegerRidge:
         self._improve(self.n_features)
 
     def _improve(self, steps: int) -> None:
-        """Take single weights to the least error, those first where the error falls most steeply."""
+        """Take single weights to the least error, those first that matter most."""
         weights, residual, products = self._weights, self._residual, self._products
         size = self.n_features + 1
         for _ in range(steps):
@@ -143,7 +146,10 @@ class IntegerRidge:
         """Restore what `get_arrays` returned; raises ValueError if it had other features."""
         if arrays["products"].shape != self._products.shape:
             raise ValueError("the model was learned on another number of features")
+        halvings = int(arrays["halvings"][0])
+        if not 0 <= halvings <= _MOST_HALVINGS:
+            raise ValueError(f"the model was halved {halvings} times")
         self._products = arrays["products"].copy()
         self._weights = arrays["linear"].copy()
         self._residual = arrays["residual"].copy()
-        self._halvings = int(arrays["halvings"][0])
+        self._halvings = halvings

@@ -35,6 +35,7 @@ _OPTIONAL = frozenset(
 )
 """What models of version 0.1 do not have, or have elsewhere."""
 _LEAST_NOVELTY, _MOST_NOVELTY = 3, 100_000
+_SIGNED = frozenset({"linear", "residual"})
 _FIXED = frozenset({"group_cost", "n_voters"})
 _PLACE = re.compile(r"place(\d{1,2})_(.+)", re.ASCII)
 _EXAMPLES, _VIEWS = -1, -2
@@ -156,7 +157,9 @@ def _check_arrays(
             _demand(_LEAST_NOVELTY <= array.size <= _MOST_NOVELTY, f"{what} has another length")
             _check_values(array, name, what)
             continue
-        _demand(array.dtype.str == dtype, f"{what} is of {array.dtype.str}, not of {dtype}")
+        is_wider = _is_wider(array.dtype, np.dtype(dtype))
+        fits = array.dtype.str == dtype or is_wider
+        _demand(fits, f"{what} is of {array.dtype.str}, not of {dtype}")
         _demand(array.ndim == len(sides), f"{what} has the shape {array.shape}")
         for side, length in zip(sides, array.shape, strict=True):
             if side == _VIEWS:
@@ -171,6 +174,14 @@ def _check_arrays(
                 )
                 _demand(length == wanted, f"{what} has the shape {array.shape}")
         _check_values(array, name, what)
+        if is_wider and array.size:
+            most = int(np.iinfo(dtype).max)
+            _demand(int(array.max()) <= most, f"{what} holds {int(array.max())}")
+
+
+def _is_wider(dtype: np.dtype[Any], wanted: np.dtype[Any]) -> bool:
+    """True for int64 where fewer bits are enough today: version 0.1 had nothing else."""
+    return dtype == np.int64 and wanted.kind in "iu" and wanted != np.uint8
 
 
 def _check_values(array: NDArray[Any], name: str, what: str) -> None:
@@ -189,7 +200,8 @@ def _check_values(array: NDArray[Any], name: str, what: str) -> None:
             _demand(low >= 0.0, f"{what} holds {low:g}")
     elif array.dtype.kind == "i":
         low, high = int(array.min()), int(array.max())
-        _demand(low >= 0 and high <= _WHOLE, f"{what} holds {low if low < 0 else high}")
+        least = -_WHOLE if name in _SIGNED else 0
+        _demand(low >= least and high <= _WHOLE, f"{what} holds {low if low < least else high}")
 
 
 def _check_cluster(

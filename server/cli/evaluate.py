@@ -12,7 +12,7 @@ from pathlib import Path
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.experiments import evaluation
 
-OURS = ["published-32", "default-32", "linear-alone-32"]
+OURS = ["published-32", "integer-32", "default-32", "linear-alone-32"]
 BASELINES = ["knn-9", "fair-knn-9", "fair-trees-100"]
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import lzma
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,8 @@ from robot.episodes.edits import Notes
 from robot.episodes.episode import open_episode
 from robot.episodes.store import EpisodeStore
 from robot.episodes.teaching import learn_again
+from robot.models.checking import check_model
+from robot.models.model import decode_model, encode_model, take_model
 from robot.models.store import ModelStore
 from robot.policy.registry import make_policy
 from robot.storage.folder import Storage
@@ -87,3 +91,22 @@ def test_a_recording_opens_whole_and_teaches_the_same_again(storage: Storage, na
     assert after.state.arrays.keys() <= learned.keys()
     for array, values in after.state.arrays.items():
         assert np.array_equal(learned[array], values), array
+
+
+def test_a_model_in_whole_numbers_of_64_bits_opens() -> None:
+    """Version 0.1 kept sums and images in int64, the images in steps of 1/256."""
+    policy = make_policy("whole-numbers-4")
+    views = np.random.default_rng(5).integers(0, 256, (40, 1584)).astype(np.uint8)
+    for i, x in enumerate(views):
+        policy.learn(x, policy.moves[i % 3], 0.2 * i)
+    today = take_model(policy, Counter({Action.LEFT: 40}), saved_at_s=0.0)
+    arrays = dict(today.state.arrays)
+    arrays["cluster_sums"] = arrays["cluster_sums"].astype(np.int64)
+    arrays["cluster_images"] = 16 * arrays["cluster_images"].astype(np.int64)
+    was = decode_model(encode_model(replace(today, state=replace(today.state, arrays=arrays))))
+    check_model(was)
+    opened = was.to_policy()
+    for array, values in today.state.arrays.items():
+        assert np.array_equal(opened.get_state().arrays[array], values), array
+    for x in views:
+        assert opened.propose(1, x).probabilities == policy.propose(1, x).probabilities

@@ -21,17 +21,25 @@ from robot.models.model import _checksum, decode_model, encode_model, take_model
 from robot.models.store import ModelStore
 from robot.policy.registry import make_policy
 from robot.storage.folder import Storage
-from robot.types import Action
+from robot.types import Action, Encoding, Frame
 
-LEARNERS = ("default-4", "published-4", "whole-numbers-4", "multi-place-3", "knn-3")
+LEARNERS = ("default-4", "published-4", "whole-numbers-4", "integer-4", "multi-place-3", "knn-3")
 Arrays = dict[str, NDArray[Any]]
+FRAME = Frame(
+    frame_id=1,
+    captured_s=0.0,
+    width=160,
+    height=120,
+    encoding=Encoding.YUYV,
+    data=bytes(2 * 160 * 120),
+)
 
 
 @lru_cache
 def good(learner: str, lessons: int = 40) -> bytes:
     policy = make_policy(learner)
     rng = np.random.default_rng(1)
-    dim = 1200 if learner.startswith(("published", "knn", "grey")) else 1584
+    dim = policy.extract(FRAME).size
     taught = {}
     for i in range(lessons):
         label = policy.moves[i % 3]
@@ -104,8 +112,13 @@ def of_arrays(arrays: Arrays) -> Iterator[tuple[str, Change]]:
                 yield f"{name} infinite", fill(np.inf)
             yield f"{name} huge", fill(1e30)
         if array.size and array.dtype.kind == "i":
-            yield f"{name} negative", fill(-1)
-            yield f"{name} huge", fill(2**60)
+            if not name.endswith(("linear", "residual")):
+                yield f"{name} negative", fill(-1)
+            yield f"{name} huge", put(lambda a: np.full(a.shape, 2**60))
+        if array.size and array.dtype in (np.int32, np.uint16):
+            beyond = int(np.iinfo(array.dtype).max) + 1
+            yield f"{name} too large", put(lambda a, b=beyond: np.full(a.shape, b, np.int64))
+            yield f"{name} too small", put(lambda a: np.full(a.shape, -1, np.int64))
 
 
 def of_params(value: Any, path: tuple[Any, ...]) -> Iterator[tuple[tuple[Any, ...], Any]]:
@@ -244,7 +257,6 @@ def test_a_model_that_is_let_in_drives_and_learns(tmp_path: Path) -> None:
     store = ModelStore(Storage(tmp_path))
     for learner in LEARNERS:
         policy = store.load(store.add_file("x", good(learner))).to_policy()
-        dim = 1200 if learner.startswith(("published", "knn")) else 1584
-        x = np.zeros(dim, np.uint8)
+        x = policy.extract(FRAME)
         assert policy.propose(1, x).action in policy.moves
         policy.learn(x, Action.LEFT, 99.0)
