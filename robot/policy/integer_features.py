@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from robot.learner.base import Vector
 from robot.policy import image
-from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH
+from robot.policy.features import (
+    CELL_COLUMNS,
+    CELL_ROWS,
+    THUMBNAIL_HEIGHT,
+    THUMBNAIL_WIDTH,
+)
 from robot.types import Frame
 
 Integers = NDArray[np.int64]
@@ -68,6 +73,18 @@ class IntegerGradientFeatures:
         """Return shape (300,), at half contrast: every second pixel of every second line."""
         return x[self.n_gradients : self.n_compared]
 
+    def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sums of squares of gradients and of the pixels that are compared."""
+        bins = difference[: self.n_gradients].reshape(self.n_rows, self.n_columns, N_BINS)
+        high, wide = THUMBNAIL_HEIGHT // self.n_rows, THUMBNAIL_WIDTH // self.n_columns
+        by_pixel = np.kron((bins * bins).sum(axis=2), np.full((high, wide), 1 / (high * wide)))
+        pixels = difference[self.n_gradients : self.n_compared]
+        by_pixel[::2, ::2] += (pixels * pixels).reshape(THUMBNAIL_HEIGHT // 2, -1)
+        sums: NDArray[np.float64] = by_pixel.reshape(
+            CELL_ROWS, THUMBNAIL_HEIGHT // CELL_ROWS, CELL_COLUMNS, THUMBNAIL_WIDTH // CELL_COLUMNS
+        ).sum(axis=(1, 3))
+        return sums
+
     def _histograms(self, half: NDArray[np.int16]) -> NDArray[np.uint8]:
         tables = _tables()
         across, down = np.zeros_like(half), np.zeros_like(half)
@@ -90,7 +107,8 @@ class IntegerGradientFeatures:
         sums = lines[:, :-2] + lines[:, 1:-1] + lines[:, 2:]
         sums += _NOISE
         shares = (cells << 12) // sums[:, :, None]
-        return _tables().roots.take(shares, mode="clip")
+        histograms: NDArray[np.uint8] = _tables().roots.take(shares, mode="clip")
+        return histograms
 
 
 class _Tables:

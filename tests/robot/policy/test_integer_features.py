@@ -112,3 +112,13 @@ def test_black_beside_white_in_every_direction_is_in_the_table():
             turn = round(math.atan2(down, across) / (math.pi / 4)) % 8
             assert bool(x.any()) is bool(across or down)
             assert not x.any() or x.astype(int).sum(axis=0).argmax() == turn
+
+
+def test_the_parts_of_a_distance_add_up_and_lie_where_the_difference_is():
+    one, other = room(), room()
+    other[60:, :80] = room(9)[60:, :80]
+    x, y = (FEATURES.extract(frame(grey)).astype(float) for grey in (one, other))
+    cells = FEATURES.cells(x - y)
+    compared = (x - y)[: FEATURES.n_compared]
+    assert cells.shape == (6, 8) and cells.sum() == pytest.approx(compared @ compared)
+    assert cells[3:, :4].sum() > 0.7 * cells.sum()
