@@ -1,0 +1,64 @@
+"""The board's own server: for the teacher's machine alone, and no request makes it fall."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from typing import Any
+
+from server.board.app import create_board_app
+from server.board.transport import RobotAddress, ServerPlace
+from server.config import Config
+from tests.server.virtual_server import WEB
+
+from .classroom_world import ClassWorld, VirtualNetwork, in_class
+
+PATHS = (
+    ("POST", "/api/stop"),
+    ("PUT", "/api/locks"),
+    ("PUT", "/api/robots/1"),
+    ("PUT", "/api/robots/99"),
+    ("POST", "/api/robots/1/copy-model"),
+    ("GET", "/api/robots/1/qr.svg"),
+    ("GET", "/api/robots/x/qr.svg"),
+)
+BODIES = (
+    *(b"", b"{", b"[]", b'{"robot": 1}', b'{"robot": [1]}', b'{"robot": "x"}', b'{"robot": -1}'),
+    *(
+        b'{"locks": 3}',
+        b'{"locks": ["models"]}',
+        b'{"name": 3}',
+        b'{"to": [1, 99]}',
+        b'{"to": [2]}',
+    ),
+    *(b'{"to": [{}]}', b"\xff\xfe", b"[" * 5000),
+)
+
+
+class _Served:
+    """The board's application where a robot's would be."""
+
+    fault = "none"
+
+    def __init__(self, app: Any, port: int) -> None:
+        self.app, self.port = app, port
+
+
+def test_no_request_makes_it_fall_and_no_other_site_may_ask() -> None:
+    async def scenario(world: ClassWorld) -> Counter[int]:
+        await world.until_there(list(world.pupils.values()))
+        app = create_board_app(Config(port=8080, web=WEB), world.board, world.clock)
+        network = VirtualNetwork({8080: _Served(app, 8080)}, random.Random(1))
+        place = ServerPlace(RobotAddress("127.0.0.1", 8080), "")
+        seen: Counter[int] = Counter()
+        for method, path in PATHS:
+            for foreign in ({"host": "evil.example"}, {"origin": "http://evil.example"}):
+                answer = await network.request(place, method, path, foreign, b"{}")
+                assert answer.status in (403, 421), (method, path, foreign)
+            for body in BODIES:
+                answer = await network.request(place, method, path, {}, body)
+                assert answer.status < 500 or answer.status in (502, 503), (path, body[:40])
+                seen[answer.status] += 1
+        return seen
+
+    assert set(in_class(scenario, robots=2)) >= {200, 400, 404}
