@@ -23,12 +23,15 @@ export function questionForm(questions, answers, attempt, done) {
   /** @type {Record<string, number | string>} */
   const given = {};
   for (const { name, kind } of questions) if (name in answers) given[name] = kind === 'text' ? answers[name] : Number(answers[name]);
+  /** @type {Promise<any>} one after the other: the last answer to a question must arrive last */
+  let sending = Promise.resolve();
+  const post = (/** @type {any} */ body) => (sending = sending.then(() => attempt(() => ask('POST', '/api/session/answers', body))));
   const parts = questions.map((question) => {
     const missing = h('p', { class: 'hint', role: 'alert' });
     const take = (/** @type {number | string} */ value) => {
       given[question.name] = value;
       say(missing, '');
-      return attempt(() => ask('POST', '/api/session/answers', { answers: { [question.name]: value } }));
+      return post({ answers: { [question.name]: value } });
     };
     const field = question.kind === 'text' ? written(question, given, take) : chosen(question, given, take);
     field.append(missing);
@@ -45,7 +48,7 @@ export function questionForm(questions, answers, attempt, done) {
       open[0].field.scrollIntoView({ block: 'center' });
       return;
     }
-    const answer = await attempt(() => ask('POST', '/api/session/answers', { answers: given, done: true }));
+    const answer = await post({ answers: given, done: true });
     if (answer) done(answer.session);
   };
   return h('form', { class: 'stack', onsubmit: send, novalidate: true }, h('h2', {}, t('study.questions')),
