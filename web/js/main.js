@@ -30,11 +30,15 @@ listenToKeyboard(page.helm, reach);
 listenToGamepads(page.helm, reach);
 await /** @type {any} */ (document.querySelector('video-view')).ready;
 connection.connect();
-// The map is not needed for the first picture.
-setTimeout(async () => {
-  await import('./components/drive-map.js');
-  /** @type {any} */ (document.querySelector('drive-map')).start(page);
-}, MAP_MS);
+// The map is not needed for the first picture, and comes after it.
+const unwatch = store.watch(['frame'], ({ frame }) => {
+  if (frame === null) return;
+  unwatch();
+  setTimeout(async () => {
+    await import('./components/drive-map.js');
+    /** @type {any} */ (document.querySelector('drive-map')).start(page);
+  }, MAP_MS);
+});
 if (isSecureContext && 'serviceWorker' in navigator) {
   navigator.serviceWorker.register('/sw.js').catch(() => {}); // only the shell without a robot is lost
 }
