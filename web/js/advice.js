@@ -30,6 +30,8 @@ export function urgentAdvice(page) {
   if (!robot.you_are_pilot) return wheelElsewhere(page);
   if (page.wheelAsked) return { key: 'wheel_asked', step: 'yield', level: 'ask' };
   if (robot.fault) return { key: 'fault', values: { fault: robot.fault }, level: 'stop' };
+  // Nothing is left to be driven: why the robot stands matters no more.
+  if (page.lesson?.phase === 'question') return lessonAdvice(page);
   if (page.localStop) return { key: `local.${page.localStop}`, level: 'stop' };
   if (page.notice === 'start_stale') return { key: page.notice, level: 'stop' };
   if (robot.mode === 'stopped' && robot.stop_reason && robot.stop_reason !== 'pilot_asked') {
