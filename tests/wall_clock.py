@@ -17,8 +17,8 @@ import pytest
 
 from robot.clock import RealClock
 
-MOST = 40
-"""So many tests outside tests/e2e may be marked by hand."""
+MOST = 38
+"""So many tests outside tests/e2e are marked by hand; may only become fewer (asked: 30)."""
 REAL_PARTS = (
     "e2e/",
     "brick/test_calibrate.py",
