@@ -98,8 +98,13 @@ def running_world(
     limits: LoopConfig = PATIENT,
     **options: Any,
 ) -> Iterator[World]:
-    """Serve a robot on a free port of this machine while the block runs."""
+    """Serve a robot on a free port of this machine while the block runs.
+
+    The simulator sends ten pictures a second, as the camera of a real EV3 does.
+    """
     config = config or Config(port=0, data=folder)
+    if robot == "sim":
+        options.setdefault("frame_rate_hz", 10.0)
     rig = build_rig(robot, learner=learner, options=options, config=limits)
     events = EventBus()
     persistence = Persistence(Storage(folder), rig, name="Rover", announce=events.publish)
