@@ -7,12 +7,18 @@ from pathlib import Path
 from typing import Any
 
 _HERE = Path(__file__).parent
+_LOOKS = 20
 MEASURE = (_HERE / "boxes.js").read_text()
 
 
 def faults(page: Any) -> list[str]:
-    """List what is cut or lies on something else on the page as it is now."""
-    return list(page.evaluate(MEASURE))
+    """List what is cut or lies on something else, and stays so: a busy machine lays out late."""
+    for _ in range(_LOOKS):
+        found = list(page.evaluate(MEASURE))
+        if not found:
+            break
+        page.wait_for_timeout(200)
+    return found
 
 
 def speak_longer(context: Any) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import httpx
+import pytest
 
 from robot.exchange.drive import Drive, Shot, write_episode
 from robot.exchange.pictures import Picture
@@ -16,7 +18,14 @@ from robot.simulation.world import load_world
 from robot.types import Action, Encoding, Mode, PilotCommand
 
 from .test_everyone import complaints
-from .world import World, finish_recording
+from .world import World, finish_recording, running_world
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Iterator[World]:
+    """A robot with many pictures a second, so that short drives are long recordings."""
+    with running_world(tmp_path, world="office", frame_rate_hz=30.0) as running:
+        yield running
 
 
 def drive(world: World, seconds: float) -> None:

@@ -123,13 +123,30 @@ def find_chromium() -> str:
     pytest.skip("CHROMIUM IS MISSING: the page was not tested in a browser (install chromium)")
 
 
+_PLAYWRIGHTS: list[Any] = []
+"""The one that runs in this process, if any: there may be only one."""
+
+
+@contextlib.contextmanager
+def _running_playwright() -> Iterator[Any]:
+    from playwright.sync_api import sync_playwright
+
+    if _PLAYWRIGHTS:
+        yield _PLAYWRIGHTS[0]
+        return
+    with sync_playwright() as playwright:
+        _PLAYWRIGHTS.append(playwright)
+        try:
+            yield playwright
+        finally:
+            _PLAYWRIGHTS.clear()
+
+
 @contextlib.contextmanager
 def running_chromium(*flags: str) -> Iterator[Any]:
     """Start a Chromium, headless and with a fresh profile."""
-    from playwright.sync_api import sync_playwright
-
     path = find_chromium()
-    with sync_playwright() as playwright:
+    with _running_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=[*CHROMIUM_FLAGS, *flags])
         try:
             yield browser
