@@ -94,7 +94,7 @@ def _task(
             "rate_hz": rate_hz,
             "teach_s": teach_s,
             "correct_s": CORRECT_S if is_corrected else 0.0,
-            "alone_s": 20.0 if settings.quick else 60.0,
+            "alone_s": 60.0,
             "learner": settings.learners[0] if settings.learners else "default-32",
             "seed": FIRST_SEED + number,
         },
