@@ -12,10 +12,9 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from robot.clock import Clock, RealClock, Worker
+from robot.types import StartStop
 
 POLL_S = 0.002
 _SEEN_NS = 0
@@ -74,7 +73,7 @@ class FakeMotor:
             file.write(value.encode() + b"\n")
 
 
-class FakeBrick:
+class FakeBrick(StartStop):
     """The files and the kernel thread; a context manager. Motors at outB and outC.
 
     Both motors have settings left over by another program (`leftovers`). On a virtual `clock`
@@ -115,7 +114,7 @@ class FakeBrick:
         keys = root / "dev/input/by-path/platform-gpio_keys-event"
         keys.parent.mkdir(parents=True)
         os.mkfifo(keys)
-        self._keys = os.open(keys, os.O_RDWR | os.O_NONBLOCK)
+        self._keys: int | None = os.open(keys, os.O_RDWR | os.O_NONBLOCK)
         self.screen = root / "dev/tty6"
         self.screen.touch()
         (root / "proc").mkdir()
@@ -187,6 +186,7 @@ class FakeBrick:
 
     def press(self, code: int, for_s: float = 0.1) -> None:
         """Press and release a button of the brick."""
+        assert self._keys is not None, "the brick was stopped"
         for value, at_s in ((1, 1000.0), (0, 1000.0 + for_s)):
             second, micro = int(at_s), round(at_s % 1 * 1e6)
             os.write(self._keys, struct.pack("@llHHi", second, micro, 1, code, value))
@@ -275,17 +275,16 @@ class FakeBrick:
                 motor.write(name, value)
         motor.write("position", "000000000000")  # last: whoever sees it sees the rest, too
 
-    def __enter__(self) -> Self:
-        self._thread = self.clock.start_thread(self._play_kernel, "fake-brick")
-        return self
+    def start(self) -> None:
+        """Begin to play the kernel; idempotent."""
+        if self._thread is None:
+            self._thread = self.clock.start_thread(self._play_kernel, "fake-brick")
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def stop(self) -> None:
+        """End, and close the buttons; idempotent."""
         self._ending.set()
         if self._thread is not None:
             self._thread.join()
-        os.close(self._keys)
+        if self._keys is not None:
+            os.close(self._keys)
+            self._keys = None

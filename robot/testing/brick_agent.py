@@ -6,14 +6,14 @@ import os
 import socket
 import threading
 from dataclasses import dataclass, field
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from robot.brick.agent.inspection import inspect_brick
 from robot.brick.agent.server import Agent
 from robot.brick.archive import release
 from robot.capture.v4l2 import VideoFrame
 from robot.testing.brick import FakeBrick
+from robot.types import StartStop
 
 SECRET = "the secret of a fake brick"
 PERIOD_S = 0.1
@@ -72,7 +72,7 @@ def inspect_as_ev3(root: str, late: int) -> dict[str, Any]:
     }
 
 
-class FakeAgent:
+class FakeAgent(StartStop):
     """A context manager: the real agent on a thread; `address` is where it listens."""
 
     def __init__(self, brick: FakeBrick) -> None:
@@ -93,16 +93,14 @@ class FakeAgent:
         while not self._ending.is_set():
             self._agent.tick()
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
+    def start(self) -> None:
+        """Begin to serve; idempotent."""
+        if self._thread.ident is None:
+            self._thread.start()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def stop(self) -> None:
+        """End, and close the door; idempotent."""
         self._ending.set()
-        self._thread.join()
+        if self._thread.ident is not None:
+            self._thread.join()
         self._agent.close()

@@ -16,7 +16,7 @@ COMMANDS = {
 # A stranger has none of our own pytest plugins.
 _QUIET = {
     "PIP_DISABLE_PIP_VERSION_CHECK": "1",
-    "PYTEST_ADDOPTS": "-p no:looptime_plugin -p no:anyio",
+    "PYTEST_ADDOPTS": "-p no:anyio",
 }
 
 
