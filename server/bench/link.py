@@ -96,10 +96,10 @@ class ServerUnderTest:
         """The process's number."""
         return self._process.pid
 
-    def ask(self) -> dict[str, Any]:
-        """Return what the server has noted by now."""
+    def ask(self, word: str = "") -> dict[str, Any]:
+        """Return what the server has noted by now; the word `forget` is for `subject`."""
         assert self._process.stdin is not None
-        self._process.stdin.write("\n")
+        self._process.stdin.write(f"{word}\n")
         self._process.stdin.flush()
         notes: dict[str, Any] = json.loads(self._line())
         return notes

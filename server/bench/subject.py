@@ -1,7 +1,8 @@
 """One server to be measured, as a process of its own: `python -m server.bench.subject KIND ...`.
 
 It prints its port, then answers each line on standard input with one line of JSON: the CPU time
-that the process and its serving thread have used, and for ours what loop and body have noted.
+that the process and its serving thread have used, and for ours what loop and body have noted. The
+line `forget` makes ours forget what it was taught and has noted first, and adds the memory in use.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from robot.clock import RealClock
@@ -34,9 +36,10 @@ def main() -> None:
     camera = SteadyCamera(RealClock(), args.rate, args.width, args.height)
     with _serving(args.kind, camera) as (port, notes):
         print(port, flush=True)
-        for _ in sys.stdin:
+        for line in sys.stdin:
             cpu = {"process_s": time.process_time(), "serving_s": _serving_cpu_s()}
-            print(json.dumps({**cpu, **notes()}), flush=True)
+            asked = {"forget": True} if line.strip() == "forget" else {}
+            print(json.dumps({**cpu, **notes(**asked)}), flush=True)
     os._exit(0)
 
 
@@ -69,14 +72,18 @@ def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
     from server.services import make_services
 
     config = Config(port=0, limits=Limits(requests_burst=1e9))
-    rig = Rig(NotingDriver(), camera, make_policy("default-32"), camera.clock)
+    learner = "default-32"
+    rig = Rig(NotingDriver(), camera, make_policy(learner), camera.clock)
     services = make_services(config, rig, name="bench")
 
-    def notes() -> dict[str, Any]:
+    def notes(*, forget: bool = False) -> dict[str, Any]:
         state = rig.loop.state
         driver = rig.driver
         assert isinstance(driver, NotingDriver)
-        return {
+        if forget:
+            driver.changes.clear()
+            rig.loop.submit(lambda: rig.loop.history.replace_policy(make_policy(learner))).result()
+        return (_memory() if forget else {}) | {
             "frames": state.frame_id,
             "cycle_hz": state.cycle_hz,
             "cycles": state.cycles,
@@ -91,6 +98,23 @@ def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
 
     with rig, served(create_app(services), config) as address:
         yield int(address.rsplit(":", 1)[1]), notes
+
+
+def _memory() -> dict[str, int]:
+    """Return the blocks of Python's objects, and the resident bytes once free ones are given back.
+
+    How much the allocator keeps for later is left to chance.
+    """
+    import ctypes
+    import gc
+
+    gc.collect()
+    blocks = sys.getallocatedblocks()
+    with contextlib.suppress(AttributeError):  # the C library of some systems has it not
+        ctypes.CDLL(None).malloc_trim(0)
+    with Path("/proc/self/statm").open(encoding="ascii") as file:
+        pages = int(file.read().split()[1])
+    return {"blocks": blocks, "resident_bytes": pages * os.sysconf("SC_PAGE_SIZE")}
 
 
 def _serve_plainly(app: Any, *, deflate: bool) -> int:
