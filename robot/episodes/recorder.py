@@ -9,7 +9,6 @@ example whose picture was dropped is recorded with its feature vector, so that n
 from __future__ import annotations
 
 import contextlib
-import re
 import secrets
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
@@ -284,8 +283,3 @@ def make_id(wall_ns: int) -> str:
     """Name a recording by its time, in UTC, so that names sort by time."""
     at = datetime.fromtimestamp(wall_ns / 1e9, UTC)
     return f"{at:%Y-%m-%d_%H%M%S}_{wall_ns // 10**6 % 1000:03d}"
-
-
-def is_recorded_name(path: Path) -> bool:
-    """True if the file has a name as the recorder gives it, which imports do not have."""
-    return re.fullmatch(r"\d{4}-\d\d-\d\d_\d{6}_\d{3}", path.stem) is not None

@@ -55,22 +55,6 @@ def rgb_to_grey(rgb: Pixels) -> Pixels:
     return grey
 
 
-def to_yuyv_small(frame: Frame, step: int = 4) -> Pixels:
-    """Return every `step`-th pixel as the paper does, shape (height/step, width/step, 2).
-
-    The channels are brightness and one of the two colour differences in turn, as in YUYV; other
-    encodings are turned into it. Raises as `to_rgb`.
-    """
-    if frame.encoding is Encoding.YUYV:
-        return _packed(frame, 2)[::step, ::step].copy()
-    red, green, blue = np.moveaxis(to_rgb(frame)[::step, ::step].astype(np.int32), 2, 0)
-    luma = (19595 * red + 38470 * green + 7471 * blue + 32768) >> 16
-    chroma = 128 + ((-11058 * red - 21710 * green + 32768 * blue + 32768) >> 16)
-    chroma_v = 128 + ((32768 * red - 27439 * green - 5329 * blue + 32768) >> 16)
-    chroma[:, 1::2] = chroma_v[:, 1::2]
-    return np.stack([luma, chroma], axis=2).clip(0, 255).astype(np.uint8)
-
-
 def shrink(pixels: Pixels, width: int, height: int) -> Pixels:
     """Return the mean of each of `height` x `width` areas, rounded to nearest.
 

@@ -124,10 +124,6 @@ class VideoWindow:
             self._note_lone_delay(self.delay_s)
         self._adapt(self.delay_s, now_s)
 
-    def oldest_sent_s(self) -> float | None:
-        """When the oldest frame in flight was sent; None if there is none."""
-        return next(iter(self._flight.values())).at_s if self._flight else None
-
     def _note_lone_delay(self, delay_s: float) -> None:
         """Update the smoothed delay of frames that had the link to themselves."""
         before_s = self._lone_delay_s if self._lone_delay_s is not None else delay_s

@@ -39,17 +39,10 @@ def test_yuyv_to_rgb_agrees_with_opencv():
     assert np.array_equal(image.to_grey(frame(yuyv.tobytes(), Encoding.YUYV)), yuyv[:, :, 0])
 
 
-def test_small_yuyv_is_the_same_from_both(smooth):
-    small = image.to_yuyv_small(frame(smooth.tobytes(), Encoding.RGB))
-    assert small.shape == (3, 4, 2)
-    grey = image.to_grey(frame(smooth.tobytes(), Encoding.RGB))[::4, ::4]
-    assert np.array_equal(small[:, :, 0], grey)
-
-
 @pytest.mark.parametrize("encoding", list(Encoding))
 @pytest.mark.parametrize("data", [b"", b"not an image"])
 def test_bytes_that_are_no_image_are_a_camera_error(encoding, data):
-    for convert in (image.to_grey, image.to_rgb, image.to_yuyv_small):
+    for convert in (image.to_grey, image.to_rgb):
         with pytest.raises(CameraError):
             convert(frame(data, encoding))
 
