@@ -21,8 +21,9 @@ from robot.brick.handshake import PATIENCE_S, BrickConnection, dial, join
 from robot.clock import Clock, RealClock, Worker
 from robot.errors import ConfigurationError
 
-SILENCE_S = 0.5
-"""A brick that sends nothing for so long does not answer; it reports ten times a second."""
+SILENCE_S = 0.4
+"""A brick that sends nothing for so long does not answer; it reports ten times a second, and its last
+move has ended by itself."""
 PING_S = 0.1
 REJOIN_S = 0.5
 
@@ -171,7 +172,7 @@ class BrickLink:
                 return message[name]
 
     def sensors(self) -> dict[str, Any]:
-        """Return what the brick last reported of its sensors, which is at most 0.5 s old."""
+        """Return what the brick last reported of its sensors, which is at most 0.4 s old."""
         fault = self.fault or self._report.get("fault")
         if fault is not None:
             raise HardwareError(fault)

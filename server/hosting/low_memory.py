@@ -2,19 +2,33 @@
 
 With `DRIVELESSON_LEAN=1`, as the brick's start-up unit sets it, these modules are replaced before
 anything imports them: a brick has 64 MB, and OpenSSL alone takes five. https is then
-unavailable; `hashlib` computes the same with Python's own code.
+unavailable; `hashlib` computes the same with Python's own code. Others are put off until something
+uses them: numpy's random numbers alone take two.
 """
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import LazyLoader
 from types import ModuleType
 from typing import Any
 
 LEFT_OUT = ("_hashlib", "_ssl")
 """The two modules that load OpenSSL. Importing them fails, and each importer has a fallback."""
+
+
+PUT_OFF = (
+    "logging.config",
+    "numpy.fft",
+    "numpy.ma",
+    "numpy.polynomial",
+    "numpy.random",
+)
+"""Modules that numpy and uvicorn import, and that a lesson on a brick never touches."""
 
 
 class StandIn(ModuleType):
@@ -32,10 +46,26 @@ class StandIn(ModuleType):
         return made
 
 
+class PutOff(MetaPathFinder):
+    """Finds the modules of `PUT_OFF`; the first look into one of them loads it."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return how to load it later; None for other modules."""
+        if fullname not in PUT_OFF:
+            return None
+        spec = PathFinder.find_spec(fullname, path)
+        if spec is not None and spec.loader is not None:
+            spec.loader = LazyLoader(spec.loader)
+        return spec
+
+
 def leave_out_unused(environ: Mapping[str, str] = os.environ) -> None:
-    """Install the stand-ins if the environment asks for it; modules already loaded stay."""
+    """Leave out and put off if the environment asks for it; modules already loaded stay."""
     if environ.get("DRIVELESSON_LEAN") != "1":
         return
     for name in LEFT_OUT:
         sys.modules.setdefault(name, None)  # type: ignore[arg-type]
     sys.modules.setdefault("ssl", StandIn("ssl"))
+    sys.meta_path.insert(0, PutOff())

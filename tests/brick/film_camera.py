@@ -79,7 +79,9 @@ class FilmCamera(Camera):
 
 
 def _really_imported() -> list[str]:
-    """Names of modules, without those that were left out and have a stand-in."""
+    """Names of modules, without those that have a stand-in, or were put off and never used."""
     return sorted(
-        name for name, module in list(sys.modules.items()) if getattr(module, "__spec__", None)
+        name
+        for name, module in list(sys.modules.items())
+        if type(module).__name__ != "_LazyModule" and getattr(module, "__spec__", None)
     )

@@ -22,6 +22,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from robot.testing.brick import FakeBrick
+from server.hosting.low_memory import PUT_OFF
 from server.protocol import encode_acknowledgement
 from tests.brick import film_camera
 from tests.brick.armel import Armel, guest_memory_mb
@@ -32,7 +33,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(500)]
 MOST_MEMORY_MB = {"bookworm": 36.0, "trixie": 46.0}
 """By release: pydantic 2 and a newer Python take their share of the second."""
 FRAME_RATE_HZ = 10
-LEARNER = os.environ.get("DRIVELESSON_LEARNER", "published")
+LEARNER = os.environ.get("DRIVELESSON_LEARNER", "integer")
 UNUSED = (
     "cv2",
     "PIL",
@@ -221,6 +222,7 @@ def test_nothing_is_imported_that_the_loop_does_not_use(served: Served) -> None:
     modules = served.modules
     assert {"numpy", "fastapi", "ev3dev2", "robot.drivers.ev3"} <= modules
     assert not [name for name in modules if name.startswith(UNUSED)]
+    assert not modules & set(PUT_OFF)
 
 
 def test_every_move_on_the_brick_was_timed(served: Served) -> None:

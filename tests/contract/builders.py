@@ -118,7 +118,17 @@ def brick_case(
 def ev3_driver() -> Iterator[DriverCase]:
     clock = VirtualClock()
     with fake_brick(clock) as (brick, _):
-        yield brick_case(Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock), brick)
+
+        driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock)
+
+        def unplug_motors() -> None:  # its line is the motors' cables
+            for port in driver._body.motors._ports:  # type: ignore[union-attr]
+                for file in port._files.values():
+                    file.close()  # on a brick the next write fails with ENODEV
+            for name in ("outB", "outC"):
+                brick.unplug_motor(name)
+
+        yield brick_case(driver, brick, unplug_motors)
 
 
 def real_brick_case(address: str) -> DriverCase:
@@ -145,7 +155,7 @@ def ev3_remote_driver() -> Iterator[DriverCase]:
         return
     with fake_brick(VirtualClock(100.0)) as (brick, _), VirtualAgent(brick) as agent:
         driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
-        yield brick_case(driver, brick, agent.kill)
+        yield brick_case(driver, brick, agent.cut)
 
 
 @contextmanager

@@ -1,0 +1,38 @@
+"""What a lean server leaves out is not loaded; what it puts off is, once it is used."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+from server.hosting.low_memory import LEFT_OUT, PUT_OFF
+
+PROGRAM = """
+import sys
+from server.hosting.low_memory import PUT_OFF, leave_out_unused
+leave_out_unused()
+import hashlib, numpy, uvicorn
+print(*(name for name, module in sys.modules.items() if module and name in PUT_OFF
+        and type(module).__name__ != "_LazyModule"), "|",
+      *(name for name in sys.modules if name in {left_out!r} and sys.modules[name]), "|",
+      numpy.random.default_rng(7).integers(10), numpy.median([1.0, 3.0]),
+      len(numpy.fft.rfft([1.0, 2.0])), hashlib.sha256(b"").hexdigest()[:6])
+"""
+
+
+def said_with(lean: str) -> list[str]:
+    env = {**os.environ, "DRIVELESSON_LEAN": lean}
+    program = PROGRAM.replace("{left_out!r}", repr(LEFT_OUT))
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=env, capture_output=True, text=True, check=True
+    )
+    return [part.strip() for part in done.stdout.split("|")]
+
+
+def test_what_is_put_off_is_loaded_when_it_is_used() -> None:
+    lean, full = said_with("1"), said_with("")
+    assert lean[:2] == ["", ""]
+    assert lean[2] == full[2]
+    assert "logging.config" in full[0], "the witness can see what is loaded"
+    assert set(full[0].split()) <= set(PUT_OFF)
