@@ -118,7 +118,6 @@ def brick_case(
 def ev3_driver() -> Iterator[DriverCase]:
     clock = VirtualClock()
     with fake_brick(clock) as (brick, _):
-
         driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock)
 
         def unplug_motors() -> None:  # its line is the motors' cables
