@@ -22,8 +22,8 @@ from robot.clock import Clock, RealClock, Worker
 from robot.errors import ConfigurationError
 
 SILENCE_S = 0.4
-"""A brick that sends nothing for so long does not answer; it reports ten times a second, and its last
-move has ended by itself."""
+"""A brick that sends nothing for so long does not answer: it reports ten times a second, and its
+last move has ended by itself."""
 PING_S = 0.1
 REJOIN_S = 0.5
 
