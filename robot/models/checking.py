@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from robot.errors import ConfigurationError, MissingExtraError, RecordingError
 from robot.learner.base import State
 from robot.models.model import Model
+from robot.policy.calibration import Calibration
 from robot.policy.pilot_pace import PilotPace
 from robot.policy.policy import Policy
 from robot.policy.registry import MOST_NODES, make_policy, split_name
@@ -31,7 +32,10 @@ _WHOLE = 2**53
 _PREVIEW_PX = 512
 _SMALL, _LARGE = 2, 3
 _OPTIONAL = frozenset(
-    {"touched", "novelty", "runs", "contrary", "pace_picture", "last_learned", "pace"}
+    {
+        *("touched", "novelty", "runs", "contrary", "pace_picture"),
+        *("last_learned", "pace", "calibration"),
+    }
 )
 """What models of version 0.1 do not have, or have elsewhere."""
 _LEAST_NOVELTY, _MOST_NOVELTY = 3, 100_000
@@ -304,6 +308,20 @@ def _check_policy_params(
         _demand(turning is None or turning in map(str, moves), "pace.turning is no move")
         _check_plain(pace, "pace")
         PilotPace().set_state(params["pace"], {})
+    if "calibration" in params:
+        _check_calibration(params["calibration"], moves)
+
+
+def _check_calibration(values: Any, moves: tuple[Action, ...]) -> None:
+    _check_keys(values, Calibration().get_state(), "the calibration")
+    losses, average = values["losses"], values["average"]
+    _demand(isinstance(losses, list) and isinstance(average, Mapping), "the calibration is none")
+    known = {None, *map(str, moves)}
+    _demand({values["label"], *average} <= known, "the calibration names other moves")
+    numbers = [*losses, *average.values(), values["last_s"], values["left_s"]]
+    _demand(all(map(_is_number, numbers)), "the calibration holds no numbers")
+    _demand(all(value >= 0 for value in [*losses, *average.values()]), "a number is below 0")
+    Calibration().set_state(values)
 
 
 def _check_learner_params(params: Mapping[str, Any], form: Mapping[str, Any], number: int) -> None:

@@ -145,8 +145,9 @@ def _sampled(length: int, n_points: int) -> NDArray[np.intp]:
 
 def _normalised(cells: NDArray[np.float64], noise: float) -> NDArray[np.uint8]:
     """Divide each cell by the energy of its 3x3 neighbourhood, then take the square root."""
-    energy = np.pad((cells * cells).sum(axis=2), 1)
     rows, columns = cells.shape[:2]
+    energy = np.zeros((rows + 2, columns + 2))  # np.pad takes ten times as long
+    energy[1:-1, 1:-1] = (cells * cells).sum(axis=2)
     around = sum(energy[r : r + rows, c : c + columns] for r in range(3) for c in range(3))
     shares = cells / np.sqrt(around + noise**2)[:, :, None]
     scaled: NDArray[np.uint8] = (255.0 * np.sqrt(shares) + 0.5).astype(np.uint8)

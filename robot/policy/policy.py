@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.policy.action_filter import ActionFilter, View
+from robot.policy.calibration import Calibration
 from robot.policy.features import Features
 from robot.policy.pilot_pace import PilotPace
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
@@ -54,6 +56,7 @@ class Policy:
         features: From frame to vector.
         moves: What it may propose.
         action_filter: Makes a steady drive of the votes on single frames; the default's if None.
+        calibrates: Learn from the examples how sure it may be here (`calibration.py`).
     """
 
     def __init__(
@@ -65,6 +68,7 @@ class Policy:
         *,
         moves: tuple[Action, ...] = DEFAULT_MOVES,
         action_filter: ActionFilter | None = None,
+        calibrates: bool = False,
     ) -> None:
         self.name = name
         self.max_nodes = max_nodes
@@ -75,6 +79,7 @@ class Policy:
         self._n_examples = 0
         self._n_proposals = 0
         self._pace = PilotPace()
+        self._calibration = Calibration() if calibrates else None
         self._last_learned: tuple[float, str] | None = None
         self._now_s = 0.0
         self._last_used: dict[int, int] = {}
@@ -162,11 +167,19 @@ class Policy:
         if label not in self.moves:
             raise ValueError(f"{label!r} is not one of the moves {', '.join(self.moves)}")
         if self._is_needed(label, at_s):
+            self._calibrate(x, label, at_s)
             self.learner.learn_one(x, Action(label))
         if at_s is not None:
             self._pace.learn(label, self.features.grey(x), at_s)
         self._n_examples += 1
         self._note(self._last_taught, self.learner.last_node_, self._n_examples)
+
+    def _calibrate(self, x: Vector, label: Action, at_s: float | None) -> None:
+        def predict() -> Mapping[str, float]:
+            return self.learner.predict_proba_one(x) if self.learner.n_nodes_ else {}
+
+        if self._calibration is not None:
+            self._calibration.note(label, at_s, predict)
 
     def _is_needed(self, label: Action, at_s: float | None) -> bool:
         last, self._last_learned = self._last_learned, None
@@ -191,6 +204,8 @@ class Policy:
             "name": self.name,
             "last_learned": self._last_learned,
         }
+        if self._calibration is not None:
+            params["calibration"] = self._calibration.get_state()
         params["pace"], pace_arrays = self._pace.get_state()
         arrays = {**state.arrays, **pace_arrays}
         return State(kind=f"policy:{state.kind}", params=params, arrays=arrays, labels=state.labels)
@@ -221,6 +236,10 @@ class Policy:
         self._pace = PilotPace()
         if "pace" in state.params:  # models of version 0.1 have none
             self._pace.set_state(state.params["pace"], state.arrays)
+        if self._calibration is not None:
+            self._calibration = Calibration()
+            if "calibration" in state.params:  # older models have none
+                self._calibration.set_state(state.params["calibration"])
         self._n_proposals = 0
         self._last_used = {}
         self._last_taught = {int(k): int(v) for k, v in state.params["last_taught"].items()}
@@ -264,7 +283,9 @@ class Policy:
     def _chance(self, shares: dict[Action, float], action: Action, novelty: float) -> float:
         """Return how likely the action is right; near a guess on an unknown view."""
         values = list(shares.values())
-        chance = votes.chance(values, list(shares).index(action), self.learner.sharpness)
+        factor = self._calibration.factor if self._calibration is not None else 1.0
+        power = factor * self.learner.sharpness
+        chance = votes.chance(values, list(shares).index(action), power)
         if novelty <= 1.0:
             return chance
         guess = 1.0 / sum(share > 0.0 for share in shares.values())

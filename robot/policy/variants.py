@@ -33,6 +33,7 @@ class Design:
     is_integer: bool = False
     """Whole numbers alone, on any machine."""
     forgets: bool = True
+    calibrates: bool = True
 
     def make_learner(self, number: int, integer: bool) -> BSOCClassifier:
         """Return the learner alone, of at most `number` nodes."""
@@ -53,7 +54,13 @@ class Design:
         """Return the policy; a `Maker`."""
         learner, features = self.make_learner(number, integer), self.features()
         return Policy(
-            name, number, learner, features, moves=moves, action_filter=self.action_filter()
+            name,
+            number,
+            learner,
+            features,
+            moves=moves,
+            action_filter=self.action_filter(),
+            calibrates=self.calibrates and learner.linear is not None,
         )
 
 
@@ -74,6 +81,7 @@ VARIANTS: dict[str, Maker] = {
         ),
         "without-reflex": Design(action_filter=lambda: ActionFilter(gives_up=False)),
         "without-forgetting": Design(forgets=False),
+        "without-calibration": Design(calibrates=False),
         "grey-alone": Design(features=GreyFeatures, is_linear=False),
         "whole-numbers": Design(is_integer=True),
     }.items()

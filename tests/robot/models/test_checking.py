@@ -159,6 +159,7 @@ MAY_BE_ANY = {
     ("n_nodes",),
     ("journal",),
     ("state", "params", "last_learned"),
+    ("state", "params", "calibration", "label"),
     ("state", "params", "learner", "place"),
     ("state", "params", "learner", "size"),
 }

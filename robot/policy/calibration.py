@@ -1,0 +1,123 @@
+"""How sure a learner may be in this place: learned from the examples, before each is learned.
+
+Most examples are like the ones just before them, so that a learner foresees nearly all of them,
+whatever the place. Only where the pilot changes the move is an example as hard as a view
+of another day. From how well the votes foresaw those examples follows the power (a temperature,
+Guo et al. 2017) that turns votes into chances here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from robot.types import Action
+
+CHANGE_S = 0.5
+"""Examples so long after a change of move count,"""
+_PAUSE_S = 0.45
+"""but none after such a gap: a correction begins where the robot was wrong, which is no sample."""
+POWERS = np.geomspace(0.5, 4.0, 13)
+"""Powers of the votes that are compared."""
+_PRIOR = 20.0
+"""The power 1 at changes of move is as credible as so many examples make it."""
+_MEMORY = 400.0
+"""Old examples count less: after so many more, a third."""
+_TRAVELS = 0.4
+"""How much of the (logarithmic) difference between places at changes of move is there at all other
+views, too: by leave-one-place-out on recorded footage, flat from 0.3 to 0.5."""
+_VOTES_KEPT = 0.4
+_LEAST = 1e-3
+_STEP_S = 0.1
+
+_LOGS = np.log(POWERS)
+_DOUBT = _PRIOR * _LOGS**2
+
+
+class Calibration:
+    """Estimates by how much the power differs from the usual one. Constant time an example.
+
+    Attributes:
+        factor: What to multiply the usual power by.
+    """
+
+    def __init__(self) -> None:
+        self.factor = 1.0
+        self._losses = np.zeros(POWERS.size)
+        self._label: Action | None = None
+        self._last_s = 0.0
+        self._left_s = 0.0
+        self._average: dict[str, float] = {}
+        self._weigh()
+
+    def note(
+        self, label: Action, at_s: float | None, predict: Callable[[], Mapping[str, float]]
+    ) -> None:
+        """Process one example; call it before the example is learned.
+
+        Args:
+            label: Its label.
+            at_s: Its teaching time; None: a tenth of a second after the last.
+            predict: Returns the learner's votes on it; called only where they count.
+        """
+        at_s = self._last_s + _STEP_S if at_s is None else at_s
+        step_s, self._last_s = at_s - self._last_s, at_s
+        before, self._label = self._label, label
+        if before is None or not 0.0 <= step_s < _PAUSE_S:
+            self._left_s = 0.0
+        elif label is not before:
+            self._left_s, self._average = CHANGE_S, {}
+        else:
+            self._left_s -= step_s
+        if self._left_s > 1e-9:
+            self._count(label, predict())
+
+    def _count(self, label: Action, votes: Mapping[str, float]) -> None:
+        if label not in votes:
+            return  # a new move: no vote could be for it
+        old = self._average or votes
+        self._average = {
+            str(move): _VOTES_KEPT * old.get(move, 0.0) + (1.0 - _VOTES_KEPT) * share
+            for move, share in votes.items()
+        }
+        shares = np.maximum(list(self._average.values()), _LEAST)
+        powers = shares[:, None] ** POWERS
+        chances = powers[list(self._average).index(str(label))] / powers.sum(axis=0)
+        self._losses *= 1.0 - 1.0 / _MEMORY
+        self._losses -= np.log(np.maximum(chances, _LEAST))
+        self._weigh()
+
+    def _weigh(self) -> None:
+        """Take the mean of the powers' logarithms, each weighted by how well it foresaw."""
+        losses = self._losses + _DOUBT
+        weights = np.exp(losses.min() - losses)
+        self.factor = math.exp(_TRAVELS * float(weights @ _LOGS) / float(weights.sum()))
+
+    def get_state(self) -> dict[str, Any]:
+        """Return all of it as plain values."""
+        return {
+            "losses": self._losses.tolist(),
+            "label": self._label,
+            "last_s": self._last_s,
+            "left_s": self._left_s,
+            "average": dict(self._average),
+        }
+
+    def set_state(self, values: Mapping[str, Any]) -> None:
+        """Restore what `get_state` returned.
+
+        Raises:
+            ValueError: If it does not belong to this class.
+        """
+        losses = np.array(values["losses"], np.float64)
+        if losses.shape != POWERS.shape or not np.isfinite(losses).all():
+            raise ValueError(f"{POWERS.size} finite losses are needed")
+        label = values["label"]
+        self._losses = losses
+        self._label = None if label is None else Action(label)
+        self._last_s, self._left_s = float(values["last_s"]), float(values["left_s"])
+        self._average = {str(move): float(share) for move, share in values["average"].items()}
+        self._weigh()
