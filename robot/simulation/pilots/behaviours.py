@@ -18,9 +18,13 @@ class WallFollower:
     LOOK_RAD = math.radians(-28.0)
     NEAR_M, GOOD_M, FAR_M = 0.45, 0.62, 0.85
     AHEAD_NEAR_M, AHEAD_FREE_M = 0.30, 0.60
+    ONWARDS_S = 0.8
+    """After a turn it drives on for so long before it turns to the wall: at a gap in the wall it
+    would else turn to and fro for ever."""
 
     def __init__(self) -> None:
         self._turning: Action | None = None
+        self._turned_at_s = -math.inf
 
     def choose(self, situation: Situation) -> Action:
         """Return a turn towards or away from the wall until the distance is good, or FORWARD."""
@@ -31,11 +35,12 @@ class WallFollower:
             Action.RIGHT: ahead_m < self.AHEAD_FREE_M or aside_m < self.GOOD_M,
         }
         if is_done[self._turning]:
-            self._turning = None
+            self._turning, self._turned_at_s = None, situation.at_s
         if self._turning is None:
-            if ahead_m < self.AHEAD_NEAR_M or aside_m < self.NEAR_M * 0.9:
+            is_onwards = situation.at_s < self._turned_at_s + self.ONWARDS_S
+            if ahead_m < self.AHEAD_NEAR_M or aside_m < self.NEAR_M * (0.7 if is_onwards else 0.9):
                 self._turning = Action.LEFT
-            elif aside_m > self.FAR_M and ahead_m > self.AHEAD_FREE_M + 0.1:
+            elif aside_m > self.FAR_M and ahead_m > self.AHEAD_FREE_M + 0.1 and not is_onwards:
                 self._turning = Action.RIGHT
         return self._turning or Action.FORWARD
 

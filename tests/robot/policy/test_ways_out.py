@@ -15,11 +15,14 @@ from robot.policy.action_filter import (
     ActionFilter,
     View,
 )
+from robot.policy.pilot_pace import LONGEST_DEBT_S
 from robot.policy.stall_detector import AWAY_S, STUCK_S
 from robot.types import TURNS, Action
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 MOVES = (F, L, R)
+WHOLE_CIRCLE_S = 19.5
+"""What a turn about one wheel through 360 degrees takes (`robot.experiments.metrics.driving`)."""
 
 
 class Body:
@@ -96,6 +99,14 @@ def test_a_turn_that_the_votes_would_never_end_ends_by_the_pilots_own_measure(ra
     sent = body.run(30.0, voted(L, 0.8))
     first_straight_s = sent.index(F) / rate_hz
     assert 4.0 * ALLOWANCE < first_straight_s < 4.0 * ALLOWANCE * 2.1
+
+
+@pytest.mark.parametrize("rate_hz", [5, 10, 15, 30, 60])
+@pytest.mark.parametrize("other", [0.0, 0.2, 0.49])
+def test_no_pilots_measure_allows_a_whole_circle(rate_hz, other):
+    body = Body(rate_hz, longest_debt_s=LONGEST_DEBT_S)
+    sent = body.run(30.0, {F: 0.01, L: 0.99 - other, R: other})
+    assert sent.index(F) / rate_hz < WHOLE_CIRCLE_S
 
 
 @pytest.mark.parametrize("rate_hz", [10, 30])

@@ -33,6 +33,21 @@ def test_the_wall_follower_goes_round_with_the_wall_at_its_right(seed: int) -> N
     assert {s.pose.y_m > 1.2 for s in seen} == {True, False}, "it came to the other side"
 
 
+@pytest.mark.parametrize("world", ["box", "office", "corridor", "fork", "clutter"])
+@pytest.mark.parametrize("seed", [481, 489])
+def test_the_wall_follower_gets_on_wherever_it_begins(world: str, seed: int) -> None:
+    seen = drive(world, WallFollower(), 60.0, seed)
+    for start in range(0, 400, 50):  # nowhere turns it to and fro on one spot for 20 s
+        at = [s.pose for s in seen[start : start + 200]]
+        assert (
+            math.dist(
+                (min(p.x_m for p in at), min(p.y_m for p in at)),
+                (max(p.x_m for p in at), max(p.y_m for p in at)),
+            )
+            > 0.15
+        )
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_the_follower_keeps_the_barrel_in_view(seed: int) -> None:
     seen = drive("follow", Follower(), 60.0, seed)
