@@ -16,8 +16,10 @@ from robot.policy.stall_detector import STRAIGHT, STUCK_S, StillnessMeter
 from robot.types import TURNS, Action
 
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
-"""Bounds of the debt (`ProgressClock`) that a pilot is taken to allow himself, in seconds: less than
-half a turn on the spot takes. Who turns to and fro for longer shows no way out."""
+"""Bounds of the debt (`ProgressClock`) that a pilot is taken to allow himself, in seconds.
+
+The longest is less than half a turn about one wheel takes: who turns to and fro for longer shows
+no way out."""
 _MEANT = 3
 """A pilot who pushed so often for so long meant it: once may be a slip."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
