@@ -56,8 +56,9 @@ class VirtualRobot:
         self._is_tick_due = False
         self._event_loop: asyncio.AbstractEventLoop | None = None
         self._timer: asyncio.TimerHandle | None = None
+        self._tick_by_s = 0.0
         self._shutter: asyncio.TimerHandle | None = None
-        self._happened: asyncio.Future[None] | None = None
+        self._waiting: list[_Waiting] = []
 
     async def __aenter__(self) -> Self:
         self._event_loop = asyncio.get_running_loop()
@@ -89,21 +90,23 @@ class VirtualRobot:
         """
         event_loop = asyncio.get_running_loop()
         start_s = event_loop.time()  # `clock` may be made to jump meanwhile
-        patience = event_loop.call_later(within_s, self.poke)
+        if condition():
+            return 0.0
+        waiting = _Waiting(condition, event_loop.create_future())
+        patience = event_loop.call_later(within_s, waiting.give_up)
+        self._waiting.append(waiting)
         try:
-            while not condition():
-                assert event_loop.time() - start_s < within_s, f"not within {within_s} s: {what}"
-                self._happened = self._happened or event_loop.create_future()
-                await self._happened
+            in_time = await waiting.outcome
         finally:
             patience.cancel()
+            self._waiting.remove(waiting)
+        assert in_time, f"not within {within_s} s: {what}"
         return event_loop.time() - start_s
 
     def poke(self) -> None:
         """Make `until` check its condition again."""
-        if self._happened is not None:
-            self._happened.set_result(None)
-            self._happened = None
+        for waiting in self._waiting:
+            waiting.look()
 
     def _tick_soon(self) -> None:
         if not self._is_tick_due and self._event_loop is not None:
@@ -113,13 +116,23 @@ class VirtualRobot:
     def _tick(self) -> None:
         if self._event_loop is None:
             return
-        if self._timer is not None:
-            self._timer.cancel()
         self._is_tick_due = False
         self.loop.wake.clear()
         self.loop.tick(self.clock.now_s())
-        self._timer = self._event_loop.call_later(self.loop.config.longest_wait_s, self._tick_soon)
+        self._tick_by_s = self._event_loop.time() + self.loop.config.longest_wait_s
+        if self._timer is None:
+            self._timer = self._event_loop.call_at(self._tick_by_s, self._tick_if_idle)
         self.poke()
+
+    def _tick_if_idle(self) -> None:
+        """Tick after the longest wait; one timer follows the ticks, as most come by pictures."""
+        self._timer = None
+        if self._event_loop is None:
+            return
+        if self._event_loop.time() < self._tick_by_s:
+            self._timer = self._event_loop.call_at(self._tick_by_s, self._tick_if_idle)
+        else:
+            self._tick_soon()
 
     def _take_picture(self) -> None:
         if self._event_loop is None:
@@ -129,14 +142,43 @@ class VirtualRobot:
         self._shutter = self._event_loop.call_later(1 / self.camera.rate_hz, self._take_picture)
 
 
+class _Waiting:
+    """A condition that is looked at where something happens, so that no task runs in vain."""
+
+    def __init__(self, condition: Callable[[], bool], outcome: asyncio.Future[bool]) -> None:
+        self._condition, self.outcome = condition, outcome
+
+    def look(self) -> None:
+        """Settle the outcome if the condition holds or cannot be told."""
+        if self.outcome.done():
+            return
+        try:
+            if self._condition():
+                self.outcome.set_result(True)
+        except Exception as error:
+            self.outcome.set_exception(error)
+
+    def give_up(self) -> None:
+        """Settle the outcome at the end of the time: a last look, as at any other moment."""
+        self.look()
+        if not self.outcome.done():
+            self.outcome.set_result(False)
+
+
 class _Wake(threading.Event):
-    """Makes the loop tick as soon as it is woken."""
+    """Makes the loop tick as soon as it is woken; all is one thread, so nobody waits for it."""
 
     def __init__(self, listener: Callable[[], None]) -> None:
         super().__init__()
         self._listener = listener
+        self._is_woken = False
+
+    def is_set(self) -> bool:
+        return self._is_woken
 
     def set(self) -> None:
-        if not self.is_set():
-            super().set()
+        self._is_woken = True
         self._listener()
+
+    def clear(self) -> None:
+        self._is_woken = False
