@@ -103,7 +103,7 @@ def test_an_agent_that_dies_is_started_again(
     assert main(["brick", "agent", "127.0.0.1", "--port", str(port)]) == 0
     os.kill(child_of(int(agent_pid.read_text())), signal.SIGKILL)
     log = far_home / "drivelesson/agent.log"
-    brick.wait_until(lambda: log.read_text().count("listening") == 2, 20)
+    brick.wait_until(lambda: log.read_text().count("listening") == 2, 60)
     assert "ended with status 137; it is started again" in log.read_text()
     with Ev3RemoteDriver(Ev3RemoteOptions(brick=f"127.0.0.1:{port}")) as driver:
         assert driver.is_connected

@@ -178,7 +178,7 @@ def test_a_line_that_goes_silent(drive: Drive) -> None:
 @pytest.mark.parametrize("drive", ["ev3-remote"], indirect=True)
 def test_ending_the_server_in_good_order(drive: Drive) -> None:
     drive.process.terminate()
-    drive.process.wait(20)
+    drive.process.wait(60)
     drive.brick.wait_until(lambda: not drive.brick.is_moving(), PATIENCE_S)
     drive.brick.catch_up()
     assert drive.brick.commands[-1].command == "stop"

@@ -118,7 +118,7 @@ def served() -> Iterator[Served]:
             yield Served(armel, brick, process)
         finally:
             process.terminate()
-            process.wait(30)
+            process.wait(60)
             assert process.stdout is not None
             process.stdout.close()
 
@@ -164,7 +164,7 @@ def cost_of_a_cycle(served: Served, watcher: Watcher, seconds: float = 5.0) -> f
 
 
 def keep_at_it(
-    pilot: Pilot, mode: str, held: str | None, is_so: Callable[[], bool], within_s: float = 30
+    pilot: Pilot, mode: str, held: str | None, is_so: Callable[[], bool], within_s: float = 60
 ) -> None:
     """Drive until something is so.
 
@@ -195,13 +195,13 @@ def test_it_is_taught_and_drives_in_36_mb(
         keep_at_it(pilot, "train", "left", lambda: brick.speeds() == {"outB": -90, "outC": 0})
         keep_at_it(pilot, "train", "left", lambda: pilot.state["taught"]["left"] > 10)
         pilot.hold(None)
-        brick.wait_until(lambda: not brick.is_moving(), 1)
+        brick.wait_until(lambda: not brick.is_moving(), 30)
         keep_at_it(pilot, "autonomous", None, brick.is_moving)
         said["driving at 32 nodes"] = cost_of_a_cycle(served, watcher)
         keep_at_it(pilot, "autonomous", None, lambda: pilot.state["driven_by"] == "robot")
         memory = guest_memory_mb(served.process.pid)
         pilot.mode("stopped")
-        brick.wait_until(lambda: not brick.is_moving(), 1)
+        brick.wait_until(lambda: not brick.is_moving(), 30)
         state = pilot.state
         picture = watcher.frames[-1]
     assert (picture[1], len(picture)) == (1, 24 + film_camera.SIZE), "YUYV goes as it is"

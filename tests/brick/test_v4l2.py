@@ -51,7 +51,7 @@ class Probe:
         raise AssertionError("waited in vain")
 
     def end(self) -> None:
-        self.process.communicate("\n", timeout=10)
+        self.process.communicate("\n", timeout=60)
 
 
 @pytest.fixture

@@ -66,7 +66,7 @@ def served(environment: OwnEnvironment, data: Path, *options: str) -> Iterator[s
     finally:
         process.send_signal(signal.SIGTERM)
         process.stdout.read()
-        process.wait(30)
+        process.wait(60)
         process.stdout.close()
 
 

@@ -29,7 +29,7 @@ from server.security.pairing import Pairing
 from server.services import Services, make_services
 
 WEB = Path(__file__).resolve().parents[2] / "web"
-STANDING_AFTER_S = 5.0
+STANDING_AFTER_S = 60.0
 
 
 class LiveServer:
@@ -222,7 +222,7 @@ class Pilot:
         self.close()
 
 
-def wait_until(condition: Callable[[], bool], within_s: float = 5.0, what: str = "") -> float:
+def wait_until(condition: Callable[[], bool], within_s: float = 60.0, what: str = "") -> float:
     """Wait for a condition; return how long it took."""
     start_s = time.monotonic()
     while not condition():

@@ -59,7 +59,7 @@ def own_process(folder: Path, *options: str) -> Iterator[OwnProcess]:
         yield running
     finally:
         process.send_signal(signal.SIGINT)
-        process.wait(10)
-        reading.join(5)
+        process.wait(60)
+        reading.join(60)
         stdout.close()
         stderr.close()

@@ -137,7 +137,7 @@ def test_acknowledgements(server: OwnProcess, untouched: None) -> None:
                 socket.send(message)
 
         send()
-        frame = socket.recv(5)
+        frame = socket.recv(60)
         assert isinstance(frame, bytes)
 
 
@@ -171,6 +171,6 @@ def test_requests(server: OwnProcess, untouched: None) -> None:
 def _is_still_answered(socket: ClientConnection, number: int) -> None:
     socket.send(json.dumps({"type": "ping", "client_ms": number}))
     while True:
-        answer = json.loads(socket.recv(10))
+        answer = json.loads(socket.recv(60))
         if answer["type"] == "pong" and answer["client_ms"] == number:
             return

@@ -44,7 +44,7 @@ def teach(address: str, lessons: int) -> int:
     with Pilot(address.replace("http", "ws") + "/ws/drive") as pilot:
         pilot.mode("train")
         pilot.hold("left")
-        pilot.wait_for(lambda m: m["type"] == "state" and m["lessons"] >= lessons, 20)
+        pilot.wait_for(lambda m: m["type"] == "state" and m["lessons"] >= lessons, 60)
         pilot.mode("stopped")
         pilot.wait_for_state(mode="stopped")
         time.sleep(0.2)
@@ -70,7 +70,7 @@ def test_it_ends_with_everything_saved_and_goes_on_from_there(tmp_path: Path, en
     with serving(tmp_path, "--robot", "sim", "--name", "sim") as (process, address):
         taught = teach(address, 20)
         process.send_signal(end)
-        assert process.wait(20) in (0, 130)
+        assert process.wait(60) in (0, 130)
     model = ModelStore(Storage(tmp_path)).load("sim")
     assert model.summary.n_examples >= taught
     [path] = tmp_path.glob("episodes/*.mcap")
@@ -78,6 +78,6 @@ def test_it_ends_with_everything_saved_and_goes_on_from_there(tmp_path: Path, en
     assert summary.damage is None and sum(summary.taught.values()) == model.summary.n_examples
 
     with serving(tmp_path, "--robot", "replay", "--episode", str(path)) as (_, address):
-        listed = httpx.get(f"{address}/api/models", timeout=20).json()
+        listed = httpx.get(f"{address}/api/models", timeout=60).json()
         assert listed["current"] == "sim"
         assert listed["models"][0]["lessons"] == model.summary.n_examples

@@ -11,7 +11,7 @@ from robot.types import Action, Mode
 
 from .live_robot import LiveServer, Pilot, live_server, wait_until
 
-_PATIENCE_S = 30.0
+_PATIENCE_S = 60.0
 
 
 @pytest.mark.realtime

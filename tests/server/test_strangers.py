@@ -62,7 +62,7 @@ def lan(tmp_path: Path) -> Iterator[tuple[Process, Path]]:
         try:
             yield Process(process), log
         finally:
-            process.communicate(timeout=30)
+            process.communicate(timeout=100)
 
 
 def pair(server: Process) -> str:

@@ -34,7 +34,7 @@ class WsRobot:
 
     def __enter__(self) -> Self:
         self._thread.start()
-        assert self._ready.wait(10.0)
+        assert self._ready.wait(60.0)
         return self
 
     def __exit__(self, *error: object) -> None:

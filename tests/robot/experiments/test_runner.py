@@ -122,7 +122,7 @@ def test_an_interrupted_call_loses_no_finished_run(tmp_path: Path) -> None:
     assert process.stdout is not None
     assert process.stdout.readline() == "done\n"
     process.send_signal(signal.SIGINT)
-    process.communicate(timeout=30)
+    process.communicate(timeout=100)
     kept = {file.name: file.read_text() for file in tmp_path.glob("*.json")}
     assert kept
     count = len(kept)

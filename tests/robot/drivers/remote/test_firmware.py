@@ -44,7 +44,7 @@ class Sender:
 
     def __init__(self, robot: FirmwareRobot) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.settimeout(5.0)
+        self.socket.settimeout(60.0)
         self.socket.connect(("127.0.0.1", robot.port))
         self.report: dict[str, Any] = {}
         self.ask(b"{}")
@@ -135,7 +135,7 @@ def test_after_a_freeze_it_stands_before_it_obeys(robot: FirmwareRobot, sender: 
         sender.socket.recv(600)
     robot.thaw()
     robot.wait_until_it_stands()
-    sender.socket.settimeout(5.0)
+    sender.socket.settimeout(60.0)
     assert json.loads(sender.socket.recv(600))["seq"] == 2
     assert [any(move[1:]) for move in robot.moves] in ([True, False], [True, False, False])
 
