@@ -47,6 +47,7 @@ def test_the_file_keeps_all_else(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.realtime
 def test_a_brick_is_calibrated_by_driving(
     brick: FakeBrick,
     tmp_path: Path,
@@ -80,6 +81,7 @@ def test_a_brick_is_calibrated_by_driving(
     assert {move.command for move in moves} == {"run-timed"}
 
 
+@pytest.mark.realtime
 def test_nobody_to_answer_is_one_clear_line(
     brick: FakeBrick,
     tmp_path: Path,

@@ -189,17 +189,20 @@ def found(visit: Examination, may_turn: bool = True) -> dict[str, Finding]:
     return {one.topic: one for one in examine(visit.measure(lambda: may_turn))}
 
 
+@pytest.mark.realtime
 def test_a_sound_brick_is_measured(brick: FakeBrick, visit: Examination) -> None:
     brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
     assert {one.level for one in found(visit).values()} == {Level.OK}
     assert not brick.is_moving()
 
 
+@pytest.mark.realtime
 def test_nothing_moves_without_consent(brick: FakeBrick, visit: Examination) -> None:
     assert found(visit, may_turn=False)["wheels"].text == "not tested"
     assert not [one for one in brick.commands if one.command.startswith("run")]
 
 
+@pytest.mark.realtime
 def test_a_wheel_that_is_held_fast_is_found(brick: FakeBrick, visit: Examination) -> None:
     brick.stall_motor("outC")
     finding = found(visit)["wheels"]
@@ -207,6 +210,7 @@ def test_a_wheel_that_is_held_fast_is_found(brick: FakeBrick, visit: Examination
     assert "right wheel (outC) did not turn when it was driven" in finding.text
 
 
+@pytest.mark.realtime
 def test_an_empty_battery_and_a_missing_motor_are_found(
     brick: FakeBrick, visit: Examination
 ) -> None:
@@ -225,6 +229,7 @@ def test_what_the_agent_knows_of_itself_is_whole(brick: FakeBrick) -> None:
     assert set(inspect_brick(str(brick.root), 0)) == set(INSPECTED)
 
 
+@pytest.mark.realtime
 def test_a_busy_brick_is_one_clear_line(
     brick: FakeBrick, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -258,6 +263,7 @@ def masked(text: str) -> str:
     return re.sub(r"\b[0-9a-f]{8}\b|[0-9]+(\.[0-9]+)*", "#", text)
 
 
+@pytest.mark.realtime
 def test_the_report_in_the_guide_is_what_it_prints(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["brick", "doctor", "--fake"]) == 0
     printed = capsys.readouterr().out

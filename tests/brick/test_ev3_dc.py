@@ -30,6 +30,7 @@ def client() -> Path:
     return CLIENT
 
 
+@pytest.mark.realtime
 def test_a_foreign_client_drives_the_stand_in_and_sends_what_we_send(client: Path) -> None:
     with StockBrick(BEACON_PORT) as brick:
         told = subprocess.Popen(

@@ -68,6 +68,7 @@ def free_port() -> int:
         return int(line.getsockname()[1])
 
 
+@pytest.mark.realtime
 def test_the_agent_is_copied_and_started_twice(
     far_home: Path,
     agent_pid: Path,
@@ -95,6 +96,7 @@ def child_of(pid: int) -> int:
     return int(text.split()[0])
 
 
+@pytest.mark.realtime
 def test_an_agent_that_dies_is_started_again(
     far_home: Path, agent_pid: Path, brick: FakeBrick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -109,6 +111,7 @@ def test_an_agent_that_dies_is_started_again(
         assert driver.is_connected
 
 
+@pytest.mark.realtime
 def test_the_brick_starts_the_agent_by_itself(
     far_home: Path, agent_pid: Path, brick: FakeBrick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -142,6 +145,7 @@ def test_an_agent_that_cannot_start_says_why(
     assert error.count("\n") == 1
 
 
+@pytest.mark.realtime
 def test_installing_is_safe_to_repeat(
     far_home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

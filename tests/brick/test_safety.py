@@ -155,26 +155,31 @@ def drive(request: pytest.FixtureRequest, brick: FakeBrick, tmp_path: Path) -> I
         yield Drive(brick, process, proxy)
 
 
+@pytest.mark.realtime
 def test_killing_the_server(drive: Drive) -> None:
     drive.check_it_stands_after(drive.process.kill)
 
 
+@pytest.mark.realtime
 def test_freezing_the_server(drive: Drive) -> None:
     drive.check_it_stands_after(lambda: drive.process.send_signal(signal.SIGSTOP))
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("drive", ["ev3-remote"], indirect=True)
 def test_cutting_the_line(drive: Drive) -> None:
     assert drive.proxy is not None
     drive.check_it_stands_after(drive.proxy.cut)
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("drive", ["ev3-remote"], indirect=True)
 def test_a_line_that_goes_silent(drive: Drive) -> None:
     assert drive.proxy is not None
     drive.check_it_stands_after(drive.proxy.go_silent)
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("drive", ["ev3-remote"], indirect=True)
 def test_ending_the_server_in_good_order(drive: Drive) -> None:
     drive.process.terminate()

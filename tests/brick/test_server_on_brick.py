@@ -29,7 +29,7 @@ from tests.brick.armel import Armel, guest_memory_mb
 from tests.brick.film import install_film
 from tests.server.live_robot import Pilot
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(500)]
+pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(500)]
 MOST_MEMORY_MB = {"bookworm": 36.0, "trixie": 46.0}
 """By release: pydantic 2 and a newer Python take their share of the second."""
 FRAME_RATE_HZ = 10

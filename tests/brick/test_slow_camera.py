@@ -26,7 +26,7 @@ from tests.brick.running_agent import SECRET, RunningAgent
 from tests.server.live_robot import Pilot
 
 EXAMPLES, MOST_STARTS = 60, 40
-pytestmark = [pytest.mark.slow]
+pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 TRAITS = {
     "a C270 on an EV3": C270_ON_EV3,
     "100 ms / 145 ms": replace(C270_ON_EV3, age_ms=145, age_spread_ms=0),

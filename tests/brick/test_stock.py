@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import struct
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,16 +15,17 @@ from robot.brick.agent.ports import HardwareError
 from robot.brick.stock import codec
 from robot.brick.stock.body import StockBody
 from robot.brick.stock.lines import UsbLine, find_usb, open_line, parse_beacon
+from robot.clock import ManualClock
 from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
 from robot.errors import ConfigurationError, DriveError
 from robot.types import Action
-from tests.standins.ev3_stock import LARGE, SERIAL, TOUCH, StockBrick, _Machine
+from tests.standins.ev3_stock import LARGE, SERIAL, TOUCH, StockBrick, StockFirmware, _Machine
 
 
 @given(st.integers(-(2**31) + 1, 2**31 - 1))
 def test_numbers_come_through_in_as_few_bytes_as_it_takes(value: int) -> None:
     code = codec.number(value)
-    assert _Machine(StockBrick.__new__(StockBrick), code, bytearray()).parameter() == value
+    assert _Machine(StockFirmware(), code, bytearray()).parameter() == value
     bits = abs(value)
     is_short = -32 <= value < 32
     assert len(code) == (1 if is_short else 2) + (bits > 127) + 2 * (bits > 32767)
@@ -65,18 +65,38 @@ def test_only_an_ev3s_beacon_counts(data: bytes, found: bool) -> None:
 
 
 @pytest.fixture
-def brick() -> Iterator[StockBrick]:
-    with StockBrick() as playing:
-        yield playing
+def brick() -> StockFirmware:
+    return StockFirmware(ManualClock().now_s)
 
 
-def driver_for(brick: StockBrick, **options: str) -> Ev3StockDriver:
-    return Ev3StockDriver(
-        Ev3StockOptions(line="wifi", brick=SERIAL, beacon_port=brick.beacon_port, **options)
+class Wire:
+    """Carries each command to the firmware and its answer back, without a socket."""
+
+    def __init__(self, brick: StockFirmware) -> None:
+        self._brick = brick
+
+    def ask(self, message: bytes) -> bytes:
+        self._brick.messages.append(message)
+        return self._brick.answer(message) or b""
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+
+def driver_for(brick: StockFirmware, **options: str) -> Ev3StockDriver:
+    driver = Ev3StockDriver(Ev3StockOptions(**options))
+    ports = driver.options
+    driver._make_body = lambda: StockBody(  # type: ignore[method-assign]
+        lambda: Wire(brick),
+        left=ports.left_port,
+        right=ports.right_port,
+        ultrasonic=ports.ultrasonic_port,
+        touch=ports.touch_port,
     )
+    return driver
 
 
-def test_moves_turn_the_right_wheels_and_carry_their_time(brick: StockBrick) -> None:
+def test_moves_turn_the_right_wheels_and_carry_their_time(brick: StockFirmware) -> None:
     wheels = {
         Action.FORWARD: (34, 34),
         Action.BACKWARD: (-34, -34),
@@ -94,7 +114,7 @@ def test_moves_turn_the_right_wheels_and_carry_their_time(brick: StockBrick) -> 
         assert brick.motors[1].percent == 1, "a slow wheel still turns"
 
 
-def test_what_another_program_left_is_cleared(brick: StockBrick) -> None:
+def test_what_another_program_left_is_cleared(brick: StockFirmware) -> None:
     brick.motors[1].polarity = -1
     brick.motors[2].percent, brick.motors[2].ends_s = 50, float("inf")
     with driver_for(brick) as driver:
@@ -103,7 +123,7 @@ def test_what_another_program_left_is_cleared(brick: StockBrick) -> None:
         assert driver.wheel_positions_deg() == [0.0, 0.0]
 
 
-def test_sensors_are_found_and_read(brick: StockBrick) -> None:
+def test_sensors_are_found_and_read(brick: StockFirmware) -> None:
     brick.devices[1] = TOUCH
     brick.values[TOUCH] = 1.0
     with driver_for(brick) as driver:
@@ -126,14 +146,20 @@ def test_sensors_are_found_and_read(brick: StockBrick) -> None:
     ],
 )
 def test_what_is_not_plugged_in_is_named(
-    brick: StockBrick, options: dict[str, str], said: str
+    brick: StockFirmware, options: dict[str, str], said: str
 ) -> None:
     with pytest.raises((DriveError, ConfigurationError), match=said):
         driver_for(brick, **options).connect()
 
 
-def test_a_lost_brick_is_found_again(brick: StockBrick) -> None:
-    with driver_for(brick) as driver:
+@pytest.mark.realtime
+def test_a_lost_brick_is_found_again() -> None:
+    with (
+        StockBrick() as brick,
+        Ev3StockDriver(
+            Ev3StockOptions(line="wifi", brick=SERIAL, beacon_port=brick.beacon_port)
+        ) as driver,
+    ):
         brick.frozen.set()
         with pytest.raises(DriveError, match="does not answer"):
             driver.send_action(Action.FORWARD)
@@ -145,7 +171,7 @@ def test_a_lost_brick_is_found_again(brick: StockBrick) -> None:
         assert brick.is_moving
 
 
-def test_a_medium_motor_and_a_wrong_speed(brick: StockBrick) -> None:
+def test_a_medium_motor_and_a_wrong_speed(brick: StockFirmware) -> None:
     brick.devices[0x11] = 8
     with driver_for(brick) as driver:
         driver.send_action(Action.FORWARD)
@@ -178,9 +204,7 @@ def test_the_cable_carries_reports_of_1024_bytes() -> None:
     import socket
 
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    brick = StockBrick()
-    brick._server.close()
-    brick._beacon.close()
+    brick = StockFirmware()
     reports: list[bytes] = []
 
     def play() -> None:

@@ -66,6 +66,7 @@ def probe(video: FakeVideo) -> Iterator[Probe]:
     running.end()
 
 
+@pytest.mark.realtime
 def test_yuyv_comes_as_it_is_and_without_padding(probe: Probe) -> None:
     said = probe.wait_for(lambda said: said.get("frame") == 3)
     assert said["size"] == [160, 120, 160 * 120 * 2]

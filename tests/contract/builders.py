@@ -6,6 +6,7 @@ A plugin without an entry fails the suite: nothing joins the registry untested.
 
 from __future__ import annotations
 
+import base64
 import itertools
 import os
 import tempfile
@@ -13,7 +14,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest import mock
 
 import cv2
 import numpy as np
@@ -30,42 +35,20 @@ from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.cameras.v4l2 import V4l2Camera
 from robot.capture.options import UsbCameraOptions
 from robot.clock import Clock, ManualClock, RealClock, VirtualClock
-from robot.driver import Driver
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
-from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
 from robot.drivers.gpio.driver import GpioDriver, GpioOptions
-from robot.drivers.lego_education import LegoEducationDriver, LegoEducationOptions
-from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
-from robot.drivers.remote.driver import RemoteOptions
 from robot.drivers.replay import ReplayDriver
-from robot.drivers.ros.driver import RosDriver, RosOptions
 from robot.drivers.sim import SimDriver, SimOptions
-from robot.drivers.udp import UdpDriver
-from robot.drivers.ws import WsDriver
 from robot.errors import DriveError, NotConnectedError
 from robot.testing.brick import FakeBrick
 from robot.testing.cases import CameraCase, DriverCase
 from robot.types import Action
 from tests.brick.fake_video import DEVICE
 from tests.brick.virtual_agent import MadeUpCamera, VirtualAgent
+from tests.faults.bodies import BODIES
 from tests.robot.footage import write_footage
 from tests.standins import picamera2
-from tests.standins.ev3_stock import StockBrick
-from tests.standins.firmware import SECRET as SECRET_OF_FIRMWARE
-from tests.standins.firmware import FirmwareRobot, Relay
-from tests.standins.lego_education import FakeDoubleMotor
-from tests.standins.mjpeg import MjpegServer
-from tests.standins.pybricks_hub import FakeHub
-from tests.standins.rosbridge import RosBridgeServer
-from tests.standins.ws_robot import WsRobot
-
-
-def on_a_busy_machine(
-    driver: Driver, is_moving: Callable[[], bool], cut_link: Callable[[], None]
-) -> DriverCase:
-    """Return a case over real sockets: that it works is judged here, not how fast."""
-    return DriverCase(driver, time.sleep, is_moving, cut_link, budget_s=5.0)
 
 
 @contextmanager
@@ -209,9 +192,7 @@ def phone_camera() -> Iterator[CameraCase]:
             if clock.wait(ending, 0.03):
                 return
             if not frozen.is_set():
-                grey = np.full((24, 32, 3), 7 * index % 256, np.uint8)
-                jpeg = cv2.imencode(".jpg", grey)[1].tobytes()
-                camera.offer(jpeg, width=32, height=24, captured_s=clock.now_s())
+                camera.offer(grey_jpeg(index), width=32, height=24, captured_s=clock.now_s())
 
     phone = clock.start_thread(send, "phone")
     yield CameraCase(camera, frozen.set)
@@ -220,36 +201,12 @@ def phone_camera() -> Iterator[CameraCase]:
 
 
 @contextmanager
-def ev3_stock_driver() -> Iterator[DriverCase]:
-    with StockBrick() as brick:
-        options = Ev3StockOptions(line="wifi", beacon_port=brick.beacon_port)
-        driver = Ev3StockDriver(options)
-        yield on_a_busy_machine(driver, lambda: brick.is_moving, brick.frozen.set)
-        driver.disconnect()
-
-
-@contextmanager
-def udp_driver() -> Iterator[DriverCase]:
-    with FirmwareRobot() as robot, Relay(robot.port) as line:
-        driver = UdpDriver(RemoteOptions(address=line.address, secret=SECRET_OF_FIRMWARE))
-        yield on_a_busy_machine(driver, robot.is_moving, line.is_cut.set)
-        driver.disconnect()
-
-
-@contextmanager
-def ws_driver() -> Iterator[DriverCase]:
-    with WsRobot("secret") as robot:
-        driver = WsDriver(RemoteOptions(address=robot.address, secret="secret"))
-        yield on_a_busy_machine(driver, lambda: robot.is_moving, robot.silent.set)
-        driver.disconnect()
-
-
-@contextmanager
-def pybricks_driver() -> Iterator[DriverCase]:
-    with FakeHub() as hub:
-        driver = PybricksDriver(PybricksOptions(), bluetooth=hub.bluetooth)
-        yield on_a_busy_machine(driver, lambda: hub.is_moving, hub.cut)
-        driver.disconnect()
+def timed_driver(name: str) -> Iterator[DriverCase]:
+    """A body of tests/faults/bodies.py: the real driver and firmware on one virtual clock."""
+    with BODIES[name][0](1) as body:
+        body.slow_down(0.02)
+        yield DriverCase(body.driver, body.clock.sleep, body.is_moving, body.lose, body.clock.now_s)
+        body.driver.disconnect()
 
 
 @contextmanager
@@ -276,39 +233,59 @@ def picamera2_camera() -> Iterator[CameraCase]:
 
 
 @contextmanager
-def lego_education_driver() -> Iterator[DriverCase]:
-    with FakeDoubleMotor() as motor:
-        driver = LegoEducationDriver(LegoEducationOptions(), library=motor.library)
-        yield DriverCase(driver, time.sleep, lambda: motor.is_moving, motor.cut)
-        driver.disconnect()
-
-
-@contextmanager
-def ros_driver() -> Iterator[DriverCase]:
-    with RosBridgeServer() as ros:
-        driver = RosDriver(RosOptions(address=ros.address))
-
-        def is_moving() -> bool:
-            ros.settle(driver._bridge)
-            return ros.is_moving
-
-        yield on_a_busy_machine(driver, is_moving, ros.frozen.set)
-        driver.disconnect()
-
-
-@contextmanager
 def ros_camera() -> Iterator[CameraCase]:
-    with RosBridgeServer() as ros:
-        yield CameraCase(
-            RosCamera(RosCameraOptions(address=ros.address), RealClock()), ros.frozen.set
-        )
+    """Pictures of a topic, on a bridge without a socket."""
+    clock, frozen = VirtualClock(), threading.Event()
+
+    class Bridge:
+        def __init__(self, host: str, port: int, clock: Clock, **options: Any) -> None:
+            self._ending, self._tell = threading.Event(), options["on_message"]
+            self._thread = clock.start_thread(self._run, "rosbridge")
+
+        def close(self) -> None:
+            self._ending.set()
+            self._thread.join()
+
+        def _run(self) -> None:
+            for index in itertools.count():
+                if clock.wait(self._ending, 0.03):
+                    return
+                if not frozen.is_set():
+                    jpeg = base64.b64encode(grey_jpeg(index)).decode()
+                    self._tell("/camera/image_raw/compressed", {"format": "jpeg", "data": jpeg})
+
+    with mock.patch("robot.cameras.ros.RosBridge", Bridge):
+        yield CameraCase(RosCamera(RosCameraOptions(address="base"), clock), frozen.set)
 
 
 @contextmanager
 def mjpeg_camera() -> Iterator[CameraCase]:
-    with MjpegServer() as server:
-        camera = MjpegCamera(MjpegOptions(source=server.address), RealClock())
-        yield CameraCase(camera, server.frozen.set)
+    """A stream without a socket: its parts come one after the other."""
+    clock, frozen = VirtualClock(), threading.Event()
+    camera = MjpegCamera(MjpegOptions(source="http://camera/stream"), clock)
+
+    class Stream:
+        msg = SimpleNamespace(get_boundary=lambda: "frame")
+
+        def __init__(self) -> None:
+            self._indices = itertools.count()
+
+        def read1(self, size: int) -> bytes:
+            while not clock.wait(camera._ending, 0.03):
+                if not frozen.is_set():
+                    jpeg = grey_jpeg(next(self._indices))
+                    head = f"--frame\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+                    return head.encode() + jpeg + b"\r\n"
+            raise OSError("the stream was closed")
+
+    camera._open = Stream  # type: ignore[assignment, method-assign]
+    yield CameraCase(camera, frozen.set)
+
+
+def grey_jpeg(index: int) -> bytes:
+    """Return a picture of another grey for each index."""
+    grey = np.full((24, 32, 3), 7 * index % 256, np.uint8)
+    return cv2.imencode(".jpg", grey)[1].tobytes()
 
 
 @contextmanager
@@ -331,13 +308,11 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "replay": replay_driver,
     "ev3": ev3_driver,
     "ev3-remote": ev3_remote_driver,
-    "ev3-stock": ev3_stock_driver,
-    "udp": udp_driver,
-    "ws": ws_driver,
-    "pybricks": pybricks_driver,
+    "ev3-stock": partial(timed_driver, "ev3-stock"),
+    "udp": partial(timed_driver, "udp"),
+    "ws": partial(timed_driver, "ws"),
+    "pybricks": partial(timed_driver, "pybricks"),
     "gpio": gpio_driver,
-    "ros": ros_driver,
-    "lego-education": lego_education_driver,
 }
 CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "sim": sim_camera,

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from unittest import mock
 
 from robot.brick.agent.ports import HardwareError
 from robot.brick.chassis import ChassisBody
@@ -23,14 +22,14 @@ from robot.driver import Driver
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
 from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
-from robot.drivers.remote.driver import RemoteOptions
+from robot.drivers.remote.driver import RemoteDriver, RemoteOptions
 from robot.drivers.remote.line import MessageLine
 from robot.drivers.udp import UdpDriver
 from robot.drivers.ws import WsDriver
 from robot.errors import DriveError
 from robot.testing.brick import FakeBrick
 from tests.brick.virtual_agent import VirtualAgent
-from tests.standins import ev3_stock
+from tests.standins.ev3_stock import StockFirmware
 from tests.standins.firmware_in_time import RunningFirmware, RunningHub, RunningProgram
 
 FAULTS = ("link lost", "server killed", "server frozen")
@@ -79,41 +78,23 @@ def _program(
 
 
 def _udp(seed: int) -> AbstractContextManager[TimedBody]:
-    class Udp(UdpDriver):
-        def _open_address(self, host: str, port: int) -> MessageLine:
-            return self.line
-
-        line: MessageLine
-
-    return _program(RunningFirmware, lambda clock, line: _addressed(Udp, clock, line), seed)
+    return _program(RunningFirmware, lambda clock, line: _addressed(UdpDriver, clock, line), seed)
 
 
 def _ws(seed: int) -> AbstractContextManager[TimedBody]:
-    class Ws(WsDriver):
-        def _open_address(self, host: str, port: int) -> MessageLine:
-            return self.line
-
-        line: MessageLine
-
-    return _program(RunningFirmware, lambda clock, line: _addressed(Ws, clock, line), seed)
+    return _program(RunningFirmware, lambda clock, line: _addressed(WsDriver, clock, line), seed)
 
 
-def _addressed(kind: type, clock: VirtualClock, line: MessageLine) -> Driver:
-    driver: Driver = kind(RemoteOptions(address="board", secret="geheim"), clock)
-    driver.line = line  # type: ignore[attr-defined]
+def _addressed(kind: type[RemoteDriver], clock: VirtualClock, line: MessageLine) -> Driver:
+    driver = kind(RemoteOptions(address="board", secret="geheim"), clock)
+    driver._open_address = lambda host, port: line  # type: ignore[method-assign]
     return driver
 
 
 def _pybricks(seed: int) -> AbstractContextManager[TimedBody]:
-    class Pybricks(PybricksDriver):
-        def _open(self) -> MessageLine:
-            return self.line
-
-        line: MessageLine
-
     def make(clock: VirtualClock, line: MessageLine) -> Driver:
-        driver = Pybricks(PybricksOptions(), clock)
-        driver.line = line
+        driver = PybricksDriver(PybricksOptions(), clock)
+        driver._open = lambda: line  # type: ignore[method-assign]
         return driver
 
     return _program(RunningHub, make, seed)
@@ -123,12 +104,6 @@ def _pybricks(seed: int) -> AbstractContextManager[TimedBody]:
 def _ev3_stock(seed: int) -> Iterator[TimedBody]:
     """The stand-in's machine of bytecodes, without its sockets."""
     clock, chance = ManualClock(), random.Random(seed)
-
-    class Brick(ev3_stock.StockBrick):
-        def __init__(self) -> None:
-            self.motors = [ev3_stock.Motor() for _ in range(4)]
-            self.devices = {0x11: ev3_stock.LARGE, 0x12: ev3_stock.LARGE}
-            self.frozen = mock.Mock(is_set=lambda: False)
 
     class Line:
         is_lost = False
@@ -144,19 +119,16 @@ def _ev3_stock(seed: int) -> Iterator[TimedBody]:
         def close(self) -> None:
             pass
 
-    class Stock(Ev3StockDriver):
-        def _make_body(self) -> ChassisBody:
-            return StockBody(
-                lambda: line, left="outB", right="outC", ultrasonic="none", touch="none"
-            )
+    def make_body() -> ChassisBody:
+        return StockBody(lambda: line, left="outB", right="outC", ultrasonic="none", touch="none")
 
-    brick, line = Brick(), Line()
+    brick, line, driver = StockFirmware(clock.now_s), Line(), Ev3StockDriver(Ev3StockOptions())
+    driver._make_body = make_body  # type: ignore[method-assign]
 
     def lose() -> None:
         line.is_lost = True
 
-    with mock.patch.object(ev3_stock, "time", mock.Mock(monotonic=clock.now_s)):
-        yield TimedBody(Stock(Ev3StockOptions()), clock, lambda: brick.is_moving, lose)
+    yield TimedBody(driver, clock, lambda: brick.is_moving, lose)
 
 
 @contextmanager

@@ -23,7 +23,7 @@ from tests.standins.ev3_stock import StockBrick
 from tests.standins.mjpeg import MjpegServer
 from tests.standins.ws_robot import WsRobot
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 
 
 @dataclass(frozen=True)

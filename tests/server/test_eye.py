@@ -100,6 +100,7 @@ def wait_until(rig: Rig, is_so: Any) -> None:
     pytest.fail("it never came to be so")
 
 
+@pytest.mark.realtime
 def test_pictures_arrive_with_stamps_on_our_clock(robot: tuple[Rig, str]) -> None:
     rig, address = robot
     with phone(address) as eye:
@@ -116,6 +117,7 @@ def test_pictures_arrive_with_stamps_on_our_clock(robot: tuple[Rig, str]) -> Non
     wait_until(rig, lambda: "gone" in (rig.camera.fault or ""))
 
 
+@pytest.mark.realtime
 def test_the_page_may_ask_for_a_camera_and_no_other_may(robot: tuple[Rig, str]) -> None:
     _, address = robot
     page = httpx.get(address + "/eye")
@@ -124,6 +126,7 @@ def test_the_page_may_ask_for_a_camera_and_no_other_may(robot: tuple[Rig, str]) 
     assert "camera=()" in httpx.get(address + "/").headers["permissions-policy"]
 
 
+@pytest.mark.realtime
 def test_stop_on_the_phone_latches_the_emergency(robot: tuple[Rig, str]) -> None:
     _, address = robot
     with phone(address) as eye:
@@ -133,6 +136,7 @@ def test_stop_on_the_phone_latches_the_emergency(robot: tuple[Rig, str]) -> None
             pass
 
 
+@pytest.mark.realtime
 def test_the_newest_phone_is_the_eye(robot: tuple[Rig, str]) -> None:
     rig, address = robot
     with phone(address) as first, phone(address) as second:
@@ -148,6 +152,7 @@ def test_the_newest_phone_is_the_eye(robot: tuple[Rig, str]) -> None:
         assert rig.camera.fault is None
 
 
+@pytest.mark.realtime
 def test_whoever_sends_rubbish_is_shown_out(robot: tuple[Rig, str]) -> None:
     _, address = robot
     with phone(address) as eye:
@@ -157,6 +162,7 @@ def test_whoever_sends_rubbish_is_shown_out(robot: tuple[Rig, str]) -> None:
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 1008
 
 
+@pytest.mark.realtime
 def test_a_robot_with_another_camera_says_so() -> None:
     with live_server() as server, phone(server.address) as eye:
         with pytest.raises(ConnectionClosed) as closed:

@@ -11,6 +11,7 @@ import socket
 import struct
 import threading
 import time
+from collections.abc import Callable
 from typing import Self
 
 SERIAL = "0016533f0c1e"
@@ -20,13 +21,17 @@ LARGE, TOUCH, ULTRASONIC, NOTHING = 7, 16, 30, 126
 class Motor:
     """Turns at a percentage until its time is over."""
 
-    def __init__(self) -> None:
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
         self.percent, self.ends_s, self.count = 0, 0.0, 0.0
         self.polarity, self.resets = 1, 0
 
     @property
     def is_moving(self) -> bool:
-        return self.percent != 0 and time.monotonic() < self.ends_s
+        return self.percent != 0 and self._now_s() < self.ends_s
+
+    def turn_for(self, percent: int, run_ms: int) -> None:
+        self.percent, self.ends_s = percent, self._now_s() + run_ms / 1000
 
 
 def _bind() -> tuple[socket.socket, socket.socket]:
@@ -47,7 +52,40 @@ def _bind() -> tuple[socket.socket, socket.socket]:
     raise AssertionError("no port is free")
 
 
-class StockBrick:
+class StockFirmware:
+    """What the firmware does with direct commands, on any clock; `frozen` does nothing any more.
+
+    Args:
+        now_s: The clock.
+    """
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        self.motors = [Motor(now_s) for _ in range(4)]
+        self.devices = {0: TOUCH, 3: ULTRASONIC, 0x11: LARGE, 0x12: LARGE}
+        self.values = {TOUCH: 0.0, ULTRASONIC: 42.0}
+        self.messages: list[bytes] = []
+        self.frozen = threading.Event()
+
+    @property
+    def is_moving(self) -> bool:
+        return any(motor.is_moving for motor in self.motors)
+
+    def answer(self, message: bytes) -> bytes | None:
+        """Obey one direct command; return the answer if one is wanted."""
+        _, count, kind, sizes = struct.unpack_from("<HHBH", message)
+        results = bytearray(sizes & 0x3FF)
+        ok = True
+        if not self.frozen.is_set():
+            try:
+                _Machine(self, message[7:], results).run()
+            except (IndexError, ValueError):
+                ok = False
+        if kind & 0x80:
+            return None
+        return struct.pack("<HHB", 3 + len(results), count, 2 if ok else 4) + bytes(results)
+
+
+class StockBrick(StockFirmware):
     """Listens on loopback; `frozen` answers nothing any more.
 
     Args:
@@ -55,11 +93,7 @@ class StockBrick:
     """
 
     def __init__(self, beacon_port: int = 0) -> None:
-        self.motors = [Motor() for _ in range(4)]
-        self.devices = {0: TOUCH, 3: ULTRASONIC, 0x11: LARGE, 0x12: LARGE}
-        self.values = {TOUCH: 0.0, ULTRASONIC: 42.0}
-        self.messages: list[bytes] = []
-        self.frozen = threading.Event()
+        super().__init__()
         self._ending = threading.Event()
         self._server, self._beacon = _bind()
         if beacon_port == 0:
@@ -71,10 +105,6 @@ class StockBrick:
         self._threads = [
             threading.Thread(target=target, daemon=True) for target in (self._announce, self._serve)
         ]
-
-    @property
-    def is_moving(self) -> bool:
-        return any(motor.is_moving for motor in self.motors)
 
     def __enter__(self) -> Self:
         for thread in self._threads:
@@ -136,25 +166,11 @@ class StockBrick:
                 break
         return data
 
-    def answer(self, message: bytes) -> bytes | None:
-        """Obey one direct command; return the answer if one is wanted."""
-        _, count, kind, sizes = struct.unpack_from("<HHBH", message)
-        results = bytearray(sizes & 0x3FF)
-        ok = True
-        if not self.frozen.is_set():
-            try:
-                _Machine(self, message[7:], results).run()
-            except (IndexError, ValueError):
-                ok = False
-        if kind & 0x80:
-            return None
-        return struct.pack("<HHB", 3 + len(results), count, 2 if ok else 4) + bytes(results)
-
 
 class _Machine:
     """Reads bytecodes one after the other, as the firmware's documents describe them."""
 
-    def __init__(self, brick: StockBrick, codes: bytes, results: bytearray) -> None:
+    def __init__(self, brick: StockFirmware, codes: bytes, results: bytearray) -> None:
         self.brick, self.codes, self.results, self.at = brick, codes, results, 0
 
     def run(self) -> None:
@@ -187,8 +203,8 @@ class _Machine:
     def op_af(self) -> None:  # TIME_SPEED
         _, ports, percent, up_ms, run_ms, down_ms, _ = self.parameters(7)
         for motor in self.chosen(ports):
-            motor.percent = max(-100, min(100, percent)) * motor.polarity
-            motor.ends_s = time.monotonic() + (up_ms + run_ms + down_ms) / 1000
+            percent = max(-100, min(100, percent))
+            motor.turn_for(percent * motor.polarity, up_ms + run_ms + down_ms)
 
     def op_a3(self) -> None:  # STOP
         _, ports, _ = self.parameters(3)

@@ -67,6 +67,7 @@ def test_what_is_no_address_is_refused_at_once(source: str) -> None:
         camera(source)
 
 
+@pytest.mark.realtime
 def test_what_is_no_stream_is_said() -> None:
     with MjpegServer() as server:
         with pytest.raises(CameraError, match="text/html"):
@@ -90,6 +91,7 @@ def wait_until(camera: MjpegCamera, is_so: Callable[[], object]) -> None:
     pytest.fail(f"it never came to be so; {camera.fault}")
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("with_length", [True, False])
 def test_a_lost_stream_is_a_fault_and_comes_back(with_length: bool) -> None:
     with (

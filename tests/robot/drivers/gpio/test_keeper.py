@@ -77,6 +77,7 @@ def drive_again(driver: GpioDriver, first: int) -> None:
     pytest.fail("it never drove again")
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "frozen"])
 def test_the_robots_program_is_killed_or_frozen(notes: Path, how: signal.Signals) -> None:
     program = subprocess.Popen(
@@ -108,6 +109,7 @@ def _state(pid: int) -> bytes:
         return b"Z"
 
 
+@pytest.mark.realtime
 def test_a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> None:
     with driver_for(notes) as driver:
         for how in (signal.SIGSTOP, signal.SIGKILL):

@@ -35,6 +35,7 @@ def until(happens: Callable[[], object]) -> None:
     pytest.fail("it never came")
 
 
+@pytest.mark.realtime
 def test_moves_are_timed_by_the_motor_and_scaled(motor: FakeDoubleMotor) -> None:
     with driver_for(motor) as driver:
         for move in driver.moves:
@@ -50,6 +51,7 @@ def test_moves_are_timed_by_the_motor_and_scaled(motor: FakeDoubleMotor) -> None
     ]
 
 
+@pytest.mark.realtime
 def test_its_button_stops_once(motor: FakeDoubleMotor) -> None:
     with driver_for(motor) as driver:
         assert driver.take_button() is None
@@ -58,6 +60,7 @@ def test_its_button_stops_once(motor: FakeDoubleMotor) -> None:
         assert driver.take_button() is None
 
 
+@pytest.mark.realtime
 def test_a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> None:
     with driver_for(motor) as driver:
         driver.send_action(Action.FORWARD)

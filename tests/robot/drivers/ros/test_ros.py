@@ -52,6 +52,7 @@ def speeds(message: dict[str, Any]) -> tuple[float, float]:
     return twist["linear"]["x"], twist["angular"]["z"]
 
 
+@pytest.mark.realtime
 def test_moves_are_velocities_in_metres_and_radians(ros: RosBridgeServer) -> None:
     moves = "forward,left,spin_right,fast:0:1,half_left:-0.5:0.25"
     with driver_for(ros, linear_mps=0.4, turn_rate_deg_s=90.0, body_moves=moves) as driver:
@@ -67,6 +68,7 @@ def test_moves_are_velocities_in_metres_and_radians(ros: RosBridgeServer) -> Non
     assert [speeds(told) for told in ros.cmd_vel[:6]] == [pytest.approx(pair) for pair in wanted]
 
 
+@pytest.mark.realtime
 def test_stamped_velocities_carry_the_time(ros: RosBridgeServer) -> None:
     with driver_for(ros, stamped=True) as driver:
         driver.send_action(Action.FORWARD)
@@ -77,6 +79,7 @@ def test_stamped_velocities_carry_the_time(ros: RosBridgeServer) -> None:
         assert 0 <= time.time() - (stamp["sec"] + stamp["nanosec"] / 1e9) < 60
 
 
+@pytest.mark.realtime
 def test_a_velocity_that_is_not_renewed_is_followed_by_zero(ros: RosBridgeServer) -> None:
     """The base here never stops by itself: it is our zero that ends the move."""
     ros.has_timeout = False
@@ -87,6 +90,7 @@ def test_a_velocity_that_is_not_renewed_is_followed_by_zero(ros: RosBridgeServer
         ros.wait_until(lambda: not ros.is_moving)
 
 
+@pytest.mark.realtime
 def test_without_a_bridge_the_driver_says_what_that_means(ros: RosBridgeServer) -> None:
     with driver_for(ros) as driver:
         ros.frozen.set()
@@ -107,6 +111,7 @@ def test_without_a_bridge_the_driver_says_what_that_means(ros: RosBridgeServer) 
         until(lambda: ros.is_moving)
 
 
+@pytest.mark.realtime
 def test_a_bridge_that_is_not_there_is_a_sentence(ros: RosBridgeServer) -> None:
     options = {"address": "127.0.0.1:9"}
     with pytest.raises(DriveError, match="rosbridge_server"):
@@ -134,25 +139,22 @@ def test_bad_options_are_refused_with_their_name(option: str, value: object) -> 
         RosCameraOptions(image_topic="/a b")
 
 
-@pytest.mark.parametrize(
-    ("broken", "says"),
-    [
-        ({"format": "png", "data": "iVBORw0KGgo="}, "'png', no JPEG"),
-        ({"format": "jpeg", "data": "%%%"}, "no JPEG"),
-        ({"format": 7}, "no JPEG"),
-    ],
-)
-def test_a_topic_that_sends_something_else_is_a_fault(
-    ros: RosBridgeServer, broken: dict[str, Any], says: str
-) -> None:
+@pytest.mark.realtime
+def test_a_topic_that_sends_something_else_is_a_fault(ros: RosBridgeServer) -> None:
     with RosCamera(RosCameraOptions(address=ros.address), RealClock()) as camera:
         until(camera.latest)
-        ros.images = lambda index: broken
-        until(lambda: camera.fault is not None and says in camera.fault)
-        ros.images = grey_image
-        until(lambda: camera.fault is None)
+        for broken, says in (
+            ({"format": "png", "data": "iVBORw0KGgo="}, "'png', no JPEG"),
+            ({"format": "jpeg", "data": "%%%"}, "no JPEG"),
+            ({"format": 7}, "no JPEG"),
+        ):
+            ros.images = lambda index, broken=broken: broken
+            until(lambda says=says: camera.fault is not None and says in camera.fault)
+            ros.images = grey_image
+            until(lambda: camera.fault is None)
 
 
+@pytest.mark.realtime
 def test_what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
     """Nobody starts the robot: it is advice alone."""
     driver = driver_for(ros, advice_topic=ADVICE)
@@ -170,6 +172,7 @@ def test_what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
     assert not any(any(speeds(message)) for message in ros.cmd_vel), "and it never moved"
 
 
+@pytest.mark.realtime
 def test_a_foreign_client_hears_what_we_say(ros: RosBridgeServer) -> None:
     """`roslibpy`; CI installs it for this test alone."""
     if not (FOREIGN / "roslibpy").is_dir():

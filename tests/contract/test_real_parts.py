@@ -1,0 +1,155 @@
+"""What is really sockets, processes and foreign libraries keeps the contract, too.
+
+That it works is judged here, not how fast: in virtual time the suites hold every body to its times.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+
+import pytest
+
+from robot.cameras.mjpeg import MjpegCamera, MjpegOptions
+from robot.cameras.ros import RosCamera, RosCameraOptions
+from robot.clock import RealClock
+from robot.driver import Driver
+from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
+from robot.drivers.lego_education import LegoEducationDriver, LegoEducationOptions
+from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
+from robot.drivers.remote.driver import RemoteOptions
+from robot.drivers.ros.driver import RosDriver, RosOptions
+from robot.drivers.udp import UdpDriver
+from robot.drivers.ws import WsDriver
+from robot.testing.camera_contract import CameraContract
+from robot.testing.cases import CameraCase, DriverCase
+from robot.testing.driver_contract import DriverContract
+from tests.contract.builders import DRIVERS
+from tests.standins.ev3_stock import StockBrick
+from tests.standins.firmware import SECRET as SECRET_OF_FIRMWARE
+from tests.standins.firmware import FirmwareRobot, Relay
+from tests.standins.lego_education import FakeDoubleMotor
+from tests.standins.mjpeg import MjpegServer
+from tests.standins.pybricks_hub import FakeHub
+from tests.standins.rosbridge import RosBridgeServer
+from tests.standins.ws_robot import WsRobot
+
+pytestmark = pytest.mark.realtime
+
+
+def on_a_busy_machine(
+    driver: Driver, is_moving: Callable[[], bool], cut_link: Callable[[], None]
+) -> DriverCase:
+    """Return a case over real sockets: that it works is judged here, not how fast."""
+    return DriverCase(driver, time.sleep, is_moving, cut_link, budget_s=5.0)
+
+
+@contextmanager
+def ev3_stock_driver() -> Iterator[DriverCase]:
+    with StockBrick() as brick:
+        options = Ev3StockOptions(line="wifi", beacon_port=brick.beacon_port)
+        driver = Ev3StockDriver(options)
+        yield on_a_busy_machine(driver, lambda: brick.is_moving, brick.frozen.set)
+        driver.disconnect()
+
+
+@contextmanager
+def udp_driver() -> Iterator[DriverCase]:
+    with FirmwareRobot() as robot, Relay(robot.port) as line:
+        driver = UdpDriver(RemoteOptions(address=line.address, secret=SECRET_OF_FIRMWARE))
+        yield on_a_busy_machine(driver, robot.is_moving, line.is_cut.set)
+        driver.disconnect()
+
+
+@contextmanager
+def ws_driver() -> Iterator[DriverCase]:
+    with WsRobot("secret") as robot:
+        driver = WsDriver(RemoteOptions(address=robot.address, secret="secret"))
+        yield on_a_busy_machine(driver, lambda: robot.is_moving, robot.silent.set)
+        driver.disconnect()
+
+
+@contextmanager
+def pybricks_driver() -> Iterator[DriverCase]:
+    with FakeHub() as hub:
+        driver = PybricksDriver(PybricksOptions(), bluetooth=hub.bluetooth)
+        yield on_a_busy_machine(driver, lambda: hub.is_moving, hub.cut)
+        driver.disconnect()
+
+
+@contextmanager
+def lego_education_driver() -> Iterator[DriverCase]:
+    with FakeDoubleMotor() as motor:
+        driver = LegoEducationDriver(LegoEducationOptions(), library=motor.library)
+        yield on_a_busy_machine(driver, lambda: motor.is_moving, motor.cut)
+        driver.disconnect()
+
+
+@contextmanager
+def ros_driver() -> Iterator[DriverCase]:
+    with RosBridgeServer() as ros:
+        driver = RosDriver(RosOptions(address=ros.address))
+
+        def is_moving() -> bool:
+            ros.settle(driver._bridge)
+            return ros.is_moving
+
+        yield on_a_busy_machine(driver, is_moving, ros.frozen.set)
+        driver.disconnect()
+
+
+@contextmanager
+def ros_camera() -> Iterator[CameraCase]:
+    with RosBridgeServer() as ros:
+        yield CameraCase(
+            RosCamera(RosCameraOptions(address=ros.address), RealClock()), ros.frozen.set
+        )
+
+
+@contextmanager
+def mjpeg_camera() -> Iterator[CameraCase]:
+    with MjpegServer() as server:
+        camera = MjpegCamera(MjpegOptions(source=server.address), RealClock())
+        yield CameraCase(camera, server.frozen.set)
+
+
+REAL_DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
+    "ev3-stock": ev3_stock_driver,
+    "lego-education": lego_education_driver,
+    "pybricks": pybricks_driver,
+    "ros": ros_driver,
+    "udp": udp_driver,
+    "ws": ws_driver,
+}
+REAL_CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
+    "mjpeg": mjpeg_camera,
+    "ros": ros_camera,
+}
+SMOKE = (
+    DriverContract.test_every_move_moves_and_stop_stops,
+    DriverContract.test_it_leaves_nothing_behind,
+    DriverContract.test_a_body_whose_line_is_cut_stands_and_the_driver_says_so,
+)
+"""For bodies that keep the whole contract in virtual time."""
+CAMERA_SMOKE = (
+    CameraContract.test_frames_count_up_and_are_stamped_by_the_clock,
+    CameraContract.test_it_leaves_no_thread_behind,
+    CameraContract.test_a_frozen_source_is_a_fault,
+)
+WHOLE = tuple(check for name, check in vars(DriverContract).items() if name.startswith("test_"))
+
+
+@pytest.mark.parametrize("name", REAL_DRIVERS)
+def test_a_driver_on_its_real_line(name: str) -> None:
+    for check in SMOKE if name in DRIVERS else WHOLE:
+        with REAL_DRIVERS[name]() as case:
+            check(DriverContract(), case)
+
+
+@pytest.mark.parametrize("name", REAL_CAMERAS)
+def test_a_camera_on_its_real_line(name: str) -> None:
+    for check in CAMERA_SMOKE:
+        with REAL_CAMERAS[name]() as case:
+            check(CameraContract(), case)
+            case.camera.stop()
