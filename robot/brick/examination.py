@@ -31,11 +31,12 @@ class Examination:
         secret: str = "",
         options: ChassisOptions | None = None,
         clock: Clock | None = None,
+        link: BrickLink | None = None,
     ) -> None:
         self._clock = clock or RealClock()
         self._options = options or ChassisOptions()
         self._address = address
-        self._link = BrickLink(address, secret)
+        self._link = link or BrickLink(address, secret)
         self._pictures: list[PictureArrival] = []
 
     def __enter__(self) -> Examination:

@@ -7,12 +7,16 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from robot.brick.agent.ports import HardwareError
 from robot.brick.chassis import ChassisOptions
 from robot.brick.doctor import Level, examine, write_report
 from robot.brick.examination import Examination
 from robot.errors import ConfigurationError, DriveError
+
+if TYPE_CHECKING:
+    from robot.testing.brick import FakeBrick
 
 CONSENT = (
     "The wheels will turn for ten seconds. Lift the robot; then Enter to turn them, n to not: "
@@ -23,15 +27,16 @@ def examine_brick(args: argparse.Namespace) -> int:
     """Examine a brick and print the report; return 1 if something is wrong."""
     if args.fake:
         with fake_brick() as (address, secret):
-            return _examine(address, secret, lambda: True)
+            return examine_at(address, secret, lambda: True)
     if not args.address:
         raise ConfigurationError("which brick? drivelesson brick doctor ADDRESS, or --fake")
     host = args.address.rpartition("@")[2]
     address = host if ":" in host else f"{host}:{args.port}"
-    return _examine(address, "", lambda: True if args.yes else ask_consent())
+    return examine_at(address, "", lambda: True if args.yes else ask_consent())
 
 
-def _examine(address: str, secret: str, may_turn_wheels: Callable[[], bool]) -> int:
+def examine_at(address: str, secret: str, may_turn_wheels: Callable[[], bool]) -> int:
+    """Examine the brick that listens there, and print the report; 1 if something is wrong."""
     print(f"examining the brick at {address.partition(':')[0]}, about half a minute ...\n")
     try:
         with Examination(address, secret, ChassisOptions()) as visit:
@@ -57,8 +62,13 @@ def fake_brick() -> Iterator[tuple[str, str]]:
     from robot.testing.brick_agent import SECRET, FakeAgent
 
     with tempfile.TemporaryDirectory() as folder, FakeBrick(Path(folder, "brick")) as brick:
-        brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
-        for port in ("in1", "in2"):
-            brick.add_sensor(port, "lego-ev3-touch", 0)
+        furnish(brick)
         with FakeAgent(brick) as agent:
             yield agent.address, SECRET
+
+
+def furnish(brick: FakeBrick) -> None:
+    """Plug in what the robot of the guide has."""
+    brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
+    for port in ("in1", "in2"):
+        brick.add_sensor(port, "lego-ev3-touch", 0)

@@ -115,12 +115,15 @@ def serving(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str]
 class Drive:
     """A robot under way: a pilot holds forward, and the wheels turn."""
 
-    def __init__(self, brick: FakeBrick, process: subprocess.Popen[str], proxy: Proxy | None):
-        self.brick, self.process, self.proxy = brick, process, proxy
+    def __init__(
+        self, brick: FakeBrick, process: subprocess.Popen[str], proxy: Proxy | None, pilot: Pilot
+    ) -> None:
+        self.brick, self.process, self.proxy, self.pilot = brick, process, proxy, pilot
 
     def check_it_stands_after(self, harm: Callable[[], None]) -> None:
         """The motors stand by the timed command that they had, and are told no other."""
-        assert self.brick.is_moving()
+        full = self.brick.speeds
+        self.pilot.drive_until(lambda: set(full().values()) == {360})
         harm()
         self.brick.wait_until(lambda: not self.brick.is_moving(), PATIENCE_S)
         time.sleep(1.0)  # what was on its way has arrived, however busy the machine is
@@ -148,11 +151,8 @@ def drive(request: pytest.FixtureRequest, brick: FakeBrick, tmp_path: Path) -> I
         )
         pilot = stack.enter_context(Pilot(address + "/ws/drive"))
         pilot.wait_for_state(you_are_pilot=True)
-        pilot.wait_for(lambda m: m["type"] == "state" and m["frame"] is not None)
-        pilot.mode("train")
-        pilot.hold("forward")
-        brick.wait_until(lambda: set(brick.speeds().values()) == {360}, PATIENCE_S)
-        yield Drive(brick, process, proxy)
+        pilot.drive_until(lambda: set(brick.speeds().values()) == {360})
+        yield Drive(brick, process, proxy, pilot)
 
 
 @pytest.mark.realtime

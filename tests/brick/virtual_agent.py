@@ -223,7 +223,9 @@ class VirtualAgent:
         self.net.clock.sleep(_TICK_S)
 
         def found() -> tuple[list[Any], list[Any]]:
-            return [r for r in readers if r.is_readable], [w for w in writers if w.is_writable]
+            return [r for r in readers if getattr(r, "is_readable", False)], [
+                w for w in writers if w.is_writable
+            ]
 
         self.net.wait_for(lambda: any(found()) or self._ending.is_set(), timeout_s)
         return (*found(), [])

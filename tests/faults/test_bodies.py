@@ -66,18 +66,7 @@ def test_a_body_stands_when_its_server_does_not_go_on(
                     if (found := re.search(r"open http(://\S+)", line))
                 )
                 with Pilot(f"ws{address}/ws/drive") as pilot:
-                    for _ in range(20):  # a busy machine may be late, and the robot stops for it
-                        pilot.mode("train")
-                        with contextlib.suppress(AssertionError):
-                            pilot.wait_for_state(mode="train")
-                        pilot.hold("forward")
-                        for _ in range(200):
-                            if robot.ends_s() > time.monotonic():
-                                break
-                            time.sleep(0.01)
-                        if robot.ends_s() > time.monotonic():
-                            break
-                    assert robot.ends_s() > time.monotonic(), "it never moved"
+                    pilot.drive_until(lambda: robot.ends_s() > time.monotonic())
                     os.kill(process.pid, how)
                     time.sleep(1.0)  # whatever was on its way has arrived
                     for _ in range(1000):

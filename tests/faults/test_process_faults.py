@@ -26,10 +26,7 @@ def test_a_frozen_server_lets_the_body_stop_and_does_not_move_it_again(mode: str
     What is left to show is that nothing was told to move after the freeze.
     """
     with ServerUnderTest("drivelesson", 30.0) as subject, _pilot(subject.port) as pilot:
-        pilot.mode(mode)
-        pilot.wait_for_state(mode=mode)
-        pilot.hold("forward")
-        pilot.wait_for_state(driven_by="pilot", action="forward")
+        pilot.drive_until(lambda: pilot.state["action"] == "forward", mode=mode)
         os.kill(subject.pid, signal.SIGSTOP)
         time.sleep(1.0)  # the pilot holds on, and its messages pile up
         resumed_s = time.monotonic()
@@ -47,13 +44,9 @@ def test_a_full_disk_does_not_keep_the_robot_from_driving_or_standing(tmp_path: 
         # From here on no file can grow by a single byte.
         resource.prlimit(server.process.pid, resource.RLIMIT_FSIZE, (0, 0))
         with _pilot(server.port) as pilot:
-            pilot.mode("train")
-            pilot.wait_for_state(mode="train")
-            pilot.hold("forward")
-            pilot.wait_for_state(driven_by="pilot", action="forward")
-            time.sleep(1.0)
-            assert pilot.state["driven_by"] == "pilot"
-            assert pilot.state["lessons"] > 10
+            pilot.drive_until(
+                lambda: pilot.state["lessons"] > 30 and pilot.state["driven_by"] == "pilot"
+            )
             pilot.hold(None)
             pilot.wait_for_state(action="stop")
         assert httpx.get(server.address + "/healthz").status_code == 200

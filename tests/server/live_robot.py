@@ -201,6 +201,19 @@ class Pilot:
             seen=max(len(self.messages) - 1, 0),
         )
 
+    def drive_until(
+        self, is_so: Callable[[], bool], held: str = "forward", mode: str = "train"
+    ) -> None:
+        """Hold a move until `is_so`; start again where a busy machine made the robot stand."""
+        self.wait_for(lambda m: m["type"] == "state")
+        self.hold(held)
+        end_s = time.monotonic() + STANDING_AFTER_S
+        while not is_so():
+            assert time.monotonic() < end_s, f"never came; last: {self.messages[-3:]}"
+            if not self.states or self.state["mode"] != mode:
+                self.mode(mode)
+            time.sleep(0.05)
+
     def close(self) -> None:
         self._ending.set()
         with contextlib.suppress(Exception):

@@ -42,9 +42,7 @@ def serving(data: Path, *words: str) -> Iterator[tuple[subprocess.Popen[str], st
 def teach(address: str, lessons: int) -> int:
     """Hold a move until so many examples were taught; return how many there were in the end."""
     with Pilot(address.replace("http", "ws") + "/ws/drive") as pilot:
-        pilot.mode("train")
-        pilot.hold("left")
-        pilot.wait_for(lambda m: m["type"] == "state" and m["lessons"] >= lessons, 60)
+        pilot.drive_until(lambda: pilot.state["lessons"] >= lessons, held="left")
         pilot.mode("stopped")
         pilot.wait_for_state(mode="stopped")
         time.sleep(0.2)
