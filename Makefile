@@ -31,10 +31,17 @@ test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs r
 test-browsers: $(VENV)/.dev ## Drive the whole loop in Firefox and WebKit (says what it lacks)
 	DRIVELESSON_OTHER_BROWSERS=1 $(BIN)/python -m pytest tests/e2e/test_other_browsers.py $(ARGS)
 
+# What may differ there: routes and models of requests, sockets, the start, arrays and pictures. What
+# runs in virtual time past the framework is the same code as in `make test`, and runs there alone.
+OLD_TESTS := $(addprefix tests/server/,board cli hosting security test_drive.py test_episodes.py \
+  test_eye.py test_hostile_values.py test_identity.py test_models.py test_protocol.py \
+  test_real_server.py test_security.py test_study_sessions.py test_teaching_routes.py \
+  test_why_route.py test_world_routes.py) tests/contract/test_cameras.py \
+  tests/contract/test_real_parts.py tests/robot/learner/test_bsoc.py
+
 test-oldest: $(OLDEST)/.made ## Test the server on the versions of Debian 12
-	DRIVELESSON_KILLS=5 $(OLDEST)/bin/python -m pytest -p tests.oldest.newer_client -p no:anyio \
-	  -p no:cacheprovider tests/server tests/faults tests/contract tests/brick/test_body.py \
-	  --ignore tests/server/test_bench.py --ignore tests/server/test_fuzz.py \
+	$(OLDEST)/bin/python -m pytest -p tests.oldest.newer_client -p no:anyio \
+	  -p no:cacheprovider $(OLD_TESTS) \
 	  --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow" \
 	  -k "not browser and not films_and_datasets" $(ARGS)
 

@@ -44,5 +44,5 @@ def test_a_rate_that_cannot_be_held_is_refused(rate_hz):
 def test_measures_a_full_learner():
     measured = autosize.measure(8, repeats=20)
     assert measured.max_nodes == 8
-    assert 0.0 < measured.learn_s <= measured.learn_p99_s < 1.0
+    assert 0.0 < measured.learn_s <= measured.learn_p99_s < 5.0
     assert measured.rate_hz > 1.0
