@@ -112,7 +112,7 @@ class ServerUnderTest:
         return self
 
     def __exit__(self, *exc: object) -> None:
-        self._process.communicate(timeout=10)
+        self._process.communicate(timeout=60)
 
 
 async def _cpu_share(subject: ServerUnderTest, seconds: float) -> float:

@@ -84,8 +84,8 @@ def teach(pilot: Pilot) -> Shares:
             assert starts <= MOST_STARTS, pilot.state
             pilot.mode("train")
             with contextlib.suppress(AssertionError):  # refused: it is asked for again, and counted
-                pilot.wait_for_state_with(lambda state: state["mode"] == "train")
-        state = pilot.wait_for(lambda m: m["type"] == "state", 20, seen=len(pilot.messages))
+                pilot.wait_for_state_with(lambda state: state["mode"] == "train", 5)
+        state = pilot.wait_for(lambda m: m["type"] == "state", 60, seen=len(pilot.messages))
         if states or state["action"] == "forward":
             states.append(state)
     pictures = states[-1]["frame"] - states[0]["frame"]
@@ -97,7 +97,11 @@ def teach(pilot: Pilot) -> Shares:
     )
 
 
-@pytest.mark.parametrize("name", TRAITS)
+# What the loop does with each is tested in virtual time: CI alone drives with all of them.
+NAMES = list(TRAITS) if os.environ.get("DRIVELESSON_CAMERAS") == "all" else ["a C270 on an EV3"]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_it_drives_and_learns_with_the_camera_that_it_has(
     name: str, brick: FakeBrick, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -122,11 +126,11 @@ def test_with_pictures_of_300_ms_it_slows_down_and_shows_why(
     with piloted(replace(C270_ON_EV3, age_ms=300, age_spread_ms=0), brick, tmp_path) as pilot:
         pilot.hold("forward")
         start(pilot)
-        state = pilot.wait_for(lambda m: m["type"] == "state" and m["speed_scale"] < 0.9, 20)
+        state = pilot.wait_for(lambda m: m["type"] == "state" and m["speed_scale"] < 0.9, 60)
         assert state["camera"]["age_ms"] >= 290
         own_ms = state["camera"]["age_ms"] - state["camera"]["brick_ms"]
         assert state["camera"]["brick_ms"] == 0 or own_ms >= 290, "the camera's part is told apart"
-        brick.wait_until(lambda: 0 < brick.speeds()["outB"] < 324)  # of 360
+        brick.wait_until(lambda: 0 < brick.speeds()["outB"] < 324, 60)  # of 360
 
 
 def test_with_pictures_of_600_ms_it_does_not_move(brick: FakeBrick, tmp_path: Path) -> None:
@@ -134,7 +138,7 @@ def test_with_pictures_of_600_ms_it_does_not_move(brick: FakeBrick, tmp_path: Pa
         pilot.hold("forward")
         for _ in range(10):
             pilot.mode("train")
-            pilot.wait_for_state(20, mode="stopped", stop_reason="frame_stale")
+            pilot.wait_for_state(60, mode="stopped", stop_reason="frame_stale")
         assert not [one for one in brick.commands if one.command.startswith("run")]
 
 
@@ -147,7 +151,7 @@ def piloted(traits: CameraTraits, brick: FakeBrick, folder: Path) -> Iterator[Pi
         serving(folder, agent) as address,
         Pilot(address + "/ws/drive", sees=True) as pilot,
     ):
-        pilot.wait_for_state(20, you_are_pilot=True)
+        pilot.wait_for_state(60, you_are_pilot=True)
         yield pilot
 
 

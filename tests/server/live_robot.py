@@ -156,10 +156,14 @@ class Pilot:
             frame = self.picture or state["frame"]
             self.send(type="mode", mode=mode, seq=self.seq, frame=frame, nonce=state["nonce"])
 
-    def wait_for_state_with(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    def wait_for_state_with(
+        self, wanted: Callable[[dict[str, Any]], bool], within_s: float = STANDING_AFTER_S
+    ) -> dict[str, Any]:
         """Return the newest state or the first after it that is wanted."""
         return self.wait_for(
-            lambda m: m["type"] == "state" and wanted(m), seen=max(len(self.messages) - 1, 0)
+            lambda m: m["type"] == "state" and wanted(m),
+            within_s,
+            seen=max(len(self.messages) - 1, 0),
         )
 
     @property
