@@ -54,6 +54,8 @@ class DeadReckoning:
 
 def _moved(pose: Pose, left_m: float, right_m: float, track_m: float) -> Pose:
     """Return the pose after an arc on which each wheel rolled so far."""
+    if left_m == right_m == 0.0:
+        return pose
     turn_rad, way_m = (right_m - left_m) / track_m, (left_m + right_m) / 2
     middle_rad = pose.heading_rad + turn_rad / 2
     return replace(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,8 @@ class Novelty:
 
     def _renew(self) -> None:
         self._n_new = 0
-        self._median, self._border = np.percentile(self.lengths, (50, _BORDER)).tolist()
+        ordered = sorted(self.lengths)
+        self._median, self._border = percentile(ordered, 50), percentile(ordered, _BORDER)
         self._border += 0.05 * self._median
 
     def score(self, squared_distance: float) -> float:
@@ -68,3 +70,15 @@ class Novelty:
         self.lengths.clear()
         self.lengths.extend([mean] * min(int(n), self.lengths.maxlen or 0))
         self._median, self._border = mean, mean + 4.0 * math.sqrt(variance) + 0.05 * mean
+
+
+def percentile(ordered: Sequence[float], share: float) -> float:
+    """Return what `numpy.percentile` does for values in order, to the last bit.
+
+    That function costs a brick more than a frame, and newer versions import masked arrays for it.
+    """
+    place = share / 100 * (len(ordered) - 1)
+    index = min(int(place), len(ordered) - 2)
+    low, high, rest = ordered[index], ordered[index + 1], place - index
+    # From the nearer end, so that it never leaves the two.
+    return high - (high - low) * (1 - rest) if rest >= 0.5 else low + (high - low) * rest

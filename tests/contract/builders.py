@@ -210,6 +210,20 @@ def timed_driver(name: str) -> Iterator[DriverCase]:
 
 
 @contextmanager
+def ros_driver() -> Iterator[DriverCase]:
+    """A base that never stops by itself, with our watchdog before it."""
+    with BODIES["ros"][0](1) as body:
+        body.slow_down(0.02)
+
+        def is_moving() -> bool:
+            body.clock.sleep(0.03)  # what was sent has arrived
+            return body.is_moving()
+
+        yield DriverCase(body.driver, body.clock.sleep, is_moving, body.lose, body.clock.now_s)
+        body.driver.disconnect()
+
+
+@contextmanager
 def gpio_driver() -> Iterator[DriverCase]:
     pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
     from tests.standins.gpio import MockPins
@@ -313,6 +327,7 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "ws": partial(timed_driver, "ws"),
     "pybricks": partial(timed_driver, "pybricks"),
     "gpio": gpio_driver,
+    "ros": ros_driver,
 }
 CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "sim": sim_camera,

@@ -88,8 +88,9 @@ def lego_education_driver() -> Iterator[DriverCase]:
 
 @contextmanager
 def ros_driver() -> Iterator[DriverCase]:
-    with RosBridgeServer() as ros:
-        driver = RosDriver(RosOptions(address=ros.address))
+    """A base that never stops by itself, with our watchdog before it."""
+    with RosBridgeServer(has_timeout=False) as ros, ros.watchdog():
+        driver = RosDriver(RosOptions(address=ros.address, watchdog=True))
 
         def is_moving() -> bool:
             ros.settle(driver._bridge)

@@ -229,8 +229,9 @@ _BODIES_INTRODUCTION = [
     "",
     "Nobody is left to stop the robot but the body itself. The real driver and the real firmware",
     "drive in virtual time; messages take up to 80 ms, and up to 1.2 s around the fault (for",
-    "`ev3-stock` up to 50 ms: LEGO's firmware cannot tell that an order is late; for `ev3-remote`",
-    "none: its agent refuses what comes late, as its own tests show).",
+    "`ev3-stock` and `lego-education` up to 50 ms: LEGO's firmware cannot tell that an order is",
+    "late; for `ev3-remote` none: its agent refuses what comes late, as its own tests show; for",
+    "`ev3` none: its line is the motors' cables). The base of `ros` has no time limit of its own.",
     f"In brackets is the worst of {bodies.DRIVES} drives, counted from the fault.",
 ]
 _CLOSING = [

@@ -18,6 +18,19 @@ from tests.standins.firmware import FIRMWARE
 from tests.standins.pybricks_hub import PROGRAM
 
 
+def modules(**found: Any) -> dict[str, Any]:
+    """Return globals in which an import finds these first; None cannot be imported."""
+
+    def find(name: str, *args: Any) -> Any:
+        if name not in found:
+            return builtins.__import__(name, *args)
+        if found[name] is None:
+            raise ImportError(name)
+        return found[name]
+
+    return {"__builtins__": {**vars(builtins), "__import__": find}, "__name__": "program"}
+
+
 class OverError(BaseException):
     """Ends a program that would go on for ever."""
 
@@ -104,18 +117,6 @@ class RunningProgram:
             close=lambda: None,
         )
 
-    def _modules(self, **modules: Any) -> dict[str, Any]:
-        """Return globals in which an import finds these first; None cannot be imported."""
-
-        def find(name: str, *args: Any) -> Any:
-            if name not in modules:
-                return builtins.__import__(name, *args)
-            if modules[name] is None:
-                raise ImportError(name)
-            return modules[name]
-
-        return {"__builtins__": {**vars(builtins), "__import__": find}}
-
 
 class RunningFirmware(RunningProgram):
     """docs/examples/firmware/robot.py, its wheels as it prints them."""
@@ -142,7 +143,7 @@ class RunningFirmware(RunningProgram):
             recvfrom=lambda size: (self._next, "server"),
             sendto=lambda data, to: self.send(self.to_server, data),
         )
-        names = self._modules(
+        names = modules(
             network=None,
             time=SimpleNamespace(
                 ticks_ms=ticks_ms,
@@ -217,7 +218,7 @@ class RunningHub(RunningProgram):
 
         light = SimpleNamespace(on=lambda color: None)
         battery = SimpleNamespace(voltage=lambda: 8000)
-        names = self._modules(
+        names = modules(
             **{
                 "pybricks.hubs": SimpleNamespace(
                     ThisHub=lambda: SimpleNamespace(light=light, battery=battery)

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import contextlib
 import itertools
 import json
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Self
 
 import cv2
 import numpy as np
 import websockets
+
+from robot.clock import RealClock
+from tests.standins.rclpy_node import WatchdogNode
 
 IMAGES = "/camera/image_raw/compressed"
 SETTLED = "/settled"
@@ -35,6 +39,8 @@ class RosBridgeServer:
         self.topics: dict[str, str] = {}
         self.cmd_vel: list[dict[str, Any]] = []
         self.told: dict[str, list[dict[str, Any]]] = defaultdict(list)
+        self.nodes: dict[str, Callable[[dict[str, Any]], None]] = {}
+        """What other nodes on the robot do with a topic's messages; see `publish`."""
         self.images: Callable[[int], dict[str, Any]] = grey_image
         self._moved_s = -100.0
         self.port = 0
@@ -128,14 +134,44 @@ class RosBridgeServer:
             await self._pass_on(topic, asked["msg"])
 
     async def _pass_on(self, topic: str, message: dict[str, Any]) -> None:
+        if topic in self.nodes:
+            self.nodes[topic](message)
+        self._note(topic, message)
+        for listener in list(self._listeners[topic]):
+            await listener.send(json.dumps({"op": "publish", "topic": topic, "msg": message}))
+
+    def _note(self, topic: str, message: dict[str, Any]) -> None:
         with self._news:
             self.told[topic].append(message)
             if "twist" in self.topics.get(topic, "").lower():
                 self.cmd_vel.append(message)
                 self._moved_s = time.monotonic()
             self._news.notify_all()
-        for listener in list(self._listeners[topic]):
-            await listener.send(json.dumps({"op": "publish", "topic": topic, "msg": message}))
+
+    @contextlib.contextmanager
+    def watchdog(self, **parameters: Any) -> Iterator[WatchdogNode]:
+        """Run our node on the robot; the network does not stand between it and the base."""
+        node = WatchdogNode(RealClock(), self.publish, **parameters)
+        node.start()
+        self.nodes["/drivelesson/cmd_vel"] = node.take
+        try:
+            yield node
+        finally:
+            del self.nodes["/drivelesson/cmd_vel"]
+            node.end()
+
+    def publish(self, topic: str, kind: str, message: dict[str, Any]) -> None:
+        """Publish as a node on the robot does: the base hears it whatever rosbridge does."""
+        self.topics[topic] = kind
+        self._note(topic, message)
+        said = json.dumps({"op": "publish", "topic": topic, "msg": message})
+
+        async def tell() -> None:
+            for listener in list(self._listeners[topic]):
+                await listener.send(said)
+
+        if self._listeners[topic] and not self._over.is_set():
+            asyncio.run_coroutine_threadsafe(tell(), self._loop)
 
     async def _show(self) -> None:
         for index in itertools.count():

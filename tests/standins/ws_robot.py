@@ -20,6 +20,8 @@ class WsRobot:
         self.secret, self.nonce = secret.encode(), "aabbccdd"
         self.seq, self.ends_s = 0, 0.0
         self.silent = threading.Event()
+        self.connections = 0
+        self._sockets: set[Any] = set()
         self.port = 0
         self._ready, self._loop = threading.Event(), asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -42,6 +44,16 @@ class WsRobot:
         self._thread.join()
         self._loop.close()
 
+    def start_again(self) -> None:
+        """Be switched off and on: all lines end, and nothing is remembered."""
+
+        async def drop() -> None:
+            self.nonce, self.seq, self.ends_s = "ddccbbaa", 0, 0.0
+            for socket in list(self._sockets):
+                socket.transport.abort()
+
+        asyncio.run_coroutine_threadsafe(drop(), self._loop).result()
+
     def _run(self) -> None:
         self._loop.run_until_complete(self._serve())
 
@@ -53,8 +65,20 @@ class WsRobot:
             await self._end.wait()
 
     async def _talk(self, socket: Any, path: str = "") -> None:
+        self.connections += 1
+        self._sockets.add(socket)
+        try:
+            await self._answer_all(socket)
+        except websockets.ConnectionClosed:
+            pass
+        finally:
+            self._sockets.discard(socket)
+
+    async def _answer_all(self, socket: Any) -> None:
+        is_deaf = False
         async for message in socket:
-            if self.silent.is_set():
+            is_deaf = is_deaf or self.silent.is_set()
+            if is_deaf:  # for good: whoever wants an answer must connect again
                 continue
             self._obey(message.encode())
             ms = int(time.monotonic() * 1000)

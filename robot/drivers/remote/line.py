@@ -11,6 +11,9 @@ from typing import Any, Protocol, TypeVar
 from robot.errors import ConfigurationError, MissingExtraError
 
 _T = TypeVar("_T")
+_OPENS_S, _OPENS_AGAIN_S, _SENDS_S = 4.0, 1.0, 0.5
+_MOST_UNANSWERED = 10
+"""After so many messages without an answer, a second and a half, the connection is a dead one."""
 
 
 class MessageLine(Protocol):
@@ -54,17 +57,23 @@ class UdpLine:
 
 
 class WebsocketLine:
-    """A websocket that the robot serves; one event loop of its own, run by whoever calls."""
+    """A websocket that the robot serves; one event loop of its own, run by whoever calls.
+
+    A connection that fails, or on which nothing is heard any more, is closed, and the next message
+    opens another. What was being sent is not sent again: what comes later is no order any more.
+    """
 
     def __init__(self, host: str, port: int) -> None:
         try:
-            import websockets
+            import websockets  # noqa: F401 - with a sentence where it is missing
         except ImportError as error:
             raise MissingExtraError("the robot 'ws'", "demo") from error
         self._loop = asyncio.new_event_loop()
-        self._closed = websockets.ConnectionClosed
+        self._address = host, port
+        self._socket: Any = None
+        self._unanswered = 0
         try:
-            self._socket = self._run(self._open(host, port), 4.0)
+            self._socket = self._run(self._open(*self._address), _OPENS_S)
         except BaseException:
             self._loop.close()
             raise
@@ -72,7 +81,9 @@ class WebsocketLine:
     async def _open(self, host: str, port: int) -> Any:
         from websockets import connect
 
-        return await connect(f"ws://{host}:{port}/", compression=None, max_size=2048)
+        return await connect(
+            f"ws://{host}:{port}/", compression=None, max_size=2048, close_timeout=_SENDS_S
+        )
 
     def _run(self, work: Coroutine[Any, Any, _T], timeout_s: float) -> _T:
         async def in_time() -> _T:
@@ -87,21 +98,42 @@ class WebsocketLine:
 
     def send(self, message: bytes) -> None:
         """Send a message of text; see `MessageLine`."""
-        self._run(self._socket.send(message.decode()), 0.5)
+        if self._unanswered >= _MOST_UNANSWERED:
+            self._drop()
+        if self._socket is None:
+            self._socket = self._run(self._open(*self._address), _OPENS_AGAIN_S)
+        try:
+            self._run(self._socket.send(message.decode()), _SENDS_S)
+        except OSError:
+            self._drop()
+            raise
+        self._unanswered += 1
 
     def receive(self, timeout_s: float) -> bytes | None:
         """Return a message; see `MessageLine`."""
-        with contextlib.suppress(TimeoutError):
+        if self._socket is None:
+            raise ConnectionError("the connection was lost")
+        try:
             message = self._run(self._socket.recv(), timeout_s)
-            return message.encode() if isinstance(message, str) else bytes(message)
-        return None
+        except TimeoutError:
+            return None
+        except OSError:
+            self._drop()
+            raise
+        self._unanswered = 0
+        return message.encode() if isinstance(message, str) else bytes(message)
 
     def close(self) -> None:
         """Let go; see `MessageLine`."""
         if not self._loop.is_closed():
-            with contextlib.suppress(OSError):
-                self._run(self._socket.close(), 1.0)
+            self._drop()
             self._loop.close()
+
+    def _drop(self) -> None:
+        socket, self._socket, self._unanswered = self._socket, None, 0
+        if socket is not None:
+            with contextlib.suppress(OSError):
+                self._run(socket.close(), 1.0)
 
 
 def split_address(address: str, default_port: int) -> tuple[str, int]:

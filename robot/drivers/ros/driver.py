@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -11,12 +13,16 @@ from robot.clock import Clock, RealClock
 from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.drivers.remote.line import split_address
 from robot.drivers.remote.orders import parse_moves
-from robot.drivers.ros.bridge import GONE_S, PORT, RosBridge
+from robot.drivers.ros.bridge import GONE_S, PORT, Message, RosBridge
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
 from robot.types import Action, Prediction, Sensors
 
 _TWIST, _STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
-_TEXT = "std_msgs/msg/String"
+_TEXT, _HEADER = "std_msgs/msg/String", "std_msgs/msg/Header"
+_ORDERS, _ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"
+"""Topics of docs/examples/ros/watchdog.py: velocities to it, and its signs of life."""
+_FIRST_SIGN_S = 3.0
+_NO_WATCHDOG = "the robot's watchdog gives no sign of life; does watchdog.py run there?"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +33,12 @@ class RosOptions:
     cmd_vel_topic: str = field(default="/cmd_vel", metadata={"help": "topic of the velocities"})
     stamped: bool = field(
         default=False, metadata={"help": "the robot takes TwistStamped instead of Twist"}
+    )
+    watchdog: bool = field(
+        default=False,
+        metadata={
+            "help": "the robot runs our watchdog.py, which takes the velocities and stops it"
+        },
     )
     linear_mps: float = field(
         default=0.4,
@@ -72,7 +84,13 @@ class RosDriver(Driver):
     """Publishes a velocity for as long as a move lasts, then zero.
 
     Nothing stops the robot if this program, its computer or the network fails, unless the robot's
-    own base ends a velocity that is not renewed: `cmd_vel` carries no duration.
+    own base ends a velocity that is not renewed: `cmd_vel` carries no duration. With `watchdog`
+    our node on the robot does: each order carries its newest sign of life, and ends soon after.
+
+    Args:
+        options: Where and how.
+        clock: By which silence is judged.
+        open_bridge: Connects to rosbridge.
     """
 
     name: ClassVar[str] = "ros"
@@ -80,8 +98,14 @@ class RosDriver(Driver):
     options_type: ClassVar[type[Any]] = RosOptions
     is_remote: ClassVar[bool] = True
 
-    def __init__(self, options: RosOptions, clock: Clock | None = None) -> None:
+    def __init__(
+        self,
+        options: RosOptions,
+        clock: Clock | None = None,
+        open_bridge: Callable[..., RosBridge] = RosBridge,
+    ) -> None:
         self.options = options
+        self._open_bridge = open_bridge
         self.declared_moves = parse_moves(options.body_moves)
         without = [move.name for move in self.declared_moves if move.point is None]
         if without:
@@ -92,6 +116,11 @@ class RosDriver(Driver):
         self._points = {move.name: move.point or (0.0, 0.0) for move in self.declared_moves}
         self._clock = clock or RealClock()
         self._bridge: RosBridge | None = None
+        self._is_stamped = options.stamped or options.watchdog
+        self._topic = _ORDERS if options.watchdog else options.cmd_vel_topic
+        self._sign: dict[str, Any] = {"sec": 0, "nanosec": 0}
+        self._signed_s = 0.0
+        self._has_signed = threading.Event()
 
     @property
     def is_connected(self) -> bool:
@@ -109,16 +138,27 @@ class RosDriver(Driver):
             return
         options = self.options
         host, port = split_address(options.address, PORT)
-        advertised = {options.cmd_vel_topic: _STAMPED if options.stamped else _TWIST}
+        advertised = {self._topic: _STAMPED if self._is_stamped else _TWIST}
         if options.advice_topic:
             advertised[options.advice_topic] = _TEXT
         try:
-            self._bridge = RosBridge(host, port, self._clock, advertised=advertised)
+            self._bridge = self._open_bridge(
+                host,
+                port,
+                self._clock,
+                advertised=advertised,
+                subscribed={_ALIVE: _HEADER} if options.watchdog else {},
+                on_message=self._take_sign,
+            )
         except OSError as error:
             raise DriveError(
                 f"no rosbridge can be reached at {host}:{port} ({error}); is it running? "
                 "ros2 launch rosbridge_server rosbridge_websocket_launch.xml"
             ) from error
+        self._has_signed.clear()
+        if options.watchdog and not self._clock.wait(self._has_signed, _FIRST_SIGN_S):
+            self.disconnect()
+            raise DriveError(f"rosbridge at {host}:{port} is there, but {_NO_WATCHDOG}")
         self.stop()
 
     def disconnect(self) -> None:
@@ -132,7 +172,7 @@ class RosDriver(Driver):
         """Publish the move's velocity, and zero after `ACTION_TIMEOUT_S`; see `Driver`."""
         self.check_action(action, speed_scale)
         bridge = self._connected()
-        topic = self.options.cmd_vel_topic
+        topic = self._topic
         try:
             if action is Action.STOP:
                 bridge.publish(topic, self.velocity(0.0, 0.0))
@@ -158,7 +198,7 @@ class RosDriver(Driver):
         """Publish zero, if the bridge is there."""
         if self._bridge is not None:
             try:
-                self._bridge.publish(self.options.cmd_vel_topic, self.velocity(0.0, 0.0))
+                self._bridge.publish(self._topic, self.velocity(0.0, 0.0))
             except OSError:
                 return  # the next request says so
 
@@ -182,8 +222,10 @@ class RosDriver(Driver):
             "linear": {"x": throttle * self.options.linear_mps, "y": 0.0, "z": 0.0},
             "angular": {"x": 0.0, "y": 0.0, "z": turn + 0.0},
         }
-        if not self.options.stamped:
+        if not self._is_stamped:
             return twist
+        if self.options.watchdog:
+            return {"header": {"stamp": self._sign, "frame_id": "base_link"}, "twist": twist}
         seconds, rest = divmod(self._clock.wall_s(), 1.0)
         stamp = {"sec": int(seconds), "nanosec": int(rest * 1e9)}
         return {"header": {"stamp": stamp, "frame_id": "base_link"}, "twist": twist}
@@ -197,5 +239,20 @@ class RosDriver(Driver):
         if bridge.silent_s > GONE_S:
             raise DriveError(
                 f"rosbridge at {self.options.address} has not answered for {bridge.silent_s:.1f} s"
-                f"{bridge.trouble}; nothing stops its robot unless its base does"
+                f"{bridge.trouble}; {self._stops}"
             )
+        if self.options.watchdog and self._clock.now_s() - self._signed_s > GONE_S:
+            raise DriveError(_NO_WATCHDOG)
+
+    @property
+    def _stops(self) -> str:
+        if self.options.watchdog:
+            return "the watchdog on the robot stops it"
+        return "nothing stops its robot unless its base does"
+
+    def _take_sign(self, topic: str, message: Message) -> None:
+        """Take the watchdog's sign of life, on the bridge's thread."""
+        stamp = message.get("stamp")
+        if isinstance(stamp, dict) and all(isinstance(n, int) for n in stamp.values()):
+            self._sign, self._signed_s = dict(stamp), self._clock.now_s()
+            self._has_signed.set()

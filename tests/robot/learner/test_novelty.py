@@ -2,9 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robot.learner.bsoc import BSOC
-from robot.learner.novelty import HELD_OUT, Novelty
+from robot.learner.novelty import HELD_OUT, Novelty, percentile
 
 
 def filled(lengths):
@@ -62,3 +64,8 @@ def test_neighbouring_frames_do_not_count_as_familiar(repeats):
         if i > 2 * HELD_OUT and cluster.last_distance_ is not None:
             held.append(cluster.last_distance_)
     assert min(held) > 2 * np.median(plain)
+
+
+@given(st.lists(st.floats(0.0, 1e6), min_size=2, max_size=700), st.sampled_from([50, 98]))
+def test_a_percentile_is_that_of_numpy(values, share):
+    assert percentile(sorted(values), share) == float(np.percentile(values, share))

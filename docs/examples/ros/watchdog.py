@@ -1,0 +1,77 @@
+"""Has a ROS 2 robot stand when Drivelesson, its computer or the network is gone.
+
+Runs on the robot's own computer, beside rosbridge; docs/howto/ros.md says how. Drivelesson
+(`--robot ros --watchdog true`) sends its velocities here; they go on to the base. An order ends
+HOLD_S after it came, and FRESH_S after the sign of life that it answers: one that was held up on
+its way moves nothing. Clocks need not agree: the time that an order carries is this node's own.
+"""
+
+import time
+
+import rclpy
+from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Header
+
+HOLD_S = 0.3
+FRESH_S = 0.45
+LOOK_EVERY_S = 0.01
+SIGN_EVERY_S = 0.05
+
+
+class Watchdog(Node):
+    def __init__(self):
+        super().__init__("drivelesson_watchdog")
+        self.stamped = self.declare_parameter("stamped", False).value
+        topic = self.declare_parameter("cmd_vel_topic", "/cmd_vel").value
+        self.base = self.create_publisher(TwistStamped if self.stamped else Twist, topic, 1)
+        self.signs = self.create_publisher(Header, "/drivelesson/alive", 1)
+        self.create_subscription(TwistStamped, "/drivelesson/cmd_vel", self.take, 1)
+        self.ends_s = self.signed_s = self.seen_s = 0.0
+        self.create_timer(LOOK_EVERY_S, self.look)
+        self.pass_on(Twist())
+
+    def take(self, order):
+        now_s = time.monotonic()
+        seen_s = order.header.stamp.sec + order.header.stamp.nanosec / 1e9
+        ends_s = min(now_s + HOLD_S, seen_s + FRESH_S)
+        if order.twist == Twist():
+            self.ends_s = 0.0  # a stop is never late
+            self.pass_on(order.twist)
+        elif self.seen_s <= seen_s <= now_s < ends_s:  # neither late nor of another start
+            self.ends_s, self.seen_s = ends_s, seen_s
+            self.pass_on(order.twist)
+
+    def look(self):
+        now_s = time.monotonic()
+        if self.ends_s and now_s >= self.ends_s:
+            self.ends_s = 0.0
+            self.pass_on(Twist())
+        if now_s - self.signed_s >= SIGN_EVERY_S:
+            self.signed_s = now_s
+            sign = Header()
+            sign.stamp.sec, sign.stamp.nanosec = int(now_s), int(now_s % 1.0 * 1e9)
+            self.signs.publish(sign)
+
+    def pass_on(self, twist):
+        if self.stamped:
+            velocity = TwistStamped()
+            velocity.header.stamp = self.get_clock().now().to_msg()
+            velocity.header.frame_id, velocity.twist = "base_link", twist
+            self.base.publish(velocity)
+        else:
+            self.base.publish(twist)
+
+
+def main():
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # the last word must get out
+    node = Watchdog()
+    try:
+        rclpy.spin(node)
+    finally:
+        node.pass_on(Twist())
+
+
+if __name__ == "__main__":
+    main()

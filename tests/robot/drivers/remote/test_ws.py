@@ -1,0 +1,53 @@
+"""A websocket that was lost is opened again, and nothing moves by it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import pytest
+
+from robot.drivers.remote.driver import RemoteOptions
+from robot.drivers.ws import WsDriver
+from robot.errors import DriveError
+from robot.types import Action
+from tests.standins.ws_robot import WsRobot
+
+
+def switched_off_and_on(robot: WsRobot) -> None:
+    robot.start_again()
+
+
+def silent_for_a_while(robot: WsRobot) -> None:
+    """As when its power is cut: nothing ends the connection."""
+    robot.silent.set()
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("lose", [switched_off_and_on, silent_for_a_while])
+def test_a_lost_line_is_opened_again_and_moves_nothing_by_itself(
+    lose: Callable[[WsRobot], None],
+) -> None:
+    with (
+        WsRobot("geheim") as robot,
+        WsDriver(RemoteOptions(address=robot.address, secret="geheim")) as driver,
+    ):
+        driver.send_action(Action.FORWARD)
+        assert robot.is_moving
+        lose(robot)
+        moved_s = robot.ends_s
+        for _ in range(1000):
+            try:
+                driver.sense()
+                if robot.connections > 1:
+                    break
+            except DriveError as error:
+                assert "has not answered" in str(error)
+                robot.silent.clear()
+            time.sleep(0.01)
+        for _ in range(20):
+            driver.sense()
+        assert robot.connections == 2
+        assert robot.ends_s == moved_s, "it asked, and gave no order"
+        driver.send_action(Action.LEFT)
+        assert robot.is_moving
