@@ -10,11 +10,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
+from unittest import mock
 
 import pytest
 
 from robot.cameras.ros import RosCamera, RosCameraOptions
-from robot.clock import RealClock
+from robot.clock import RealClock, VirtualClock
 from robot.control.loop import LoopConfig
 from robot.drivers.ros.driver import RosDriver, RosOptions
 from robot.errors import CameraError, ConfigurationError, DriveError
@@ -68,15 +69,17 @@ def test_moves_are_velocities_in_metres_and_radians(ros: RosBridgeServer) -> Non
     assert [speeds(told) for told in ros.cmd_vel[:6]] == [pytest.approx(pair) for pair in wanted]
 
 
-@pytest.mark.realtime
-def test_stamped_velocities_carry_the_time(ros: RosBridgeServer) -> None:
-    with driver_for(ros, stamped=True) as driver:
+def test_stamped_velocities_carry_the_time() -> None:
+    clock, bridge = VirtualClock(), mock.Mock()
+    bridge.return_value.silent_s = 0.0
+    options = RosOptions(address="base", stamped=True)
+    with RosDriver(options, clock, open_bridge=bridge) as driver:
         driver.send_action(Action.FORWARD)
-        ros.settle(driver._bridge)
-        assert ros.topics["/cmd_vel"] == "geometry_msgs/msg/TwistStamped"
-        stamp = ros.cmd_vel[-1]["header"]["stamp"]
-        assert speeds(ros.cmd_vel[-1]) == (0.2, 0)
-        assert 0 <= time.time() - (stamp["sec"] + stamp["nanosec"] / 1e9) < 60
+    assert bridge.call_args.kwargs["advertised"] == {"/cmd_vel": "geometry_msgs/msg/TwistStamped"}
+    topic, message, end, for_s = bridge.return_value.publish_for.call_args.args
+    assert (topic, for_s, speeds(message), speeds(end)) == ("/cmd_vel", 0.4, (0.2, 0), (0, 0))
+    stamp = message["header"]["stamp"]
+    assert stamp["sec"] + stamp["nanosec"] / 1e9 == pytest.approx(clock.wall_s(), abs=1e-3)
 
 
 @pytest.mark.realtime
