@@ -41,6 +41,7 @@ class ErrorCode(StrEnum):
     UNKNOWN_FRAME = "unknown_frame"
     STALE = "stale"
     NO_PICTURE = "no_picture"
+    TEACHER_STOP = "teacher_stop"
 
 
 class ProtocolError(ValueError):

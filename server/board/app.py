@@ -154,7 +154,7 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
 
     @app.websocket("/ws/board")
     async def follow(websocket: WebSocket) -> None:
-        """Send news and pictures; receive who is watched, and STOP."""
+        """Send news and pictures; receive who is watched, STOP, and the release of a stop."""
         await websocket.accept()
         due, may_send = asyncio.Event(), asyncio.Event()
         may_send.set()
@@ -181,6 +181,8 @@ async def _hear(
             kind = message["type"]
             if kind == "stop":
                 board.stop(message.get("robot"))
+            elif kind == "release":
+                await board.release(message.get("robot"))
             elif kind == "watch":
                 board.watch(onlooker, map(int, message["robots"]))
             elif kind == "drawn":
@@ -200,9 +202,11 @@ async def _tell(
     due: asyncio.Event,
     may_send: asyncio.Event,
 ) -> None:
-    """Send what is new; of pictures only the newest, once those before have been drawn."""
+    """Send what is new, but not while a stop is under way; of pictures only the newest, once those
+    before have been drawn."""
     while True:
         await due.wait()
+        await board.at_leisure.wait()
         due.clear()
         if onlooker.changed:
             numbers, onlooker.changed = sorted(onlooker.changed), set()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any
 
 from robot.clock import Clock
 from robot.errors import NotFoundError
 from server.board.robot_link import RobotLink
-from server.board.transport import RobotAddress, Transport
+from server.board.stopping import CONFIRM_S, Stopping
+from server.board.transport import RobotAddress, Transport, UnreachableError
 from server.security.class_key import ClassKey
 
 MOST_ROBOTS = 64
@@ -52,6 +54,11 @@ class Board:
         self.robots: dict[int, RobotLink] = {}
         self._tasks: list[asyncio.Task[None]] = []
         self._onlookers: list[Onlooker] = []
+        self.at_leisure = asyncio.Event()
+        """Not set while a stop is under way: then no pictures are taken and no news are told, so
+        that neither this machine nor the network has anything else to do."""
+        self.at_leisure.set()
+        self._leisure: asyncio.Task[None] | None = None
 
     def add(self, address: RobotAddress) -> RobotLink | None:
         """Add a robot and connect to it; None if it is there already, or there are too many."""
@@ -67,6 +74,7 @@ class Board:
             self._clock,
             self._note_news,
             self._note_picture,
+            self.at_leisure,
         )
         self.robots[robot.number] = robot
         self._tasks.append(asyncio.create_task(robot.run()))
@@ -75,9 +83,10 @@ class Board:
 
     async def close(self) -> None:
         """Disconnect from all robots."""
-        for task in self._tasks:
+        tasks = [*self._tasks, *filter(None, [self._leisure])]
+        for task in tasks:
             task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.gather(*tasks, return_exceptions=True)
 
     def robot(self, number: object) -> RobotLink:
         """Return a robot by its number.
@@ -99,8 +108,29 @@ class Board:
         Raises:
             NotFoundError: If there is no such robot.
         """
-        for robot in self.robots.values() if number is None else [self.robot(number)]:
-            robot.stop()
+        robots = list(self.robots.values()) if number is None else [self.robot(number)]
+        self.at_leisure.clear()
+        for robot in robots:
+            robot.stop.press()
+        if self._leisure is not None:
+            self._leisure.cancel()
+        self._leisure = asyncio.create_task(self._be_at_leisure_again())
+
+    async def release(self, number: object = None) -> None:
+        """Release the stop of one robot, or of all that the board has stopped.
+
+        Raises:
+            NotFoundError: If there is no such robot.
+        """
+        robots = list(self.robots.values()) if number is None else [self.robot(number)]
+        for robot in robots:
+            if number is not None or robot.state.get("stopped_by_teacher"):
+                with suppress(UnreachableError, TimeoutError):  # the page shows that it is away
+                    await robot.stop.release()
+
+    async def _be_at_leisure_again(self) -> None:
+        await self._clock.pause(2 * CONFIRM_S)  # by then all have answered or are named
+        self.at_leisure.set()
 
     # Pages -------------------------------------------------------------------------------------
 
@@ -128,6 +158,8 @@ class Board:
             robot.show(self._picture_every_s if robot.number in watched else None)
 
     def _note_news(self, robot: RobotLink) -> None:
+        if not any(other.stop.stage is Stopping.ASKED for other in self.robots.values()):
+            self.at_leisure.set()
         for page in self._onlookers:
             page.changed.add(robot.number)
             page.on_due()

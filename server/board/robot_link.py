@@ -12,10 +12,10 @@ import contextlib
 import json
 import logging
 from collections.abc import Callable, Coroutine
-from enum import StrEnum
 from typing import Any
 
 from robot.clock import Clock
+from server.board.stopping import RobotStop
 from server.board.teacher_session import RefusedError, Status, TeacherSession, WrongClassError
 from server.board.transport import (
     Channel,
@@ -30,25 +30,14 @@ from server.security.class_key import ClassKey
 
 log = logging.getLogger(__name__)
 
-CONFIRM_S = 0.3
-"""A stop that is not confirmed in this time is reported, and sent again by another way."""
 PING_EVERY_S, SILENCE_S = 1.0, 3.0
 _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _PATIENCE_S = 5.0
 _INVITE_EVERY_S = 100.0
-_STOP = json.dumps({"type": "stop"})
 _FIELDS = (
     *("mode", "driven_by", "action", "stop_reason", "emergency", "asks_pilot", "fault", "link"),
-    *("agreement", "lessons", "battery", "pilot", "viewers"),
+    *("agreement", "lessons", "battery", "pilot", "viewers", "stopped_by_teacher"),
 )
-
-
-class Stopping(StrEnum):
-    """How far a stop has come."""
-
-    ASKED = "asked"
-    STOPPED = "stopped"
-    NOT_REACHED = "not_reached"
 
 
 class RobotLink:
@@ -62,6 +51,7 @@ class RobotLink:
         clock: All waiting goes through it.
         on_news: Called when something about the robot has changed.
         on_picture: Called with each message of `/ws/video`.
+        at_leisure: Not set while a stop is under way: pictures wait for it.
     """
 
     def __init__(
@@ -73,6 +63,7 @@ class RobotLink:
         clock: Clock,
         on_news: Callable[[RobotLink], None],
         on_picture: Callable[[RobotLink, bytes], None],
+        at_leisure: asyncio.Event,
     ) -> None:
         self.number, self.address = number, address
         self.status, self.detail = Status.CONNECTING, ""
@@ -82,16 +73,14 @@ class RobotLink:
         self.delay_ms: float | None = None
         self.invitation: str | None = None
         self.invitations = 0
-        self.stopping: Stopping | None = None
         self._session = TeacherSession(address, key, transport)
+        self.stop = RobotStop(self._session, transport, clock, self._note_stop)
         self._transport, self._clock = transport, clock
         self._on_news, self._on_picture = on_news, on_picture
-        self._channel: Channel | None = None
+        self._at_leisure = at_leisure
         self._every_s: float | None = None
         self._rate_changed = asyncio.Event()
         self._hurry = asyncio.Event()
-        self._tasks: set[asyncio.Task[None]] = set()
-        self._pressing: asyncio.Task[None] | None = None
         self._was_there = False
         self._heard_s = 0.0
 
@@ -106,7 +95,7 @@ class RobotLink:
             "name": self.name,
             "status": self.status.value,
             "detail": self.detail,
-            "stop": self.stopping.value if self.stopping is not None else None,
+            "stop": self.stop.stage.value if self.stop.stage is not None else None,
             "delay_ms": self.delay_ms,
             "invitations": self.invitations,
             "colour": self.about.get("colour"),
@@ -123,16 +112,6 @@ class RobotLink:
         if not self.about.get("needs_pairing"):
             return str(self._session.place.address)
         return f"{self._session.place.address}/pair#{self.invitation}" if self.invitation else None
-
-    def stop(self) -> None:
-        """Stop the robot now; while it cannot be reached, as soon as it can."""
-        self.stopping = Stopping.ASKED
-        if self._pressing is None or self._pressing.done():
-            self._pressing = self._start(self._press())
-        if self._channel is not None:
-            self._start(self._send_stop(self._channel))
-        self._hurry.set()
-        self._on_news(self)
 
     def show(self, every_s: float | None) -> None:
         """Get a picture in so many seconds; None for none at all."""
@@ -169,19 +148,19 @@ class RobotLink:
                     self._lose(Status.AWAY, f"its answer makes no sense: {error!r}"[:300])
                 was_there, self._was_there = self._was_there, False
                 retry_s = _RETRY_S if was_there else min(2 * retry_s, _LONGEST_RETRY_S)
-                if self.stopping in (Stopping.ASKED, Stopping.NOT_REACHED):
+                if self.stop.is_under_way:
                     retry_s = _STOP_RETRY_S
                 self._hurry.clear()
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(self._hurry.wait(), retry_s)
         finally:
-            for task in self._tasks:
-                task.cancel()
+            self.stop.close()
 
     def _lose(self, status: Status, detail: str) -> None:
         if (status, detail) != (self.status, self.detail):
             log.warning("robot=%s status=%s detail=%r", self.address, status.value, detail)
-        self.status, self.detail, self._channel, self.delay_ms = status, detail, None, None
+        self.status, self.detail, self.delay_ms = status, detail, None
+        self.stop.channel = None
         self._on_news(self)
 
     async def _serve(self) -> None:
@@ -197,16 +176,20 @@ class RobotLink:
         place = self._session.place
         assert place is not None
         async with self._transport.connect(place, "/ws/drive", self._session.headers) as channel:
-            if self.stopping is not None:
-                await self._send_stop(channel)
+            if self.stop.stage is not None:
+                await self.stop.send(channel)
             await channel.send(json.dumps({"type": "idle"}))
-            self._channel, self._was_there = channel, True
+            self.stop.channel, self._was_there = channel, True
             self.status, self.detail = Status.THERE, ""
             self._heard_s = self._clock.now_s()
             self._on_news(self)
             await _first_of(
                 self._hear(channel), self._ping(channel), self._look(place), self._invite()
             )
+
+    def _note_stop(self) -> None:
+        self._hurry.set()
+        self._on_news(self)
 
     # While it is open --------------------------------------------------------------------------
 
@@ -225,10 +208,7 @@ class RobotLink:
 
     def _note_state(self, state: dict[str, Any]) -> None:
         known = {name: state.get(name) for name in _FIELDS}
-        if state.get("emergency") is True and self.stopping is not None:
-            self.stopping = Stopping.STOPPED
-        elif self.stopping is Stopping.STOPPED:
-            self.stopping = None  # released on a phone
+        self.stop.note_state(is_stopped=state.get("emergency") is True)
         self.state = known
         self._on_news(self)
 
@@ -285,50 +265,11 @@ class RobotLink:
                 picture = parse_picture(message if isinstance(message, bytes) else b"")
             except ProtocolError as error:
                 raise UnreachableError(f"its picture makes no sense: {error}") from error
+            await self._at_leisure.wait()  # the robot sends no other before this is acknowledged
             if not picture.quiet:
                 await channel.send(encode_acknowledgement(picture.frame_id))
             assert isinstance(message, bytes)
             self._on_picture(self, message)
-
-    # Stopping ----------------------------------------------------------------------------------
-
-    async def _send_stop(self, channel: Channel) -> None:
-        with contextlib.suppress(UnreachableError, TimeoutError):
-            async with asyncio.timeout(1.0):
-                await channel.send(_STOP)
-                # An idle client hears of changes only; one that was stopped already tells of none.
-                await channel.send(json.dumps({"type": "watch"}))
-                await channel.send(json.dumps({"type": "idle"}))
-
-    async def _press(self) -> None:
-        """See to it that a stop is confirmed, and report it if it is not."""
-        await self._clock.pause(CONFIRM_S)
-        while self.stopping in (Stopping.ASKED, Stopping.NOT_REACHED):
-            if self.stopping is Stopping.ASKED:
-                log.warning("stop not confirmed robot=%s", self.address)
-                self.stopping = Stopping.NOT_REACHED
-                self._on_news(self)
-            with contextlib.suppress(UnreachableError, TimeoutError):
-                await self._stop_by_request()
-            await self._clock.pause(1.0)
-
-    async def _stop_by_request(self) -> None:
-        """Stop on a connection of its own: the open one may be dead without knowing it."""
-        if self._session.place is None:
-            return
-        async with asyncio.timeout(_PATIENCE_S):
-            answer = await self._transport.request(
-                self._session.place, "POST", "/api/stop", self._session.headers
-            )
-        if answer.json().get("emergency") is True and self.stopping is not None:
-            self.stopping = Stopping.STOPPED
-            self._on_news(self)
-
-    def _start(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
-        task = asyncio.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-        return task
 
 
 async def _first_of(*works: Coroutine[Any, Any, None]) -> None:

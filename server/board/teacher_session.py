@@ -57,7 +57,7 @@ class TeacherSession:
     """
 
     def __init__(self, address: RobotAddress, key: ClassKey, transport: Transport) -> None:
-        self._address, self._key, self._transport = address, key, transport
+        self.address, self._key, self._transport = address, key, transport
         self.place: ServerPlace | None = None
         self._secret: str | None = None
 
@@ -78,7 +78,7 @@ class TeacherSession:
             WrongClassError: If they are not.
             UnreachableError: If the robot does not answer.
         """
-        place = self.place = await self._transport.locate(self._address)
+        place = self.place = await self._transport.locate(self.address)
         nonce = new_nonce()
         answer = await self._post(place, "/api/class/hello", {"nonce": nonce})
         if answer.status in (401, 404):

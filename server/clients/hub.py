@@ -20,6 +20,7 @@ from robot.rig.rig import Rig
 from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.clients.client import Client
+from server.clients.emergency import EmergencyStop
 from server.clients.freshness import NonceLedger
 from server.clients.lease import Lease
 from server.clients.telemetry import STATE_EVERY_S, describe_state, state_every_s
@@ -44,6 +45,7 @@ class Hub:
         self.video = VideoHub(Encoder(config.jpeg_quality), robot.clock, eye)
         self.lease = Lease(config.lease_lapse_s)
         self.nonces = NonceLedger()
+        self.emergency = EmergencyStop(robot.loop)
         self.refused: Counter[ErrorCode] = Counter()
         self.clients: dict[str, Client] = {}
         driver = robot.driver
@@ -168,7 +170,6 @@ class Hub:
         client.send(protocol.encode_error(error))
 
     def _handle(self, client: Client, message: protocol.ClientMessage, now_s: float) -> None:
-        loop = self.robot.loop
         if isinstance(message, protocol.DriveMessage):
             self._handle_drive(client, message, now_s)
         elif isinstance(message, protocol.ModeMessage):
@@ -178,11 +179,10 @@ class Hub:
                 encode_message("pong", client_ms=message.client_ms, server_ms=self.now_ms())
             )
         elif isinstance(message, protocol.Stop):
-            self.stop_at_once(client.id)
+            self.emergency.latch(client.id, client.role)
         elif isinstance(message, protocol.Release):
-            self._require_wheel(client)
-            loop.release_emergency()
-            log.info("release client=%s", client.id)
+            has_wheel = self.lease.owner == client.id
+            self.emergency.release(client.id, client.role, has_wheel=has_wheel)
         elif isinstance(message, protocol.Take):
             self._handle_take(client, now_s)
         elif isinstance(message, protocol.Idle | protocol.Watch):
@@ -191,11 +191,6 @@ class Hub:
                 self.publish_state()  # with a fresh nonce
         elif self.lease.give_up(client.id, now_s):
             self._pilot_changed()
-
-    def stop_at_once(self, source: str) -> None:
-        """Latch the emergency stop; any client may do so."""
-        self.robot.loop.latch_emergency()
-        log.warning("emergency client=%s", source)
 
     def _handle_mode(self, client: Client, message: protocol.ModeMessage, now_s: float) -> None:
         client.order.check(message.seq)
@@ -296,6 +291,7 @@ class Hub:
         state = describe_state(self.robot.loop.state, self.now_ms())
         state["nonce"] = self.nonces.issue(self.robot.clock.now_s())
         state["pilot"] = owner
+        state["stopped_by_teacher"] = self.emergency.by_teacher
         state["viewers"] = len(self.clients) - (owner in self.clients)
         texts: dict[bool, str] = {}
         for client in self.clients.values():
@@ -317,6 +313,7 @@ class Hub:
             decision.asks_pilot,
             state.link,
             state.emergency,
+            self.emergency.by_teacher,
             state.fault,
             self.lease.owner,
         )

@@ -19,7 +19,7 @@ router = APIRouter()
 @router.post(STOP_PATH, dependencies=[Depends(require_viewer)])
 async def stop(request: Request) -> dict[str, bool]:
     """Latch the emergency stop, for a page without a websocket. Any admitted client may."""
-    services_of(request).hub.stop_at_once("http")
+    services_of(request).hub.emergency.latch("http", role_of(request))
     return {"emergency": True}
 
 

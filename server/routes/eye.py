@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-
 from fastapi import APIRouter, Request, WebSocket
 from fastapi.responses import FileResponse, Response
 
@@ -19,7 +17,6 @@ from server.security.guard import role_of
 from server.security.pace import Pace
 from server.services import services_of
 
-log = logging.getLogger(__name__)
 router = APIRouter()
 STATE_EVERY_S = 0.2
 _STATE_FIELDS = ("mode", "driven_by", "action", "stop_reason", "emergency", "fault", "frame_age_ms")
@@ -97,8 +94,7 @@ class _Eye:
                     message_fields["server_ms"], message_fields["eye_ms"], now_s * 1000
                 )
             else:  # a stop passes before the rate limit
-                self._hub.robot.loop.latch_emergency()
-                log.warning("emergency client=eye")
+                self._hub.emergency.latch("eye", Role.EYE)
         elif data is not None:
             frame = parse_frame(data)
             await self._websocket.send_bytes(encode_acknowledgement(frame.seq))

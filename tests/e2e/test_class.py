@@ -75,6 +75,15 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
             driver: Any = robot.robot.driver
             assert driver.now is Action.STOP
         page.mouse.up()
+
+        # It is the teacher's stop: the phones say so and offer no release, the board does.
+        pupil = phones[1].pages[0]
+        pupil.locator(".notice", has_text="Your teacher has stopped the robot").wait_for()
+        assert pupil.locator(".notice button:visible").count() == 0
+        page.locator(".robot", has_text="Stopped by you").first.wait_for()
+        page.get_by_role("button", name="Release all").click()
+        for robot in school.robots:
+            wait_for(lambda r=robot: not r.robot.loop.state.emergency, "each is released")
         for phone in phones:
             phone.close()
         context.close()

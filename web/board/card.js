@@ -9,13 +9,14 @@ import { percent, t } from '../js/i18n.js';
 /** Who drives, as a key of the messages. @param {Robot} robot */
 export function who(robot) {
   if (robot.status !== 'there') return `status.${robot.status}`;
+  if (robot.stopped_by_teacher) return 'who.held';
   if (robot.emergency) return 'who.stopped';
   if (robot.asks_pilot) return 'who.asks';
   return `who.${robot.driven_by ?? 'nobody'}`;
 }
 
 export class Card {
-  /** @param {number} number @param {{stop: (number: number) => void, open: (number: number) => void}} acts */
+  /** @param {number} number @param {{stop: (number: number) => void, release: (number: number) => void, open: (number: number) => void}} acts */
   constructor(number, acts) {
     this.number = number;
     this.canvas = h('canvas', { class: 'seen', width: 160, height: 120, 'aria-hidden': 'true' });
@@ -31,11 +32,13 @@ export class Card {
     // Pressed counts, not lifted; the keyboard comes as a click that no pointer began.
     this.stop.addEventListener('pointerdown', () => acts.stop(number));
     this.stop.addEventListener('click', (event) => event.detail === 0 && acts.stop(number));
+    this.release = h('button', { type: 'button', hidden: true, onclick: () => acts.release(number) }, t('release'));
     this.element = h('article', { class: 'robot', 'data-number': number },
       h('div', { class: 'view' }, this.canvas, this.code),
       h('div', { class: 'title' }, h('i', { class: 'dot' }), this.name),
       this.chip, this.figures, this.why,
-      h('div', { class: 'acts' }, this.stop, this.more));
+      h('div', { class: 'acts' }, this.stop, this.more),
+      this.release);
     this.shown = '';
     this.isDrawing = false;
   }
@@ -51,6 +54,8 @@ export class Card {
     say(this.name, robot.name);
     this.element.setAttribute('aria-label', robot.name);
     this.stop.setAttribute('aria-label', t('stop_one', { name: robot.name }));
+    this.release.setAttribute('aria-label', t('release_one', { name: robot.name }));
+    this.release.hidden = robot.status !== 'there' || !robot.stopped_by_teacher; // STOP does not move
     this.more.setAttribute('aria-label', t('more', { name: robot.name }));
     if (this.shown !== by) {
       this.shown = by;

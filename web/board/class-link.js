@@ -20,6 +20,7 @@ const RETRY_MS = 1000;
  * @property {import('../js/protocol.js').Mode | null} mode
  * @property {'nobody' | 'pilot' | 'robot' | null} driven_by
  * @property {boolean | null} emergency
+ * @property {boolean | null} stopped_by_teacher  this board has stopped it, and only it releases it
  * @property {boolean | null} asks_pilot
  * @property {string | null} fault
  * @property {string | null} link
@@ -93,6 +94,11 @@ export class ClassLink extends EventTarget {
     const words = robot === undefined ? {} : { robot };
     if (this.say({ type: 'stop', ...words })) return;
     fetch('/api/stop', { method: 'POST', keepalive: true, body: JSON.stringify(words) }).catch(() => {});
+  }
+
+  /** Let the pupils start a robot again, or all that were stopped here. @param {number} [robot] */
+  release(robot) {
+    this.say({ type: 'release', ...(robot === undefined ? {} : { robot }) });
   }
 
   /** @param {object} message @returns {boolean} true if it was sent */

@@ -24,6 +24,7 @@ let showsCodes = false;
 
 const there = h('small', { role: 'status' });
 const [place, stop] = makeStop(() => link.stop(), '', t('stop_all'));
+const releaseAll = h('button', { type: 'button', disabled: true, onclick: () => link.release() }, t('release_all'));
 const views = ['pictures', 'codes'].map((view) => h('button', {
   type: 'button', role: 'radio', 'aria-checked': String(view === 'pictures'), 'data-view': view,
   onclick: () => choose(view),
@@ -33,7 +34,7 @@ append(find('bar'), [
   h('div', { class: 'name' }, h('h1', {}, t('class')), there),
   h('div', { class: 'segments', role: 'radiogroup', 'aria-label': t('views') }, ...views),
   h('button', { type: 'button', onclick: () => panel.open('all') }, t('class_settings')),
-  place, stop,
+  releaseAll, place, stop,
 ]);
 say(find('empty'), t('searching'));
 
@@ -64,7 +65,7 @@ const sight = new IntersectionObserver((entries) => {
 function cardOf(robot) {
   let card = cards.get(robot.number);
   if (!card) {
-    card = new Card(robot.number, { stop: (number) => link.stop(number), open: (number) => panel.open(number) });
+    card = new Card(robot.number, { stop: (number) => link.stop(number), release: (number) => link.release(number), open: (number) => panel.open(number) });
     cards.set(robot.number, card);
     find('robots').append(card.element);
     sight.observe(card.element);
@@ -93,6 +94,7 @@ function summarize() {
   const robots = [...link.robots.values()];
   find('empty').hidden = robots.length > 0;
   say(there, t('there', { n: robots.filter(({ status }) => status === 'there').length, of: robots.length }));
+  releaseAll.disabled = !robots.some(({ stopped_by_teacher: isHeld }) => isHeld);
   const missed = robots.filter(({ stop: how }) => how === 'not_reached').map(({ name }) => name);
   const lines = [];
   if (!link.isOpen && robots.length) lines.push(t('board_away'));

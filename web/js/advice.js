@@ -26,6 +26,7 @@ export function urgentAdvice(page) {
   if (page.link !== 'open' || !robot) {
     return { key: page.link === 'lost' ? 'out_of_reach' : 'connecting', level: 'info' };
   }
+  if (robot.stopped_by_teacher) return { key: 'teacher_stop', level: 'stop' };
   if (robot.emergency) return { key: 'emergency', step: 'release', level: 'stop' };
   if (!robot.you_are_pilot) return wheelElsewhere(page);
   if (page.wheelAsked) return { key: 'wheel_asked', step: 'yield', level: 'ask' };

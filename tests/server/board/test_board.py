@@ -8,7 +8,7 @@ import pytest
 
 from robot.types import Action
 from server.board.board import Onlooker
-from server.board.robot_link import Stopping
+from server.board.stopping import CONFIRM_S, Stopping
 from server.board.teacher_session import Status
 
 from .classroom_world import FAULTS, OPEN_FAULTS, ClassWorld, Pupil, break_down, in_class
@@ -53,12 +53,12 @@ def test_whatever_fails_the_others_stop_in_time_and_the_rest_are_named(seed: int
         took_s = await world.until(lambda: all(map(_latched, reached)), 5.0, "the reached stand")
         assert took_s < STOP_S, "a robot that fails delays no other"
         named_s = await world.until(
-            lambda: all(world.link(p).stopping is Stopping.NOT_REACHED for p in lost),
+            lambda: all(world.link(p).stop.stage is Stopping.NOT_REACHED for p in lost),
             5.0,
             str(lost),
         )
         assert named_s < 2 * STOP_S
-        assert all(world.link(p).stopping is Stopping.STOPPED for p in reached)
+        assert all(world.link(p).stop.stage is Stopping.STOPPED for p in reached)
         mendable = [p for p in lost if before[p.port] not in ("wrong key", "no class")]
         for pupil in mendable:
             break_down(pupil, "none")
@@ -92,18 +92,50 @@ def test_a_robot_released_on_a_phone_is_shown_as_released() -> None:
         one, *_ = world.pupils.values()
         await world.until_there([one])
         world.board.stop()
-        await world.until(lambda: world.link(one).stopping is Stopping.STOPPED, 1.0, "confirmed")
+        await world.until(lambda: world.link(one).stop.stage is Stopping.STOPPED, 1.0, "confirmed")
         one.loop.release_emergency()
-        await world.until(lambda: world.link(one).stopping is None, 1.0, "released")
+        await world.until(lambda: world.link(one).stop.stage is None, 1.0, "released")
         await world.clock.pause(5.0)
         assert not one.loop.state.emergency, "a stop that was confirmed is never repeated"
         for _ in range(2):
             world.board.stop()
-            await world.until(lambda: world.link(one).stopping is Stopping.STOPPED, 0.3, "again")
+            await world.until(lambda: world.link(one).stop.stage is Stopping.STOPPED, 0.3, "again")
             await world.clock.pause(1.0)
-            assert world.link(one).stopping is Stopping.STOPPED
+            assert world.link(one).stop.stage is Stopping.STOPPED
 
     in_class(scenario)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_only_the_board_releases_what_the_board_stopped(seed: int) -> None:
+    """Pupils and teacher press at random; whoever stopped last, the rule holds after each step."""
+
+    async def scenario(world: ClassWorld) -> None:
+        one, *_ = world.pupils.values()
+        await world.until_there([one])
+        link, phone = world.link(one), await one.pilot(sees=True)
+        await phone.wait_for_state()
+        latched, held, refused = False, False, 0
+        for _ in range(25):
+            step = world.dice.choice(("pupil stops", "pupil releases", "board stops", "releases"))
+            if step == "pupil stops":
+                phone.send(type="stop")
+                latched = True
+            elif step == "pupil releases":
+                phone.send(type="release")
+                latched, refused = latched and held, refused + held
+            elif step == "board stops":
+                world.board.stop(link.number)
+                latched = held = True
+            else:
+                await world.board.release(link.number)
+                latched = held = False
+            await world.clock.pause(1.5)
+            assert one.loop.state.emergency is latched, step
+            assert link.state["stopped_by_teacher"] is held, step
+        assert phone.errors() == ["teacher_stop"] * refused, "and the pupil is told why"
+
+    in_class(scenario, robots=1, seed=seed)
 
 
 def test_a_robot_that_was_started_anew_is_joined_again() -> None:
@@ -147,6 +179,32 @@ def test_pictures_come_only_while_somebody_looks_and_about_one_a_second() -> Non
         sent = one.hub.video.frames_sent
         await world.clock.pause(10.0)
         assert one.hub.video.frames_sent == sent and one.hub.video.viewers == 0
+        world.board.leave(page)
+
+    in_class(scenario)
+
+
+def test_pictures_and_news_wait_while_a_stop_is_under_way() -> None:
+    """One robot has fallen silent, so that the stop stays under way as long as it may."""
+
+    async def scenario(world: ClassWorld) -> None:
+        one, lost, *_ = world.pupils.values()
+        await world.until_there([one, lost])
+        page = Onlooker(lambda: None)
+        world.board.join(page)
+        world.board.watch(page, [world.link(one).number])
+        await world.clock.pause(5.0)
+        break_down(lost, "silent")
+        world.board.stop()
+        assert not world.board.at_leisure.is_set()
+        page.pictures.clear()
+        sent = one.hub.video.frames_sent
+        await world.until(lambda: _latched(one), STOP_S, "it stands")
+        await world.clock.pause(CONFIRM_S - 0.1)
+        assert one.hub.video.frames_sent <= sent + 1, "the last one was under way"
+        await world.until(world.board.at_leisure.is_set, CONFIRM_S, "it is told who is lost")
+        assert world.link(lost).stop.stage is Stopping.NOT_REACHED
+        await world.until(lambda: bool(page.pictures), 3.0, "pictures come again")
         world.board.leave(page)
 
     in_class(scenario)

@@ -63,7 +63,8 @@ def _links(robots: Any, ports: list[int]) -> list[RobotLink]:
     links = []
     for port in ports:
         address = RobotAddress("127.0.0.1", port)
-        link = RobotLink(port, address, KEY, robots, VirtualClock(), _ignore, _ignore)
+        calls = (_ignore, _ignore, asyncio.Event())
+        link = RobotLink(port, address, KEY, robots, VirtualClock(), *calls)
         link.name = f"R{port}"
         link._session.place = ServerPlace(address, "")
         link._session._secret = "s"

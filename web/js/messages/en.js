@@ -69,6 +69,7 @@ export default {
   start_stale: 'Not started: no fresh picture came in time. Tap again.',
   out_of_reach: 'The robot is out of reach. It has stopped. I keep looking for it.',
   emergency: 'Emergency stop. The robot stands until you release it.',
+  teacher_stop: 'Your teacher has stopped the robot, and will release it.',
   fault: '{fault}',
   asks: "I don't know this view. Show me.",
   asks_help: 'I tried and got nowhere. Show me the way out.',

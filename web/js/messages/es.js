@@ -69,6 +69,7 @@ export default {
   start_stale: 'No ha empezado: no llegó a tiempo una imagen reciente. Toca otra vez.',
   out_of_reach: 'El robot está fuera de alcance. Se ha parado. Lo sigo buscando.',
   emergency: 'Parada de emergencia. El robot no se mueve hasta que lo liberes.',
+  teacher_stop: 'Tu profesor ha parado el robot y él lo liberará.',
   fault: '{fault}',
   asks: 'No conozco esta vista. Enséñame.',
   asks_help: 'Lo he intentado y no avanzo. Enséñame la salida.',

@@ -69,6 +69,7 @@ export default {
   start_stale: '没有开始：没有及时收到新的画面。请再点一次。',
   out_of_reach: '联系不上机器人。它已停下。我会继续寻找。',
   emergency: '已急停。解除之前机器人不会动。',
+  teacher_stop: '老师已让机器人停下，由老师解除。',
   fault: '{fault}',
   asks: '我不认识这个画面。请教我。',
   asks_help: '我试过了，走不出去。请带我出去。',

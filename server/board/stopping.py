@@ -1,0 +1,150 @@
+"""STOP for one robot: sent on the open line at once, confirmed by the robot, or repeated and told.
+
+A stop is the teacher's until the teacher releases it: see docs/howto/class.md.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+from collections.abc import Callable, Coroutine
+from enum import StrEnum
+from typing import Any
+
+from robot.clock import Clock
+from server.board.teacher_session import TeacherSession
+from server.board.transport import Channel, Transport, UnreachableError
+
+log = logging.getLogger(__name__)
+
+CONFIRM_S = 0.3
+"""A stop that is not confirmed in this time is reported, and sent again by another way."""
+_PATIENCE_S = 5.0
+_STOP, _RELEASE = json.dumps({"type": "stop"}), json.dumps({"type": "release"})
+
+
+class Stopping(StrEnum):
+    """How far a stop has come."""
+
+    ASKED = "asked"
+    STOPPED = "stopped"
+    NOT_REACHED = "not_reached"
+
+
+class RobotStop:
+    """The stop of one robot.
+
+    Args:
+        session: The teacher's session with the robot.
+        transport: Reaches it.
+        clock: All waiting goes through it.
+        on_change: Called when the stop has come further.
+
+    Attributes:
+        stage: How far it has come; None where nothing was asked, or it was released.
+        channel: The open line to the robot; None while there is none.
+    """
+
+    def __init__(
+        self,
+        session: TeacherSession,
+        transport: Transport,
+        clock: Clock,
+        on_change: Callable[[], None],
+    ) -> None:
+        self.stage: Stopping | None = None
+        self.channel: Channel | None = None
+        self._session, self._transport, self._clock = session, transport, clock
+        self._on_change = on_change
+        self._stands = False
+        self._pressing: asyncio.Task[None] | None = None
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    @property
+    def is_under_way(self) -> bool:
+        """True if the robot has not confirmed the stop."""
+        return self.stage in (Stopping.ASKED, Stopping.NOT_REACHED)
+
+    def press(self) -> None:
+        """Stop the robot now; while it cannot be reached, as soon as it can."""
+        self.stage = Stopping.ASKED
+        if self.channel is not None:
+            self._start(self.send(self.channel))
+        if self._pressing is None or self._pressing.done():
+            self._pressing = self._start(self._see_to_it())
+        self._on_change()
+
+    async def release(self) -> None:
+        """Let the robot's pupils start it again.
+
+        Raises:
+            UnreachableError: If it is away; then it stays stopped.
+        """
+        if self.channel is None:
+            raise UnreachableError("it is not connected")
+        self.stage = None
+        await self.channel.send(_RELEASE)
+        self._on_change()
+
+    def note_state(self, *, is_stopped: bool) -> None:
+        """Note what the robot says of itself."""
+        self._stands = is_stopped
+        if is_stopped and self.stage is not None:
+            self.stage = Stopping.STOPPED
+        elif self.stage is Stopping.STOPPED:
+            self.stage = None  # released
+
+    async def send(self, channel: Channel) -> None:
+        """Send the stop on an open line; what fails here is noticed where it is confirmed."""
+        with contextlib.suppress(UnreachableError, TimeoutError):
+            async with asyncio.timeout(1.0):
+                await channel.send(_STOP)
+        if self._stands:
+            await self._ask_for_state(channel)
+
+    def close(self) -> None:
+        """End all that is under way."""
+        for task in self._tasks:
+            task.cancel()
+
+    async def _see_to_it(self) -> None:
+        """See to it that the stop is confirmed, and report it if it is not."""
+        await self._clock.pause(CONFIRM_S / 2)
+        if self.stage is Stopping.ASKED and self.channel is not None:
+            self._start(self._ask_for_state(self.channel))
+        await self._clock.pause(CONFIRM_S / 2)
+        while self.is_under_way:
+            if self.stage is Stopping.ASKED:
+                log.warning("stop not confirmed robot=%s", self._session.address)
+                self.stage = Stopping.NOT_REACHED
+                self._on_change()
+            with contextlib.suppress(UnreachableError, TimeoutError):
+                await self._stop_by_request()
+            await self._clock.pause(1.0)
+
+    async def _ask_for_state(self, channel: Channel) -> None:
+        """An idle client hears of changes only; a robot that was stopped already has none."""
+        with contextlib.suppress(UnreachableError, TimeoutError):
+            async with asyncio.timeout(1.0):
+                await channel.send(json.dumps({"type": "watch"}))
+                await channel.send(json.dumps({"type": "idle"}))
+
+    async def _stop_by_request(self) -> None:
+        """Stop on a connection of its own: the open one may be dead without knowing it."""
+        if self._session.place is None:
+            return
+        async with asyncio.timeout(_PATIENCE_S):
+            answer = await self._transport.request(
+                self._session.place, "POST", "/api/stop", self._session.headers
+            )
+        if answer.json().get("emergency") is True and self.stage is not None:
+            self.stage = Stopping.STOPPED
+            self._on_change()
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
