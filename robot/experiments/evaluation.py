@@ -13,12 +13,13 @@ import numpy as np
 from robot.errors import CameraError, RecordingError
 from robot.exchange.npz import Recording, load_recording
 from robot.learner.base import Vector
+from robot.policy.image import to_rgb
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.types import Action
+from robot.types import Action, Encoding, Frame
 
-Vectors = dict[tuple[str, str], list[Vector]]
-"""Features by their name and the recording's path: extracted once for all learners."""
+Vectors = dict[tuple[str, str, float], list[Vector]]
+"""Features by their name, the recording's path and light: extracted once for all learners."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,14 +47,19 @@ class PairResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pair:
-    """Two drives of one place: learn from `train`, test on `test`."""
+    """Two drives of one place: learn from `train`, test on `test` with so much of its light."""
 
     train: Recording
     test: Recording
+    light: float = 1.0
 
 
-def load_pairs(folder: Path | str) -> list[Pair]:
+def load_pairs(folder: Path | str, light: float = 1.0) -> list[Pair]:
     """Return both directions of every place X that has X_A.npz and X_B.npz in `folder`.
+
+    Args:
+        folder: Where they are.
+        light: How much of the light is left when the learner is tested.
 
     Raises:
         RecordingError: If there is no such folder or pair, or a recording is broken.
@@ -65,7 +71,7 @@ def load_pairs(folder: Path | str) -> list[Pair]:
     for first in sorted(folder.glob("*_A.npz")):
         second = first.with_name(first.name.replace("_A.npz", "_B.npz"))
         a, b = load_recording(first), load_recording(second)
-        pairs += [Pair(train=a, test=b), Pair(train=b, test=a)]
+        pairs += [Pair(train=a, test=b, light=light), Pair(train=b, test=a, light=light)]
     if not pairs:
         raise RecordingError(
             f"the folder {folder} has no recordings named PLACE_A.npz, PLACE_B.npz"
@@ -92,14 +98,25 @@ def evaluate(
             tick()
 
 
-def _vectors(policy: Policy, recording: Recording, known: Vectors) -> list[Vector]:
-    key = (policy.features.name, str(recording.path))
+def _vectors(
+    policy: Policy, recording: Recording, known: Vectors, light: float = 1.0
+) -> list[Vector]:
+    key = (policy.features.name, str(recording.path), light)
     if key not in known:
+        frames = (recording.frame(i) for i in range(len(recording)))
         try:
-            known[key] = [policy.extract(recording.frame(i)) for i in range(len(recording))]
+            known[key] = [policy.extract(darkened(frame, light)) for frame in frames]
         except CameraError as error:
             raise RecordingError(f"the recording {recording.path}: {error}") from error
     return known[key]
+
+
+def darkened(frame: Frame, light: float) -> Frame:
+    """Return the frame as it would be with `light` of the light; raises CameraError."""
+    if light == 1.0:
+        return frame
+    pixels = (to_rgb(frame) * light).astype(np.uint8)
+    return replace(frame, encoding=Encoding.RGB, data=pixels.tobytes())
 
 
 def judge(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
@@ -122,7 +139,7 @@ def teach(policy: Policy, recording: Recording, vectors: Vectors) -> None:
 
 def examine(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
     """Test a policy that was taught on `pair.train`, and perhaps on more, on `pair.test`."""
-    test = _vectors(policy, pair.test, vectors)
+    test = _vectors(policy, pair.test, vectors, pair.light)
     policy.reset()
     started_s = time.perf_counter()
     proposed = [policy.propose(i + 1, x) for i, x in enumerate(test)]

@@ -21,6 +21,7 @@ from robot.errors import ConfigurationError, MissingExtraError, RecordingError
 from robot.learner.base import State
 from robot.models.model import Model
 from robot.policy.calibration import Calibration
+from robot.policy.light import LightAdaptation
 from robot.policy.pilot_pace import PilotPace
 from robot.policy.policy import Policy
 from robot.policy.registry import MOST_NODES, make_policy, split_name
@@ -34,7 +35,7 @@ _SMALL, _LARGE = 2, 3
 _OPTIONAL = frozenset(
     {
         *("touched", "novelty", "runs", "contrary", "pace_picture"),
-        *("last_learned", "pace", "calibration"),
+        *("last_learned", "pace", "calibration", "light"),
     }
 )
 """What models of version 0.1 do not have, or have elsewhere."""
@@ -310,6 +311,9 @@ def _check_policy_params(
         PilotPace().set_state(params["pace"], {})
     if "calibration" in params:
         _check_calibration(params["calibration"], moves)
+    if "light" in params:
+        _check_like(params["light"], LightAdaptation().get_state(), "light")
+        LightAdaptation().set_state(params["light"])
 
 
 def _check_calibration(values: Any, moves: tuple[Action, ...]) -> None:

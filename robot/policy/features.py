@@ -95,6 +95,12 @@ class GradientFeatures:
         """Return shape (1200,), at half contrast."""
         return x[self.n_gradients :]
 
+    def brightened(self, x: Vector, gain: float) -> Vector:
+        """Return a copy with the grey part multiplied by `gain`, at most white."""
+        brighter = x.copy()
+        brighter[self.n_gradients :] = np.minimum(x[self.n_gradients :] * gain, 127.0)
+        return brighter
+
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sums of squares of each cell's gradients and of its pixels."""
         bins = difference[: self.n_gradients].reshape(self.n_rows, self.n_columns, self.n_bins)

@@ -13,7 +13,8 @@ from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.policy.action_filter import ActionFilter, View
 from robot.policy.calibration import Calibration
-from robot.policy.features import Features
+from robot.policy.features import Features, GradientFeatures
+from robot.policy.light import LightAdaptation
 from robot.policy.pilot_pace import PilotPace
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
 
@@ -57,6 +58,8 @@ class Policy:
         moves: What it may propose.
         action_filter: Makes a steady drive of the votes on single frames; the default's if None.
         calibrates: Learn from the examples how sure it may be here (`calibration.py`).
+        adapts: Show the learner each view in the light that it was taught in (`light.py`); only
+            with gradient features.
     """
 
     def __init__(
@@ -69,6 +72,7 @@ class Policy:
         moves: tuple[Action, ...] = DEFAULT_MOVES,
         action_filter: ActionFilter | None = None,
         calibrates: bool = False,
+        adapts: bool = False,
     ) -> None:
         self.name = name
         self.max_nodes = max_nodes
@@ -80,6 +84,8 @@ class Policy:
         self._n_proposals = 0
         self._pace = PilotPace()
         self._calibration = Calibration() if calibrates else None
+        is_adapting = adapts and isinstance(features, GradientFeatures)
+        self._light = LightAdaptation() if is_adapting else None
         self._last_learned: tuple[float, str] | None = None
         self._now_s = 0.0
         self._last_used: dict[int, int] = {}
@@ -121,7 +127,7 @@ class Policy:
         """
         self._n_proposals += 1
         try:
-            evidence = self.learner.explain_one(x)
+            evidence = self.learner.explain_one(self._in_taught_light(x, at_s))
         except NotFittedError:
             return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
         known = evidence.probabilities
@@ -150,6 +156,12 @@ class Policy:
             needs_help=self._action_filter.needs_help,
         )
 
+    def _in_taught_light(self, x: Vector, at_s: float | None) -> Vector:
+        if self._light is None or not isinstance(self.features, GradientFeatures):
+            return x
+        gain = self._light.gain(float(self.features.grey(x).mean()), at_s)
+        return x if gain == 1.0 else self.features.brightened(x, gain)
+
     def learn(self, x: Vector, label: Action, at_s: float | None = None) -> None:
         """Learn one example.
 
@@ -169,6 +181,8 @@ class Policy:
         if self._is_needed(label, at_s):
             self._calibrate(x, label, at_s)
             self.learner.learn_one(x, Action(label))
+            if self._light is not None:
+                self._light.learn(float(self.features.grey(x).mean()))
         if at_s is not None:
             self._pace.learn(label, self.features.grey(x), at_s)
         self._n_examples += 1
@@ -193,6 +207,8 @@ class Policy:
         """Forget what belongs to one drive: a new drive begins."""
         self._action_filter.reset()
         self.learner.reset()
+        if self._light is not None:
+            self._light.reset()
 
     def get_state(self) -> State:
         """Return a copy of all that was learned, without what belongs to one drive."""
@@ -206,6 +222,8 @@ class Policy:
         }
         if self._calibration is not None:
             params["calibration"] = self._calibration.get_state()
+        if self._light is not None:
+            params["light"] = self._light.get_state()
         params["pace"], pace_arrays = self._pace.get_state()
         arrays = {**state.arrays, **pace_arrays}
         return State(kind=f"policy:{state.kind}", params=params, arrays=arrays, labels=state.labels)
@@ -240,6 +258,10 @@ class Policy:
             self._calibration = Calibration()
             if "calibration" in state.params:  # older models have none
                 self._calibration.set_state(state.params["calibration"])
+        if self._light is not None:
+            self._light = LightAdaptation()
+            if "light" in state.params:
+                self._light.set_state(state.params["light"])
         self._n_proposals = 0
         self._last_used = {}
         self._last_taught = {int(k): int(v) for k, v in state.params["last_taught"].items()}

@@ -34,6 +34,7 @@ class Design:
     """Whole numbers alone, on any machine."""
     forgets: bool = True
     calibrates: bool = True
+    adapts: bool = True
 
     def make_learner(self, number: int, integer: bool) -> BSOCClassifier:
         """Return the learner alone, of at most `number` nodes."""
@@ -61,6 +62,7 @@ class Design:
             moves=moves,
             action_filter=self.action_filter(),
             calibrates=self.calibrates and learner.linear is not None,
+            adapts=self.adapts and not integer,
         )
 
 
@@ -82,6 +84,7 @@ VARIANTS: dict[str, Maker] = {
         "without-reflex": Design(action_filter=lambda: ActionFilter(gives_up=False)),
         "without-forgetting": Design(forgets=False),
         "without-calibration": Design(calibrates=False),
+        "without-adaptation": Design(adapts=False),
         "grey-alone": Design(features=GreyFeatures, is_linear=False),
         "whole-numbers": Design(is_integer=True),
     }.items()

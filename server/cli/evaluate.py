@@ -25,6 +25,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help=f"names with commas between (default: {','.join([*OURS, *BASELINES])}, the last "
         "three only where scikit-learn is installed)",
     )
+    parser.add_argument(
+        "--light",
+        type=_share,
+        default=1.0,
+        metavar="SHARE",
+        help="how much of the light is left in the test (default: 1.0)",
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the results here")
 
 
@@ -37,13 +44,23 @@ def run(args: argparse.Namespace) -> int:
         from tqdm import tqdm
     except ImportError as error:
         raise MissingExtraError("the command evaluate", "evaluate") from error
-    pairs = evaluation.load_pairs(args.folder)
+    pairs = evaluation.load_pairs(args.folder, args.light)
     with tqdm(total=len(pairs) * len(learners), unit="run", file=sys.stderr) as bar:
         results = list(evaluation.evaluate(pairs, learners, tick=bar.update))
     print(evaluation.table(results))
     if args.json is not None:
         _write(args.json, json.dumps(evaluation.as_json(results), indent=2) + "\n")
     return 0
+
+
+def _share(text: str) -> float:
+    try:
+        share = float(text)
+    except ValueError:
+        share = 0.0
+    if not 0.0 < share <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a share of light above 0 and up to 1")
+    return share
 
 
 def _learners(names: str | None) -> list[str]:

@@ -12,6 +12,7 @@ import pytest
 from robot.errors import RecordingError
 from robot.exchange.npz import load_recording
 from robot.experiments import evaluation
+from robot.policy.image import to_grey
 from robot.types import Action
 from server.__main__ import main
 
@@ -148,3 +149,21 @@ def test_reproduces_the_figures_of_the_recordings(place):
         own = [r.accuracy for r in results if r.learner == learner]
         assert len(own) == 2, "one direction after the other"
         assert statistics.mean(own) == pytest.approx(figure, abs=0.015), learner
+
+
+@pytest.mark.parametrize("light", [0.3, 0.5])
+def test_the_test_can_be_made_darker_and_the_lesson_stays(tmp_path, light):
+    for name in ("hall_A", "hall_B"):
+        write_recording(tmp_path / f"{name}.npz", seed=ord(name[-1]))
+    pair = evaluation.load_pairs(tmp_path, light)[0]
+    frame = pair.test.frame(0)
+    darker = evaluation.darkened(frame, pair.light)
+    assert to_grey(darker).mean() == pytest.approx(light * to_grey(frame).mean(), abs=1.5)
+    assert evaluation.darkened(frame, 1.0) is frame
+
+
+@pytest.mark.parametrize("light", ["0", "1.5", "half", "nan"])
+def test_no_light_and_too_much_are_refused(tmp_path, capsys, light):
+    with pytest.raises(SystemExit):
+        main(["evaluate", str(tmp_path), "--light", light])
+    assert "share of light" in capsys.readouterr().err

@@ -1,0 +1,66 @@
+"""Another light than the lesson's: shows the learner each view in the light that it was taught in.
+
+Directions of gradients hardly change with the light, grey values do. A room gets darker as a whole
+and for long, so the mean brightness of some seconds of driving tells; a dark corner does not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+ANOTHER_LIGHT = 1.5
+"""Brighter or darker than the lesson by so many times is another light; less is another view."""
+SECONDS = 3.0
+"""Over so much driving the brightness is averaged,"""
+EXAMPLES = 600.0
+"""and over so many examples."""
+_STEP_S = 0.1
+
+
+class LightAdaptation:
+    """Compares the brightness of a drive with that of the examples. Constant time a frame."""
+
+    def __init__(self) -> None:
+        self._taught = self._examples = 0.0
+        self._driven: float | None = None
+        self._last_s: float | None = None
+
+    def learn(self, brightness: float) -> None:
+        """Add the brightness of one example."""
+        self._examples = min(self._examples + 1.0, EXAMPLES)
+        self._taught += (brightness - self._taught) / self._examples
+
+    def gain(self, brightness: float, at_s: float | None) -> float:
+        """Return what to multiply a view's grey values by: 1 in the light of the lesson.
+
+        Args:
+            brightness: The view's mean grey value.
+            at_s: When it was taken; None: a tenth of a second after the last.
+        """
+        step_s = _STEP_S if at_s is None or self._last_s is None else max(at_s - self._last_s, 0.0)
+        self._last_s = at_s
+        if self._driven is None:
+            self._driven = brightness
+        else:
+            self._driven += (1.0 - math.exp(-step_s / SECONDS)) * (brightness - self._driven)
+        if not self._examples:
+            return 1.0
+        times = self._taught / max(self._driven, 1.0)
+        return 1.0 if 1.0 / ANOTHER_LIGHT <= times <= ANOTHER_LIGHT else times
+
+    def reset(self) -> None:
+        """Forget the drive that ends here."""
+        self._driven = self._last_s = None
+
+    def get_state(self) -> dict[str, float]:
+        """Return what was learned as plain values."""
+        return {"taught": self._taught, "examples": self._examples}
+
+    def set_state(self, values: Mapping[str, Any]) -> None:
+        """Restore what `get_state` returned; raises ValueError for numbers that cannot be."""
+        taught, examples = float(values["taught"]), float(values["examples"])
+        if not (0.0 <= taught <= 255.0 and 0.0 <= examples <= EXAMPLES):
+            raise ValueError("no brightness of examples")
+        self._taught, self._examples = taught, examples

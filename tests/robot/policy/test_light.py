@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.policy.light import ANOTHER_LIGHT, LightAdaptation
+from robot.policy.registry import make_policy
+from robot.types import Action, Encoding, Frame
+
+F, L = Action.FORWARD, Action.LEFT
+
+
+def taught(brightness: float) -> LightAdaptation:
+    light = LightAdaptation()
+    for _ in range(50):
+        light.learn(brightness)
+    return light
+
+
+@given(taught_at=st.floats(10.0, 120.0), times=st.floats(0.1, 3.0))
+def test_another_light_is_made_up_for_and_another_view_is_not(taught_at, times):
+    gain = taught(taught_at).gain(taught_at * times, 0.0)
+    if 1.0 / ANOTHER_LIGHT * 1.01 < times < ANOTHER_LIGHT / 1.01:
+        assert gain == 1.0
+    elif not 1.0 / ANOTHER_LIGHT * 0.99 < times < ANOTHER_LIGHT / 0.99:
+        assert gain == pytest.approx(1.0 / max(times, 1.0 / taught_at))
+
+
+@pytest.mark.parametrize("rate_hz", [5, 10, 30])
+def test_a_dark_corner_is_no_other_light_at_any_frame_rate(rate_hz):
+    light, now_s = taught(60.0), 0.0
+    gains = []
+    for brightness, seconds in ((60.0, 5.0), (20.0, 1.0), (60.0, 5.0)):
+        for _ in range(round(seconds * rate_hz)):
+            now_s += 1 / rate_hz
+            gains.append(light.gain(brightness, now_s))
+    assert set(gains) == {1.0}
+
+
+def test_before_the_first_example_nothing_changes():
+    assert LightAdaptation().gain(3.0, None) == 1.0
+
+
+def picture(kind: int, light: float, seed: int) -> Frame:
+    rng = np.random.default_rng(seed)
+    pixels = np.full((120, 160, 3), 150.0)
+    pixels[:, 80 * kind : 80 * kind + 80] = 90.0  # two plain halves: little but grey tells them
+    pixels += rng.normal(0.0, 6.0, pixels.shape)
+    data = (pixels * light).clip(0, 255).astype(np.uint8).tobytes()
+    return Frame(
+        frame_id=seed,
+        captured_s=0.1 * seed,
+        width=160,
+        height=120,
+        encoding=Encoding.RGB,
+        data=data,
+    )
+
+
+@pytest.mark.parametrize("light", [0.35, 0.5])
+def test_a_darker_room_is_no_news(light):
+    adapting, without = make_policy("default-8"), make_policy("without-adaptation-8")
+    novelty = {}
+    for policy in (adapting, without):
+        for number in range(120):
+            kind = number // 20 % 2
+            policy.learn(policy.extract(picture(kind, 1.0, number)), (F, L)[kind], 0.1 * number)
+        policy.reset()
+        seen = [
+            policy.propose(n, policy.extract(picture(n % 2, light, 1000 + n)), at_s=20 + 0.1 * n)
+            for n in range(40)
+        ]
+        novelty[policy.name] = float(np.median([prediction.novelty for prediction in seen]))
+    assert novelty["default-8"] < 0.2 * novelty["without-adaptation-8"]
+
+
+def test_it_is_saved_with_the_model_and_an_impossible_one_refused():
+    light, copy = taught(60.0), LightAdaptation()
+    copy.set_state(light.get_state())
+    assert copy.gain(20.0, None) == light.gain(20.0, None) == 3.0
+    for harm in ({"taught": -1.0}, {"examples": 1e9}, {"taught": float("nan")}):
+        with pytest.raises(ValueError, match="brightness"):
+            copy.set_state(light.get_state() | harm)
