@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from robot.clock import RealClock
 from robot.episodes.messages import COMMAND, LESSON, describe_command
 from robot.episodes.writer import EpisodeWriter, Run
 from robot.errors import RecordingError
@@ -48,7 +48,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
         RecordingError: If the drive is broken or empty; then no file is left.
         OSError: If the disk refuses; no file is left either.
     """
-    started_at_s = drive.started_at_s or time.time()
+    started_at_s = drive.started_at_s or RealClock().wall_s()
     run = Run(
         episode_id=path.stem,
         run_id=path.stem,

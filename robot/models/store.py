@@ -7,11 +7,11 @@ import logging
 import os
 import re
 import shutil
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from robot.clock import RealClock
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
 from robot.models.checking import check_model
 from robot.models.model import (
@@ -33,6 +33,8 @@ from robot.storage.folder import (
     write_whole,
 )
 from robot.storage.records import read_regular
+
+_MACHINE = RealClock()
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +63,7 @@ class ModelStore:
         wall_s: Seconds since 1970, for the time at which a model is saved.
     """
 
-    def __init__(self, storage: Storage, wall_s: Callable[[], float] = time.time) -> None:
+    def __init__(self, storage: Storage, wall_s: Callable[[], float] = _MACHINE.wall_s) -> None:
         self._storage = storage
         self._wall_s = wall_s
         self._marker = storage.models / "current.txt"

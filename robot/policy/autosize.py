@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from robot.clock import RealClock
 from robot.errors import ConfigurationError
 from robot.policy.registry import make_policy
 from robot.types import DEFAULT_MOVES, Encoding, Frame
+
+_MACHINE = RealClock()
 
 SIZES = (2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)
 MARGIN = 0.5
@@ -69,7 +71,7 @@ def measure(
     integer: bool = False,
     repeats: int = 60,
     frames: Sequence[Frame] | None = None,
-    now_s: Callable[[], float] = time.perf_counter,
+    now_s: Callable[[], float] = _MACHINE.now_s,
 ) -> Cost:
     """Time a full learner of this size on this machine."""
     policy = make_policy(f"{kind}-{max_nodes}", integer=integer)

@@ -135,7 +135,7 @@ class RosBridge:
             task.cancel()
             with contextlib.suppress(asyncio.CancelledError, Exception):
                 self._loop.run_until_complete(task)
-        self._loop.run_until_complete(asyncio.sleep(0.01))  # transports close a little later
+        self._loop.run_until_complete(self._clock.pause(0.01))  # transports close a little later
 
     async def _stay_connected(self) -> None:
         from websockets import connect
@@ -162,7 +162,7 @@ class RosBridge:
                 if not self._first.done():
                     self._first.set_exception(ConnectionError(str(error) or "no answer in time"))
                     return
-            await asyncio.sleep(_AGAIN_S)
+            await self._clock.pause(_AGAIN_S)
 
     async def _serve(self, socket: Any) -> None:
         for topic, kind in self._advertised.items():
@@ -190,7 +190,7 @@ class RosBridge:
                 except TimeoutError:
                     break
             self._heard_s, self._trouble = self._clock.now_s(), ""
-            await asyncio.sleep(PING_EVERY_S)
+            await self._clock.pause(PING_EVERY_S)
         await socket.close()
 
     def _take(self, data: str | bytes) -> None:
