@@ -13,7 +13,7 @@ from robot.experiments.habit_run import run_habit
 from robot.experiments.ideas import make_learner
 from robot.experiments.metrics import driving
 from robot.experiments.metrics.log import DriveLog
-from robot.experiments.metrics.profile import Profile, compare
+from robot.experiments.metrics.profile import Profile, compare, move_shares, rare_moves
 from robot.experiments.mind_run import run_mind
 from robot.experiments.pilots import make_pilot
 from robot.experiments.ready_run import run_ready
@@ -52,7 +52,7 @@ def run_lesson(params: Mapping[str, Any]) -> Result:
         again = trial.drive(Mode.TRAIN, params.get("reference_s", 240.0))
         frames = trial.frames
     seconds = time.perf_counter() - started_s
-    teacher = DriveLog([*taught.moments, *again.moments]).profile()
+    teacher = DriveLog([*taught.moments, *again.moments])
     result: Result = {
         name: figures(drive, teacher, taught.profile(), moves) for name, drive in drives.items()
     }
@@ -68,21 +68,23 @@ def run_lesson(params: Mapping[str, Any]) -> Result:
 
 
 def figures(
-    drive: DriveLog, teacher: Profile, taught: Profile, moves: tuple[Action, ...]
+    drive: DriveLog, teacher: DriveLog, taught: Profile, moves: tuple[Action, ...]
 ) -> dict[str, Any]:
     """Return all figures of one drive.
 
     Args:
         drive: The drive to measure.
-        teacher: The teacher's profile, from all of its driving.
+        teacher: All of the teacher's driving.
         taught: The same from the minutes of teaching only, as in the paper.
         moves: The possible moves.
     """
     own = drive.profile()
-    difference = compare(teacher, own, moves)
+    difference = compare(teacher.profile(), own, moves)
+    rare = rare_moves(move_shares(teacher.actions()), move_shares(drive.actions()))
     return {
         "ssd": difference.ssd,
         "ssd_of_moves_made": difference.made,
+        "ssd_frequent": sum(ssd for m, ssd in difference.per_move.items() if m not in rare),
         "ssd_against_lesson": compare(taught, own, moves).ssd,
         "ssd_per_move": {move.value: value for move, value in difference.per_move.items()},
         "never": [move.value for move in difference.never_by_robot],
@@ -90,6 +92,7 @@ def figures(
         "collisions_per_min": driving.collisions_per_minute(drive),
         "pushing_s_per_min": driving.pushing_s_per_minute(drive),
         "longest_push_s": driving.longest_push_s(drive),
+        "stuck": driving.is_stuck(drive),
         "asking_share": driving.asking_share(drive),
         "driven_m": driving.driven_m(drive),
         "covered_m2": driving.covered_m2(drive),

@@ -69,8 +69,8 @@ def spread(values: Sequence[float]) -> Spread:
 
 SSD_COLUMNS = (
     *("runs", "mean", "sd", "median", "max", "move never made"),
-    *("of moves made, median", "against lesson, median"),
-    *("longest push s", "pushing s/min", "collisions/min", "asked", "floor m2"),
+    *("of moves made, median", "of frequent moves, median", "against lesson, median"),
+    *("stuck", "longest push s", "pushing s/min", "collisions/min", "asked", "metres", "floor m2"),
 )
 """What `ssd_cells` gives."""
 
@@ -86,10 +86,13 @@ def ssd_cells(drives: Sequence[Result]) -> tuple[Cell, ...]:
         total.max,
         sum(bool(drive["never"]) for drive in drives),
         spread([drive["ssd_of_moves_made"] for drive in drives]).median,
+        spread([drive["ssd_frequent"] for drive in drives]).median,
         spread([drive["ssd_against_lesson"] for drive in drives]).median,
+        sum(bool(drive["stuck"]) for drive in drives),
         max(drive["longest_push_s"] for drive in drives),
         statistics.fmean(drive["pushing_s_per_min"] for drive in drives),
         statistics.fmean(drive["collisions_per_min"] for drive in drives),
         f"{100 * statistics.fmean(drive['asking_share'] for drive in drives):.0f} %",
+        statistics.fmean(drive["driven_m"] for drive in drives),
         statistics.fmean(drive["covered_m2"] for drive in drives),
     )

@@ -30,6 +30,9 @@ def made_up(task: Task) -> dict[str, Any]:
         "collisions_per_min": 2.0,
         "asking_share": 0.25,
         "covered_m2": 0.4,
+        "ssd_frequent": 1.0,
+        "stuck": False,
+        "driven_m": 7.0,
     }
     episodes = {
         "right_m": 0.3,
@@ -44,7 +47,7 @@ def made_up(task: Task) -> dict[str, Any]:
     if task.kind == "episodes":
         return {"teacher": episodes, "alone": episodes}
     if task.kind == "habit":
-        more = {"ssd_frequent": 1.0, "ssd_alike": 1.0, "stuck": False, "driven_m": 7.0}
+        more = {"ssd_alike": 1.0}
         return {"before": {**drive, **more}, "teacher": {**drive, **more}}
     if task.kind == "ready":
         tried = {"is_ready": True, "taught_s": 50.0, "tried_s": 40.0, "agreement": 0.9}
