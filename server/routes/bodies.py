@@ -10,6 +10,7 @@ from fastapi import HTTPException, Request
 from starlette.concurrency import run_in_threadpool
 
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
+from server.services import services_of
 
 
 @contextmanager
@@ -35,6 +36,13 @@ async def do(action: Callable[..., Any], *args: Any) -> Any:
     """Run an action that uses the disk in a thread, with errors as HTTP answers."""
     with refusals():
         return await run_in_threadpool(action, *args)
+
+
+def require_no_session(request: Request) -> None:
+    """Dependency of what changes the model in use: 409 while a participant's session is on."""
+    conductor = services_of(request).conductor
+    if conductor is not None and conductor.session is not None:
+        raise HTTPException(409, "A participant's session is on: leave it first.")
 
 
 async def read_body(request: Request) -> dict[str, Any]:

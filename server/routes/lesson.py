@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 
 from robot.experiments.protocol import TRIALS
 from robot.types import Mode
-from server.routes.bodies import do, read_body, refusals
+from server.routes.bodies import do, read_body, refusals, require_no_session
 from server.security.guard import require_pilot, require_viewer
 from server.services import persistence_of, services_of
 from server.study.described import describe_drive
@@ -36,7 +36,7 @@ def describe_lesson(request: Request) -> dict[str, Any]:
     return {"lesson": lesson}
 
 
-@router.post("", dependencies=[PILOT], status_code=201)
+@router.post("", dependencies=[PILOT, Depends(require_no_session)], status_code=201)
 async def begin_lesson(request: Request) -> dict[str, Any]:
     """Start a study run with an empty model: {trial, teach_s}; 409 unless the robot is stopped."""
     body = await read_body(request)
@@ -48,15 +48,13 @@ async def begin_lesson(request: Request) -> dict[str, Any]:
     robot = services_of(request).robot
     if not set(moves) <= set(robot.driver.moves):
         raise HTTPException(409, f"This robot cannot {', '.join(moves)}.")
-    conductor = services_of(request).conductor
-    if conductor is not None and conductor.session is not None:
-        raise HTTPException(409, "A participant's session is on: leave it first.")
     with refusals():
         check_world(robot.driver, trial)
     await _leave(request)
     autosave, before = persistence.autosave, robot.loop.state
     with refusals():
-        known = await run_in_threadpool(autosave.save) if before.taught else autosave.name
+        is_worth_it = autosave.name is not None or any(before.taught.values())
+        known = await run_in_threadpool(autosave.save) if is_worth_it else None
         name = await run_in_threadpool(autosave.begin, f"Trial {trial}", None, None, moves)
         study.begin(trial, teach_s)
     study.models = TrialModels(own=name, before=known, moves_before=before.moves)
@@ -82,7 +80,7 @@ async def _leave(request: Request) -> None:
             if models.before is not None:
                 autosave.load(models.before)
             else:
-                autosave.begin(None, None, None, models.moves_before)
+                autosave.delete(autosave.begin(None, None, None, models.moves_before))
         if models.own in autosave.store.names():
             autosave.delete(models.own)
 

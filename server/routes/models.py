@@ -11,12 +11,13 @@ from robot.models.model import decode_model
 from robot.models.store import StoredModel
 from robot.policy.registry import split_name
 from robot.storage.png import encode_png
-from server.routes.bodies import do, read_body, refusals, text_field
+from server.routes.bodies import do, read_body, refusals, require_no_session, text_field
 from server.security.guard import require_pilot, require_viewer
 from server.services import persistence_of
 
 router = APIRouter(prefix="/api/models")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
+NO_SESSION = Depends(require_no_session)
 
 
 def describe_model(saved: StoredModel) -> dict[str, Any]:
@@ -51,7 +52,7 @@ def list_models(request: Request) -> dict[str, Any]:
     return {"current": persistence.autosave.name, "models": models}
 
 
-@router.post("", dependencies=[PILOT], status_code=201)
+@router.post("", dependencies=[PILOT, NO_SESSION], status_code=201)
 async def begin_model(request: Request) -> dict[str, str]:
     """Save the model in use and start an empty one: {name?, learner?, place?}."""
     body = await read_body(request)
@@ -75,7 +76,7 @@ async def restore_model(request: Request) -> dict[str, str]:
     return {"name": await do(persistence_of(request).models.restore, key)}
 
 
-@router.post("/{name}/load", dependencies=[PILOT])
+@router.post("/{name}/load", dependencies=[PILOT, NO_SESSION])
 async def load_model(request: Request, name: str) -> dict[str, str]:
     """Save the model in use and load this one; 409 unless the robot is stopped."""
     await do(persistence_of(request).autosave.load, name)
@@ -102,7 +103,7 @@ async def copy_model(request: Request, name: str) -> dict[str, str]:
     return {"name": await do(persistence_of(request).models.copy, name, new_name)}
 
 
-@router.delete("/{name}", dependencies=[PILOT])
+@router.delete("/{name}", dependencies=[PILOT, NO_SESSION])
 async def delete_model(request: Request, name: str) -> dict[str, str]:
     """Move a model to the trash; `undo` is the key that restores it."""
     return {"undo": await do(persistence_of(request).autosave.delete, name)}

@@ -6,12 +6,13 @@ from typing import Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request
 
-from server.routes.bodies import do, read_body, text_field
+from server.routes.bodies import do, read_body, require_no_session, text_field
 from server.security.guard import require_pilot, require_viewer
 from server.services import persistence_of, services_of
 
 router = APIRouter(prefix="/api/retraining")
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
+NO_SESSION = Depends(require_no_session)
 _MOST_EPISODES = 100
 
 
@@ -37,7 +38,7 @@ async def begin_retraining(request: Request) -> dict[str, Any]:
     return services.retraining.describe()
 
 
-@router.post("/keep", dependencies=[PILOT], status_code=201)
+@router.post("/keep", dependencies=[PILOT, NO_SESSION], status_code=201)
 async def keep(request: Request) -> dict[str, str]:
     """Save the result as a model, {name?}, and load it; 409 unless the robot is stopped."""
     name = text_field(await read_body(request), "name")

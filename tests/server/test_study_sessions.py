@@ -58,6 +58,15 @@ def refused(server: VirtualServer, path: str, **body: Any) -> str:
     return str(answer.json()["detail"])
 
 
+CHANGES_THE_MODEL = (
+    ("POST", "/api/models"),
+    ("POST", "/api/models/mine/load"),
+    ("DELETE", "/api/models/mine"),
+    ("POST", "/api/retraining/keep"),
+    ("POST", "/api/lesson"),
+)
+
+
 def session(server: VirtualServer) -> Any:
     return ask(server, "GET", "/api/session").json()["session"]
 
@@ -195,6 +204,10 @@ def test_a_session_that_is_left_leaves_no_model_and_goes_on_where_it_was(
             post(server, "/api/session/answers", answers={"trust_reliable": 2})
         server.set_mode(Mode.STOPPED)
         there = session(server)
+        for method, path in CHANGES_THE_MODEL:
+            refused = ask(server, method, path, json={"trial": 1, "teach_s": 90})
+            assert refused.status_code == 409 and "session is on" in refused.text, path
+        assert session(server) == there
         taught = dict(server.rig.loop.state.taught)
         ask(server, "DELETE", "/api/session")
         assert session(server) is None
