@@ -9,6 +9,13 @@ import pytest
 from .world import DESKTOP, PHONE, World, open_page, running_chromium, running_world
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Be patient: what is waited for is an event, and a busy machine is no fault."""
+    for item in items:
+        if Path(__file__).parent in item.path.parents and not item.get_closest_marker("timeout"):
+            item.add_marker(pytest.mark.timeout(300))
+
+
 @pytest.fixture(scope="package")
 def chromium() -> Iterator[Any]:
     with running_chromium() as browser:
@@ -16,9 +23,16 @@ def chromium() -> Iterator[Any]:
 
 
 @pytest.fixture
-def world(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[World]:
+def frame_rate_hz() -> float:
+    """Pictures a second; a file whose tests must teach much first overrides it with more."""
+    return 10.0
+
+
+@pytest.fixture
+def world(request: pytest.FixtureRequest, tmp_path: Path, frame_rate_hz: float) -> Iterator[World]:
     """A robot in the office, or in the world that the test names."""
-    with running_world(tmp_path, world=getattr(request, "param", "office")) as running:
+    place = getattr(request, "param", "office")
+    with running_world(tmp_path, world=place, frame_rate_hz=frame_rate_hz) as running:
         yield running
 
 
