@@ -88,7 +88,7 @@ class StudyRun:
         self.phase = Phase.TEACH
         self.answer: int | None = None
         self.interventions = 0
-        self._pace = pace
+        self.pace = pace
         self._last_s: float | None = None
         self._was_pilot = False
         self._pilot, self._robot = _Drive(), _Drive()
@@ -110,7 +110,7 @@ class StudyRun:
         if self.mode is None or tick.decision.mode is not self.mode:
             return False
         self._note_drive(tick)
-        self.done_s[self.phase] += step_s * self._pace
+        self.done_s[self.phase] += step_s * self.pace
         if self.left_s > 0.0:
             return False
         self.phase = _ORDER[_ORDER.index(self.phase) + 1]

@@ -22,7 +22,7 @@ from typing import Any
 from robot.errors import ConfigurationError
 from server.bench.link import ServerUnderTest
 
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-shell")
 _FLAGS = (
     "--headless=new",
     "--no-sandbox",

@@ -104,10 +104,10 @@ def test_a_link_that_falls_silent_and_comes_back(chromium: Any, world: World, pr
     fingers = drive(page, world)
     proxy.fall_silent()
     wait_until_standing(world)
-    page.locator(".notice", has_text="out of reach").wait_for(timeout=5000)
+    page.locator(".notice", has_text="out of reach").wait_for(timeout=40_000)
     proxy.speak_again()
     page.wait_for_selector("drive-pad.idle")
-    page.wait_for_selector("[data-mode=train]:not([disabled])", timeout=10_000)
+    page.wait_for_selector("[data-mode=train]:not([disabled])", timeout=40_000)
     page.wait_for_timeout(500)
     assert world.mode is Mode.STOPPED, "the finger is still down, and nothing is replayed"
     fingers.lift()
@@ -121,10 +121,10 @@ def test_a_robot_that_goes_away_and_comes_back_is_found_again(
     context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     page = open_page(context, proxy.address)
     proxy.fall_silent()
-    page.locator("video-view.away").wait_for(timeout=5000)
+    page.locator("video-view.away").wait_for(timeout=40_000)
     frames = int(page.locator("video-view").get_attribute("data-frames"))
     proxy.speak_again()
-    page.locator("video-view:not(.away)").wait_for(timeout=10_000)
+    page.locator("video-view:not(.away)").wait_for(timeout=40_000)
     wait_for(
         lambda: int(page.locator("video-view").get_attribute("data-frames")) > frames,
         "pictures come again",

@@ -22,7 +22,7 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
         page = context.new_page()
         page.goto(school.address)
         page.locator(".robot[data-status=there]").nth(1).wait_for()
-        page.locator(".seen[data-frames]").nth(1).wait_for(timeout=10_000)
+        page.locator(".seen[data-frames]").nth(1).wait_for(timeout=40_000)
 
         def open_panel(number: int) -> None:
             page.locator(f"[data-number='{number}'] .acts button").last.click()

@@ -55,6 +55,6 @@ def test_a_covered_lens_is_told(tmp_path: Path) -> None:
     with robot_with_an_eye() as (rig, address), phone_with_film(film) as context:
         page = context.new_page()
         page.goto(address + "/eye")
-        page.locator("#said", has_text="covered").wait_for(timeout=20_000)
+        page.locator("#said", has_text="covered").wait_for(timeout=40_000)
         assert "covered" in (rig.camera.fault or "")
         assert rig.camera.latest() is None

@@ -119,7 +119,7 @@ def test_driving_is_read_out_in_the_order_of_its_use(desktop: Any, world: World)
 
 
 def test_mending_is_read_out_with_times_and_states(desktop: Any, world: World) -> None:
-    drive(world, 3.0)
+    drive(world, 20)
     finish_recording(world)
     desktop.evaluate("location.hash = 'home'")
     desktop.locator("button[aria-label*='20']").click()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -18,6 +18,7 @@ from .world import (
     open_page,
     pad,
     remember,
+    running_chromium,
     turned_rad,
     wait_for,
     wait_until_standing,
@@ -122,8 +123,15 @@ def test_a_gamepad_drives_and_its_button_stops(chromium: Any, world: World) -> N
     context.close()
 
 
-def test_tilting_drives_while_the_thumb_rests(chromium: Any, world: World) -> None:
-    context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+@pytest.fixture
+def whole_chromium() -> Iterator[Any]:
+    """The Chromium with windows, though none is opened: the other one knows no leaning phone."""
+    with running_chromium(whole=True) as browser:
+        yield browser
+
+
+def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, world: World) -> None:
+    context = whole_chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     context.add_init_script(remember(hintsShown=["teach", "bars", "correct"], tilt=True))
     page = open_page(context, world.address, hints=True)
     lean = context.new_cdp_session(page)

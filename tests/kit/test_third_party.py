@@ -1,4 +1,8 @@
-"""A stranger's robot: installed, served, taught by touch, recorded, exported, and learned again."""
+"""docs/howto/write-a-driver.md, done as it is written: a stranger's robot is made and installed,
+served, taught by touch, recorded, exported and learned again; and our own suite runs beside it.
+
+All in one file, whose tests share one environment.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +26,40 @@ from tests.e2e.world import PHONE, Fingers, open_page, pad, running_chromium
 from tests.kit.environment import OwnEnvironment
 from tests.standins.mjpeg import MjpegServer
 
+ROOT = Path(__file__).parents[2]
 pytestmark = [
-    pytest.mark.browser,
     pytest.mark.slow,
-    pytest.mark.realtime,
-    pytest.mark.timeout(600),
+    pytest.mark.timeout(600),  # virtual environments on a busy machine
 ]
 MOVES = ("fast", "slow", "push")
+_OVER_SOCKETS = ("ev3", "gpio", "lego", "mjpeg", "pybricks", "ros", "udp", "v4l2", "ws")
+"""Our drivers and cameras whose contract takes long, and which no stranger changes."""
+
+
+def test_the_howto_works_as_written(followed: tuple[Path, list[str]]) -> None:
+    folder, printed = followed
+    package = folder / "drivelesson-wheely"
+    made = {path.name for path in package.iterdir() if path.is_file()}
+    assert made == {"pyproject.toml", "drivelesson_wheely.py", "conftest.py"}
+    assert len((package / "drivelesson_wheely.py").read_text().splitlines()) <= 75
+    assert re.search(r"\b1[0-9] passed in", printed[-1]), printed[-1]
+    assert "skipped" not in printed[-1] and "failed" not in printed[-1]
+
+
+def test_with_a_strangers_plugin_our_own_suite_passes(
+    environment: OwnEnvironment, followed: tuple[Path, list[str]]
+) -> None:
+    """What asks the registry which robots there are: the contract, the reference, the options."""
+    listed = environment.run("drivelesson serve --help", followed[0])
+    assert "wheely" in listed
+    cases = (f"[{kind}" for kind in _OVER_SOCKETS)
+    own = " and ".join(f"not {name}" for name in (*cases, "slow_body", "strict_type_check"))
+    printed = environment.run(
+        "pytest -q -p no:cacheprovider tests/docs tests/robot/rig tests/contract/test_drivers.py "
+        f"tests/contract/test_cameras.py -k '{own}'",
+        ROOT,
+    )
+    assert " passed" in printed and "failed" not in printed
 
 
 @contextlib.contextmanager
@@ -88,6 +119,8 @@ def teach(page: Any, address: str, each: int = 12) -> None:
             fingers.lift()
 
 
+@pytest.mark.browser
+@pytest.mark.realtime
 def test_a_strangers_robot_is_taught_recorded_exported_and_learned(
     environment: OwnEnvironment, followed: tuple[Path, list[str]], tmp_path: Path
 ) -> None:
