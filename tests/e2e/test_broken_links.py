@@ -58,12 +58,12 @@ def test_blocking_the_main_thread(phone: Any, world: World) -> None:
     drive(phone, world)
     phone.evaluate(
         """() => void setTimeout(() => {
-          const end = performance.now() + 2500;
+          const end = performance.now() + 8000;
           while (performance.now() < end);
         })"""
     )
     wait_until_standing(world)
-    phone.wait_for_timeout(2600)
+    phone.locator(".notice", has_text="no longer heard you").wait_for()
     assert world.mode is Mode.STOPPED, "a page that wakes up does not go on by itself"
     assert "no longer heard you" in phone.locator(".notice").inner_text()
 

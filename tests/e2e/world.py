@@ -81,15 +81,15 @@ class World:
 
 PATIENT = LoopConfig(
     gate=GateConfig(
-        pilot_timeout_s=1.2,
-        supervision_timeout_s=1.5,
-        command_timeout_s=1.2,
-        frame_timeout_s=1.2,
-        start_patience_s=3.0,
+        pilot_timeout_s=4.0,
+        supervision_timeout_s=5.0,
+        command_timeout_s=4.0,
+        frame_timeout_s=4.0,
+        start_patience_s=6.0,
     ),
-    governor=LinkGovernorConfig(warn_s=0.8, cap_speed_s=1.0, stop_learning_s=1.2, stop_s=1.5),
-    camera=CameraTimingConfig(longest_timeout_s=2.0, full_speed_s=1.5),
-    stall_s=1.2,
+    governor=LinkGovernorConfig(warn_s=2.7, cap_speed_s=3.3, stop_learning_s=4.2, stop_s=5.0),
+    camera=CameraTimingConfig(longest_timeout_s=6.6, full_speed_s=5.0),
+    stall_s=4.0,
 )
 """The loop's rules with longer times. Whether browser and robot work together is judged here; how
 soon the robot stops is judged in virtual time (tests/faults), where no busy machine shifts it."""
