@@ -58,6 +58,7 @@ class Progress(StartStop):
         self._marks: list[Mark] = []
         self._gallery: list[LearnedImage] = []
         self._seen: OrderedDict[int, LearnedImage] = OrderedDict()
+        self._named: OrderedDict[int, None] = OrderedDict()
         self._is_stale = True
         self._fetched_s = -math.inf
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -74,6 +75,8 @@ class Progress(StartStop):
         """Record one tick, on the loop's thread."""
         self.readiness.note(tick)
         self.trail.note(tick)
+        if tick.prediction is not None and tick.prediction.node is not None:
+            self._name(tick.prediction.node)
         if not tick.history_events:
             return
         self._is_stale = True
@@ -81,11 +84,19 @@ class Progress(StartStop):
         for event in tick.history_events:
             if isinstance(event, Replaced):
                 self._marks = []
-                self._seen = OrderedDict()  # its images have the same numbers as others
+                # Its images have the same numbers as others.
+                self._seen, self._named = OrderedDict(), OrderedDict()
             elif isinstance(event, Undone):
                 self._marks = [mark for mark in self._marks if mark.n_examples <= n_examples]
             elif isinstance(event, Taught):
                 self._mark(n_examples)
+
+    def _name(self, node: int) -> None:
+        """Note that clients are told of an image, which the next example may merge."""
+        self._named[node] = None
+        self._named.move_to_end(node)
+        if len(self._named) > _REMEMBERED:
+            self._named.popitem(last=False)
 
     def _mark(self, n_examples: int) -> None:
         agreement = self._loop.state.agreement
@@ -130,11 +141,14 @@ class Progress(StartStop):
         """Return a learned image; if it has been merged since, as it was last seen.
 
         A client asks for images that it was told of a moment ago, and each example may merge
-        some: the last version is then the best answer. None for one never seen.
+        some: the last version is then the best answer. One that was merged before it was listed
+        is answered by the image that is used now. None for one that never was.
         """
         await self.gallery()
         if node not in self._seen:
             await self.gallery(fresh=True)
+        if node not in self._seen and node in self._named:
+            return max(self._gallery, key=lambda image: image.last_used, default=None)
         return self._seen.get(node)
 
     def _remember(self, images: list[LearnedImage]) -> None:

@@ -65,6 +65,21 @@ def test_the_gallery_lists_every_image_with_its_picture(taught: VirtualServer) -
     assert ask(taught, "GET", "/api/gallery/999999.png").status_code == 404
 
 
+def test_an_image_that_went_before_it_was_listed_has_a_picture(taught: VirtualServer) -> None:
+    """The state names an image, and it is gone before the page asks for it."""
+    loop = taught.rig.loop
+
+    def named() -> int | None:
+        prediction = loop.state.prediction
+        return prediction.node if prediction is not None else None
+
+    taught.wait_until(lambda: named() is not None)
+    node = named()
+
+    taught.clock.result(loop.submit(lambda: loop.history.edit("delete", node)), 5)
+    assert ask(taught, "GET", f"/api/gallery/{node}.png").content.startswith(b"\x89PNG")
+
+
 def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught: VirtualServer) -> None:
     before = gallery(taught)
     node = next(iter(before))
