@@ -1,7 +1,7 @@
 """docs/examples/ros/watchdog.py, run on a few lines in the place of rclpy and its messages.
 
-The names and signatures follow rclpy's documentation (Node, and the messages of Jazzy); no ROS is
-here to check them.
+The names and signatures are those of rclpy's Node and of Jazzy's messages as we know them; no ROS
+is here to check them.
 """
 
 from __future__ import annotations
