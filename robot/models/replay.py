@@ -74,8 +74,8 @@ def recover(folder: Path, store: ModelStore) -> Recovered | None:
         return None
     if run.saved >= run.last:
         return None
-    if run.boot < boots[0] and newest_boot(store) > run.boot:
-        return None
+    if newest_boot(store) > run.boot:
+        return None  # a later start saved it, and was over before it wrote to the journal
     try:
         return _rebuild(run, store)
     except RobotError as error:

@@ -78,6 +78,8 @@ class Life(BenchRobot):
         wall_s: list[float],
         rng: random.Random,
         learner: str = "published-4",
+        *,
+        writes: bool = True,
     ) -> None:
         super().__init__(learner)
         self._dim = 1200 if learner.startswith("published") else 1584
@@ -114,7 +116,8 @@ class Life(BenchRobot):
         self.journalled = list(self.durable)
         """The same without the models' files: one of them may be damaged within the very moment
         in which the journal's thread has not had its turn."""
-        self.write()
+        if writes:
+            self.write()
 
     @property
     def policy(self) -> Policy:

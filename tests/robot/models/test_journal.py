@@ -145,6 +145,29 @@ def test_an_undo_stays_undone_though_no_model_was_saved_after_it(tmp_path: Path)
     assert same(Life(tmp_path, [0.0], rng).state(), undone)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_lives_too_short_for_the_journal_lose_nothing_that_was_saved(
+    tmp_path: Path, seed: int
+) -> None:
+    """Each start is killed before its journal's thread has had a turn, after some saves."""
+    rng = random.Random(seed)
+    first = Life(tmp_path, [0.0], rng)
+    first.teach()
+    first.write()
+    first.teach()
+    first.save()
+    newest = first.state()
+    first.die()
+    for _ in range(6):
+        short = Life(tmp_path, [0.0], rng, writes=False)
+        assert same(short.state(), newest)
+        for _ in range(rng.randrange(4)):
+            short.teach()
+            short.save()
+            newest = short.state()
+        short.die()
+
+
 def test_the_journal_stays_small_and_needs_no_model(tmp_path: Path) -> None:
     rng = random.Random(3)
     life = Life(tmp_path, [0.0], rng)
