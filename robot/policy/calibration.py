@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from robot.policy.action_filter import VOTES_KEPT
 from robot.types import Action
 
 CHANGE_S = 0.5
@@ -29,7 +30,6 @@ _MEMORY = 400.0
 _TRAVELS = 0.4
 """How much of the (logarithmic) difference between places at changes of move is there at all other
 views, too: by leave-one-place-out on recorded footage, flat from 0.3 to 0.5."""
-_VOTES_KEPT = 0.4
 _LEAST = 1e-3
 _STEP_S = 0.1
 
@@ -80,7 +80,7 @@ class Calibration:
             return  # a new move: no vote could be for it
         old = self._average or votes
         self._average = {
-            str(move): _VOTES_KEPT * old.get(move, 0.0) + (1.0 - _VOTES_KEPT) * share
+            str(move): VOTES_KEPT * old.get(move, 0.0) + (1.0 - VOTES_KEPT) * share
             for move, share in votes.items()
         }
         shares = np.maximum(list(self._average.values()), _LEAST)

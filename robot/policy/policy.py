@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.policy.action_filter import ActionFilter, View
 from robot.policy.calibration import Calibration
-from robot.policy.features import Features, GradientFeatures
+from robot.policy.features import Features
 from robot.policy.light import LightAdaptation
 from robot.policy.pilot_pace import PilotPace
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
@@ -58,8 +58,8 @@ class Policy:
         moves: What it may propose.
         action_filter: Makes a steady drive of the votes on single frames; the default's if None.
         calibrates: Learn from the examples how sure it may be here (`calibration.py`).
-        adapts: Show the learner each view in the light that it was taught in (`light.py`); only
-            with gradient features.
+        brighten: Returns a view with its grey values multiplied; with it the learner is shown each
+            view in the light that it was taught in (`light.py`).
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Policy:
         moves: tuple[Action, ...] = DEFAULT_MOVES,
         action_filter: ActionFilter | None = None,
         calibrates: bool = False,
-        adapts: bool = False,
+        brighten: Callable[[Vector, float], Vector] | None = None,
     ) -> None:
         self.name = name
         self.max_nodes = max_nodes
@@ -84,8 +84,8 @@ class Policy:
         self._n_proposals = 0
         self._pace = PilotPace()
         self._calibration = Calibration() if calibrates else None
-        is_adapting = adapts and isinstance(features, GradientFeatures)
-        self._light = LightAdaptation() if is_adapting else None
+        self._brighten = brighten
+        self._light = LightAdaptation()
         self._last_learned: tuple[float, str] | None = None
         self._now_s = 0.0
         self._last_used: dict[int, int] = {}
@@ -157,10 +157,10 @@ class Policy:
         )
 
     def _in_taught_light(self, x: Vector, at_s: float | None) -> Vector:
-        if self._light is None or not isinstance(self.features, GradientFeatures):
+        if self._brighten is None:
             return x
         gain = self._light.gain(float(self.features.grey(x).mean()), at_s)
-        return x if gain == 1.0 else self.features.brightened(x, gain)
+        return x if gain == 1.0 else self._brighten(x, gain)
 
     def learn(self, x: Vector, label: Action, at_s: float | None = None) -> None:
         """Learn one example.
@@ -181,7 +181,7 @@ class Policy:
         if self._is_needed(label, at_s):
             self._calibrate(x, label, at_s)
             self.learner.learn_one(x, Action(label))
-            if self._light is not None:
+            if self._brighten is not None:
                 self._light.learn(float(self.features.grey(x).mean()))
         if at_s is not None:
             self._pace.learn(label, self.features.grey(x), at_s)
@@ -207,8 +207,7 @@ class Policy:
         """Forget what belongs to one drive: a new drive begins."""
         self._action_filter.reset()
         self.learner.reset()
-        if self._light is not None:
-            self._light.reset()
+        self._light.reset()
 
     def get_state(self) -> State:
         """Return a copy of all that was learned, without what belongs to one drive."""
@@ -222,7 +221,7 @@ class Policy:
         }
         if self._calibration is not None:
             params["calibration"] = self._calibration.get_state()
-        if self._light is not None:
+        if self._brighten is not None:
             params["light"] = self._light.get_state()
         params["pace"], pace_arrays = self._pace.get_state()
         arrays = {**state.arrays, **pace_arrays}
@@ -258,10 +257,9 @@ class Policy:
             self._calibration = Calibration()
             if "calibration" in state.params:  # older models have none
                 self._calibration.set_state(state.params["calibration"])
-        if self._light is not None:
-            self._light = LightAdaptation()
-            if "light" in state.params:
-                self._light.set_state(state.params["light"])
+        self._light = LightAdaptation()
+        if self._brighten is not None and "light" in state.params:
+            self._light.set_state(state.params["light"])
         self._n_proposals = 0
         self._last_used = {}
         self._last_taught = {int(k): int(v) for k, v in state.params["last_taught"].items()}

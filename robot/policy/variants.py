@@ -62,7 +62,11 @@ class Design:
             moves=moves,
             action_filter=self.action_filter(),
             calibrates=self.calibrates and learner.linear is not None,
-            adapts=self.adapts and not integer,
+            brighten=(
+                features.brightened
+                if self.adapts and not integer and isinstance(features, GradientFeatures)
+                else None
+            ),
         )
 
 

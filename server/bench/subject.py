@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import ctypes
+import gc
 import json
 import os
 import sys
@@ -38,8 +40,7 @@ def main() -> None:
         print(port, flush=True)
         for line in sys.stdin:
             cpu = {"process_s": time.process_time(), "serving_s": _serving_cpu_s()}
-            asked = {"forget": True} if line.strip() == "forget" else {}
-            print(json.dumps({**cpu, **notes(**asked)}), flush=True)
+            print(json.dumps({**cpu, **notes(line.strip() == "forget")}), flush=True)
     os._exit(0)
 
 
@@ -59,7 +60,7 @@ def _serving(kind: str, camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
 
         make = naive.naive_mjpeg if kind == "naive-mjpeg" else naive.naive_websocket
         with camera:
-            yield _serve_plainly(make(camera), deflate=kind == "naive-websocket"), dict
+            yield _serve_plainly(make(camera), deflate=kind == "naive-websocket"), lambda forget: {}
 
 
 @contextlib.contextmanager
@@ -76,7 +77,7 @@ def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
     rig = Rig(NotingDriver(), camera, make_policy(learner), camera.clock)
     services = make_services(config, rig, name="bench")
 
-    def notes(*, forget: bool = False) -> dict[str, Any]:
+    def notes(forget: bool) -> dict[str, Any]:
         state = rig.loop.state
         driver = rig.driver
         assert isinstance(driver, NotingDriver)
@@ -105,9 +106,6 @@ def _memory() -> dict[str, int]:
 
     How much the allocator keeps for later is left to chance.
     """
-    import ctypes
-    import gc
-
     gc.collect()
     blocks = sys.getallocatedblocks()
     with contextlib.suppress(AttributeError):  # the C library of some systems has it not

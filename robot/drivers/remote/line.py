@@ -65,9 +65,10 @@ class WebsocketLine:
 
     def __init__(self, host: str, port: int) -> None:
         try:
-            import websockets  # noqa: F401 - with a sentence where it is missing
+            from websockets import connect
         except ImportError as error:
             raise MissingExtraError("the robot 'ws'", "demo") from error
+        self._connect = connect
         self._loop = asyncio.new_event_loop()
         self._address = host, port
         self._socket: Any = None
@@ -79,9 +80,7 @@ class WebsocketLine:
             raise
 
     async def _open(self, host: str, port: int) -> Any:
-        from websockets import connect
-
-        return await connect(
+        return await self._connect(
             f"ws://{host}:{port}/", compression=None, max_size=2048, close_timeout=_SENDS_S
         )
 
