@@ -10,9 +10,11 @@ from typing import Any
 
 from robot.errors import ConfigurationError, RecordingError
 from robot.storage.folder import write_whole
+from robot.storage.records import read_regular
 from robot.types import Action
 
 FORMAT = 1
+_MOST_BYTES = 16 * 2**20
 Range = tuple[int, int]
 """First and last frame id, both included."""
 
@@ -106,10 +108,10 @@ def read_notes(episode: Path) -> Notes:
     """
     path = notes_path(episode)
     try:
-        return _from_plain(json.loads(path.read_text(encoding="utf-8")))
+        return _from_plain(json.loads(read_regular(path, _MOST_BYTES).decode()))
     except FileNotFoundError:
         return Notes()
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise RecordingError(
             f"{path.name} is damaged: {error}; repair it or move it away"
         ) from error

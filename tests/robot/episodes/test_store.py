@@ -176,7 +176,7 @@ def test_no_name_leads_out_of_the_folder(store: EpisodeStore, name: str) -> None
             attempt(name)
 
 
-@pytest.mark.parametrize("damaged", [b"{", b"\xf4", b"", b"[]", b'{"edits": 1}'])
+@pytest.mark.parametrize("damaged", [b"{", b"\xf4", b"", b"[]", b'{"edits": 1}', b" " * 2**25])
 def test_damaged_notes_are_named_and_hide_no_episode(store: EpisodeStore, damaged: bytes) -> None:
     [episode_id] = store.ids()
     notes_path(store.path(episode_id)).write_bytes(damaged)
