@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import itertools
 import json
 import math
 import subprocess
@@ -23,6 +24,7 @@ from server.cli.parser import number
 
 SLOW_LINE = 62_500.0  # 500 kbit/s
 _SETTLE_S = 0.7
+_COMMANDS, _COMMAND_EVERY_S = 100, 0.047
 _SLOW_VIEWERS, _ALL_VIEWERS = 4, 16
 
 
@@ -162,7 +164,7 @@ def _loop_figures(before: dict[str, Any], after: dict[str, Any], lasted_s: float
     }
 
 
-async def _measure_commands(count: int, rate_hz: float, commands: int = 100) -> dict[str, Any]:
+async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
     """Time each change of what is held from the wire to the body."""
     from websockets.asyncio.client import connect
 
@@ -174,22 +176,25 @@ async def _measure_commands(count: int, rate_hz: float, commands: int = 100) -> 
             seen: dict[str, int] = {}
             reading = asyncio.create_task(_read_all(pilot, seen))
             await asyncio.sleep(_SETTLE_S)
-            await pilot.send(json.dumps({"type": "mode", "mode": "train", "seq": 1, **seen}))
-            await asyncio.sleep(0.1)
+            seqs = itertools.count(1)
+            while subject.ask()["mode"] != "train":  # a start on an old picture is refused
+                start = {"type": "mode", "mode": "train", "seq": next(seqs), **seen}
+                await pilot.send(json.dumps(start))
+                await asyncio.sleep(0.1)
             sent: list[tuple[float, str]] = []
-            for number in range(commands):
+            for number in range(_COMMANDS):
                 held = ("forward", "left")[number % 2]
                 sent.append((time.monotonic(), held))
-                command = {"type": "drive", "held": held, "seq": number + 2, **seen}
+                command = {"type": "drive", "held": held, "seq": next(seqs), **seen}
                 await pilot.send(json.dumps(command))
-                await asyncio.sleep(0.047)
+                await asyncio.sleep(_COMMAND_EVERY_S)
             notes = subject.ask()
             reading.cancel()
     took_s = _pair_up(sent, notes["changes"])
     return {
         "viewers": count,
-        "commands": commands,
-        "not_obeyed": commands - len(took_s),
+        "commands": _COMMANDS,
+        "not_obeyed": _COMMANDS - len(took_s),
         "wire_to_drive_ms": _percentiles(took_s),
         "cycle_ms": round(1000 / rate_hz, 2),
     }

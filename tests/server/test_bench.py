@@ -15,9 +15,11 @@ from server.bench import link
 @pytest.mark.realtime
 def test_bench_link_measures_all_servers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets has it not")
-    monkeypatch.setattr(link, "_SETTLE_S", 0.2)  # figures that nobody judges need no rest
+    monkeypatch.setattr(link, "_SETTLE_S", 0.05)  # figures that nobody judges need no rest
+    monkeypatch.setattr(link, "_COMMANDS", 8)
+    monkeypatch.setattr(link, "_COMMAND_EVERY_S", 0.1)
     file = tmp_path / "link.json"
-    words = ["bench", "link", "--viewers", "2", "--seconds", "0.5", "--slow-seconds", "1"]
+    words = ["bench", "link", "--viewers", "2", "--seconds", "0.3", "--slow-seconds", "1"]
     assert main([*words, "--json", str(file)]) == 0
     result = json.loads(file.read_text())
     assert [row["server"] for row in result["servers"]] == [
