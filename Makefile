@@ -6,7 +6,8 @@ BIN := $(VENV)/bin
 OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run install test test-brick test-browsers test-oldest check mutate docs format screenshots clean
+.PHONY: help run install test test-brick test-browsers test-oldest check mutate docs format screenshots clean \
+  lint types suite
 
 help: ## Say what there is
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -21,8 +22,13 @@ JOBS ?= 2
 NPM := $(if $(shell command -v npm),tests/web/node_modules/.made)
 
 test test-brick test-oldest: export OMP_NUM_THREADS := 1  # see tests/conftest.py
+# Tests start many processes: each would compile the program again.
+test test-brick test-oldest check: export PYTHONDONTWRITEBYTECODE :=
 
-test: check $(NPM) ## Check and test everything (JOBS=1 for one after the other)
+test: lint $(NPM) ## Check and test everything (JOBS=1 for one after the other)
+	@$(MAKE) --no-print-directory --jobs 2 types suite
+
+suite: $(VENV)/.dev
 	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs root; says what it lacks)
@@ -45,12 +51,16 @@ test-oldest: $(OLDEST)/.made ## Test the server on the versions of Debian 12
 	  --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow" \
 	  -k "not browser and not films_and_datasets" $(ARGS)
 
-check: $(VENV)/.dev ## Format, lint, types, import contracts, layout and docs, without the other tests
+check: lint types ## Format, lint, types, import contracts, layout and docs, without the other tests
+	$(BIN)/python -m pytest -q -m 'not slow' tests/architecture tests/docs
+
+lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -q -m 'not slow' tests/architecture tests/docs
+
+types: $(VENV)/.dev
+	$(BIN)/mypy
 
 mutate: $(VENV)/.dev ## Put faults into the modules on which safety rests, and see if tests notice
 	$(BIN)/python -m tests.mutation $(ARGS)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import subprocess
 import sys
@@ -45,7 +44,6 @@ def own_process(folder: Path, *options: str) -> Iterator[OwnProcess]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
     )
     stdout, stderr = process.stdout, process.stderr
     assert stdout is not None and stderr is not None
