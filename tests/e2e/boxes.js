@@ -1,19 +1,28 @@
-// Lists what is cut on the page, and what lies on something else; see boxes.py.
+// Lists what is cut on the page, and what lies on something else; see boxes.py. It runs hundreds of
+// times in a test, so each element is asked once, and a thing is compared with its neighbours alone.
 () => {
-  const visible = (e) => e.checkVisibility({ visibilityProperty: true, opacityProperty: true });
+  const once = (ask) => {
+    const known = new Map();
+    return (e) => {
+      if (!known.has(e)) known.set(e, ask(e));
+      return known.get(e);
+    };
+  };
+  const visible = once((e) => e.checkVisibility({ visibilityProperty: true, opacityProperty: true }));
   const name = (e) => {
     const own = e.className && typeof e.className === 'string' ? `.${e.className.split(' ').join('.')}` : '';
     const text = (e.textContent || e.getAttribute('aria-label') || '').trim().slice(0, 40);
     return `${e.localName}${own} "${text}"`;
   };
-  const unseen = (e) => e.closest('.unseen, [hidden], .skip');
+  const unseen = once((e) => e.closest('.unseen, [hidden], .skip') !== null);
+  const said = once((e) => e.closest('noscript, script, option') === null);
   // Every run of text, by its ink's box; every control; every picture.
   const leaves = [];
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   while (walker.nextNode()) {
     const node = walker.currentNode;
     const e = node.parentElement;
-    if (!node.data.trim() || !visible(e) || unseen(e) || e.closest('noscript, script, option')) continue;
+    if (!node.data.trim() || !visible(e) || unseen(e) || !said(e)) continue;
     const range = document.createRange();
     range.selectNodeContents(node);
     for (const box of range.getClientRects()) {
@@ -25,37 +34,47 @@
     leaves.push({ e, box: e.getBoundingClientRect(), isText: false });
   }
   const found = [];
-  const scrolls = (style) => /auto|scroll/.test(style.overflowY);
+  const isRoot = (e) => e === document.body || e === document.documentElement;
+  const boundsOf = once((e) => {
+    const style = getComputedStyle(e);
+    const scrolls = /auto|scroll/.test(style.overflowY);
+    return {
+      scrolls,
+      canScroll: scrolls && e.scrollHeight > e.clientHeight,
+      clip: isRoot(e) || (style.overflowX === 'visible' && style.overflowY === 'visible') ? null : e.getBoundingClientRect(),
+      shortens: style.textOverflow === 'ellipsis' && e.scrollWidth > e.clientWidth + 1,
+    };
+  });
   for (const { e, box, isText } of leaves) {
     let canScroll = false;
-    let floats = false;
     for (let up = e; up; up = up.parentElement) {
-      const style = getComputedStyle(up);
-      floats ||= style.position === 'fixed';
-      if (up !== e && scrolls(style) && up.scrollHeight > up.clientHeight) canScroll = true;
-      if (!isText && up === e) continue;
-      if (style.overflowX === 'visible' && style.overflowY === 'visible') continue;
-      if (up === document.body || up === document.documentElement) continue;
-      const clip = up.getBoundingClientRect();
+      const bounds = boundsOf(up);
+      if (up !== e && bounds.canScroll) canScroll = true;
+      if ((!isText && up === e) || bounds.clip === null) continue;
+      const { clip } = bounds;
       if (box.left < clip.left - 2 || box.right > clip.right + 2) found.push(`cut at the side: ${name(e)}`);
-      if (!scrolls(style) && (box.top < clip.top - 3 || box.bottom > clip.bottom + 3)) {
+      if (!bounds.scrolls && (box.top < clip.top - 3 || box.bottom > clip.bottom + 3)) {
         found.push(`cut above or below: ${name(e)}`);
       }
-      if (isText && style.textOverflow === 'ellipsis' && up.scrollWidth > up.clientWidth + 1) found.push(`shortened: ${name(e)}`);
+      if (isText && bounds.shortens) found.push(`shortened: ${name(e)}`);
     }
     if (box.left < -2 || box.right > innerWidth + 2) found.push(`outside of the window: ${name(e)}`);
     if (!canScroll && (box.top < -2 || box.bottom > innerHeight + 2)) found.push(`below the window: ${name(e)}`);
   }
-  const layer = (e) => e.closest('#menu, #panel, toast-bar, .toasts, .detail, undo-screen .wide, .sticky, header') ?? document.body;
+  for (const e of document.querySelectorAll(window.isMadeUp ? 'none' : 'button, .button, h2, legend')) {
+    if (e.scrollWidth > e.clientWidth + 1 && e.checkVisibility()) found.push(`wider than its room: ${name(e)}`);
+  }
+  const layer = once((e) => e.closest('#menu, #panel, toast-bar, .toasts, .detail, undo-screen .wide, .sticky, header') ?? document.body);
+  leaves.sort((a, b) => a.box.top - b.box.top);
   for (let i = 0; i < leaves.length; i += 1) {
     const a = leaves[i];
-    for (let j = i + 1; j < leaves.length; j += 1) {
+    for (let j = i + 1; j < leaves.length && leaves[j].box.top < a.box.bottom - 3; j += 1) {
       const b = leaves[j];
-      if (a.e === b.e || a.e.contains(b.e) || b.e.contains(a.e)) continue;
-      if (layer(a.e) !== layer(b.e)) continue;
       const across = Math.min(a.box.right, b.box.right) - Math.max(a.box.left, b.box.left);
       const along = Math.min(a.box.bottom, b.box.bottom) - Math.max(a.box.top, b.box.top);
-      if (across > 2 && along > 3) found.push(`overlap: ${name(a.e)} and ${name(b.e)}`);
+      if (!(across > 2 && along > 3)) continue;
+      if (a.e === b.e || a.e.contains(b.e) || b.e.contains(a.e)) continue;
+      if (layer(a.e) === layer(b.e)) found.push(`overlap: ${name(a.e)} and ${name(b.e)}`);
     }
   }
   const stops = [...document.querySelectorAll('button.stop')].filter(visible).map((e) => e.getBoundingClientRect());

@@ -8,13 +8,18 @@ from typing import Any
 
 _HERE = Path(__file__).parent
 _LOOKS = 20
-MEASURE = (_HERE / "boxes.js").read_text()
+MEASURE = (_HERE / "boxes.js").read_text().split("\n", 2)[2].strip()
+_MEASURE_WHEN_LAID_OUT = f"""async () => {{
+  // A frame later everything that follows the size has followed it.
+  await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
+  return ({MEASURE})();
+}}"""
 
 
 def faults(page: Any) -> list[str]:
     """List what is cut or lies on something else, and stays so: a busy machine lays out late."""
     for _ in range(_LOOKS):
-        found = list(page.evaluate(MEASURE))
+        found = list(page.evaluate(_MEASURE_WHEN_LAID_OUT))
         if not found:
             break
         page.wait_for_timeout(200)
@@ -22,7 +27,11 @@ def faults(page: Any) -> list[str]:
 
 
 def speak_longer(context: Any) -> None:
-    """Have the page speak a language half as long again as English, with tall letters."""
+    """Have the page speak a language half as long again as English, with tall letters.
+
+    It may fill a button's padding, which no language that people speak may.
+    """
+    context.add_init_script("window.isMadeUp = true")
 
     def answer(route: Any) -> None:
         response = route.fetch()
@@ -70,7 +79,8 @@ NOTICES: list[dict[str, Any]] = [
 def drive_faults(page: Any) -> list[str]:
     """List the faults of the drive screen under every message that it may show."""
     found: list[str] = page.evaluate(
-        """(notices) => {
+        """async (notices) => {
+          await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
           const list = MEASURE;
           const { store } = document.querySelector('video-view').page;
           const before = store.state;
@@ -82,7 +92,7 @@ def drive_faults(page: Any) -> list[str]:
             store.set(before);
             return found;
           });
-        }""".replace("MEASURE", MEASURE.split("\n", 1)[1].strip()),
+        }""".replace("MEASURE", MEASURE),
         NOTICES,
     )
     return found

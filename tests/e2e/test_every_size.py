@@ -30,8 +30,6 @@ SIZES = [
     (1920, 1080),
     (3840, 2160),
 ]
-_LAID_OUT = "new Promise((done) => requestAnimationFrame(() => setTimeout(done)))"
-"""A frame later everything that follows the size has followed it, however busy the machine."""
 SCREENS = ("gallery", "why", "teaching", "undo", "lesson", "study", "home", "settings")
 
 
@@ -39,7 +37,7 @@ SCREENS = ("gallery", "why", "teaching", "undo", "lesson", "study", "home", "set
 def taught(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
     """A robot that was taught a little, which is recorded; the pages here only look at it."""
     folder = tmp_path_factory.mktemp("taught")
-    with running_world(folder, world="office", frame_rate_hz=30.0) as running:
+    with running_world(folder, world="office") as running:
         drive(running, 60)
         finish_recording(running)
         yield running
@@ -52,6 +50,7 @@ def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, taught: World, langu
     if language == "longer":
         speak_longer(context)
     page = open_page(context, taught.address)
+    assert page.evaluate("document.documentElement.lang") == locale
     wrong = [f"drive {size}: {fault}" for size in _sizes(page) for fault in drive_faults(page)]
     page.locator("app-bar [aria-controls=menu]").click()
     wrong += [f"menu {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
@@ -97,10 +96,14 @@ def test_the_board_of_a_class_has_room_everywhere(
 
 
 def _sizes(page: Any) -> Any:
+    devtools = page.context.new_cdp_session(page)
     for width, height in SIZES:
-        page.set_viewport_size({"width": width, "height": height})
-        page.evaluate(_LAID_OUT)
+        size = {"width": width, "height": height, "screenWidth": width, "screenHeight": height}
+        devtools.send(
+            "Emulation.setDeviceMetricsOverride", {**size, "deviceScaleFactor": 1, "mobile": False}
+        )
         yield f"{width}x{height}"
+    devtools.detach()
 
 
 def _open_all(page: Any) -> None:
