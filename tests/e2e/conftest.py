@@ -1,12 +1,22 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from .world import DESKTOP, PHONE, World, open_page, running_chromium, running_world
+from .world import (
+    DESKTOP,
+    PHONE,
+    World,
+    begin_anew,
+    new_context,
+    open_page,
+    running_chromium,
+    running_world,
+    stop,
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -16,7 +26,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.timeout(300))
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="session")
 def chromium() -> Iterator[Any]:
     with running_chromium() as browser:
         yield browser
@@ -39,7 +49,7 @@ def world(request: pytest.FixtureRequest, tmp_path: Path, frame_rate_hz: float) 
 @pytest.fixture
 def phone(chromium: Any, world: World) -> Iterator[Any]:
     """The page on a phone."""
-    context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    context = new_context(chromium, PHONE)
     yield open_page(context, world.address)
     context.close()
 
@@ -47,6 +57,72 @@ def phone(chromium: Any, world: World) -> Iterator[Any]:
 @pytest.fixture
 def desktop(chromium: Any, world: World) -> Iterator[Any]:
     """The page on a computer with a mouse."""
-    context = chromium.new_context(viewport=DESKTOP)
+    context = new_context(chromium, DESKTOP)
     yield open_page(context, world.address)
     context.close()
+
+
+@pytest.fixture(scope="module")
+def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    """One robot in the office for a whole file; each of its tests finds it stopped."""
+    with running_world(tmp_path_factory.mktemp("rover"), world="office") as running:
+        yield running
+
+
+class _OnePage:
+    """The only page that is open before the rover, so that it has the wheel."""
+
+    def __init__(self) -> None:
+        self.page: Any = None
+        self._viewport: dict[str, int] = {}
+
+    def get(self, chromium: Any, rover: World, viewport: dict[str, int]) -> Any:
+        """Return the page as if it had just been opened; opening it costs a second."""
+        if viewport is not self._viewport:
+            self.close()
+        if self.page is None:
+            self.page, self._viewport = new_context(chromium, viewport).new_page(), viewport
+        begin_anew(self.page, rover, viewport)
+        return self.page
+
+    def close(self) -> None:
+        if self.page is not None:
+            self.page.context.close()
+        self.page, self._viewport = None, {}
+
+
+@pytest.fixture(scope="module")
+def _one_page() -> Iterator[_OnePage]:
+    one = _OnePage()
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def rovers_page(
+    request: pytest.FixtureRequest, chromium: Any, rover: World, _one_page: _OnePage
+) -> Iterator[Callable[[dict[str, int]], Any]]:
+    """What returns the file's one page before the rover; after a failure the next is a new one."""
+    failed = request.session.testsfailed
+    yield lambda viewport: _one_page.get(chromium, rover, viewport)
+    if request.session.testsfailed > failed:
+        _one_page.close()
+
+
+@pytest.fixture
+def no_page(rover: World, _one_page: _OnePage) -> None:
+    """The rover has no page open before it, and stands."""
+    _one_page.close()
+    stop(rover)
+
+
+@pytest.fixture
+def rovers_phone(rovers_page: Callable[[dict[str, int]], Any]) -> Any:
+    """The rover's page on a phone, shared by the tests of a file."""
+    return rovers_page(PHONE)
+
+
+@pytest.fixture
+def rovers_desktop(rovers_page: Callable[[dict[str, int]], Any]) -> Any:
+    """The rover's page on a computer with a mouse, shared by the tests of a file."""
+    return rovers_page(DESKTOP)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,14 +19,25 @@ from robot.simulation.world import load_world
 from robot.types import Action, Encoding, Mode, PilotCommand
 
 from .test_everyone import complaints
-from .world import World, finish_recording, running_world, settle
+from .world import World, finish_recording, settle
 
 
 @pytest.fixture
-def world(tmp_path: Path) -> Iterator[World]:
-    """A robot with many pictures a second, so that short drives are long recordings."""
-    with running_world(tmp_path, world="office", frame_rate_hz=30.0) as running:
-        yield running
+def frame_rate_hz() -> float:
+    """Many, so that short drives are long recordings."""
+    return 30.0
+
+
+@pytest.fixture
+def shelf(rover: World) -> Iterator[World]:
+    """The rover, with one recording and no others; it learns nothing here."""
+    episodes = rover.persistence.episodes
+    put_recording(rover)
+    yield rover
+    for episode_id in episodes.ids():
+        if episodes.notes(episode_id).is_protected:
+            episodes.protect(episode_id, False)
+        episodes.delete(episode_id)
 
 
 def drive(world: World, examples: int) -> None:
@@ -86,10 +98,8 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
     assert wide <= 0
 
 
-def test_a_recording_is_named_and_protected_on_the_page(phone: Any, world: World) -> None:
-    drive(world, 10)
-    persistence = world.persistence
-    finish_recording(world)
+def test_a_recording_is_named_and_protected_on_the_page(rovers_phone: Any, shelf: World) -> None:
+    persistence, phone = shelf.persistence, rovers_phone
     [episode_id] = persistence.episodes.ids()
     phone.evaluate("location.hash = 'home'")
     phone.locator("button[aria-label*='20']").tap()
@@ -105,28 +115,26 @@ def test_a_recording_is_named_and_protected_on_the_page(phone: Any, world: World
     assert not persistence.episodes.notes(episode_id).is_protected
 
 
-def test_axe_finds_nothing_among_the_tools(phone: Any, world: World, npm_modules: Path) -> None:
-    drive(world, 25)
-    finish_recording(world)
-    phone.evaluate("location.hash = 'home'")
-    phone.wait_for_selector("button[aria-label*='20']")
-    phone.locator("button[aria-label*='20']").tap()
-    phone.wait_for_selector(".timeline .you[d]")
+@pytest.mark.usefixtures("shelf")
+def test_axe_finds_nothing_among_the_tools(rovers_phone: Any, npm_modules: Path) -> None:
+    phone = rovers_phone
+    open_recording(phone)
     phone.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())
     assert complaints(phone) == []
 
 
-def test_recordings_beyond_their_space_are_offered(phone: Any, world: World) -> None:
-    drive(world, 10)
-    persistence = world.persistence
-    finish_recording(world)
-    persistence.episodes.budget_bytes = 0
-    phone.evaluate("location.hash = 'home'")
-    phone.wait_for_selector("text=Nothing is deleted by itself")
-    assert len(persistence.episodes.ids()) == 1
+def test_recordings_beyond_their_space_are_offered(
+    rovers_phone: Any, shelf: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    episodes = shelf.persistence.episodes
+    monkeypatch.setattr(episodes, "budget_bytes", 0)
+    rovers_phone.evaluate("location.hash = 'home'")
+    rovers_phone.wait_for_selector("text=Nothing is deleted by itself")
+    assert len(episodes.ids()) == 1
 
 
-def film_a_good_pilot(frames: int) -> list[Shot]:
+@functools.cache
+def film_a_good_pilot(frames: int) -> tuple[Shot, ...]:
     """Film a simulated robot whose pilot turns left before a wall: ten pictures a second."""
     simulation = Simulation(load_world("box"), seed=5)
     held, shots = Action.FORWARD, []
@@ -139,13 +147,13 @@ def film_a_good_pilot(frames: int) -> list[Shot]:
         simulation.action = held
         simulation.step(0.1)
     simulation.close()
-    return shots
+    return tuple(shots)
 
 
-def spoil(shots: list[Shot]) -> tuple[list[Shot], list[tuple[int, int, Action]]]:
+def spoil(film: tuple[Shot, ...]) -> tuple[list[Shot], list[tuple[int, int, Action]]]:
     """Put a fifth of the labels wrong, in two stretches; return also what would repair them:
     first and last index of each, and the right label, which is one and the same all through."""
-    runs: list[tuple[int, int]] = []
+    shots, runs = list(film), []
     begin = 0
     for i in range(1, len(shots) + 1):
         if i == len(shots) or shots[i].label != shots[begin].label:
@@ -172,9 +180,12 @@ FILMED = 70
 
 def put_recording(world: World) -> None:
     """Have a recording without driving: no busy machine can make it shorter."""
-    store = world.services.persistence.episodes
+    store = world.persistence.episodes
     film = Drive(
-        name="film", source="simulation", shots=film_a_good_pilot(FILMED), moves=(FORWARD, LEFT)
+        name="film",
+        source="simulation",
+        shots=list(film_a_good_pilot(FILMED)),
+        moves=(FORWARD, LEFT),
     )
     write_episode(film, store.new_path("2026-01-01_120000_000"))
 
@@ -216,8 +227,8 @@ def test_two_relabels_repair_a_recording_and_before_and_after_say_so(
     assert len(world.services.persistence.models.names()) == 1
 
 
-def test_a_recording_plays_scrubs_and_steps_by_keyboard(phone: Any, world: World) -> None:
-    put_recording(world)
+def test_a_recording_plays_scrubs_and_steps_by_keyboard(rovers_phone: Any, shelf: World) -> None:
+    world, phone = shelf, rovers_phone
     open_recording(phone)
     time_slider = phone.get_by_label("Time", exact=True)
     last = int(time_slider.get_attribute("max"))
@@ -243,10 +254,9 @@ def test_a_recording_plays_scrubs_and_steps_by_keyboard(phone: Any, world: World
 
 
 def test_what_was_taken_back_can_be_made_again_and_a_recording_split(
-    phone: Any, world: World
+    rovers_phone: Any, shelf: World
 ) -> None:
-    put_recording(world)
-    store = world.services.persistence.episodes
+    store, phone = shelf.persistence.episodes, rovers_phone
     [episode_id] = store.ids()
     open_recording(phone)
     phone.get_by_role("button", name="Leave this out").tap()
@@ -265,9 +275,9 @@ def test_what_was_taken_back_can_be_made_again_and_a_recording_split(
     assert kept == ids[:20]
 
 
-def test_a_protected_recording_is_not_deleted_by_a_tap(phone: Any, world: World) -> None:
-    put_recording(world)
-    store = world.services.persistence.episodes
+def test_a_protected_recording_is_not_deleted_by_a_tap(rovers_phone: Any, shelf: World) -> None:
+    world, phone = shelf, rovers_phone
+    store = world.persistence.episodes
     [episode_id] = store.ids()
     store.protect(episode_id, True)
     open_recording(phone)
@@ -278,8 +288,8 @@ def test_a_protected_recording_is_not_deleted_by_a_tap(phone: Any, world: World)
     assert store.ids() == [episode_id]
 
 
-def test_two_recordings_are_taught_together(phone: Any, world: World) -> None:
-    put_recording(world)
+def test_two_recordings_are_taught_together(rovers_phone: Any, shelf: World) -> None:
+    world, phone = shelf, rovers_phone
     put_recording(world)
     phone.evaluate("location.hash = 'home'")
     phone.get_by_label("Teach again from").nth(1).wait_for()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import pytest
@@ -10,9 +9,36 @@ import pytest
 from robot.types import Mode
 from server.config import Config
 
-from .world import DESKTOP, LANDSCAPE, PHONE, Fingers, World, choose, open_page, pad, wait_for
+from .world import (
+    DESKTOP,
+    LANDSCAPE,
+    PHONE,
+    Fingers,
+    World,
+    choose,
+    new_context,
+    open_page,
+    pad,
+    wait_for,
+)
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+
+@pytest.fixture
+def world(rover: World) -> World:
+    return rover
+
+
+@pytest.fixture
+def phone(rovers_phone: Any) -> Any:
+    return rovers_phone
+
+
+@pytest.fixture
+def desktop(rovers_desktop: Any) -> Any:
+    return rovers_desktop
+
 
 SCREENS = ("drive", "gallery", "teaching", "undo", "lesson", "home", "settings")
 SIZES = {
@@ -24,8 +50,6 @@ SIZES = {
     "desktop": DESKTOP,
 }
 TOAST = "It was relabelled, and this sentence is as long as any that a toast has to say here."
-
-DRAWN = "() => new Promise((f) => requestAnimationFrame(() => requestAnimationFrame(f)))"
 
 HITS = """() => {
   const stop = [...document.querySelectorAll('.stop')].filter((e) => e.checkVisibility());
@@ -65,46 +89,59 @@ COVERED = """() => {
 }"""
 
 
+COVERINGS = (
+    f"async ([text, label]) => {{ const HITS = {HITS}; const COVERED = {COVERED};"
+    """
+  const drawn = () => new Promise((f) => requestAnimationFrame(() => requestAnimationFrame(f)));
+  const { page } = document.querySelector('toast-bar');
+  const opener = document.querySelector('app-bar [aria-controls=menu]');
+  const wrong = [];
+  const check = (what, fault) => { if (fault.length) wrong.push(`${what}: ${fault}`); };
+  await drawn();
+  check('alone', HITS());
+  page.toast(text, { label, act: () => {} });
+  await drawn();
+  check('with a toast', HITS());
+  check('with a toast', COVERED());
+  opener.click();
+  if (!document.querySelector('#menu').checkVisibility()) wrong.push('no menu');
+  check('with toast and menu', HITS());
+  document.body.dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape', bubbles: true }));
+  if (document.querySelector('#menu').checkVisibility()) wrong.push('the menu stays');
+  page.store.set({ toast: null });
+  const dialog = document.createElement('dialog');
+  dialog.textContent = 'x'.repeat(9000);
+  dialog.style.cssText = 'width: 100vw; height: 100vh; overflow: hidden';
+  document.body.append(dialog);
+  dialog.popover = 'manual';
+  dialog.showPopover();
+  await drawn();
+  check('with a dialog over all of it', HITS());
+  dialog.remove();
+  return wrong;
+}"""
+)
+"""Covers the screen with all there is, one after the other, and says what STOP suffers from."""
+
+
+@pytest.mark.usefixtures("no_page")
 @pytest.mark.parametrize("language", ["en", "es", "zh"])
 def test_nothing_covers_stop_and_no_toast_covers_a_control(
     chromium: Any, world: World, language: str
 ) -> None:
-    context = chromium.new_context(viewport=DESKTOP, locale=language, has_touch=True)
+    context = new_context(chromium, DESKTOP, locale=language, has_touch=True)
     page = open_page(context, world.address)
-    for screen, (form, size) in itertools.product(SCREENS, SIZES.items()):
-        page.set_viewport_size(size)
+    wrong = []
+    for screen in SCREENS:
         page.evaluate(f"location.hash = '{screen}'")
         if screen != "drive":
             page.wait_for_selector(f"{screen}-screen")
-        where = f"{screen} on a {form}"
-        page.evaluate(DRAWN)
-        assert page.evaluate(HITS) == "", where
-        page.evaluate(
-            "([text, label]) => document.querySelector('toast-bar').page.toast("
-            "text, { label, act: () => {} })",
-            [TOAST, "Undo"],
-        )
-        page.evaluate(DRAWN)
-        assert page.evaluate(HITS) == "", f"{where}, with a toast"
-        assert page.evaluate(COVERED) == [], where
-        page.locator("app-bar [aria-controls=menu]").click()
-        assert page.evaluate(HITS) == "", f"{where}, with toast and menu"
-        page.keyboard.press("Escape")
-        page.evaluate("document.querySelector('toast-bar').page.store.set({ toast: null })")
-        page.evaluate(
-            """() => {
-              const dialog = document.createElement('dialog');
-              dialog.textContent = 'x'.repeat(9000);
-              dialog.style.cssText = 'width: 100vw; height: 100vh; overflow: hidden';
-              document.body.append(dialog);
-              dialog.popover = 'manual';
-              dialog.showPopover();
-            }"""
-        )
-        page.evaluate(DRAWN)
-        assert page.evaluate(HITS) == "", f"{where}, with a dialog over all of it"
-        page.evaluate("document.querySelector('dialog').remove()")
+        for form, size in SIZES.items():
+            page.set_viewport_size(size)
+            faults = page.evaluate(COVERINGS, [TOAST, "Undo"])
+            wrong += [f"{screen} on a {form}, {fault}" for fault in faults]
     context.close()
+    assert wrong == []
 
 
 def test_no_dialog_makes_the_rest_of_the_page_inert() -> None:
@@ -163,3 +200,4 @@ def test_stop_finds_its_way_without_a_websocket(phone: Any, world: World) -> Non
     phone.evaluate("document.querySelector('drive-pad').page.connection.say = () => false")
     phone.locator("drive-pad .stop").tap()
     wait_for(lambda: world.rig.loop.state.emergency, "it asks over HTTP")
+    phone.reload()  # it has a websocket again

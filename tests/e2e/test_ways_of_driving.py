@@ -27,6 +27,22 @@ from .world import (
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
+
+@pytest.fixture
+def world(rover: World) -> World:
+    return rover
+
+
+@pytest.fixture
+def phone(rovers_phone: Any) -> Any:
+    return rovers_phone
+
+
+@pytest.fixture
+def desktop(rovers_desktop: Any) -> Any:
+    return rovers_desktop
+
+
 FAKE_GAMEPAD = """
 globalThis.fakePad = {connected: true, index: 0, axes: [0, 0],
   buttons: Array.from({length: 17}, () => ({pressed: false}))};
@@ -102,10 +118,12 @@ def test_space_stops_from_every_screen(desktop: Any, world: World) -> None:
         desktop.keyboard.press("Space")
         wait_for(lambda: world.rig.loop.state.emergency, f"space stops on {screen}")
         world.rig.loop.release_emergency().result(5)
-        wait_for(lambda: not world.rig.loop.state.emergency, "released")
-        desktop.wait_for_timeout(150)  # until the page knows
+        desktop.wait_for_function(  # the page knows
+            "() => !document.querySelector('app-bar').page.store.state.robot.emergency"
+        )
 
 
+@pytest.mark.usefixtures("no_page")
 def test_a_gamepad_drives_and_its_button_stops(chromium: Any, world: World) -> None:
     context = chromium.new_context(viewport=PHONE)
     context.add_init_script(FAKE_GAMEPAD)
@@ -130,6 +148,7 @@ def whole_chromium() -> Iterator[Any]:
         yield browser
 
 
+@pytest.mark.usefixtures("no_page")
 def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, world: World) -> None:
     context = whole_chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     context.add_init_script(remember(hintsShown=["teach", "bars", "correct"], tilt=True))
@@ -184,7 +203,8 @@ def test_a_hidden_page_stops_even_what_drives_itself(phone: Any, world: World) -
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
     fingers.press(pad("left"))
-    wait_for(lambda: world.lessons > 20, "it learns to turn")
+    wanted = world.lessons + 20
+    wait_for(lambda: world.lessons > wanted, "it learns to turn")
     fingers.lift()
     choose(phone, world, Mode.AUTONOMOUS)
     wait_until_turning(world)
@@ -196,6 +216,7 @@ def test_a_hidden_page_stops_even_what_drives_itself(phone: Any, world: World) -
     )
     wait_until_standing(world)
     assert "out of sight" in phone.locator(".notice").inner_text()
+    phone.reload()  # it is in sight again
 
 
 def test_turning_the_phone_while_holding_stops_or_goes_on_never_sticks(

@@ -165,6 +165,17 @@ def running_chromium(*flags: str, whole: bool = False) -> Iterator[Any]:
                 browser.close()
 
 
+def new_context(browser: Any, viewport: dict[str, int], **options: Any) -> Any:
+    """Return a fresh profile: a phone's, or a computer's with a mouse.
+
+    Without a service worker, which fetches the whole page a second time: what it is for is judged
+    in tests of its own.
+    """
+    if viewport is not DESKTOP:
+        options = {"has_touch": True, "is_mobile": True, **options}
+    return browser.new_context(viewport=viewport, service_workers="block", **options)
+
+
 def remember(**preferences: Any) -> str:
     """Return a script that makes the page find these preferences of the person before it."""
     kept = json.dumps(json.dumps(preferences))
@@ -174,12 +185,37 @@ def remember(**preferences: Any) -> str:
 def open_page(context: Any, address: str, path: str = "/", *, hints: bool = False) -> Any:
     """Open the page and wait for the first picture; without the first visit's hints."""
     page = context.new_page()
+    _load(page, address + path, hints=hints)
+    return page
+
+
+def _load(page: Any, address: str, *, hints: bool = False) -> None:
     page.add_init_script(COUNT_FETCHES)
     if not hints:
         page.add_init_script(remember(hintsShown=["teach", "bars", "correct"]))
-    page.goto(address + path)
+    page.goto(address)
     page.wait_for_selector("video-view[data-frames]", state="attached", timeout=60_000)
-    return page
+
+
+def stop(world: World) -> None:
+    """Have the robot stand, with no emergency."""
+    world.rig.loop.set_mode(Mode.STOPPED).result(5)
+    world.rig.loop.release_emergency().result(5)
+
+
+def begin_anew(page: Any, world: World, viewport: dict[str, int]) -> None:
+    """Have the robot stand, with no emergency, and the page show it, as if both had just begun."""
+    was_stopped = world.rig.loop.state.emergency
+    stop(world)
+    page.set_viewport_size(viewport)
+    if page.url.startswith(world.address):
+        page.evaluate("location.hash = 'drive'")
+    else:
+        _load(page, world.address)
+    page.wait_for_selector("mode-bar [data-mode=stopped][aria-checked=true]")
+    page.wait_for_selector("mode-bar [data-mode=train]:not([disabled])")
+    if was_stopped:
+        page.wait_for_timeout(600)  # STOP that is pressed twice in half a second was pressed once
 
 
 COUNT_FETCHES = """
@@ -309,12 +345,15 @@ def choose(page: Any, world: World, mode: Mode) -> None:
     """Choose a mode on the page as a user does, who taps again if the robot was stopped at once
     (a link that has just come back is still slow), and wait until the robot is in it."""
     button = page.locator(f"mode-bar [data-mode={mode.value}]")
+    shown = page.locator(f"mode-bar [data-mode={mode.value}][aria-checked=true]")
     deadline_s = time.monotonic() + 40.0
-    while not (world.mode is mode and button.get_attribute("aria-checked") == "true"):
+    while not (world.mode is mode and shown.count()):
         assert time.monotonic() < deadline_s, f"the robot does not stay in mode {mode.value}"
         if world.mode is not mode and button.is_enabled():
             button.click()
-        page.wait_for_timeout(250)
+        with contextlib.suppress(Exception):  # stopped at once, or late
+            shown.wait_for(timeout=1000)
+        page.wait_for_timeout(20)
 
 
 def hold_until(

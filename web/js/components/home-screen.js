@@ -53,7 +53,7 @@ export class HomeScreen extends Screen {
 
   draw() {
     fill(/** @type {Element} */ (this.models),
-      ...(this.known?.length ? this.known.map((model) => this.card(model)) : [h('p', { class: 'hint' }, t('home.none'))]));
+      ...(this.known?.length ? this.known.map((model) => this.card(model)) : [h('p', { class: 'hint', role: 'listitem' }, t('home.none'))]));
   }
 
   /** @param {Model} model */
