@@ -56,13 +56,12 @@ def test_closing_the_tab(phone: Any, world: World) -> None:
 
 def test_blocking_the_main_thread(phone: Any, world: World) -> None:
     drive(phone, world)
-    phone.evaluate(
-        """() => void setTimeout(() => {
-          const end = performance.now() + 8000;
-          while (performance.now() < end);
-        })"""
-    )
+    debugger = phone.context.new_cdp_session(phone)
+    debugger.send("Debugger.enable")
+    debugger.send("Debugger.pause")  # at the next line that it runs: a heartbeat is near
     wait_until_standing(world)
+    debugger.send("Debugger.resume")
+    debugger.detach()
     phone.locator(".notice", has_text="no longer heard you").wait_for()
     assert world.mode is Mode.STOPPED, "a page that wakes up does not go on by itself"
     assert "no longer heard you" in phone.locator(".notice").inner_text()
