@@ -77,13 +77,14 @@ class GradientFeatures:
     n_columns, n_rows, n_bins = CELL_COLUMNS, CELL_ROWS, 8
     n_gradients = n_columns * n_rows * n_bins
     samples = 10
-    """Gradients are taken at 10x10 points of each cell: every second pixel of 160x120."""
+    """Gradients are taken at 10x10 points of each cell: every second pixel of 160x120. A larger
+    picture is made that small before, so that a view is the same to a camera of any size."""
     noise = 100.0
     """Energy of a cell below which it counts as plain: one grey level a sample."""
 
     def extract(self, frame: Frame) -> Vector:
         """Return shape (1584,), uint8: 6x8 cells of 8 bins, then 30x40 pixels halved."""
-        grey = image.to_grey(frame)
+        grey = _at_common_scale(image.to_grey(frame))
         small = image.shrink(grey, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT)
         return np.concatenate([self._histograms(grey), small.ravel() >> 1])
 
@@ -141,6 +142,17 @@ class GradientFeatures:
         across = lines[:, np.minimum(columns + 1, grey.shape[1] - 1)] - lines[:, columns - 1]
         down = stripes[np.minimum(rows + 1, grey.shape[0] - 1)] - stripes[rows - 1]
         return across, down
+
+
+def _at_common_scale(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a picture with less than twice the sides of 160x120: gradients span its pixels."""
+    rows, columns = (
+        side if length >= 2 * side else length
+        for length, side in zip(
+            grey.shape, (4 * THUMBNAIL_HEIGHT, 4 * THUMBNAIL_WIDTH), strict=True
+        )
+    )
+    return grey if grey.shape == (rows, columns) else image.shrink(grey, columns, rows)
 
 
 def _sampled(length: int, n_points: int) -> NDArray[np.intp]:

@@ -62,8 +62,9 @@ def shrink(pixels: Pixels, width: int, height: int) -> Pixels:
         CameraError: If the picture is smaller than that.
     """
     rows, columns = pixels.shape[:2]
-    if rows == 4 * height and columns == 4 * width:
-        return _shrink_by_four(pixels)
+    for halvings in (1, 2):
+        if (rows, columns) == (height << halvings, width << halvings):
+            return _shrink_by_halves(pixels, halvings)
     if rows < height or columns < width:
         raise CameraError(f"a picture of {columns}x{rows} is too small; {width}x{height} is needed")
     top, left = (np.arange(n) * full // n for n, full in ((height, rows), (width, columns)))
@@ -77,16 +78,19 @@ def shrink(pixels: Pixels, width: int, height: int) -> Pixels:
     return small
 
 
-def _shrink_by_four(pixels: Pixels) -> Pixels:
-    """`shrink` of 160x120 to 40x30, six times as fast: slices instead of short sums.
+def _shrink_by_halves(pixels: Pixels, halvings: int) -> Pixels:
+    """`shrink` by 2 or 4, six times as fast: slices instead of short sums.
 
     Rows come first: they lie together in memory, whatever the number of channels.
     """
-    wide = pixels.astype(np.uint16)
-    lines = wide[0::4] + wide[1::4] + wide[2::4] + wide[3::4]
-    sums = lines[:, 0::4] + lines[:, 1::4] + lines[:, 2::4] + lines[:, 3::4]
-    # Adding 7, and 1 where the quotient is odd, rounds halves to the even neighbour.
-    small: Pixels = (sums + 7 + (sums >> 4 & 1) >> 4).astype(np.uint8)
+    wide, step = pixels.astype(np.uint16), 1 << halvings
+    lines = sum(wide[row::step] for row in range(1, step)) + wide[0::step]
+    sums = sum(lines[:, column::step] for column in range(1, step)) + lines[:, 0::step]
+    # Adding just less than a half, and 1 where the quotient is odd, rounds halves to the even
+    # neighbour.
+    bits = 2 * halvings
+    sums += (1 << bits - 1) - 1 + (sums >> bits & 1)
+    small: Pixels = (sums >> bits).astype(np.uint8)
     return small
 
 

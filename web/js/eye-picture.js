@@ -1,6 +1,6 @@
 // From one picture of the camera to a JPEG in the robot's size; in a worker where there can be one.
 
-const QUALITY = 0.7;
+const QUALITY = 0.85;
 const DARK = 20; // a covered lens: all of the picture is darker than this, of 255
 const LOOK_EVERY = 5; // pictures between two looks at whether it is covered
 

@@ -62,6 +62,14 @@ def test_each_direction_has_its_bin(turn):
     assert x.reshape(48, 8).astype(int).sum(axis=0).argmax() == turn
 
 
+@pytest.mark.parametrize("size", [(2, 2), (3, 3), (4, 4), (2, 4), (9, 9)])
+def test_a_view_is_the_same_to_a_camera_of_any_size(room, size):
+    """A model that a webcam of 160x120 has taught knows the view of a phone's larger camera."""
+    features = GradientFeatures()
+    large = np.kron(room, np.ones(size))
+    assert np.array_equal(features.extract(picture(large)), features.extract(picture(room)))
+
+
 def test_too_small_a_picture_is_refused():
     with pytest.raises(CameraError, match="too short"):
         GradientFeatures().extract(picture(np.zeros((60, 80))))
