@@ -11,8 +11,9 @@ from server.services import services_of
 
 router = APIRouter()
 _KEPT = {".css", ".js", ".png", ".svg", ".webmanifest"}
-_APART = ("sw.js", "js/pair.js", "css/pair.css", "board/")
-"""Not cached: the service worker itself, the pairing page, and the teacher's."""
+_APART = ("sw.js", "js/pair.js", "css/pair.css", "js/eye", "css/eye.css", "js/study/", "board/")
+"""Not fetched by every visitor: the service worker itself, the pairing page, the page of a phone
+that is an eye, the study (cached once it was opened), and the teacher's board."""
 
 
 def shell_files(folder: Path) -> list[str]:

@@ -135,9 +135,12 @@ def test_the_first_visit_is_enough_to_come_back(chromium: Any, tmp_path: Path) -
     for screen in ("gallery", *ELSEWHERE):
         page.evaluate(f"location.hash = '{screen}'")
         page.wait_for_selector(f"{screen}-screen", state="attached")
+    page.evaluate("location.hash = 'study'")  # fetched by those alone who run one
+    page.get_by_role("alert").filter(has_text="did not answer").wait_for()
     page.evaluate("location.hash = 'drive'")
     with running_world(tmp_path, config=Config(port=port, data=tmp_path)):
         page.wait_for_selector("video-view:not(.away)[data-frames]", timeout=40_000)
+        show(page, "study")
     context.close()
 
 
@@ -164,6 +167,7 @@ def test_every_file_of_the_page_is_listed(rover: World) -> None:
     files = httpx.get(f"{rover.address}/shell.json").json()
     assert "/" in files
     assert {"/js/main.js", "/css/base.css", "/js/messages/zh.js"} < set(files)
+    assert [file for file in files if "study/" in file or "eye" in file] == [], "not for everybody"
     with httpx.Client(base_url=rover.address) as client:
         statuses = {client.get(file).status_code for file in files}
     assert statuses == {200}

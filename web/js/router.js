@@ -1,5 +1,6 @@
 // Which screen is shown: the part of the address after #. Screens are loaded when first opened.
 
+import { h } from './dom.js';
 import { t } from './i18n.js';
 
 /** @type {Record<string, string>} element of each screen besides the drive screen */
@@ -42,8 +43,12 @@ export class Router {
     other.hidden = screen === 'drive';
     other.replaceChildren();
     if (screen === 'drive') return;
-    await import(`./${ROOMS[screen] ?? 'components'}/${ELEMENTS[screen]}.js`);
+    const isThere = await import(`./${ROOMS[screen] ?? 'components'}/${ELEMENTS[screen]}.js`).then(() => true, () => false);
     if (page.store.state.screen !== screen) return;
+    if (!isThere) {
+      other.append(h('p', { class: 'panel', role: 'alert' }, t('unreachable')));
+      return;
+    }
     const element = /** @type {any} */ (document.createElement(ELEMENTS[screen]));
     other.append(element);
     element.start(page);
