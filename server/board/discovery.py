@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -40,10 +40,16 @@ def read_list(text: str) -> list[RobotAddress]:
 
 
 @contextmanager
-def browsing(found: Callable[[RobotAddress], None]) -> Iterator[None]:
+def browsing(
+    found: Callable[[RobotAddress], None], interfaces: Sequence[str] | None = None
+) -> Iterator[None]:
     """Call `found` for each robot on the network inside the block, on another thread.
 
     Anybody can announce anything: the board takes an address from here and believes no more of it.
+
+    Args:
+        found: Gets a robot's address.
+        interfaces: This computer's addresses to ask from; None: all.
 
     Raises:
         MissingExtraError: If zeroconf is not installed.
@@ -62,7 +68,7 @@ def browsing(found: Callable[[RobotAddress], None]) -> Iterator[None]:
             found(address)
 
     try:
-        network = Zeroconf()
+        network = Zeroconf() if interfaces is None else Zeroconf(interfaces=list(interfaces))
     except OSError as error:
         log.warning("robots are not looked for on the network: %s", error)
         yield

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+import threading
 
 import pytest
 
 from robot.errors import MissingExtraError
+from server.board.discovery import browsing
+from server.board.transport import RobotAddress
 from server.hosting.banner import draw_qr, greet_phones
 from server.hosting.discovery import announced
 from server.hosting.logs import OneLine
@@ -36,18 +40,29 @@ def test_without_zeroconf_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) ->
         pass
 
 
-def test_the_name_is_answered() -> None:
+def test_two_robots_announce_themselves_and_the_board_finds_both() -> None:
     zeroconf = pytest.importorskip("zeroconf")
-    with announced("drivelesson-test", 8123, ["127.0.0.1"], "Ada", tls=False):
-        asker = zeroconf.Zeroconf(interfaces=["127.0.0.1"])
-        try:
-            kind = "_http._tcp.local."
-            info = asker.get_service_info(kind, f"Drivelesson drivelesson-test.{kind}", 3000)
-        finally:
-            asker.close()
+    kind, here = "_http._tcp.local.", ["127.0.0.1"]
+    both = {RobotAddress("127.0.0.1", 8123), RobotAddress("127.0.0.1", 8124, is_tls=True)}
+    found: set[RobotAddress] = set()
+    is_complete = threading.Event()
+
+    def note(address: RobotAddress) -> None:
+        found.add(address)
+        if both <= found:
+            is_complete.set()
+
+    with (
+        announced("ada-test", 8123, here, "Ada", tls=False),
+        announced("bolt-test", 8124, here, "Bolt", tls=True),
+        browsing(note, here),
+        contextlib.closing(zeroconf.Zeroconf(interfaces=here)) as asker,
+    ):
+        is_complete.wait()  # the test's own time limit ends it
+        info = asker.get_service_info(kind, f"Drivelesson ada-test.{kind}", 10_000)
     assert info is not None
-    assert (info.server, info.port) == ("drivelesson-test.local.", 8123)
-    assert info.parsed_addresses() == ["127.0.0.1"]
+    assert (info.server, info.port) == ("ada-test.local.", 8123)
+    assert info.parsed_addresses() == here
 
 
 def test_what_a_client_sends_cannot_forge_a_line_of_the_log() -> None:
