@@ -62,7 +62,7 @@ class Story:
 
 
 class Lenient:
-    """A teacher who has read when to touch: before a bump, or when the robot is stuck or stands.
+    """A teacher who has read when to touch: before a bump, or when the robot stands.
 
     Before that it corrects whatever it would do otherwise itself.
     """
@@ -126,7 +126,7 @@ class Newcomer:
     def _do_as_told(self, text: str) -> None:
         """Do what the sentence says; the sentences are those of web/js/messages/en.js."""
         mode = self.world.mode
-        if text.startswith(("Let it drive", "Ready after", "Ready: ")):
+        if text.startswith(("Let it turn", "Ready after", "Ready: ")):
             self._judge.is_lenient = True
         if text.startswith("Ready: ") and self.story.called_ready_s is None:
             self.story.called_ready_s = self.now_s

@@ -104,7 +104,7 @@ export default {
   'link.too_slow': 'The link is too slow to drive safely. Come closer.',
   'hint.teach': 'Tap Teach, then hold a direction. The robot drives, and learns from every picture.',
   'hint.bars': 'The three bars show what it would do. When it asks to try, tap Drive itself.',
-  'hint.correct': 'Let it drive, even if it turns other than you. About to bump, or stuck? Touch a direction. Red STOP, or space, stops it.',
+  'hint.correct': 'Let it turn its way; touch only before a bump. STOP or space stops it.',
   'step.hint': 'Got it',
   unreachable: 'The robot did not answer.',
   not_saved: 'The model could not be saved: {detail}',

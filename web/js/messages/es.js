@@ -104,7 +104,7 @@ export default {
   'link.too_slow': 'La conexión es demasiado lenta para conducir. Acércate.',
   'hint.teach': 'Toca Enseñar y mantén una dirección. El robot conduce y aprende de cada imagen.',
   'hint.bars': 'Las tres barras dicen lo que haría. Cuando pida probar, toca Autónomo.',
-  'hint.correct': 'Déjalo conducir, aunque gire de otro modo. ¿Va a chocar o se atasca? Toca una dirección. ALTO rojo, o espacio, lo para.',
+  'hint.correct': 'Déjalo girar a su modo. Antes de un choque, toca una dirección. ALTO o espacio lo para.',
   'step.hint': 'Vale',
   unreachable: 'El robot no respondió.',
   not_saved: 'No se pudo guardar el modelo: {detail}',
