@@ -144,7 +144,7 @@ def test_the_first_visit_is_enough_to_come_back(chromium: Any, tmp_path: Path) -
     context.close()
 
 
-@pytest.mark.parametrize("frame_rate_hz", [60.0])
+@pytest.mark.parametrize("frame_rate_hz", [30.0])
 def test_nothing_that_the_page_asks_for_is_missing(
     phone: Any, world: World, frame_rate_hz: float
 ) -> None:

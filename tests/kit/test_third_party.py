@@ -115,7 +115,9 @@ def teach(page: Any, address: str, each: int = 12) -> None:
             assert time.monotonic() < end_s, f"{move}: {taught(address)}"
             page.locator("mode-bar [data-mode=train]").click()
             fingers.press(pad(move))
-            page.wait_for_timeout(1500)
+            lift_s = time.monotonic() + 5
+            while taught(address).get(move, 0) < each and time.monotonic() < lift_s:
+                page.wait_for_timeout(100)
             fingers.lift()
 
 
