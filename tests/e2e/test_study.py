@@ -1,7 +1,7 @@
 """A study on the page: scripted participants from consent to the last answer, and the zip.
 
 DRIVELESSON_PARTICIPANTS says how many; `make test` takes two. They drive with a hand on the
-glass, and the phases run four times as fast as their plan says.
+glass, and the phases run eight times as fast as their plan says.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .world import PHONE, Fingers, World, choose, drive_on, open_page, teach, wa
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 PARTICIPANTS = int(os.environ.get("DRIVELESSON_PARTICIPANTS", "2"))
-PACE = 4.0
+PACE = 8.0
 PLAN = """
 title = "Short or long teaching"
 participants = 12

@@ -108,7 +108,7 @@ def _gallery(world: World) -> list[dict[str, Any]]:
 def test_the_lesson_of_trial_1_from_start_to_result(
     phone: Any, world: World, tmp_path: Path
 ) -> None:
-    world.services.study.pace = 20.0
+    world.services.study.pace = 40.0
     phone.goto(world.address + "/#lesson")
     phone.get_by_role("button", name="Begin the trial").tap()
     phone.get_by_role("link", name="To the wheel").tap()
@@ -120,7 +120,7 @@ def test_the_lesson_of_trial_1_from_start_to_result(
     teach(world, Fingers(phone), 10_000, until=lambda: room.lesson.phase != "teach")
     wait_for(lambda: world.mode is Mode.STOPPED, "the phase is over, the robot stands")
     phone.locator(".notice", has_text="correct it").wait_for()
-    room.lesson.pace = 110.0  # five minutes and a half are much even at twenty times the speed
+    room.lesson.pace = 110.0  # five minutes and a half are much even at forty times the speed
     drive_on(phone, world, until=lambda: room.lesson.phase != "correct")
     room.lesson.pace = room.pace
     phone.locator(".notice", has_text="hands off").wait_for()
