@@ -11,6 +11,7 @@ from pathlib import Path
 
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.experiments import evaluation
+from server.cli.parser import number
 
 OURS = ["published-32", "integer-32", "default-32", "linear-alone-32"]
 BASELINES = ["knn-9", "fair-knn-9", "fair-trees-100"]
@@ -27,7 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--light",
-        type=_share,
+        type=number(above=0.0, most=1.0),
         default=1.0,
         metavar="SHARE",
         help="how much of the light is left in the test (default: 1.0)",
@@ -51,16 +52,6 @@ def run(args: argparse.Namespace) -> int:
     if args.json is not None:
         _write(args.json, json.dumps(evaluation.as_json(results), indent=2) + "\n")
     return 0
-
-
-def _share(text: str) -> float:
-    try:
-        share = float(text)
-    except ValueError:
-        share = 0.0
-    if not 0.0 < share <= 1.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a share of light above 0 and up to 1")
-    return share
 
 
 def _learners(names: str | None) -> list[str]:

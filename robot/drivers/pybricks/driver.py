@@ -56,7 +56,7 @@ class PybricksDriver(ReportingDriver):
                 import bleak as bluetooth
             except ImportError as error:
                 raise MissingExtraError("the robot 'pybricks'", "pybricks") from error
-        return HubLine(bluetooth, self.options.hub)
+        return HubLine(bluetooth, self.options.hub, self._clock)
 
     def _parse(self, data: bytes) -> BodyReport | None:
         return parse_plain_report(data)

@@ -13,6 +13,8 @@ import threading
 from concurrent.futures import Future
 from typing import Any
 
+from robot.clock import Clock
+
 SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
 COMMAND_EVENT = "c5f50002-8280-46da-89f4-6d8051e4aeef"
 CAPABILITIES = "c5f50003-8280-46da-89f4-6d8051e4aeef"
@@ -38,8 +40,8 @@ class HubLine:
         OSError: If no hub is found.
     """
 
-    def __init__(self, bluetooth: Any, hub: str) -> None:
-        self._bluetooth, self._hub = bluetooth, hub
+    def __init__(self, bluetooth: Any, hub: str, clock: Clock) -> None:
+        self._bluetooth, self._hub, self._clock = bluetooth, hub, clock
         self._received: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)
         self._client: Any = None
         self._trouble = "not connected"
@@ -107,7 +109,7 @@ class HubLine:
                 if not self._first.done():
                     self._first.set_exception(ConnectionError(self._trouble))
                     return
-            await asyncio.sleep(_AGAIN_S)
+            await self._clock.pause(_AGAIN_S)
 
     async def _connect_once(self) -> None:
         """Find the hub, start its program, and return when the connection is lost."""

@@ -166,4 +166,4 @@ def test_the_test_can_be_made_darker_and_the_lesson_stays(tmp_path, light):
 def test_no_light_and_too_much_are_refused(tmp_path, capsys, light):
     with pytest.raises(SystemExit):
         main(["evaluate", str(tmp_path), "--light", light])
-    assert "share of light" in capsys.readouterr().err
+    assert "must be a number above 0 up to 1" in capsys.readouterr().err
