@@ -37,6 +37,8 @@ append(find('bar'), [
   releaseAll, place, stop,
 ]);
 say(find('empty'), t('searching'));
+// A robot's panel ends below the bar, however many lines that takes: STOP lies above everything.
+new ResizeObserver(() => document.body.style.setProperty('--bar', `${find('bar').getBoundingClientRect().bottom + 8}px`)).observe(find('bar'));
 
 /** @param {string} view */
 function choose(view) {
