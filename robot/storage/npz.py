@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import math
 import struct
@@ -108,19 +109,25 @@ def _read_array(data: bytes) -> NDArray[Any]:
 
 def _parse_array(data: memoryview, *, is_copied: bool) -> NDArray[Any]:
     """Read one `.npy`; its header is believed only where the bytes are really there."""
-    file = io.BytesIO(data[:_MAX_HEADER])
-    version = np.lib.format.read_magic(file)
-    read_header = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }.get(version)
-    if read_header is None:
-        raise ValueError(f"an array of format {version}")
-    shape, fortran, dtype = read_header(file)
+    width = 2 if data[6] == 1 else 4  # of the header's length, in formats 1 and 2
+    start = 8 + width + int.from_bytes(data[8 : 8 + width], "little")
+    shape, fortran, dtype = _parse_header(bytes(data[: min(start, _MAX_HEADER)]))
     if dtype.hasobject:
         raise RecordingError("it holds pickled objects, which are never opened")
-    if math.prod(shape) * dtype.itemsize != len(data) - file.tell() or min(shape, default=0) < 0:
+    if math.prod(shape) * dtype.itemsize != len(data) - start or min(shape, default=0) < 0:
         raise ValueError(f"an array whose header says {shape} but whose bytes say otherwise")
-    array = np.frombuffer(data, dtype, offset=file.tell())
+    array = np.frombuffer(data, dtype, offset=start)
     array = array.copy() if is_copied else array
     return array.reshape(shape, order="F" if fortran else "C")
+
+
+@functools.lru_cache(maxsize=256)
+def _parse_header(header: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Read the header of one `.npy`; the many arrays of a model have a few headers."""
+    file = io.BytesIO(header)
+    version = np.lib.format.read_magic(file)
+    if version == (1, 0):
+        return np.lib.format.read_array_header_1_0(file)
+    if version == (2, 0):
+        return np.lib.format.read_array_header_2_0(file)
+    raise ValueError(f"an array of format {version}")
