@@ -133,8 +133,9 @@ class FirmwareRobot:
         time.sleep(0.08)
         return bool(self.moves) and any(self.moves[-1][1:])
 
-    def wait_until_it_stands(self, timeout_s: float = 5.0) -> None:
+    def wait_until_it_stands(self, since: int = 0) -> None:
+        """Wait until the last of more moves than `since` is none."""
         with self._news:
             assert self._news.wait_for(
-                lambda: bool(self.moves) and not any(self.moves[-1][1:]), timeout_s
+                lambda: len(self.moves) > since and not any(self.moves[-1][1:]), 60.0
             )

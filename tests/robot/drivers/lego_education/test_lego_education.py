@@ -36,7 +36,13 @@ def until(happens: Callable[[], object]) -> None:
 
 
 @pytest.mark.realtime
-def test_moves_are_timed_by_the_motor_and_scaled(motor: FakeDoubleMotor) -> None:
+def test_a_motor_is_driven_stopped_by_its_button_and_lost(motor: FakeDoubleMotor) -> None:
+    moves_are_timed_by_the_motor_and_scaled(motor)
+    its_button_stops_once(motor)
+    a_motor_that_was_out_of_reach_is_driven_again(motor)
+
+
+def moves_are_timed_by_the_motor_and_scaled(motor: FakeDoubleMotor) -> None:
     with driver_for(motor) as driver:
         for move in driver.moves:
             driver.send_action(move, speed_scale=0.5)
@@ -51,8 +57,7 @@ def test_moves_are_timed_by_the_motor_and_scaled(motor: FakeDoubleMotor) -> None
     ]
 
 
-@pytest.mark.realtime
-def test_its_button_stops_once(motor: FakeDoubleMotor) -> None:
+def its_button_stops_once(motor: FakeDoubleMotor) -> None:
     with driver_for(motor) as driver:
         assert driver.take_button() is None
         motor.is_pressed = True
@@ -60,8 +65,7 @@ def test_its_button_stops_once(motor: FakeDoubleMotor) -> None:
         assert driver.take_button() is None
 
 
-@pytest.mark.realtime
-def test_a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> None:
+def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> None:
     with driver_for(motor) as driver:
         driver.send_action(Action.FORWARD)
         motor.cut()

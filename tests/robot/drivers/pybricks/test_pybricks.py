@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from unittest import mock
 
 import pytest
 
@@ -72,7 +73,22 @@ def test_the_program_fits_a_page() -> None:
 
 
 @pytest.mark.realtime
-def test_moves_are_timed_by_the_hub(hub: FakeHub) -> None:
+def test_a_hub_is_found_driven_hung_up_and_lost_and_driven_again(hub: FakeHub) -> None:
+    """One hub lives through all of it: its program runs until somebody ends it."""
+    a_hub_without_our_program_is_told(hub)
+    a_hub_is_found_by_its_name(hub)
+    moves_are_timed_by_the_hub(hub)
+    a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub)
+    a_hub_that_nobody_talks_to_shows_it(hub)
+    a_hub_that_comes_back_into_reach_is_driven_again(hub)
+    the_hubs_button_ends_the_drive_and_starts_it_again(hub)
+    for lines in (replayed_late_and_unknown_orders_only_stop, rubbish_is_harmless):
+        hub.end_program()
+        hub.told.clear()
+        lines(hub)
+
+
+def moves_are_timed_by_the_hub(hub: FakeHub) -> None:
     with driver_for(hub) as driver:
         hub.told.clear()
         driver.send_action(Action.LEFT, speed_scale=0.5)
@@ -83,8 +99,7 @@ def test_moves_are_timed_by_the_hub(hub: FakeHub) -> None:
         assert not hub.is_moving and hub.light == "blue"
 
 
-@pytest.mark.realtime
-def test_a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub: FakeHub) -> None:
+def a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub: FakeHub) -> None:
     with driver_for(hub) as driver:
         driver.send_action(Action.FORWARD)
         hub.freeze()
@@ -100,8 +115,7 @@ def test_a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub: FakeHub) 
     assert len(moved(hub)) <= 2 * 3
 
 
-@pytest.mark.realtime
-def test_replayed_late_and_unknown_orders_only_stop(hub: FakeHub) -> None:
+def replayed_late_and_unknown_orders_only_stop(hub: FakeHub) -> None:
     typist = Typist(hub)
     typist.order("forward 400 1.0 5 0")
     hub.wait_until(lambda: len(moved(hub)) == 2)
@@ -119,8 +133,7 @@ def test_replayed_late_and_unknown_orders_only_stop(hub: FakeHub) -> None:
 RUBBISH = ("", "?", "a b c d e", "forward x 1 2 0", "\xff\xfe", "forward 400 nan 3 x", "x" * 5000)
 
 
-@pytest.mark.realtime
-def test_rubbish_is_harmless(hub: FakeHub) -> None:
+def rubbish_is_harmless(hub: FakeHub) -> None:
     typist = Typist(hub)
     for number, rubbish in enumerate(RUBBISH, 1):
         typist.order(rubbish)
@@ -128,8 +141,7 @@ def test_rubbish_is_harmless(hub: FakeHub) -> None:
         hub.wait_until(lambda count=2 * number: len(moved(hub)) == count)
 
 
-@pytest.mark.realtime
-def test_a_hub_that_nobody_talks_to_shows_it(hub: FakeHub) -> None:
+def a_hub_that_nobody_talks_to_shows_it(hub: FakeHub) -> None:
     with driver_for(hub) as driver:
         driver.send_action(Action.FORWARD)
         assert hub.light == "green"
@@ -137,8 +149,7 @@ def test_a_hub_that_nobody_talks_to_shows_it(hub: FakeHub) -> None:
         assert hub.told[-1][2] == 0, "it brakes, too"
 
 
-@pytest.mark.realtime
-def test_the_hubs_button_ends_the_drive_and_starts_it_again(hub: FakeHub) -> None:
+def the_hubs_button_ends_the_drive_and_starts_it_again(hub: FakeHub) -> None:
     with driver_for(hub) as driver:
         driver.send_action(Action.FORWARD)
         hub.end_program()
@@ -151,8 +162,7 @@ def test_the_hubs_button_ends_the_drive_and_starts_it_again(hub: FakeHub) -> Non
         until(lambda: drives(driver))
 
 
-@pytest.mark.realtime
-def test_a_hub_that_comes_back_into_reach_is_driven_again(hub: FakeHub) -> None:
+def a_hub_that_comes_back_into_reach_is_driven_again(hub: FakeHub) -> None:
     with driver_for(hub) as driver:
         driver.send_action(Action.FORWARD)
         hub.cut()
@@ -164,22 +174,22 @@ def test_a_hub_that_comes_back_into_reach_is_driven_again(hub: FakeHub) -> None:
         until(lambda: drives(driver))
 
 
-@pytest.mark.realtime
-def test_a_hub_is_found_by_its_name(hub: FakeHub) -> None:
-    hub.name = "Anna"
-    with driver_for(hub, "Anna"):
+def a_hub_is_found_by_its_name(hub: FakeHub) -> None:
+    with mock.patch.object(hub, "name", "Anna"), driver_for(hub, "Anna"):
         pass
     with pytest.raises(DriveError, match=r"the hub 'Otto'.*in reach"):
         driver_for(hub, "Otto").connect()
     hub.is_in_reach = False
     with pytest.raises(DriveError, match="is it on"):
         driver_for(hub).connect()
+    hub.is_in_reach = True
 
 
-@pytest.mark.realtime
-def test_a_hub_without_our_program_is_told(hub: FakeHub, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hub, "start_program", lambda: None)
-    with pytest.raises(DriveError, match=r"firmware/hub\.py"):
+def a_hub_without_our_program_is_told(hub: FakeHub) -> None:
+    with (
+        mock.patch.object(hub, "start_program", lambda: None),
+        pytest.raises(DriveError, match=r"firmware/hub\.py"),
+    ):
         driver_for(hub).connect()
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import hmac
 import json
 import socket
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -21,18 +21,6 @@ from tests.standins.firmware import FIRMWARE, SECRET, FirmwareRobot
 
 def test_it_is_short() -> None:
     assert len(FIRMWARE.read_text().splitlines()) <= 60
-
-
-@pytest.fixture
-def robot() -> Iterator[FirmwareRobot]:
-    with FirmwareRobot() as running:
-        yield running
-
-
-@pytest.fixture
-def sender(robot: FirmwareRobot) -> Iterator[Sender]:
-    with Sender(robot) as sending:
-        yield sending
 
 
 def driver_for(robot: FirmwareRobot, secret: str = SECRET) -> UdpDriver:
@@ -60,6 +48,15 @@ class Sender:
         self.report = json.loads(self.socket.recv(600))
         return self.report
 
+    def drain(self) -> None:
+        """Leave the answers to what was not waited for; the next report is a new one."""
+        self.socket.settimeout(0.5)
+        with contextlib.suppress(TimeoutError):
+            while True:
+                self.socket.recv(600)
+        self.socket.settimeout(60.0)
+        self.ask(b"{}")
+
     def order(self, secret: str = SECRET, **fields: Any) -> bytes:
         plain = {"move": "forward", "for_ms": 400, "speed": 1.0, "seq": 1, **fields}
         plain.setdefault("seen_ms", self.report["ms"])
@@ -69,8 +66,25 @@ class Sender:
         return text + b"\t" + mac.encode()
 
 
+RUBBISH = (b"", b"\x00\xff", b"[]\t", b"7", b"{", b'{"seq": 1}\tx', b"x" * 500, b"null\t0")
+NONSENSE: tuple[dict[str, Any], ...] = ({"speed": "x"}, {"move": 7}, {"for_ms": None}, {"seq": "1"})
+
+
 @pytest.mark.realtime
-def test_moves_turn_the_wheels_and_end_by_themselves(robot: FirmwareRobot) -> None:
+def test_it_is_driven_and_attacked_and_always_stands() -> None:
+    """One robot is switched on, and lives through all of it."""
+    with FirmwareRobot() as robot:
+        a_wrong_secret_moves_nothing_and_is_told(robot)
+        moves_turn_the_wheels_and_end_by_themselves(robot)
+        with Sender(robot) as sender:
+            replayed_forged_and_late_orders_move_nothing(robot, sender)
+            rubbish_and_signed_nonsense_are_answered_and_harmless(sender)
+            a_flood_does_not_keep_it_from_standing(robot, sender)
+            after_a_freeze_it_stands_before_it_obeys(robot, sender)
+        it_is_driven_again_after_it_was_switched_off_and_on(robot)
+
+
+def moves_turn_the_wheels_and_end_by_themselves(robot: FirmwareRobot) -> None:
     with driver_for(robot) as driver:
         driver.send_action(Action.LEFT, speed_scale=0.5)
         robot.wait_until_it_stands()
@@ -81,8 +95,7 @@ def test_moves_turn_the_wheels_and_end_by_themselves(robot: FirmwareRobot) -> No
     assert stood_s - began_s >= ACTION_TIMEOUT_S - 0.1, "it does not stop before its time"
 
 
-@pytest.mark.realtime
-def test_a_wrong_secret_moves_nothing_and_is_told(robot: FirmwareRobot) -> None:
+def a_wrong_secret_moves_nothing_and_is_told(robot: FirmwareRobot) -> None:
     driver = driver_for(robot, "wrong")
     with driver, pytest.raises(DriveError, match="--secret"):
         for _ in range(10):
@@ -90,30 +103,25 @@ def test_a_wrong_secret_moves_nothing_and_is_told(robot: FirmwareRobot) -> None:
     assert not any(any(move[1:]) for move in robot.moves)
 
 
-@pytest.mark.realtime
-def test_replayed_forged_and_late_orders_move_nothing(robot: FirmwareRobot, sender: Sender) -> None:
-    order = sender.order(seq=5)
-    assert sender.ask(order)["seq"] == 5
-    robot.wait_until_it_stands()
+def replayed_forged_and_late_orders_move_nothing(robot: FirmwareRobot, sender: Sender) -> None:
+    seq = sender.report["seq"] + 5
+    order, moves = sender.order(seq=seq), len(robot.moves)
+    assert sender.ask(order)["seq"] == seq
+    robot.wait_until_it_stands(since=moves)
     moves = len(robot.moves)
-    assert sender.ask(order)["seq"] == 5  # replayed
-    sender.ask(sender.order(seq=4))
-    sender.ask(sender.order(secret="other", seq=9))
-    sender.ask(sender.order(seq=9).replace(b"400", b"900"))
-    assert sender.report["seq"] == 5 and len(robot.moves) == moves
-    late = sender.order(seq=10, seen_ms=sender.report["ms"] - 600)
-    assert sender.ask(late)["seq"] == 10
+    assert sender.ask(order)["seq"] == seq  # replayed
+    sender.ask(sender.order(seq=seq - 1))
+    sender.ask(sender.order(secret="other", seq=seq + 4))
+    sender.ask(sender.order(seq=seq + 4).replace(b"400", b"900"))
+    assert sender.report["seq"] == seq and len(robot.moves) == moves
+    late = sender.order(seq=seq + 5, seen_ms=sender.report["ms"] - 600)
+    assert sender.ask(late)["seq"] == seq + 5
     robot.wait_until_it_stands()
     assert not any(any(move[1:]) for move in robot.moves[moves:]), "a late order only stops"
 
 
-RUBBISH = (b"", b"\x00\xff", b"[]\t", b"7", b"{", b'{"seq": 1}\tx', b"x" * 500, b"null\t0")
-NONSENSE: tuple[dict[str, Any], ...] = ({"speed": "x"}, {"move": 7}, {"for_ms": None}, {"seq": "1"})
-
-
-@pytest.mark.realtime
-def test_rubbish_and_signed_nonsense_are_answered_and_harmless(sender: Sender) -> None:
-    seq = 0
+def rubbish_and_signed_nonsense_are_answered_and_harmless(sender: Sender) -> None:
+    seq = sender.report["seq"]
     for message in RUBBISH:
         assert sender.ask(message)["seq"] == seq, message
         seq += 1
@@ -124,32 +132,35 @@ def test_rubbish_and_signed_nonsense_are_answered_and_harmless(sender: Sender) -
         assert sender.ask(sender.order(seq=seq))["seq"] == seq, fields
 
 
-@pytest.mark.realtime
-def test_a_flood_does_not_keep_it_from_standing(robot: FirmwareRobot, sender: Sender) -> None:
-    sender.ask(sender.order(for_ms=60_000))  # half a second is the most
+def a_flood_does_not_keep_it_from_standing(robot: FirmwareRobot, sender: Sender) -> None:
+    robot.wait_until_it_stands()
+    moves = len(robot.moves)
+    # Half a second is the most.
+    sender.ask(sender.order(seq=sender.report["seq"] + 1, for_ms=60_000))
     for _ in range(20_000):
         sender.socket.send(b"flood")
-    robot.wait_until_it_stands()
+    robot.wait_until_it_stands(since=moves)
 
 
-@pytest.mark.realtime
-def test_after_a_freeze_it_stands_before_it_obeys(robot: FirmwareRobot, sender: Sender) -> None:
-    sender.ask(sender.order())
-    stale = sender.order(seq=2)
+def after_a_freeze_it_stands_before_it_obeys(robot: FirmwareRobot, sender: Sender) -> None:
+    sender.drain()
+    seq, moves = sender.report["seq"], len(robot.moves)
+    sender.ask(sender.order(seq=seq + 1))
+    stale = sender.order(seq=seq + 2)
     robot.freeze()
     sender.socket.send(stale)
     sender.socket.settimeout(0.7)
     with pytest.raises(TimeoutError):
         sender.socket.recv(600)
     robot.thaw()
-    robot.wait_until_it_stands()
+    robot.wait_until_it_stands(since=moves)
     sender.socket.settimeout(60.0)
-    assert json.loads(sender.socket.recv(600))["seq"] == 2
-    assert [any(move[1:]) for move in robot.moves] in ([True, False], [True, False, False])
+    assert json.loads(sender.socket.recv(600))["seq"] == seq + 2
+    turned = [any(move[1:]) for move in robot.moves[moves:]]
+    assert turned in ([True, False], [True, False, False])
 
 
-@pytest.mark.realtime
-def test_a_robot_that_was_switched_off_and_on_is_driven_again(robot: FirmwareRobot) -> None:
+def it_is_driven_again_after_it_was_switched_off_and_on(robot: FirmwareRobot) -> None:
     with driver_for(robot) as driver:
         driver.send_action(Action.FORWARD)
         robot.__exit__()

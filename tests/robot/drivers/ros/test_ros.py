@@ -54,7 +54,18 @@ def speeds(message: dict[str, Any]) -> tuple[float, float]:
 
 
 @pytest.mark.realtime
-def test_moves_are_velocities_in_metres_and_radians(ros: RosBridgeServer) -> None:
+def test_a_base_is_driven_watched_and_lost(ros: RosBridgeServer) -> None:
+    """One bridge lives through all of it."""
+    a_bridge_that_is_not_there_is_a_sentence()
+    moves_are_velocities_in_metres_and_radians(ros)
+    a_velocity_that_is_not_renewed_is_followed_by_zero(ros)
+    a_topic_that_sends_something_else_is_a_fault(ros)
+    what_the_learner_would_do_is_a_topic(ros)
+    without_a_bridge_the_driver_says_what_that_means(ros)
+    a_foreign_client_hears_what_we_say(ros)
+
+
+def moves_are_velocities_in_metres_and_radians(ros: RosBridgeServer) -> None:
     moves = "forward,left,spin_right,fast:0:1,half_left:-0.5:0.25"
     with driver_for(ros, linear_mps=0.4, turn_rate_deg_s=90.0, body_moves=moves) as driver:
         ros.settle(driver._bridge)
@@ -82,19 +93,16 @@ def test_stamped_velocities_carry_the_time() -> None:
     assert stamp["sec"] + stamp["nanosec"] / 1e9 == pytest.approx(clock.wall_s(), abs=1e-3)
 
 
-@pytest.mark.realtime
-def test_a_velocity_that_is_not_renewed_is_followed_by_zero(ros: RosBridgeServer) -> None:
+def a_velocity_that_is_not_renewed_is_followed_by_zero(ros: RosBridgeServer) -> None:
     """The base here never stops by itself: it is our zero that ends the move."""
-    ros.has_timeout = False
-    with driver_for(ros) as driver:
+    with mock.patch.object(ros, "has_timeout", False), driver_for(ros) as driver:
         driver.send_action(Action.FORWARD)
         ros.settle(driver._bridge)
         assert ros.is_moving
         ros.wait_until(lambda: not ros.is_moving)
 
 
-@pytest.mark.realtime
-def test_without_a_bridge_the_driver_says_what_that_means(ros: RosBridgeServer) -> None:
+def without_a_bridge_the_driver_says_what_that_means(ros: RosBridgeServer) -> None:
     with driver_for(ros) as driver:
         ros.frozen.set()
         with pytest.raises(DriveError, match=r"nothing stops its robot unless its base does"):
@@ -114,8 +122,7 @@ def test_without_a_bridge_the_driver_says_what_that_means(ros: RosBridgeServer) 
         until(lambda: ros.is_moving)
 
 
-@pytest.mark.realtime
-def test_a_bridge_that_is_not_there_is_a_sentence(ros: RosBridgeServer) -> None:
+def a_bridge_that_is_not_there_is_a_sentence() -> None:
     options = {"address": "127.0.0.1:9"}
     with pytest.raises(DriveError, match="rosbridge_server"):
         RosDriver(RosOptions(**options)).connect()
@@ -142,8 +149,7 @@ def test_bad_options_are_refused_with_their_name(option: str, value: object) -> 
         RosCameraOptions(image_topic="/a b")
 
 
-@pytest.mark.realtime
-def test_a_topic_that_sends_something_else_is_a_fault(ros: RosBridgeServer) -> None:
+def a_topic_that_sends_something_else_is_a_fault(ros: RosBridgeServer) -> None:
     with RosCamera(RosCameraOptions(address=ros.address), RealClock()) as camera:
         until(camera.latest)
         for broken, says in (
@@ -157,9 +163,9 @@ def test_a_topic_that_sends_something_else_is_a_fault(ros: RosBridgeServer) -> N
             until(lambda: camera.fault is None)
 
 
-@pytest.mark.realtime
-def test_what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
+def what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
     """Nobody starts the robot: it is advice alone."""
+    ros.cmd_vel.clear()
     driver = driver_for(ros, advice_topic=ADVICE)
     clock = RealClock()
     camera = RosCamera(RosCameraOptions(address=ros.address), clock)
@@ -175,8 +181,7 @@ def test_what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
     assert not any(any(speeds(message)) for message in ros.cmd_vel), "and it never moved"
 
 
-@pytest.mark.realtime
-def test_a_foreign_client_hears_what_we_say(ros: RosBridgeServer) -> None:
+def a_foreign_client_hears_what_we_say(ros: RosBridgeServer) -> None:
     """`roslibpy`; CI installs it for this test alone."""
     if not (FOREIGN / "roslibpy").is_dir():
         if os.environ.get("CI") == "true":
