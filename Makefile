@@ -43,13 +43,15 @@ OLD_TESTS := $(addprefix tests/server/,board cli hosting security test_drive.py 
   test_eye.py test_hostile_values.py test_identity.py test_models.py test_protocol.py \
   test_real_server.py test_security.py test_study_sessions.py test_teaching_routes.py \
   test_why_route.py test_world_routes.py) tests/contract/test_cameras.py \
-  tests/contract/test_real_parts.py tests/robot/learner/test_bsoc.py
+  tests/robot/drivers/pybricks tests/robot/drivers/remote tests/robot/drivers/ros \
+  tests/robot/drivers/lego_education tests/robot/cameras/test_mjpeg.py tests/brick/test_stock.py \
+  tests/robot/learner/test_bsoc.py
 
 test-oldest: $(OLDEST)/.made ## Test the server on the versions of Debian 12
 	$(OLDEST)/bin/python -m pytest -p tests.oldest.newer_client -p no:anyio \
 	  -p no:cacheprovider $(OLD_TESTS) \
 	  --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow" \
-	  -k "not browser and not films_and_datasets" $(ARGS)
+	  -k "not browser and not films_and_datasets and not foreign_client" $(ARGS)
 
 check: lint types ## Format, lint, types, import contracts, layout and docs, without the other tests
 	$(BIN)/python -m pytest -q -m 'not slow' tests/architecture tests/docs

@@ -34,7 +34,12 @@ def wait_until(is_so: Callable[[], bool], timeout_s: float = 30.0) -> None:
 
 
 @pytest.mark.realtime
-def test_a_line_that_was_lost_is_said_and_joined_again(brick: FakeBrick, tmp_path: Path) -> None:
+def test_a_process_drives_shows_and_comes_back(brick: FakeBrick, tmp_path: Path) -> None:
+    the_camera_comes_newest_first_and_its_faults_are_said(brick, tmp_path)
+    a_line_that_was_lost_is_said_and_joined_again(brick, tmp_path)
+
+
+def a_line_that_was_lost_is_said_and_joined_again(brick: FakeBrick, tmp_path: Path) -> None:
     first = RunningAgent(brick.root, tmp_path)
     port = first.address.split(":")[1]
     with first, make_driver(first.address) as driver:
@@ -62,10 +67,7 @@ def test_a_line_that_was_lost_is_said_and_joined_again(brick: FakeBrick, tmp_pat
             brick.wait_until(brick.is_moving)
 
 
-@pytest.mark.realtime
-def test_the_camera_comes_newest_first_and_its_faults_are_said(
-    brick: FakeBrick, tmp_path: Path
-) -> None:
+def the_camera_comes_newest_first_and_its_faults_are_said(brick: FakeBrick, tmp_path: Path) -> None:
     video = FakeVideo(tmp_path, QUICK)
     options = UsbCameraOptions(device=DEVICE)
     with RunningAgent(brick.root, tmp_path, video.env) as running:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from robot.brick.calibration import fit_track, fit_wheels, rolled_m, turned_deg
 from robot.brick.chassis import ChassisOptions
+from robot.clock import VirtualClock
+from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.errors import ConfigurationError
 from robot.testing.brick import FakeBrick
 from server.__main__ import main
+from server.cli import calibrate
 from server.cli.calibrate import keep
 
 
@@ -47,7 +52,22 @@ def test_the_file_keeps_all_else(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.realtime
+@pytest.fixture
+def brick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeBrick]:
+    """A brick that the command drives in virtual time."""
+    clock = VirtualClock(100.0)
+
+    class TimedDriver(Ev3Driver):
+        def __init__(self, options: Ev3Options) -> None:
+            super().__init__(options, clock)
+
+    timed = functools.partial(calibrate.drive, now_s=clock.now_s, sleep=clock.sleep)
+    monkeypatch.setattr(calibrate, "drive", timed)
+    monkeypatch.setattr(calibrate, "load_driver", lambda name: TimedDriver)
+    with FakeBrick(tmp_path / "brick", clock=clock) as fake:
+        yield fake
+
+
 def test_a_brick_is_calibrated_by_driving(
     brick: FakeBrick,
     tmp_path: Path,
@@ -81,7 +101,6 @@ def test_a_brick_is_calibrated_by_driving(
     assert {move.command for move in moves} == {"run-timed"}
 
 
-@pytest.mark.realtime
 def test_nobody_to_answer_is_one_clear_line(
     brick: FakeBrick,
     tmp_path: Path,

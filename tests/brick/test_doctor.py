@@ -240,13 +240,12 @@ def test_what_the_agent_knows_of_itself_is_whole(brick: FakeBrick) -> None:
     assert set(inspect_brick(str(brick.root), 0)) == set(INSPECTED)
 
 
-@pytest.mark.realtime
-def test_a_busy_brick_is_one_clear_line(
+def a_busy_brick_is_one_clear_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("DRIVELESSON_BRICK_SECRET", SECRET)
     with (
-        FakeBrick(tmp_path) as brick,
+        FakeBrick(tmp_path / "busy") as brick,
         FakeAgent(brick) as agent,
         Examination(agent.address, SECRET),
     ):
@@ -293,7 +292,10 @@ def test_the_report_in_the_guide_is_what_it_prints(
 
 
 @pytest.mark.realtime
-def test_the_command_examines_a_fake_brick(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_examines_a_brick_unless_it_is_busy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    a_busy_brick_is_one_clear_line(tmp_path, capsys, monkeypatch)
     assert main(["brick", "doctor", "--fake"]) in (0, 1)  # 1: a busy machine makes a slow brick
     said = capsys.readouterr().out
     for topic in ("versions", "motors", "wheels", "sensors", "battery", "camera", "pictures"):

@@ -84,9 +84,14 @@ def join_patiently(address: str) -> None:
 
 
 @pytest.mark.realtime
-def test_a_thousand_idle_connections_are_nothing(
+def test_neither_many_strangers_nor_much_data_cost_the_agent_anything(
     brick: FakeBrick, running_agent: RunningAgent
 ) -> None:
+    a_thousand_idle_connections_are_nothing(brick, running_agent)
+    twelve_strangers_with_four_megabytes_each_get_no_memory(brick, running_agent)
+
+
+def a_thousand_idle_connections_are_nothing(brick: FakeBrick, running_agent: RunningAgent) -> None:
     with make_driver(running_agent.address) as driver, ExitStack() as stack:
         drive_on(driver, brick)
         before_kb, before_fds = memory_kb(running_agent), descriptors(running_agent)
@@ -99,8 +104,7 @@ def test_a_thousand_idle_connections_are_nothing(
     join_patiently(running_agent.address)
 
 
-@pytest.mark.realtime
-def test_twelve_strangers_with_four_megabytes_each_get_no_memory(
+def twelve_strangers_with_four_megabytes_each_get_no_memory(
     brick: FakeBrick, running_agent: RunningAgent
 ) -> None:
     body = b"x" * (4 << 20)

@@ -30,7 +30,7 @@ PATIENCE_S = 30.0
 
 
 class Proxy:
-    """A line that can be cut (both ends hear of it) or go silent (nobody does)."""
+    """A line that can be cut (both ends hear of it) or go silent (nobody does), and be mended."""
 
     def __init__(self, address: str) -> None:
         host, port = address.split(":")
@@ -38,37 +38,53 @@ class Proxy:
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.address = f"127.0.0.1:{self._listener.getsockname()[1]}"
         self._lines: list[socket.socket] = []
-        self._is_silent = threading.Event()
+        self._is_whole = threading.Event()
+        self._is_whole.set()
         threading.Thread(target=self._serve, daemon=True).start()
 
     def _serve(self) -> None:
-        with suppress(OSError, ValueError):  # it was cut or closed
-            self._pass_on()
+        with suppress(OSError, ValueError):  # it was closed
+            while True:
+                self._is_whole.wait()
+                near, _ = self._listener.accept()
+                far = socket.create_connection(self._target)
+                self._lines += [near, far]
+                with suppress(OSError):  # it was cut
+                    self._pass_on({near: far, far: near})
+                if self._is_whole.is_set():
+                    near.close()
+                    far.close()
 
-    def _pass_on(self) -> None:
-        near, _ = self._listener.accept()
-        far = socket.create_connection(self._target)
-        self._lines = [near, far]
-        other = {near: far, far: near}
-        while not self._is_silent.is_set():
-            for line in select.select(self._lines, [], [], 0.05)[0]:
+    def _pass_on(self, other: dict[socket.socket, socket.socket]) -> None:
+        while self._is_whole.is_set():
+            for line in select.select(list(other), [], [], 0.05)[0]:
                 data = line.recv(65536)
                 if not data:
                     return
                 other[line].sendall(data)
 
     def go_silent(self) -> None:
-        self._is_silent.set()
+        self._is_whole.clear()
 
     def cut(self) -> None:
         self.go_silent()
+        self._shut_down()
+
+    def mend(self) -> None:
+        """Let the next connection through; of the old one both ends hear now that it is over."""
+        self._shut_down()
+        self._is_whole.set()
+
+    def _shut_down(self) -> None:
         for line in self._lines:
-            line.shutdown(socket.SHUT_RDWR)
+            with suppress(OSError):
+                line.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
-        self._is_silent.set()
+        self._is_whole.clear()
         for line in [self._listener, *self._lines]:
             line.close()
+        self._is_whole.set()
 
 
 @contextmanager
@@ -136,54 +152,50 @@ class Drive:
         assert {(move.command, move.time_ms) for move in moves} == {("run-timed", 400)}
 
 
-@pytest.fixture(params=["ev3", "ev3-remote"])
-def drive(request: pytest.FixtureRequest, brick: FakeBrick, tmp_path: Path) -> Iterator[Drive]:
+@contextmanager
+def driven(robot: str, brick: FakeBrick, folder: Path) -> Iterator[Drive]:
+    """A server in a process of its own, whose pilot drives the brick."""
     with ExitStack() as stack:
         proxy = None
-        if request.param == "ev3":
+        if robot == "ev3":
             options = ["--brick-root", str(brick.root)]
         else:
-            proxy = Proxy(stack.enter_context(RunningAgent(brick.root, tmp_path)).address)
+            proxy = Proxy(stack.enter_context(RunningAgent(brick.root, folder)).address)
             stack.callback(proxy.close)
             options = ["--brick", proxy.address, "--brick-secret", SECRET]
-        process, address = stack.enter_context(
-            serving(tmp_path, "--robot", request.param, *options)
-        )
+        process, address = stack.enter_context(serving(folder, "--robot", robot, *options))
         pilot = stack.enter_context(Pilot(address + "/ws/drive"))
         pilot.wait_for_state(you_are_pilot=True)
         pilot.drive_until(lambda: set(brick.speeds().values()) == {360})
         yield Drive(brick, process, proxy, pilot)
 
 
-@pytest.mark.realtime
-def test_killing_the_server(drive: Drive) -> None:
-    drive.check_it_stands_after(drive.process.kill)
-
-
-@pytest.mark.realtime
-def test_freezing_the_server(drive: Drive) -> None:
+def freeze_and_thaw(drive: Drive) -> None:
     drive.check_it_stands_after(lambda: drive.process.send_signal(signal.SIGSTOP))
+    drive.process.send_signal(signal.SIGCONT)
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("drive", ["ev3-remote"], indirect=True)
-def test_cutting_the_line(drive: Drive) -> None:
-    assert drive.proxy is not None
-    drive.check_it_stands_after(drive.proxy.cut)
+def test_a_server_on_the_brick_is_frozen_and_killed(brick: FakeBrick, tmp_path: Path) -> None:
+    with driven("ev3", brick, tmp_path) as drive:
+        freeze_and_thaw(drive)
+        drive.check_it_stands_after(drive.process.kill)
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("drive", ["ev3-remote"], indirect=True)
-def test_a_line_that_goes_silent(drive: Drive) -> None:
-    assert drive.proxy is not None
-    drive.check_it_stands_after(drive.proxy.go_silent)
-
-
-@pytest.mark.realtime
-@pytest.mark.parametrize("drive", ["ev3-remote"], indirect=True)
-def test_ending_the_server_in_good_order(drive: Drive) -> None:
-    drive.process.terminate()
-    drive.process.wait(60)
-    drive.brick.wait_until(lambda: not drive.brick.is_moving(), PATIENCE_S)
-    drive.brick.catch_up()
-    assert drive.brick.commands[-1].command == "stop"
+def test_a_server_beside_the_brick_is_frozen_cut_off_and_killed_or_ends_in_good_order(
+    brick: FakeBrick, tmp_path: Path
+) -> None:
+    with driven("ev3-remote", brick, tmp_path) as drive:
+        assert drive.proxy is not None
+        freeze_and_thaw(drive)
+        for harm in (drive.proxy.cut, drive.proxy.go_silent):
+            drive.check_it_stands_after(harm)
+            drive.proxy.mend()
+        drive.check_it_stands_after(drive.process.kill)
+    with driven("ev3-remote", brick, tmp_path) as drive:
+        drive.process.terminate()
+        drive.process.wait(60)
+        brick.wait_until(lambda: not brick.is_moving(), PATIENCE_S)
+        brick.catch_up()
+        assert brick.commands[-1].command == "stop"

@@ -19,6 +19,7 @@ from robot.clock import ManualClock
 from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
 from robot.errors import ConfigurationError, DriveError
 from robot.types import Action
+from tests.contract.real_parts import check_driver_on_its_real_line
 from tests.standins.ev3_stock import LARGE, SERIAL, TOUCH, StockBrick, StockFirmware, _Machine
 
 
@@ -153,7 +154,8 @@ def test_what_is_not_plugged_in_is_named(
 
 
 @pytest.mark.realtime
-def test_a_lost_brick_is_found_again() -> None:
+def test_a_brick_on_its_real_line_that_was_lost_is_found_again() -> None:
+    check_driver_on_its_real_line("ev3-stock")
     with (
         StockBrick() as brick,
         Ev3StockDriver(

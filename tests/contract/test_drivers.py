@@ -12,7 +12,7 @@ from robot.testing.driver_contract import DriverContract
 from tests.contract.builders import DRIVERS
 
 OVER_REAL_LINES = {"lego-education"}
-"""A foreign library with threads of its own: test_real_parts.py holds it to the contract."""
+"""A foreign library with threads of its own: real_parts.py holds it to the contract."""
 
 
 def test_no_driver_is_left_out() -> None:

@@ -47,11 +47,21 @@ def ws() -> Iterator[Body]:
         yield Body(["ws", "--address", robot.address, "--secret", "s"], lambda: robot.ends_s)
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "frozen"])
+def check_that_it_stands(robot: Body) -> None:
+    time.sleep(1.0)  # whatever was on its way has arrived
+    for _ in range(1000):
+        if robot.ends_s() < time.monotonic():
+            break
+        time.sleep(0.01)
+    stands_s = robot.ends_s()
+    assert stands_s < time.monotonic(), "it goes on"
+    time.sleep(1.0)
+    assert robot.ends_s() == stands_s, "it was told to move again"
+
+
 @pytest.mark.parametrize("body", [ev3_stock, ws])
 def test_a_body_stands_when_its_server_does_not_go_on(
     body: Callable[[], contextlib.AbstractContextManager[Body]],
-    how: signal.Signals,
     tmp_path: Path,
 ) -> None:
     with MjpegServer() as camera, body() as robot:
@@ -66,17 +76,11 @@ def test_a_body_stands_when_its_server_does_not_go_on(
                     if (found := re.search(r"open http(://\S+)", line))
                 )
                 with Pilot(f"ws{address}/ws/drive") as pilot:
-                    pilot.drive_until(lambda: robot.ends_s() > time.monotonic())
-                    os.kill(process.pid, how)
-                    time.sleep(1.0)  # whatever was on its way has arrived
-                    for _ in range(1000):
-                        if robot.ends_s() < time.monotonic():
-                            break
-                        time.sleep(0.01)
-                    stands_s = robot.ends_s()
-                    assert stands_s < time.monotonic(), "it goes on"
-                    time.sleep(1.0)
-                    assert robot.ends_s() == stands_s, "it was told to move again"
+                    for how in (signal.SIGSTOP, signal.SIGKILL):
+                        pilot.drive_until(lambda: robot.ends_s() > time.monotonic())
+                        os.kill(process.pid, how)
+                        check_that_it_stands(robot)
+                        os.kill(process.pid, signal.SIGCONT)
             finally:
                 os.kill(process.pid, signal.SIGCONT)
                 process.kill()

@@ -1,12 +1,10 @@
-"""The phone's socket on a real server: pictures, STOP, a second phone, and refused roles."""
+"""The phone's socket in virtual time: pictures, STOP, a second phone, and refused roles."""
 
 from __future__ import annotations
 
 import contextlib
 import itertools
 import json
-import sys
-import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,42 +12,36 @@ import cv2
 import httpx
 import numpy as np
 import pytest
-from websockets.sync.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
 
 from robot.cameras.phone import PhoneCamera, PhoneOptions
-from robot.clock import RealClock
+from robot.clock import VirtualClock
 from robot.drivers.replay import ReplayDriver
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
-from server.app import create_app
 from server.clients.eye import encode_frame
-from server.config import Config
-from server.hosting.serving import served
 from server.protocol import parse_acknowledgement
 from server.security.access import Access, Refusal, Role
-from server.services import make_services
-from tests.server.live_robot import WEB, live_server
 
-# The client's own: `make test-oldest` has the tests' client from a newer release.
-ConnectionClosed = sys.modules[ClientConnection.__mro__[1].__module__].ConnectionClosed
+from .virtual_server import VirtualServer, VirtualSocket, connect
+
 WAIT_S = 20.0
 EYE_MS = 5_000_000.0
 
 
 @pytest.fixture
-def robot() -> Iterator[tuple[Rig, str]]:
-    clock = RealClock()
+def robot() -> Iterator[VirtualServer]:
+    clock = VirtualClock(100.0)
     camera = PhoneCamera(PhoneOptions(eye_rate=12.0), clock)
-    rig = Rig(ReplayDriver(), camera, make_policy("published-8"), clock)
-    config = Config(port=0, web=WEB)
-    with rig, served(create_app(make_services(config, rig)), config) as address:
-        yield rig, address
+    rig = Rig(ReplayDriver(clock=clock), camera, make_policy("published-8"), clock)
+    with VirtualServer(rig=rig) as server:
+        yield server
 
 
 class Phone:
     """A phone without a screen: answers questions about its clock, on `EYE_MS`."""
 
-    def __init__(self, socket: ClientConnection) -> None:
+    def __init__(self, socket: VirtualSocket) -> None:
         self.socket = socket
         self.words: list[dict[str, Any]] = []
         self.acknowledged: list[int] = []
@@ -88,21 +80,8 @@ def phone(address: str) -> Iterator[Phone]:
         yield Phone(socket)
 
 
-def wait_until(rig: Rig, is_so: Any) -> None:
-    """Wait for the camera to change; it notifies on every change."""
-    told = threading.Event()
-    rig.camera.listen(told.set)
-    for _ in range(400):
-        if is_so():
-            return
-        told.wait(WAIT_S / 400)
-        told.clear()
-    pytest.fail("it never came to be so")
-
-
-@pytest.mark.realtime
-def test_pictures_arrive_with_stamps_on_our_clock(robot: tuple[Rig, str]) -> None:
-    rig, address = robot
+def test_pictures_arrive_with_stamps_on_our_clock(robot: VirtualServer) -> None:
+    rig, address = robot.rig, robot.address
     with phone(address) as eye:
         hello = eye.wait_for("hello")
         assert (hello["width"], hello["height"], hello["rate_hz"]) == (320, 240, 12.0)
@@ -114,21 +93,19 @@ def test_pictures_arrive_with_stamps_on_our_clock(robot: tuple[Rig, str]) -> Non
         assert frame is not None and (frame.width, frame.height) == (32, 24)
         assert asked["server_ms"] / 1000 <= frame.captured_s <= rig.clock.now_s()
         assert rig.camera.fault is None
-    wait_until(rig, lambda: "gone" in (rig.camera.fault or ""))
+    robot.wait_until(lambda: "gone" in (rig.camera.fault or ""))
 
 
-@pytest.mark.realtime
-def test_the_page_may_ask_for_a_camera_and_no_other_may(robot: tuple[Rig, str]) -> None:
-    _, address = robot
+def test_the_page_may_ask_for_a_camera_and_no_other_may(robot: VirtualServer) -> None:
+    address = robot.address
     page = httpx.get(address + "/eye")
     assert page.status_code == 200 and "eye.js" in page.text
     assert page.headers["permissions-policy"].startswith("camera=(self)")
     assert "camera=()" in httpx.get(address + "/").headers["permissions-policy"]
 
 
-@pytest.mark.realtime
-def test_stop_on_the_phone_latches_the_emergency(robot: tuple[Rig, str]) -> None:
-    _, address = robot
+def test_stop_on_the_phone_latches_the_emergency(robot: VirtualServer) -> None:
+    address = robot.address
     with phone(address) as eye:
         assert eye.wait_for("state")["emergency"] is False
         eye.socket.send('{"type": "stop"}')
@@ -136,9 +113,8 @@ def test_stop_on_the_phone_latches_the_emergency(robot: tuple[Rig, str]) -> None
             pass
 
 
-@pytest.mark.realtime
-def test_the_newest_phone_is_the_eye(robot: tuple[Rig, str]) -> None:
-    rig, address = robot
+def test_the_newest_phone_is_the_eye(robot: VirtualServer) -> None:
+    rig, address = robot.rig, robot.address
     with phone(address) as first, phone(address) as second:
         first.wait_for("hello")
         second.wait_for("hello")
@@ -152,9 +128,8 @@ def test_the_newest_phone_is_the_eye(robot: tuple[Rig, str]) -> None:
         assert rig.camera.fault is None
 
 
-@pytest.mark.realtime
-def test_whoever_sends_rubbish_is_shown_out(robot: tuple[Rig, str]) -> None:
-    _, address = robot
+def test_whoever_sends_rubbish_is_shown_out(robot: VirtualServer) -> None:
+    address = robot.address
     with phone(address) as eye:
         with pytest.raises(ConnectionClosed) as closed:
             for index in range(100_000):
@@ -162,9 +137,8 @@ def test_whoever_sends_rubbish_is_shown_out(robot: tuple[Rig, str]) -> None:
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 1008
 
 
-@pytest.mark.realtime
 def test_a_robot_with_another_camera_says_so() -> None:
-    with live_server() as server, phone(server.address) as eye:
+    with VirtualServer() as server, phone(server.address) as eye:
         with pytest.raises(ConnectionClosed) as closed:
             eye.wait_for("hello")
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 4004

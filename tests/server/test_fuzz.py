@@ -5,6 +5,7 @@ DRIVELESSON_FUZZ says how many messages; `make test` sends 4,000, CI 100,000.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import random
@@ -103,7 +104,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnProcess]:
         yield running
 
 
-@pytest.fixture
+@contextlib.contextmanager
 def untouched(server: OwnProcess) -> Iterator[None]:
     """Fail if the loop does not go on, or anything was logged as an error.
 
@@ -122,8 +123,15 @@ def _turns(server: OwnProcess) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(240)
-def test_words(server: OwnProcess, untouched: None) -> None:
+@pytest.mark.timeout(400)
+@pytest.mark.filterwarnings("ignore")
+def test_no_nonsense_is_noticed_by_the_loop(server: OwnProcess) -> None:
+    for send in (send_words, send_acknowledgements, send_requests):
+        with untouched(server):
+            send(server)
+
+
+def send_words(server: OwnProcess) -> None:
     dice = random.Random(1)
     with connect(f"ws://127.0.0.1:{server.port}/ws/drive", compression=None) as socket:
         for batch in range(int(0.7 * MESSAGES / BATCH)):
@@ -133,9 +141,7 @@ def test_words(server: OwnProcess, untouched: None) -> None:
     assert server.metric('messages_refused_total{code="malformed"}') > MESSAGES / 10
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(240)
-def test_acknowledgements(server: OwnProcess, untouched: None) -> None:
+def send_acknowledgements(server: OwnProcess) -> None:
     dice = random.Random(2)
     with connect(f"ws://127.0.0.1:{server.port}/ws/video", compression=None) as socket:
         for _ in range(int(0.25 * MESSAGES)):
@@ -144,10 +150,7 @@ def test_acknowledgements(server: OwnProcess, untouched: None) -> None:
         assert isinstance(frame, bytes)
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(240)
-@pytest.mark.filterwarnings("ignore")
-def test_requests(server: OwnProcess, untouched: None) -> None:
+def send_requests(server: OwnProcess) -> None:
     schemathesis = pytest.importorskip("schemathesis")
     from schemathesis.checks import load_all_checks, not_a_server_error
 

@@ -24,6 +24,10 @@ def test_a_pilot_drives_over_real_sockets_and_the_robot_stands_when_it_vanishes(
             wait_until(lambda: _drives(server, pilot), _PATIENCE_S, "it drives")
             pilot.vanish()
             wait_until(lambda: server.driver.now is Action.STOP, _PATIENCE_S, "it stands")
+        with server.pilot() as pilot:
+            pilot.socket.send("x" * 70_000)
+            pilot._threads[0].join(_PATIENCE_S)
+            assert pilot.socket.close_code == 1009, "a huge message closes the connection"
         wait_until(lambda: not server.hub.clients, _PATIENCE_S, "the hub lets it go")
 
 

@@ -193,14 +193,6 @@ def test_too_many_words_are_refused_and_then_shown_out() -> None:
         assert pilot.socket.close_code == 1008
 
 
-@pytest.mark.realtime
-def test_a_huge_message_closes_the_connection() -> None:
-    with live_server() as server, server.pilot() as pilot:
-        pilot.socket.send("x" * 70_000)
-        pilot._threads[0].join(5)
-        assert pilot.socket.close_code == 1009
-
-
 # On the local network --------------------------------------------------------------------------
 
 

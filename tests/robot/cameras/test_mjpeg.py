@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from robot.cameras.mjpeg import MAX_PART_BYTES, MjpegCamera, MjpegOptions, Parts
 from robot.clock import RealClock
 from robot.errors import CameraError, ConfigurationError
+from tests.contract.real_parts import check_camera_on_its_real_line
 from tests.standins.mjpeg import MjpegServer
 
 JPEGS = st.binary(max_size=300).map(lambda body: b"\xff\xd8" + body.replace(b"--frame", b""))
@@ -68,7 +69,14 @@ def test_what_is_no_address_is_refused_at_once(source: str) -> None:
 
 
 @pytest.mark.realtime
-def test_what_is_no_stream_is_said() -> None:
+def test_a_stream_over_a_real_line() -> None:
+    check_camera_on_its_real_line("mjpeg")
+    what_is_no_stream_is_said()
+    for with_length in (True, False):
+        a_lost_stream_is_a_fault_and_comes_back(with_length)
+
+
+def what_is_no_stream_is_said() -> None:
     with MjpegServer() as server:
         with pytest.raises(CameraError, match="text/html"):
             camera(server.address.replace("/stream", "/")).start()
@@ -91,9 +99,7 @@ def wait_until(camera: MjpegCamera, is_so: Callable[[], object]) -> None:
     pytest.fail(f"it never came to be so; {camera.fault}")
 
 
-@pytest.mark.realtime
-@pytest.mark.parametrize("with_length", [True, False])
-def test_a_lost_stream_is_a_fault_and_comes_back(with_length: bool) -> None:
+def a_lost_stream_is_a_fault_and_comes_back(with_length: bool) -> None:
     with (
         MjpegServer(with_length=with_length) as server,
         camera(server.address.replace("//", "//me:p%20w@")) as running,

@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from robot.clock import RealClock
 from robot.control.thread import LoopThread
 from robot.types import Action, DrivenBy, Mode, Prediction, StopReason
 from tests.robot.bench_robot import BenchRobot
@@ -333,12 +332,11 @@ def test_listeners_hear_every_turn_until_they_leave() -> None:
     assert len(heard) == 1
 
 
-@pytest.mark.realtime
 def test_the_thread_turns_the_loop_and_stops_the_robot_at_its_end() -> None:
     robot = BenchRobot()
-    thread = LoopThread(robot.loop, RealClock())
+    thread = LoopThread(robot.loop, robot.clock)
     thread.start()
-    assert robot.loop.submit(lambda: "served").result(timeout=5) == "served"
+    assert robot.clock.result(robot.loop.submit(lambda: "served"), 5.0) == "served"
     thread.stop()
     thread.stop()
     assert robot.driver.sent[-1][0] is Action.STOP

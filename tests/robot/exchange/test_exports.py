@@ -57,7 +57,6 @@ def test_a_lerobot_dataset_has_the_published_layout(episode: Episode, tmp_path: 
     assert np.shape(stats[CAMERA]["mean"]) == (3, 1, 1)
 
 
-@pytest.mark.realtime  # PyAV looks at the clock while it reads
 def test_its_film_shows_the_pictures_frame_by_frame(episode: Episode, tmp_path: Path) -> None:
     root = tmp_path / "dataset"
     write_lerobot([(episode, Notes())], root)
@@ -88,7 +87,6 @@ def test_deleted_ranges_split_a_dataset(episode: Episode, tmp_path: Path) -> Non
     assert rows[1]["dataset_from_index"] == rows[0]["dataset_to_index"] == 60
 
 
-@pytest.mark.realtime  # PyAV looks at the clock while it reads
 def test_a_film_to_look_at_plays(episode: Episode, tmp_path: Path) -> None:
     count = write_look(episode, Notes(), tmp_path / "film.mp4")
     shown = decoded(tmp_path / "film.mp4")

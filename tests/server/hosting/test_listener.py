@@ -16,8 +16,6 @@ from server.hosting.serving import open_socket
 from server.security.door import Door
 from server.security.listener import DoorListener
 
-pytestmark = pytest.mark.realtime
-
 
 def _listener(door: Door) -> DoorListener:
     listener = DoorListener.behind(door, open_socket("127.0.0.1", 0), ManualClock())
@@ -34,7 +32,18 @@ async def _accept_all(listener: DoorListener) -> list[socket.socket]:
             return accepted
 
 
-def test_a_connection_is_counted_from_accept_to_close() -> None:
+@pytest.mark.realtime
+def test_a_listening_socket_counts_evicts_turns_away_and_lets_others_work(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    a_connection_is_counted_from_accept_to_close()
+    an_evicted_connection_sees_the_end()
+    for number in (errno.EMFILE, errno.ENFILE):
+        without_descriptors_it_turns_away_and_does_not_spin(number, monkeypatch)
+    after_many_it_lets_others_work(monkeypatch)
+
+
+def a_connection_is_counted_from_accept_to_close() -> None:
     door = Door(Limits(), 10)
 
     async def scenario() -> None:
@@ -49,7 +58,7 @@ def test_a_connection_is_counted_from_accept_to_close() -> None:
     asyncio.run(scenario())
 
 
-def test_an_evicted_connection_sees_the_end() -> None:
+def an_evicted_connection_sees_the_end() -> None:
     door = Door(Limits(pending_per_address=1), 10)
 
     async def scenario() -> None:
@@ -70,8 +79,7 @@ def test_an_evicted_connection_sees_the_end() -> None:
     asyncio.run(scenario())
 
 
-@pytest.mark.parametrize("number", [errno.EMFILE, errno.ENFILE])
-def test_without_descriptors_it_turns_away_and_does_not_spin(
+def without_descriptors_it_turns_away_and_does_not_spin(
     number: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     door = Door(Limits(), 10)
@@ -98,7 +106,7 @@ def test_without_descriptors_it_turns_away_and_does_not_spin(
     asyncio.run(scenario())
 
 
-def test_after_many_it_lets_others_work(monkeypatch: pytest.MonkeyPatch) -> None:
+def after_many_it_lets_others_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("server.security.listener._AT_ONCE", 40)
     door = Door(Limits(pending_per_address=500, pending=500), 500)
 

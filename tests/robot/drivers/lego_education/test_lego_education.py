@@ -13,6 +13,7 @@ from robot.driver import BodyButton
 from robot.drivers.lego_education import LegoEducationDriver, LegoEducationOptions
 from robot.errors import DriveError, MissingExtraError
 from robot.types import Action
+from tests.contract.real_parts import check_driver_on_its_real_line
 from tests.standins.firmware import ROOT
 from tests.standins.lego_education import FakeDoubleMotor
 
@@ -37,6 +38,7 @@ def until(happens: Callable[[], object]) -> None:
 
 @pytest.mark.realtime
 def test_a_motor_is_driven_stopped_by_its_button_and_lost(motor: FakeDoubleMotor) -> None:
+    check_driver_on_its_real_line("lego-education")
     moves_are_timed_by_the_motor_and_scaled(motor)
     its_button_stops_once(motor)
     a_motor_that_was_out_of_reach_is_driven_again(motor)

@@ -16,6 +16,7 @@ from robot.driver import ACTION_TIMEOUT_S
 from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
 from robot.errors import DriveError, MissingExtraError
 from robot.types import Action, Sensors
+from tests.contract.real_parts import check_driver_on_its_real_line
 from tests.standins.firmware import ROOT
 from tests.standins.pybricks_hub import PROGRAM, FakeHub
 
@@ -75,6 +76,7 @@ def test_the_program_fits_a_page() -> None:
 @pytest.mark.realtime
 def test_a_hub_is_found_driven_hung_up_and_lost_and_driven_again(hub: FakeHub) -> None:
     """One hub lives through all of it: its program runs until somebody ends it."""
+    check_driver_on_its_real_line("pybricks")
     a_hub_without_our_program_is_told(hub)
     a_hub_is_found_by_its_name(hub)
     moves_are_timed_by_the_hub(hub)

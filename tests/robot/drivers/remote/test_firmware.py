@@ -16,6 +16,7 @@ from robot.drivers.remote.driver import RemoteOptions
 from robot.drivers.udp import UdpDriver
 from robot.errors import DriveError
 from robot.types import Action
+from tests.contract.real_parts import check_driver_on_its_real_line
 from tests.standins.firmware import FIRMWARE, SECRET, FirmwareRobot
 
 
@@ -73,6 +74,7 @@ NONSENSE: tuple[dict[str, Any], ...] = ({"speed": "x"}, {"move": 7}, {"for_ms": 
 @pytest.mark.realtime
 def test_it_is_driven_and_attacked_and_always_stands() -> None:
     """One robot is switched on, and lives through all of it."""
+    check_driver_on_its_real_line("udp")
     with FirmwareRobot() as robot:
         a_wrong_secret_moves_nothing_and_is_told(robot)
         moves_turn_the_wheels_and_end_by_themselves(robot)

@@ -11,6 +11,7 @@ from robot.drivers.remote.driver import RemoteOptions
 from robot.drivers.ws import WsDriver
 from robot.errors import DriveError
 from robot.types import Action
+from tests.contract.real_parts import check_driver_on_its_real_line
 from tests.standins.ws_robot import WsRobot
 
 
@@ -24,7 +25,8 @@ def silent_for_a_while(robot: WsRobot) -> None:
 
 
 @pytest.mark.realtime
-def test_a_lost_line_is_opened_again_and_moves_nothing_by_itself() -> None:
+def test_a_real_line_that_is_lost_is_opened_again_and_moves_nothing_by_itself() -> None:
+    check_driver_on_its_real_line("ws")
     for lose in (switched_off_and_on, silent_for_a_while):
         check_that_it_comes_back(lose)
 

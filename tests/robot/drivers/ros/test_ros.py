@@ -23,6 +23,10 @@ from robot.policy.registry import make_policy
 from robot.rig.driver_thread import DriverThread
 from robot.rig.rig import Rig
 from robot.types import Action
+from tests.contract.real_parts import (
+    check_camera_on_its_real_line,
+    check_driver_on_its_real_line,
+)
 from tests.standins.firmware import ROOT
 from tests.standins.rosbridge import RosBridgeServer, grey_image
 
@@ -56,13 +60,14 @@ def speeds(message: dict[str, Any]) -> tuple[float, float]:
 @pytest.mark.realtime
 def test_a_base_is_driven_watched_and_lost(ros: RosBridgeServer) -> None:
     """One bridge lives through all of it."""
+    check_driver_on_its_real_line("ros")
+    check_camera_on_its_real_line("ros")
     a_bridge_that_is_not_there_is_a_sentence()
     moves_are_velocities_in_metres_and_radians(ros)
     a_velocity_that_is_not_renewed_is_followed_by_zero(ros)
     a_topic_that_sends_something_else_is_a_fault(ros)
     what_the_learner_would_do_is_a_topic(ros)
     without_a_bridge_the_driver_says_what_that_means(ros)
-    a_foreign_client_hears_what_we_say(ros)
 
 
 def moves_are_velocities_in_metres_and_radians(ros: RosBridgeServer) -> None:
@@ -181,7 +186,8 @@ def what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
     assert not any(any(speeds(message)) for message in ros.cmd_vel), "and it never moved"
 
 
-def a_foreign_client_hears_what_we_say(ros: RosBridgeServer) -> None:
+@pytest.mark.realtime
+def test_a_foreign_client_hears_what_we_say(ros: RosBridgeServer) -> None:
     """`roslibpy`; CI installs it for this test alone."""
     if not (FOREIGN / "roslibpy").is_dir():
         if os.environ.get("CI") == "true":

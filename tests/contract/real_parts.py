@@ -9,8 +9,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
-import pytest
-
 from robot.cameras.mjpeg import MjpegCamera, MjpegOptions
 from robot.cameras.ros import RosCamera, RosCameraOptions
 from robot.clock import RealClock
@@ -34,8 +32,6 @@ from tests.standins.mjpeg import MjpegServer
 from tests.standins.pybricks_hub import FakeHub
 from tests.standins.rosbridge import RosBridgeServer
 from tests.standins.ws_robot import WsRobot
-
-pytestmark = pytest.mark.realtime
 
 
 def on_a_busy_machine(
@@ -141,15 +137,15 @@ CAMERA_SMOKE = (
 WHOLE = tuple(check for name, check in vars(DriverContract).items() if name.startswith("test_"))
 
 
-@pytest.mark.parametrize("name", REAL_DRIVERS)
-def test_a_driver_on_its_real_line(name: str) -> None:
+def check_driver_on_its_real_line(name: str) -> None:
+    """Hold a driver to the contract; for the one test that starts its real part."""
     for check in SMOKE if name in DRIVERS else WHOLE:
         with REAL_DRIVERS[name]() as case:
             check(DriverContract(), case)
 
 
-@pytest.mark.parametrize("name", REAL_CAMERAS)
-def test_a_camera_on_its_real_line(name: str) -> None:
+def check_camera_on_its_real_line(name: str) -> None:
+    """Hold a camera to the contract; for the one test that starts its real part."""
     for check in CAMERA_SMOKE:
         with REAL_CAMERAS[name]() as case:
             check(CameraContract(), case)
