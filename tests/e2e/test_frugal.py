@@ -112,7 +112,7 @@ def test_no_pictures_cross_to_a_page_that_does_not_show_them(chromium: Any, worl
 def test_who_leaves_the_picture_leaves_no_robot_driving(phone: Any, world: World) -> None:
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    hold_until(world, fingers, "left", lambda: world.lessons > 40)
+    hold_until(world, fingers, "left", lambda: world.lessons > 20)
     fingers.lift()
     choose(phone, world, Mode.AUTONOMOUS)
     phone.evaluate("location.hash = 'settings'")

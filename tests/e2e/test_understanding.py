@@ -164,7 +164,10 @@ def test_models_are_renamed_copied_deleted_and_brought_back(phone: Any, world: W
     phone.locator(".model h3", has_text="Kitchen").first.wait_for()
 
 
-def test_the_speed_that_was_set_is_the_speed_that_is_driven(phone: Any, world: World) -> None:
+def test_the_speed_that_was_set_is_the_speed_that_is_driven(
+    rovers_phone: Any, rover: World
+) -> None:
+    phone, world = rovers_phone, rover
     phone.goto(world.address + "/#settings")
     slider = phone.get_by_role("slider", name="Speed")
     slider.wait_for()

@@ -157,7 +157,8 @@ def test_teach_drive_correct_and_stop_on_recorded_footage(chromium: Any, tmp_pat
         context.close()
 
 
-def test_emergency_stop_latches_until_it_is_released(phone: Any, world: World) -> None:
+def test_emergency_stop_latches_until_it_is_released(rovers_phone: Any, rover: World) -> None:
+    phone, world = rovers_phone, rover
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
     fingers.press(pad("left"))
