@@ -126,7 +126,7 @@ class Newcomer:
     def _do_as_told(self, text: str) -> None:
         """Do what the sentence says; the sentences are those of web/js/messages/en.js."""
         mode = self.world.mode
-        if text.startswith(("Let it turn", "Ready after", "Ready: ")):
+        if text.startswith(("Let it turn", "Ready in", "Ready: ")):
             self._judge.is_lenient = True
         if text.startswith("Ready: ") and self.story.called_ready_s is None:
             self.story.called_ready_s = self.now_s

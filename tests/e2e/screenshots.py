@@ -21,6 +21,7 @@ from robot.experiments.protocol import Phase
 from robot.types import Mode
 from server.config import Config
 from server.security.pairing import Pairing
+from server.study.conductor import Conductor
 from tests.server.live_robot import WEB, live_server
 
 from .class_world import running_class
@@ -325,12 +326,87 @@ def _take_lesson(page: Any, world: World, shoot: Shoot) -> None:
     shoot("lesson")
 
 
+PLAN = """
+title = "Short or long teaching"
+participants = 12
+world = "box"
+moves = ["forward", "left"]
+consent = "You teach a small robot to drive. It records what its camera sees. \
+You may stop at any time."
+[[phase]]
+kind = "teach"
+seconds = 90
+[[phase]]
+kind = "alone"
+seconds = 60
+[[condition]]
+name = "short"
+[[condition]]
+name = "long"
+seconds = { teach = 180 }
+instructions = "This time you teach for three minutes."
+[[question]]
+name = "again"
+kind = "choice"
+text = "Would you do it again?"
+options = ["yes", "perhaps", "no"]
+"""
+
+
+def _take_participants(browser: Any, folder: Path) -> None:
+    """A study with participants: the researcher's list, and what a participant meets."""
+    with _world("box") as world:
+        conductor = world.services.conductor
+        assert conductor is not None
+        conductor.pace = 200.0
+
+        def post(path: str, **body: Any) -> None:
+            httpx.post(f"{world.address}/api/{path}", json=body).raise_for_status()
+
+        def take(name: str) -> None:
+            _each(
+                browser,
+                world,
+                folder,
+                lambda page, world, shoot: _take_study_screen(page, shoot, name),
+            )
+
+        post("studies", name="walk", plan=PLAN)
+        post("session", study="walk", participant="P01")
+        take("study-consent")
+        post("session/consent", language="en")
+        take("study-part")
+        post("session/drive")
+        _drive_phases(browser, world, conductor)
+        take("study-questions")
+        httpx.delete(f"{world.address}/api/session").raise_for_status()
+        take("study")
+
+
+def _take_study_screen(page: Any, shoot: Shoot, name: str) -> None:
+    page.evaluate("location.hash = 'study'")
+    page.locator("study-screen button, study-screen a.button").first.wait_for()
+    page.wait_for_timeout(500)
+    shoot(name)
+
+
+def _drive_phases(browser: Any, world: World, conductor: Conductor) -> None:
+    """Choose the mode of each phase, until the questions come."""
+    context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    page = open_page(context, world.address)
+    while (session := conductor.session) is not None and (phase := session.phase) is not None:
+        choose(page, world, phase.kind.mode)
+        page.wait_for_timeout(200)
+    context.close()
+
+
 PARTS: dict[str, Callable[[Any, Path], None]] = {
     "office": _take_office,
     "pairing": _take_pairing,
     "class": _take_class,
     "film": _take_film,
     "study": _take_study,
+    "participants": _take_participants,
 }
 """What can be taken alone: python -m tests.e2e.screenshots FOLDER office film."""
 
