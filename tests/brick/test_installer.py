@@ -14,6 +14,7 @@ import pytest
 
 from robot.brick.handshake import secret_path
 from robot.brick.rootfs import build_userland
+from robot.clock import VirtualClock
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.errors import ConfigurationError
 from robot.testing.brick import FakeBrick
@@ -68,7 +69,7 @@ def free_port() -> int:
 
 
 @pytest.mark.realtime
-def test_the_agent_is_copied_and_started_twice(
+def test_the_agent_is_copied_and_started_twice_and_again_when_it_dies(
     far_home: Path,
     agent_pid: Path,
     brick: FakeBrick,
@@ -87,6 +88,13 @@ def test_the_agent_is_copied_and_started_twice(
     options = Ev3RemoteOptions(brick=f"127.0.0.1:{port}")
     with Ev3RemoteDriver(options) as driver:
         assert driver.is_connected, "the kept secret opens the door"
+    log = far_home / "drivelesson/agent.log"
+    starts = log.read_text().count("listening")
+    os.kill(child_of(int(agent_pid.read_text())), signal.SIGKILL)
+    brick.wait_until(lambda: log.read_text().count("listening") == starts + 1, 60)
+    assert "ended with status 137; it is started again" in log.read_text()
+    with Ev3RemoteDriver(options) as driver:
+        assert driver.is_connected
 
 
 def child_of(pid: int) -> int:
@@ -95,28 +103,13 @@ def child_of(pid: int) -> int:
     return int(text.split()[0])
 
 
-@pytest.mark.realtime
-def test_an_agent_that_dies_is_started_again(
-    far_home: Path, agent_pid: Path, brick: FakeBrick, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("DRIVELESSON_ROOT", str(brick.root))
-    port = free_port()
-    assert main(["brick", "agent", "127.0.0.1", "--port", str(port)]) == 0
-    os.kill(child_of(int(agent_pid.read_text())), signal.SIGKILL)
-    log = far_home / "drivelesson/agent.log"
-    brick.wait_until(lambda: log.read_text().count("listening") == 2, 60)
-    assert "ended with status 137; it is started again" in log.read_text()
-    with Ev3RemoteDriver(Ev3RemoteOptions(brick=f"127.0.0.1:{port}")) as driver:
-        assert driver.is_connected
-
-
-@pytest.mark.realtime
 def test_the_brick_starts_the_agent_by_itself(
-    far_home: Path, agent_pid: Path, brick: FakeBrick, monkeypatch: pytest.MonkeyPatch
+    far_home: Path, agent_pid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("DRIVELESSON_ROOT", str(brick.root))
     port = free_port()
-    assert main(["brick", "agent", "127.0.0.1", "--port", str(port), "--autostart"]) == 0
+    with FakeBrick(tmp_path / "brick", clock=VirtualClock()) as brick:
+        monkeypatch.setenv("DRIVELESSON_ROOT", str(brick.root))
+        assert main(["brick", "agent", "127.0.0.1", "--port", str(port), "--autostart"]) == 0
     unit = (far_home / "etc/systemd/system/drivelesson-agent.service").read_text()
     assert f"ExecStart=/bin/sh {far_home}/drivelesson/keep-agent" in unit
     assert "Restart=always" in unit

@@ -110,6 +110,14 @@ def test_it_drives_and_learns_with_the_camera_that_it_has(
         shares = drive_with(TRAITS[name], brick, folder)
         with capsys.disabled():
             print(f"\n{name}: {shares} (asked on a quiet machine: 1, 0.99, 0.9, 0.98)")
+    for age_ms, check in ((300, it_slows_down_and_shows_why), (600, it_does_not_move)):
+        folder = tmp_path / str(age_ms)
+        folder.mkdir()
+        brick.commands.clear()
+        traits = replace(C270_ON_EV3, age_ms=age_ms, age_spread_ms=0)
+        with piloted(traits, brick, folder) as pilot:
+            pilot.hold("forward")
+            check(brick, pilot)
 
 
 def start(pilot: Pilot) -> None:
@@ -122,26 +130,20 @@ def start(pilot: Pilot) -> None:
     raise AssertionError(f"it never started: {pilot.state}")
 
 
-def test_with_pictures_of_300_ms_it_slows_down_and_shows_why(
-    brick: FakeBrick, tmp_path: Path
-) -> None:
-    with piloted(replace(C270_ON_EV3, age_ms=300, age_spread_ms=0), brick, tmp_path) as pilot:
-        pilot.hold("forward")
-        start(pilot)
-        state = pilot.wait_for(lambda m: m["type"] == "state" and m["speed_scale"] < 0.9, 60)
-        assert state["camera"]["age_ms"] >= 290
-        own_ms = state["camera"]["age_ms"] - state["camera"]["brick_ms"]
-        assert state["camera"]["brick_ms"] == 0 or own_ms >= 290, "the camera's part is told apart"
-        brick.wait_until(lambda: 0 < brick.speeds()["outB"] < 324, 60)  # of 360
+def it_slows_down_and_shows_why(brick: FakeBrick, pilot: Pilot) -> None:
+    start(pilot)
+    state = pilot.wait_for(lambda m: m["type"] == "state" and m["speed_scale"] < 0.9, 60)
+    assert state["camera"]["age_ms"] >= 290
+    own_ms = state["camera"]["age_ms"] - state["camera"]["brick_ms"]
+    assert state["camera"]["brick_ms"] == 0 or own_ms >= 290, "the camera's part is told apart"
+    brick.wait_until(lambda: 0 < brick.speeds()["outB"] < 324, 60)  # of 360
 
 
-def test_with_pictures_of_600_ms_it_does_not_move(brick: FakeBrick, tmp_path: Path) -> None:
-    with piloted(replace(C270_ON_EV3, age_ms=600, age_spread_ms=0), brick, tmp_path) as pilot:
-        pilot.hold("forward")
-        for _ in range(10):
-            pilot.mode("train")
-            pilot.wait_for_state(60, mode="stopped", stop_reason="frame_stale")
-        assert not [one for one in brick.commands if one.command.startswith("run")]
+def it_does_not_move(brick: FakeBrick, pilot: Pilot) -> None:
+    for _ in range(10):
+        pilot.mode("train")
+        pilot.wait_for_state(60, mode="stopped", stop_reason="frame_stale")
+    assert not [one for one in brick.commands if one.command.startswith("run")]
 
 
 @contextmanager

@@ -50,32 +50,36 @@ def teach(address: str, lessons: int) -> int:
 
 
 @pytest.mark.slow
-def test_a_second_server_leaves_the_folder_of_the_first_alone(tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "server", "serve", "--port", "0", "--data", str(tmp_path)]
-    with serving(tmp_path, "--robot", "sim") as (process, address):
+def test_what_it_was_taught_is_there_again_however_it_ended(tmp_path: Path) -> None:
+    a_second_server_leaves_the_folder_of_the_first_alone(tmp_path / "shared")
+    for end in (signal.SIGTERM, signal.SIGINT):
+        it_ends_with_everything_saved_and_goes_on_from_there(tmp_path / end.name, end)
+
+
+def a_second_server_leaves_the_folder_of_the_first_alone(folder: Path) -> None:
+    words = [sys.executable, "-m", "server", "serve", "--port", "0", "--data", str(folder)]
+    with serving(folder, "--robot", "sim") as (process, address):
         second = subprocess.run(words, capture_output=True, text=True, timeout=60)
         assert second.returncode == 1
         assert f"process {process.pid}" in second.stderr and "--data" in second.stderr
         assert len(second.stderr.strip().splitlines()) == 1
         assert teach(address, 5) >= 5
-    with serving(tmp_path, "--robot", "sim") as (_, address):  # the first was killed
+    with serving(folder, "--robot", "sim") as (_, address):  # the first was killed
         assert httpx.get(address + "/healthz").status_code == 200
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGINT])
-def test_it_ends_with_everything_saved_and_goes_on_from_there(tmp_path: Path, end: int) -> None:
-    with serving(tmp_path, "--robot", "sim", "--name", "sim") as (process, address):
+def it_ends_with_everything_saved_and_goes_on_from_there(folder: Path, end: signal.Signals) -> None:
+    with serving(folder, "--robot", "sim", "--name", "sim") as (process, address):
         taught = teach(address, 20)
         process.send_signal(end)
         assert process.wait(60) in (0, 130)
-    model = ModelStore(Storage(tmp_path)).load("sim")
+    model = ModelStore(Storage(folder)).load("sim")
     assert model.summary.n_examples >= taught
-    [path] = tmp_path.glob("episodes/*.mcap")
+    [path] = folder.glob("episodes/*.mcap")
     summary = read_summary(path)
     assert summary.damage is None and sum(summary.taught.values()) == model.summary.n_examples
 
-    with serving(tmp_path, "--robot", "replay", "--episode", str(path)) as (_, address):
+    with serving(folder, "--robot", "replay", "--episode", str(path)) as (_, address):
         listed = httpx.get(f"{address}/api/models", timeout=60).json()
         assert listed["current"] == "sim"
         assert listed["models"][0]["lessons"] == model.summary.n_examples

@@ -78,7 +78,8 @@ def drive_again(driver: GpioDriver, first: int) -> None:
 
 
 @pytest.mark.realtime
-def test_the_robots_program_is_killed_or_frozen(notes: Path) -> None:
+def test_a_keeper_outlives_its_program_and_is_replaced_when_it_fails(notes: Path) -> None:
+    a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes)
     for how in (signal.SIGSTOP, signal.SIGKILL):
         the_robots_program_ends_and_the_pins_are_low(notes, how)
 
@@ -113,8 +114,7 @@ def _state(pid: int) -> bytes:
         return b"Z"
 
 
-@pytest.mark.realtime
-def test_a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> None:
+def a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> None:
     with driver_for(notes) as driver:
         for how in (signal.SIGSTOP, signal.SIGKILL):
             driver.send_action(Action.FORWARD)
