@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -19,6 +20,7 @@ from .world import (
     new_context,
     open_page,
     pad,
+    running_world,
     wait_for,
 )
 
@@ -124,13 +126,19 @@ COVERINGS = (
 """Covers the screen with all there is, one after the other, and says what STOP suffers from."""
 
 
-@pytest.mark.usefixtures("no_page")
+@pytest.fixture(scope="module")
+def untouched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    """A robot that nobody drives or stops, so that it has nothing to say over a toast."""
+    with running_world(tmp_path_factory.mktemp("untouched"), world="office") as running:
+        yield running
+
+
 @pytest.mark.parametrize("language", ["en", "es", "zh"])
 def test_nothing_covers_stop_and_no_toast_covers_a_control(
-    chromium: Any, world: World, language: str
+    chromium: Any, untouched: World, language: str
 ) -> None:
     context = new_context(chromium, DESKTOP, locale=language, has_touch=True)
-    page = open_page(context, world.address)
+    page = open_page(context, untouched.address)
     wrong = []
     for screen in SCREENS:
         page.evaluate(f"location.hash = '{screen}'")

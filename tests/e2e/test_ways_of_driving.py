@@ -43,6 +43,8 @@ def desktop(rovers_desktop: Any) -> Any:
     return rovers_desktop
 
 
+IS_EMERGENCY = "document.querySelector('app-bar').page.store.state.robot.emergency"
+"""What the page knows."""
 FAKE_GAMEPAD = """
 globalThis.fakePad = {connected: true, index: 0, axes: [0, 0],
   buttons: Array.from({length: 17}, () => ({pressed: false}))};
@@ -117,10 +119,9 @@ def test_space_stops_from_every_screen(desktop: Any, world: World) -> None:
         assert desktop.locator("app-bar .stop").is_visible()
         desktop.keyboard.press("Space")
         wait_for(lambda: world.rig.loop.state.emergency, f"space stops on {screen}")
+        desktop.wait_for_function(f"() => {IS_EMERGENCY}")  # else it would stop by HTTP, too
         world.rig.loop.release_emergency().result(5)
-        desktop.wait_for_function(  # the page knows
-            "() => !document.querySelector('app-bar').page.store.state.robot.emergency"
-        )
+        desktop.wait_for_function(f"() => !{IS_EMERGENCY}")
 
 
 @pytest.mark.usefixtures("no_page")

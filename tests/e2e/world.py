@@ -205,10 +205,13 @@ def stop(world: World) -> None:
 
 def begin_anew(page: Any, world: World, viewport: dict[str, int]) -> None:
     """Have the robot stand, with no emergency, and the page show it, as if both had just begun."""
+    is_open = page.url.startswith(world.address)
     was_stopped = world.rig.loop.state.emergency
+    if was_stopped and is_open:  # a page that does not know yet would stop it in other ways, too
+        page.wait_for_selector("mode-bar [data-mode=train][disabled]", state="attached")
     stop(world)
     page.set_viewport_size(viewport)
-    if page.url.startswith(world.address):
+    if is_open:
         page.evaluate("location.hash = 'drive'")
     else:
         _load(page, world.address)
