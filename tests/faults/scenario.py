@@ -115,14 +115,14 @@ class FaultWorld(ServedWorld):
         for fault, wait_s in plan.faults:  # a link has one fault at a time: the last counts
             await self.forward(wait_s)
             fault.begin(self)
-        await self.until(self.stands, plan.limit_s, "stands")
-        await self.until(lambda: self.mode is Mode.STOPPED, 0.1, "stopped")
+        await self.until(self.stands, plan.limit_s, f"{plan}: stands")
+        await self.until(lambda: self.mode is Mode.STOPPED, 0.1, f"{plan}: stopped")
         moved_s = self.driver.moved_s
         for fault, wait_s in plan.faults:
             fault.end(self)
             await self.forward(_WATCHED_S + wait_s)
-        assert self.stands() and self.driver.moved_s == moved_s, "moves by itself"
-        assert self.mode is Mode.STOPPED, "starts by itself"
+        assert self.stands() and self.driver.moved_s == moved_s, f"{plan}: moves by itself"
+        assert self.mode is Mode.STOPPED, f"{plan}: starts by itself"
 
     async def _stands_after_last_message(self, what: str) -> float:
         """Wait until the robot stands; return how long after the last message it then received."""
