@@ -36,6 +36,8 @@ SUBJECTS: dict[str, tuple[str, ...]] = {
 _LIBRARIES = ("numpy", "hypothesis", "hypothesis.strategies", "fastapi", "uvicorn", "websockets")
 _PATIENCE_CPU_S = 120
 _PATIENCE_S = 1200
+_UNUSED = 99
+"""The status of a run in which nothing imported the mutant: it says nothing about the tests."""
 """A mutant that hangs is noticed, too: by what it computed, or by its clock if it only waits."""
 
 
@@ -82,13 +84,19 @@ def _survives(name: str, path: Path, mutant: Mutant | None) -> bool:
             os.dup2(nowhere, 2)
             signal.setitimer(signal.ITIMER_PROF, _PATIENCE_CPU_S)
             signal.alarm(_PATIENCE_S)
-            if mutant is not None:
-                sys.meta_path.insert(0, _Finder(name, path, mutant))
+            finder = _Finder(name, path, mutant) if mutant is not None else None
+            if finder is not None:
+                sys.meta_path.insert(0, finder)
             words = ["-q", "-x", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestWarning"]
-            status = int(pytest.main([*words, *SUBJECTS[name]]))
+            # pytest's own finder, which rewrites asserts, comes first and would load the original.
+            status = int(pytest.main(["--assert=plain", *words, *SUBJECTS[name]]))
+            if finder is not None and not finder.is_used:
+                status = _UNUSED
         finally:
             os._exit(status)
     _, status = os.waitpid(child, 0)
+    if os.WIFEXITED(status) and os.WEXITSTATUS(status) == _UNUSED:
+        raise RuntimeError(f"the tests of {name} did not load the mutant")
     return status == 0
 
 
@@ -97,6 +105,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
     def __init__(self, name: str, path: Path, mutant: Mutant) -> None:
         self._name, self._path, self._mutant = name, path, mutant
+        self.is_used = False
 
     def find_spec(
         self, fullname: str, path: object = None, target: ModuleType | None = None
@@ -108,6 +117,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return spec
 
     def exec_module(self, module: ModuleType) -> None:
+        self.is_used = True
         tree = ast.fix_missing_locations(self._mutant.tree)
         exec(compile(tree, str(self._path), "exec"), module.__dict__)
 
