@@ -66,7 +66,7 @@ class LinkGovernor:
     def __init__(self, config: LinkGovernorConfig | None = None) -> None:
         self.config = config or LinkGovernorConfig()
         c = self.config
-        self._thresholds_s = (0.0, c.warn_s, c.cap_speed_s, c.stop_learning_s, c.stop_s)
+        self._thresholds_s = (c.warn_s, c.cap_speed_s, c.stop_learning_s, c.stop_s)
         self.forget()
 
     def forget(self) -> None:
@@ -105,7 +105,7 @@ class LinkGovernor:
             self._better_since_s = now_s
 
     def _rank(self, age_s: float, share: float) -> int:
-        return sum(age_s > threshold_s * share for threshold_s in self._thresholds_s[1:])
+        return sum(age_s > threshold_s * share for threshold_s in self._thresholds_s)
 
     @property
     def must_stop(self) -> bool:

@@ -48,7 +48,17 @@ class Mutant:
 def mutants(source: str) -> Iterator[Mutant]:
     """Yield every mutant of a module."""
     tree = ast.parse(source)
+    # How a class may be made and used (frozen, slots) is what the type checker looks after.
+    declared = {
+        part
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+        for decorator in node.decorator_list
+        for part in ast.walk(decorator)
+    }
     for number, node in enumerate(ast.walk(tree)):
+        if node in declared:
+            continue
         for variant in range(len(_variants(node))):
             changed = copy.deepcopy(tree)
             target = list(ast.walk(changed))[number]

@@ -47,6 +47,42 @@ def test_an_age_about_a_threshold_does_not_make_it_flutter() -> None:
     assert set(levels) == {LinkLevel.CAPPED}
 
 
+def test_a_step_begins_above_its_threshold_not_at_it() -> None:
+    governor = LinkGovernor()
+    for age_s, level in ((0.2, "GOOD"), (0.25, "SLOW"), (0.3, "CAPPED"), (0.5, "NOT_LEARNING")):
+        governor.note_age(age_s, 0.0)
+        assert governor.level.name == level
+
+
+def test_only_an_age_well_below_the_threshold_counts_as_better() -> None:
+    governor = LinkGovernor()
+    governor.note_age(0.21, 0.0)
+    for tenth in range(1, 60):  # below 0.2, but not by enough
+        governor.note_age(0.19, tenth / 10)
+    assert governor.level is LinkLevel.SLOW
+    for tenth in range(60, 70):
+        governor.note_age(0.16, tenth / 10)
+    assert governor.level is LinkLevel.SLOW, "0.9 s are not long enough"
+    governor.note_age(0.19, 7.0)  # and now it begins anew
+    for tenth in range(71, 81):
+        governor.note_age(0.16, tenth / 10)
+    assert governor.level is LinkLevel.SLOW
+    governor.note_age(0.16, 8.1)
+    assert governor.level is LinkLevel.GOOD
+
+
+def test_a_pilot_who_sees_nothing_is_blind_whatever_arrives() -> None:
+    governor = LinkGovernor()
+    assert not governor.is_blind(9.0), "nobody has been shown anything yet"
+    governor.note_seen(1.0)
+    assert not governor.is_blind(1.5)
+    assert governor.is_blind(1.51)
+    assert not governor.is_blind(1.6, slack_s=0.125)
+    assert governor.is_blind(1.63, slack_s=0.125)
+    governor.forget()
+    assert not governor.is_blind(9.0)
+
+
 def test_thresholds_are_settings() -> None:
     governor = LinkGovernor(LinkGovernorConfig(warn_s=0.01))
     governor.note_age(0.02, 0.0)
@@ -59,6 +95,9 @@ def test_the_age_counts_the_worse_of_the_two_ways() -> None:
     assert age_of_link_s(0.4, 0.05) == pytest.approx(0.35), "the command was long on its way"
     assert age_of_link_s(0.1, 9.0) == pytest.approx(0.1), "a page's clock may be wrong"
     assert age_of_link_s(0.1, -9.0) == pytest.approx(0.1)
+    assert age_of_link_s(0.4, 0.3, phone_s=0.1) == pytest.approx(0.2), "the rest is the phone's"
+    assert age_of_link_s(0.4, 0.3, phone_s=9.0) == pytest.approx(0.1), "the way back remains"
+    assert age_of_link_s(0.4, 0.3, phone_s=-9.0) == pytest.approx(0.3)
 
 
 def _drive_with_age(robot: BenchRobot, age_s: float, steps: int = 30) -> None:
