@@ -26,7 +26,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.timeout(300))
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")  # of a session, Playwright's event loop would hold up all others
 def chromium() -> Iterator[Any]:
     with running_chromium() as browser:
         yield browser
