@@ -16,10 +16,15 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from tests import wall_clock
 from tests.wall_clock import _off_the_wall_clock  # noqa: F401
 
-# A busy machine is no fault: how long an example takes is judged by nobody.
-hypothesis.settings.register_profile(
-    "unhurried", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
-)
+# A busy machine is no fault: how long an example takes is judged by nobody. The examples are the
+# same in every run, so that none fails by chance; `--hypothesis-profile=searching` looks further.
+for name, is_same in (("unhurried", True), ("searching", False)):
+    hypothesis.settings.register_profile(
+        name,
+        deadline=None,
+        derandomize=is_same,
+        suppress_health_check=[hypothesis.HealthCheck.too_slow],
+    )
 hypothesis.settings.load_profile("unhurried")
 
 
