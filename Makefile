@@ -18,7 +18,8 @@ run: $(VENV)/.demo ## Start the simulated robot and its page (ARGS="--lan" for a
 install: ## Put the command `drivelesson` on your PATH
 	@PYTHON="$(PYTHON)" sh install.sh
 
-JOBS ?= 2
+# One more than the usual two cores: tests of real parts wait for a third of their time.
+JOBS ?= 3
 NPM := $(if $(shell command -v npm),tests/web/node_modules/.made)
 
 test test-brick test-oldest: export OMP_NUM_THREADS := 1  # see tests/conftest.py
