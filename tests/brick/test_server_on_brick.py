@@ -180,9 +180,17 @@ def keep_at_it(
         time.sleep(0.1)
 
 
-def test_it_is_taught_and_drives_in_36_mb(
+def test_a_brick_is_taught_and_drives_by_itself_in_little_memory(
     served: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """One server lives through all of it: it takes the emulator a minute to start."""
+    it_is_taught_and_drives_in_36_mb(served, capsys)
+    nothing_is_imported_that_the_loop_does_not_use(served)
+    every_move_on_the_brick_was_timed(served)
+    no_motor_is_one_clear_line(served)
+
+
+def it_is_taught_and_drives_in_36_mb(served: Served, capsys: pytest.CaptureFixture[str]) -> None:
     brick = served.brick
     drive = served.address + "/ws/drive"
     with Watcher(served.address) as watcher, Pilot(drive, open_timeout=30) as pilot:
@@ -215,7 +223,7 @@ def test_it_is_taught_and_drives_in_36_mb(
     assert memory["resident"] <= MOST_MEMORY_MB[served.armel.release]
 
 
-def test_nothing_is_imported_that_the_loop_does_not_use(served: Served) -> None:
+def nothing_is_imported_that_the_loop_does_not_use(served: Served) -> None:
     deadline_s = time.monotonic() + 60
     while not served.modules and time.monotonic() < deadline_s:
         time.sleep(0.2)
@@ -225,13 +233,13 @@ def test_nothing_is_imported_that_the_loop_does_not_use(served: Served) -> None:
     assert not modules & set(PUT_OFF)
 
 
-def test_every_move_on_the_brick_was_timed(served: Served) -> None:
+def every_move_on_the_brick_was_timed(served: Served) -> None:
     moves = [command for command in served.brick.commands if command.command.startswith("run")]
     assert moves
     assert {(move.command, move.time_ms) for move in moves} == {("run-timed", 400)}
 
 
-def test_no_motor_is_one_clear_line(served: Served) -> None:
+def no_motor_is_one_clear_line(served: Served) -> None:
     served_at = ["--port", "0", "--data", "/tmp/data-2"]
     done = served.armel.run(
         "-m", "server", "serve", "--robot", "ev3", "--brick-root", "/nowhere", *served_at
