@@ -24,8 +24,10 @@ class Figure6:
     )
 
     def plan(self, settings: ExperimentSettings) -> list[Task]:
-        """Plan each number of nodes with every seed."""
-        kinds = settings.learners or KINDS
+        """Plan each number of nodes with every seed; a learner that is named has its own number."""
+        learners = [(f"{kind}-{nodes}", kind, nodes) for kind in KINDS for nodes in NODES]
+        if settings.learners:
+            learners = [(name, name, 0) for name in settings.learners]
         return [
             Task(
                 kind="lesson",
@@ -33,15 +35,14 @@ class Figure6:
                     "world": "box",
                     "moves": ("forward", "left"),
                     "teacher": settings.teacher or "sonar",
-                    "learner": f"{kind}-{nodes}" if kind in KINDS else kind,
+                    "learner": learner,
                     "kind": kind,
                     "nodes": nodes,
                     "teach_s": 90.0,
                     "seed": seed,
                 },
             )
-            for kind in kinds
-            for nodes in NODES
+            for learner, kind, nodes in learners
             for seed in range(settings.n_seeds)
         ]
 
@@ -55,13 +56,16 @@ class Figure6:
             for nodes, (mean, sd) in FIGURE_6.items()
         ]
         for (kind, nodes), runs in group(tasks, results, "kind", "nodes").items():
-            rows.append((f"{kind}, {nodes} nodes", *ssd_cells([run["before"] for run in runs])))
+            name = f"{kind}, {nodes} nodes" if nodes else str(kind)
+            rows.append((name, *ssd_cells([run["before"] for run in runs])))
         return [Table(title="SSD by nodes", columns=("SSD", *SSD_COLUMNS), rows=tuple(rows))]
 
     def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """Return mean SSD against nodes."""
+        """Return mean SSD against nodes, of the kinds that were run with each number of them."""
         series = []
         for (kind,), _ in group(tasks, results, "kind").items():
+            if kind not in KINDS:
+                continue
             grouped = group(tasks, results, "kind", "nodes")
             means = tuple(
                 spread([run["before"]["ssd"] for run in grouped[kind, nodes]]).mean

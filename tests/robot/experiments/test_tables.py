@@ -83,6 +83,15 @@ def test_more_seeds_are_more_runs() -> None:
     assert many == 3 * few
 
 
+def test_a_learner_that_is_named_runs_once_with_its_own_number_of_nodes() -> None:
+    settings = ExperimentSettings(quick=True, learners=("default-8", "knn-9"))
+    figure6 = EXPERIMENTS["figure6"]
+    tasks = figure6.plan(settings)
+    assert [task.params["learner"] for task in tasks] == ["default-8", "knn-9"]
+    (table,) = make_section(figure6, settings, tasks, [made_up(task) for task in tasks]).tables
+    assert [row[0] for row in table.rows[-2:]] == ["default-8", "knn-9"]
+
+
 def test_a_table_as_text() -> None:
     table = Table(title="T", columns=("who", "x"), rows=(("a", 1.0), ("bb", None)), note="N")
     assert table.as_text().splitlines() == [
