@@ -88,7 +88,7 @@ class Person:
             self.answer(by_keyboard=self.code == "P01", with_reload=self.code == "P02")
         self.page.get_by_text("Thank you very much").wait_for()
         self.page.get_by_role("button", name="Next participant").click()
-        self.page.get_by_role("heading", name="Participants").wait_for()
+        self.page.get_by_role("heading", name="Participants", exact=True).wait_for()
 
     def drive(self) -> None:
         """Teach, then let it drive, with one correction while that is asked for."""
