@@ -57,8 +57,8 @@ class Gate:
         self.stop_reason: StopReason | None = None
         self.emergency = False
         self._command: PilotCommand | None = None
-        self._heard_s = 0.0
-        self._proven_s = 0.0
+        self._heard_s = -math.inf
+        self._proven_s = -math.inf
         self._refused_s: float | None = None
         self._awaits_picture_until_s = -math.inf
 
@@ -66,11 +66,6 @@ class Gate:
     def held(self) -> Action | None:
         """The move that the pilot holds at present."""
         return self._command.held if self._command else None
-
-    @property
-    def is_intervention(self) -> bool:
-        """True while the pilot holds a direction in AUTONOMOUS."""
-        return self.mode is Mode.AUTONOMOUS and self.held is not None
 
     def is_fresh(self, proven_s: float, now_s: float) -> bool:
         """True if a message that was sent at `proven_s` or later may still move the robot."""

@@ -62,7 +62,6 @@ def test_in_autonomous_the_pilot_goes_before_the_robot_and_letting_go_returns_th
     gate = started(Mode.AUTONOMOUS)
     assert select(gate, 0.1).driven_by is DrivenBy.ROBOT
     hold(gate, Action.FORWARD, 0.2)
-    assert gate.is_intervention
     decision = select(gate, 0.2)
     assert (decision.action, decision.driven_by) == (Action.FORWARD, DrivenBy.PILOT)
     hold(gate, None, 0.3)
@@ -73,20 +72,22 @@ def test_in_autonomous_the_pilot_goes_before_the_robot_and_letting_go_returns_th
 @pytest.mark.parametrize(
     ("mode", "held", "silence_s", "stops"),
     [
-        (Mode.TRAIN, Action.FORWARD, 0.29, False),
+        (Mode.TRAIN, Action.FORWARD, 0.3, False),
         (Mode.TRAIN, Action.FORWARD, 0.31, True),
+        (Mode.TRAIN, None, 0.3, False),
         (Mode.TRAIN, None, 0.31, True),
-        (Mode.AUTONOMOUS, None, 0.44, False),
+        (Mode.AUTONOMOUS, None, 0.45, False),
         (Mode.AUTONOMOUS, None, 0.46, True),
+        (Mode.AUTONOMOUS, Action.FORWARD, 0.3, False),
         (Mode.AUTONOMOUS, Action.FORWARD, 0.31, True),
     ],
 )
-def test_a_silent_pilot_stops_the_robot(
+def test_a_pilot_who_is_silent_for_longer_than_the_limit_stops_the_robot(
     mode: Mode, held: Action | None, silence_s: float, stops: bool
 ) -> None:
-    gate = started(mode)
-    hold(gate, held, 1.0)
-    decision = select(gate, 1.0 + silence_s)
+    gate = started(mode, now_s=-0.2)
+    hold(gate, held, 0.0)
+    decision = select(gate, silence_s)
     assert (decision.mode is Mode.STOPPED) == stops
     if stops:
         assert decision.stop_reason is StopReason.PILOT_SILENT
@@ -102,9 +103,42 @@ def test_a_start_counts_as_a_word_but_not_for_ever() -> None:
 @pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
 def test_a_stale_picture_stops_the_robot(mode: Mode) -> None:
     gate = started(mode)
-    hold(gate, Action.FORWARD, 0.1)
-    assert select(gate, 0.1, frame_age_s=0.19).action is Action.FORWARD
-    assert select(gate, 0.1, frame_age_s=0.21).stop_reason is StopReason.FRAME_STALE
+    hold(gate, Action.FORWARD, 0.2)
+    assert gate.select(0.2, LEFT_PREDICTED, 0.0).action is Action.FORWARD, "to the very limit"
+    assert select(gate, 0.2, frame_age_s=0.21).stop_reason is StopReason.FRAME_STALE
+
+
+@pytest.mark.parametrize(("transit_s", "is_taken"), [(0.25, True), (0.3, True), (0.31, False)])
+@pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
+def test_a_command_on_the_way_for_too_long_is_not_obeyed(
+    mode: Mode, transit_s: float, is_taken: bool
+) -> None:
+    gate = started(mode)
+    command = PilotCommand(held=Action.RIGHT, frame_id=1, seq=1, received_s=transit_s, proven_s=0.0)
+    assert gate.receive(command, transit_s) is is_taken
+    assert gate.held is (Action.RIGHT if is_taken else None)
+
+
+def test_a_command_without_a_picture_is_not_obeyed_however_fresh() -> None:
+    gate = started(Mode.TRAIN)
+    blind = PilotCommand(held=Action.RIGHT, frame_id=None, seq=1, received_s=0.1)
+    assert gate.receive(blind, 0.1) is False
+    assert select(gate, 0.1).action is Action.STOP
+    assert select(gate, 0.31).stop_reason is StopReason.LINK_SLOW, "what is refused is silence"
+
+
+@pytest.mark.parametrize(("transit_s", "is_taken"), [(0.25, True), (0.3, True), (0.31, False)])
+@pytest.mark.parametrize("before", [Mode.STOPPED, Mode.TRAIN, Mode.AUTONOMOUS])
+def test_a_start_on_the_way_for_too_long_stops_the_robot(
+    before: Mode, transit_s: float, is_taken: bool
+) -> None:
+    gate = Gate()
+    gate.start(before, 0.0)
+    hold(gate, Action.FORWARD, transit_s)
+    assert gate.start(Mode.TRAIN, transit_s, proven_s=0.0) is is_taken
+    assert gate.mode is (Mode.TRAIN if is_taken else Mode.STOPPED)
+    assert gate.held is None
+    assert gate.stop_reason is (None if is_taken else StopReason.LINK_SLOW)
 
 
 @pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
@@ -158,11 +192,26 @@ def test_what_was_held_before_a_start_does_not_count_after_it() -> None:
     assert select(gate, 0.2).driven_by is DrivenBy.ROBOT
 
 
-def test_an_emergency_latches_until_it_is_released() -> None:
-    gate = started(Mode.TRAIN)
+@pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
+def test_a_pilot_who_asks_for_a_stop_gets_it(mode: Mode) -> None:
+    gate = started(mode)
+    hold(gate, Action.FORWARD, 0.1)
+    assert gate.start(Mode.STOPPED, 0.1) is True
+    decision = select(gate, 0.1)
+    assert (decision.action, decision.mode) == (Action.STOP, Mode.STOPPED)
+    assert decision.stop_reason is StopReason.PILOT_ASKED
+    assert gate.held is None
+
+
+@pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
+def test_an_emergency_latches_until_it_is_released(mode: Mode) -> None:
+    gate = started(mode)
+    hold(gate, Action.FORWARD, 0.1)
     gate.latch_emergency()
     assert not gate.start(Mode.TRAIN, 0.1)
-    assert select(gate, 0.1).stop_reason is StopReason.EMERGENCY
+    decision = select(gate, 0.1)
+    assert (decision.action, decision.mode) == (Action.STOP, Mode.STOPPED)
+    assert decision.stop_reason is StopReason.EMERGENCY
     gate.release_emergency()
     assert select(gate, 0.1).action is Action.STOP
     assert gate.start(Mode.TRAIN, 0.2)
@@ -187,11 +236,19 @@ def test_a_robot_that_learned_nothing_stands_and_asks() -> None:
     assert (decision.action, decision.asks_pilot) == (Action.STOP, True)
 
 
+@pytest.mark.parametrize("mode", [Mode.STOPPED, Mode.TRAIN])
+def test_a_robot_that_nobody_drives_asks_for_nothing(mode: Mode) -> None:
+    gate = Gate()
+    gate.start(mode, 0.0)
+    decision = select(gate, 0.1)
+    assert (decision.driven_by, decision.asks_pilot) == (DrivenBy.NOBODY, False)
+
+
 def test_a_novel_view_slows_a_robot_that_drives_straight_and_asks() -> None:
     gate = started(Mode.AUTONOMOUS)
     decision = select(gate, 0.1, replace(NOVEL, action=Action.FORWARD))
     assert decision.action is Action.FORWARD
-    assert decision.speed_scale == GateConfig().novel_speed_scale
+    assert decision.speed_scale == 0.5
     assert decision.asks_pilot
 
 
