@@ -92,11 +92,8 @@ class LinkGovernor:
         self.age_s = age_s
         age_s -= slack_s
         present = _LEVELS.index(self.level)
-        wanted = self._rank(age_s, 1.0)
-        if wanted >= present:
-            self.level = _LEVELS[wanted]
-            self._better_since_s = None
-        elif self._rank(age_s, self.config.recovery_share) >= present:
+        self.level = _LEVELS[max(present, self._rank(age_s, 1.0))]
+        if self._rank(age_s, self.config.recovery_share) >= present:
             self._better_since_s = None
         elif self._better_since_s is None:
             self._better_since_s = now_s

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 
 class Lease:
     """The wheel: at most one client has it, and renews it by its commands.
@@ -14,7 +16,7 @@ class Lease:
         self.owner: str | None = None
         self.asked_by: str | None = None
         self._lapse_s = lapse_s
-        self._renewed_s = 0.0
+        self._renewed_s = -math.inf
 
     def join(self, client: str, now_s: float) -> bool:
         """Give the wheel to a client that may drive, if it is free; True if it was."""
