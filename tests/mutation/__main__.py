@@ -30,15 +30,15 @@ SUBJECTS: dict[str, tuple[str, ...]] = {
     "robot.control.link_governor": ("tests/robot/control/test_link_governor.py",),
     "robot.policy.history": ("tests/robot/policy/test_history.py",),
     "robot.control.gate": ("tests/robot/control/test_gate.py", "tests/robot/control/test_loop.py"),
-    "robot.control.loop": ("tests/robot/control",),
+    "robot.control.loop": ("tests/robot/control/test_loop.py", "tests/robot/control"),
 }
 """Each module, and the tests that are to notice. They run in this order until one fails."""
 _LIBRARIES = ("numpy", "hypothesis", "hypothesis.strategies", "fastapi", "uvicorn", "websockets")
 _PATIENCE_CPU_S = 120
 _PATIENCE_S = 1200
+"""A mutant that hangs is noticed, too: by what it computed, or by its clock if it only waits."""
 _UNUSED = 99
 """The status of a run in which nothing imported the mutant: it says nothing about the tests."""
-"""A mutant that hangs is noticed, too: by what it computed, or by its clock if it only waits."""
 
 
 def main() -> int:
@@ -46,30 +46,43 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("modules", nargs="*", default=list(SUBJECTS))
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument(
+        "--lines",
+        type=_lines,
+        default=range(1, sys.maxsize),
+        metavar="FIRST-LAST",
+        help="only faults in these lines: a run in parts, or once more where one survived",
+    )
     args = parser.parse_args()
     os.chdir(ROOT)
     for name in _LIBRARIES:
         importlib.import_module(name)
     for name in args.modules:
-        report(name, args.jobs)
+        report(name, args.jobs, args.lines)
     return 0
 
 
-def report(name: str, jobs: int) -> None:
-    """Print what became of each mutant of one module."""
+def _lines(text: str) -> range:
+    first, _, last = text.partition("-")
+    return range(int(first), int(last or first) + 1)
+
+
+def report(name: str, jobs: int, lines: range) -> None:
+    """Print which mutants of one module survive, each at once, and the score at the end."""
     path = ROOT / (name.replace(".", "/") + ".py")
-    everyone = list(mutants(path.read_text()))
+    everyone = [mutant for mutant in mutants(path.read_text()) if mutant.line in lines]
     started_s = time.monotonic()
     if not _survives(name, path, None):
         sys.exit(f"the tests of {name} fail without any fault put in")
+    killed = 0
     with ThreadPoolExecutor(jobs) as pool:
-        fates = list(pool.map(lambda mutant: _survives(name, path, mutant), everyone))
-    for mutant, survives in zip(everyone, fates, strict=True):
-        if survives:
-            print(f"  survives: {name} {mutant}")
-    killed = fates.count(False)
-    share = 100 * killed / len(fates)
-    print(f"{name}: {killed} of {len(fates)} noticed ({share:.0f} %)", end=" ")
+        fates = pool.map(lambda mutant: _survives(name, path, mutant), everyone)
+        for mutant, survives in zip(everyone, fates, strict=True):
+            killed += not survives
+            if survives:
+                print(f"  survives: {name} {mutant}", flush=True)
+    share = 100 * killed / max(len(everyone), 1)
+    print(f"{name}: {killed} of {len(everyone)} noticed ({share:.0f} %)", end=" ")
     print(f"in {time.monotonic() - started_s:.0f} s", flush=True)
 
 
