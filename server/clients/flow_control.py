@@ -5,6 +5,7 @@ Pure: nothing here uses sockets or clocks; the time is an argument.
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from typing import NamedTuple
 
@@ -64,18 +65,20 @@ class VideoWindow:
     _ASK_EVERY = 3
 
     def __init__(self) -> None:
-        self.size = 1
         self.delay_s: float | None = None
         self._flight: OrderedDict[int, _Sent] = OrderedDict()
         self._bytes = 0
-        self._lone_delay_s: float | None = None
-        self.is_easy = False
-        self._easy = 0
         self._asked = 0
-        self._starved = 0
-        self._slow = 0
         self._pause_s = self._FIRST_PAUSE_S
-        self._not_before_s = 0.0
+        self._not_before_s = -math.inf
+        self._begin()
+
+    def _begin(self) -> None:
+        """Allow one frame in flight; nothing is known about the link."""
+        self.size = 1
+        self.is_easy = False
+        self._lone_delay_s: float | None = None
+        self._starved = self._slow = self._easy = 0
 
     @property
     def in_flight(self) -> int:
@@ -147,19 +150,16 @@ class VideoWindow:
             return
         self._slow = 0
         if self._starved >= self._TRIAL_ACKNOWLEDGEMENTS and now_s >= self._not_before_s:
-            self._grow(now_s)
+            self._grow(delay_s, now_s)
 
-    def _grow(self, now_s: float) -> None:
+    def _grow(self, delay_s: float, now_s: float) -> None:
         if self.size < self.LARGEST:
             self.size += 1
         self._starved = 0
-        self._not_before_s = max(self._not_before_s, now_s + 4 * (self.delay_s or 0.0))
+        self._not_before_s = now_s + 4 * delay_s
 
     def _shrink(self, now_s: float) -> None:
-        self.size = 1
-        self.is_easy = False
-        self._lone_delay_s = None
-        self._starved = self._slow = self._easy = 0
+        self._begin()
         self._not_before_s = now_s + self._pause_s
         self._pause_s = min(4 * self._pause_s, self._LONGEST_PAUSE_S)
 
@@ -176,7 +176,7 @@ class PictureSize:
         self.is_large = False
         self._in_row = 0
         self._pause_s = self._FIRST_PAUSE_S
-        self._not_before_s = 0.0
+        self._not_before_s = -math.inf
 
     def note(self, delay_s: float, now_s: float) -> None:
         """Take in the delay of one acknowledgement."""

@@ -25,8 +25,11 @@ from .mutants import Mutant, mutants
 
 ROOT = Path(__file__).resolve().parents[2]
 SUBJECTS: dict[str, tuple[str, ...]] = {
-    "server.clients.lease": ("tests/server/clients/test_session.py", "tests/server/test_drive.py"),
-    "server.clients.flow_control": ("tests/server/clients",),
+    "server.clients.lease": ("tests/server/clients/test_lease.py", "tests/server/test_drive.py"),
+    "server.clients.flow_control": (
+        "tests/server/clients/test_flow_control.py",
+        "tests/server/clients",
+    ),
     "robot.control.link_governor": ("tests/robot/control/test_link_governor.py",),
     "robot.policy.history": ("tests/robot/policy/test_history.py",),
     "robot.control.gate": ("tests/robot/control/test_gate.py", "tests/robot/control/test_loop.py"),

@@ -1,0 +1,356 @@
+"""The order of messages, the window of frames in flight and their size; time is an argument."""
+
+from __future__ import annotations
+
+import heapq
+from itertools import count
+
+import pytest
+
+from server.clients.flow_control import Order, PictureSize, VideoWindow
+from server.protocol import ProtocolError
+
+
+def test_order_must_grow() -> None:
+    order = Order()
+    order.check(1)
+    order.check(7)
+    for late in (7, 3):
+        with pytest.raises(ProtocolError, match="greater than 7"):
+            order.check(late)
+
+
+class _Link:
+    """A line of so many bytes a second and so long a round trip, and a viewer at its end."""
+
+    def __init__(self, *, bytes_a_second: float, round_trip_s: float, size: int = 5000) -> None:
+        self.window = VideoWindow()
+        self.rate, self.round_trip_s, self.size = bytes_a_second, round_trip_s, size
+        self.ages_s: list[float] = []
+        self.sizes: list[int] = []
+        self.n_acknowledged = 0
+        self._line_free_s = 0.0
+        self._arriving: list[tuple[float, int, float, bool]] = []
+        self._newest: tuple[int, float] | None = None
+        self._sent = 0
+
+    def run(self, seconds: float, rate_hz: float = 30.0, start_s: float = 0.0) -> None:
+        for number in range(1, int(seconds * rate_hz)):
+            now_s = start_s + number / rate_hz
+            while self._arriving and self._arriving[0][0] <= now_s:
+                at_s, frame_id, captured_s, is_quiet = heapq.heappop(self._arriving)
+                if not is_quiet:
+                    self.n_acknowledged += 1
+                    self.window.acknowledged(frame_id, at_s)
+                self.ages_s.append(at_s - self.round_trip_s / 2 - captured_s)
+                self._offer(at_s)
+            self._newest = (int(now_s * 1000), now_s)
+            self._offer(now_s)
+            self.sizes.append(self.window.size)
+
+    def _offer(self, now_s: float) -> None:
+        if self._newest is None or self._newest[0] == self._sent:
+            return
+        if self.window.may_send(self.size):
+            self._sent, captured_s = self._newest
+            is_quiet = self.window.sent(self._sent, self.size, now_s)
+            self._line_free_s = max(self._line_free_s, now_s) + self.size / self.rate
+            arrival = (self._line_free_s + self.round_trip_s, self._sent, captured_s, is_quiet)
+            heapq.heappush(self._arriving, arrival)
+
+
+def test_on_an_easy_line_every_frame_arrives_and_each_third_is_acknowledged() -> None:
+    link = _Link(bytes_a_second=1e7, round_trip_s=0.01)
+    link.run(10)
+    assert len(link.ages_s) >= 297
+    assert 95 <= link.n_acknowledged <= 115
+
+
+def test_large_frames_on_an_easy_line_are_never_all_quiet() -> None:
+    link = _Link(bytes_a_second=1e8, round_trip_s=0.01, size=45_000)
+    link.run(10)
+    assert len(link.ages_s) >= 297
+
+
+@pytest.mark.parametrize("size", [5000, 25_000])
+def test_an_easy_line_that_becomes_narrow_is_noticed(size: int) -> None:
+    link = _Link(bytes_a_second=1e7, round_trip_s=0.01, size=size)
+    link.run(5)
+    link.rate = 62_500
+    link.ages_s.clear()
+    link.run(20, start_s=5)
+    assert not link.window.is_easy
+    assert max(link.ages_s[5:]) < 4 * size / 62_500
+
+
+def test_on_a_long_line_the_window_grows_until_every_frame_arrives() -> None:
+    link = _Link(bytes_a_second=1e7, round_trip_s=0.1)
+    link.run(20)
+    assert link.window.size == 4
+    assert len(link.ages_s) > 0.9 * 600
+
+
+@pytest.mark.parametrize(("size", "most_s"), [(5000, 0.25), (25_000, 1.2)])
+def test_on_a_narrow_line_the_picture_stays_young(size: int, most_s: float) -> None:
+    link = _Link(bytes_a_second=62_500, round_trip_s=0.01, size=size)
+    link.run(60)
+    ages_s = sorted(link.ages_s)
+    assert ages_s[int(0.95 * len(ages_s))] < most_s
+    assert sum(n > 1 for n in link.sizes) < 0.15 * len(link.sizes), "it tries seldom"
+    first, last = link.ages_s[20:120], link.ages_s[-100:]
+    assert sum(last) / len(last) < 1.2 * sum(first) / len(first), "flat over a minute"
+
+
+def test_a_line_that_becomes_narrow_is_noticed() -> None:
+    link = _Link(bytes_a_second=1e7, round_trip_s=0.1)
+    link.run(10)
+    link.rate = 62_500
+    link.ages_s.clear()
+    link.run(20, start_s=10)
+    assert sorted(link.ages_s[20:])[int(0.9 * len(link.ages_s[20:]))] < 0.35
+
+
+def test_large_frames_go_out_alone_so_that_sending_never_waits() -> None:
+    window = VideoWindow()
+    window.size = 4
+    window.sent(1, 40_000, 0.0)
+    assert not window.may_send(20_001)
+    assert window.may_send(20_000)
+
+
+def test_an_acknowledgement_covers_earlier_frames_and_works_once() -> None:
+    window = VideoWindow()
+    window.sent(1, 10, 0.0)
+    window.sent(2, 10, 0.0)
+    window.acknowledged(2, 0.1)
+    assert window.in_flight == 0
+    for frame_id in (1, 2, 99):
+        with pytest.raises(ProtocolError, match="not in flight"):
+            window.acknowledged(frame_id, 0.2)
+
+
+SIZE = 5_000
+FRAME_IDS = count(1)
+
+
+def acknowledge(
+    window: VideoWindow,
+    delay_s: float,
+    at_s: float | None = None,
+    *,
+    skipped: int = 0,
+    n_sent: int = 1,
+) -> None:
+    """Send frames side by side, skip some that do not fit, and have the last one acknowledged.
+
+    Without `at_s` they are sent at time 0, so that their delay is `delay_s` to the last digit.
+    """
+    at_s = delay_s if at_s is None else at_s
+    for _ in range(n_sent):
+        newest = next(FRAME_IDS)
+        window.sent(newest, SIZE, at_s - delay_s)
+    assert not any(window.may_send(SIZE) for _ in range(skipped))
+    window.acknowledged(newest, at_s)
+
+
+def easy_window() -> VideoWindow:
+    window = VideoWindow()
+    for _ in range(8):
+        acknowledge(window, 0.01)
+    assert window.is_easy
+    return window
+
+
+@pytest.mark.parametrize(("delay_s", "is_easy"), [(0.024, True), (0.025, False)])
+def test_eight_quick_acknowledgements_in_a_row_show_an_easy_line(
+    delay_s: float, is_easy: bool
+) -> None:
+    window = VideoWindow()
+    for _ in range(7):
+        acknowledge(window, delay_s)
+    acknowledge(window, 0.03)
+    for _ in range(7):
+        acknowledge(window, delay_s)
+    assert (window.is_easy, window.size) == (False, 1)
+    acknowledge(window, delay_s)
+    assert (window.is_easy, window.size) == ((True, 4) if is_easy else (False, 1))
+
+
+def test_an_easy_line_that_proves_slow_is_tried_again_ever_more_seldom() -> None:
+    window, now_s = easy_window(), 100.0
+    acknowledge(window, 0.05)
+    assert window.is_easy, "as slow as it may be"
+    for pause_s in (2.0, 8.0, 32.0, 64.0, 64.0):
+        acknowledge(window, 0.051, now_s)
+        assert (window.is_easy, window.size) == (False, 1)
+        now_s += pause_s
+        for _ in range(7):
+            acknowledge(window, 0.01, now_s - 0.001)
+        assert not window.is_easy, "eight again"
+        acknowledge(window, 0.01, now_s - 0.001)
+        assert not window.is_easy, "the pause is not over"
+        acknowledge(window, 0.01, now_s)
+        assert window.is_easy
+
+
+def test_an_easy_line_counts_eight_again_after_a_slow_frame() -> None:
+    window = easy_window()
+    acknowledge(window, 0.051, 100.0)
+    for is_easy in (*(7 * [False]), True):
+        acknowledge(window, 0.01, 102.0)
+        assert window.is_easy is is_easy
+
+
+@pytest.mark.parametrize(("size", "quiet"), [(20_000, [True, False]), (20_001, [False, False])])
+def test_a_frame_is_quiet_if_two_more_of_its_size_fit(size: int, quiet: list[bool]) -> None:
+    window = easy_window()
+    assert [window.sent(next(FRAME_IDS), size, 1.0) for _ in range(2)] == quiet
+
+
+def test_a_frame_larger_than_the_window_goes_out_when_nothing_is_to_be_acknowledged() -> None:
+    window = VideoWindow()
+    assert window.may_send(100_000)
+    window = easy_window()
+    quiet = [window.sent(frame_id, SIZE, 1.0) for frame_id in (1_001, 1_002, 1_003)]
+    assert quiet == [True, True, False]
+    assert not window.may_send(100_000)
+    window.acknowledged(1_003, 1.01)
+    assert window.may_send(100_000)
+
+
+def test_the_window_grows_by_one_to_four_each_time_that_three_frames_were_skipped() -> None:
+    window = VideoWindow()
+    acknowledge(window, 0.125, 1.0, skipped=2)
+    assert window.size == 1
+    acknowledge(window, 0.125, 2.0, skipped=1)
+    assert window.size == 2
+    acknowledge(window, 0.125, 2.49, n_sent=2, skipped=3)
+    assert window.size == 2, "it waits for four delays"
+    acknowledge(window, 0.125, 2.5)
+    assert window.size == 3
+    acknowledge(window, 0.125, 4.0, n_sent=3, skipped=2)
+    assert window.size == 3, "the three count anew"
+    acknowledge(window, 0.125, 5.0, n_sent=3, skipped=1)
+    assert window.size == 4
+    acknowledge(window, 0.125, 6.0, n_sent=4, skipped=3)
+    assert window.size == 4
+
+
+def grown_window(lone_delay_s: float) -> VideoWindow:
+    """Return a window of two frames, whose frames so far took `lone_delay_s` each."""
+    window = VideoWindow()
+    acknowledge(window, lone_delay_s, skipped=3)
+    assert window.size == 2
+    return window
+
+
+LONE_S = 0.128
+SLOW_S = LONE_S * 1.3 + 0.008
+DOUBLED_S = LONE_S * 1.5 + 0.008
+
+
+@pytest.mark.parametrize(
+    ("delays_s", "size"),
+    [
+        ([SLOW_S, SLOW_S, SLOW_S], 2),
+        ([SLOW_S + 1e-6, SLOW_S + 1e-6], 2),
+        ([SLOW_S + 1e-6, SLOW_S + 1e-6, SLOW_S + 1e-6], 1),
+        ([SLOW_S + 1e-6, SLOW_S + 1e-6, LONE_S, SLOW_S + 1e-6, SLOW_S + 1e-6], 2),
+        ([DOUBLED_S, DOUBLED_S], 2),
+        ([DOUBLED_S + 1e-6], 1),
+    ],
+)
+def test_a_larger_window_is_given_up_after_three_slow_frames_or_one_very_slow(
+    delays_s: list[float], size: int
+) -> None:
+    window = grown_window(LONE_S)
+    for delay_s in delays_s:
+        acknowledge(window, delay_s, n_sent=2)
+    assert window.size == size
+
+
+def test_a_slow_frame_in_a_window_of_one_is_no_failed_trial() -> None:
+    window = VideoWindow()
+    acknowledge(window, LONE_S)
+    acknowledge(window, 3 * LONE_S, skipped=3)
+    assert window.size == 2
+
+
+def allows(window: VideoWindow, delay_s: float) -> bool:
+    """Whether frames side by side may take so long without the window being given up."""
+    for _ in range(3):
+        acknowledge(window, delay_s, n_sent=2)
+    return window.size > 1
+
+
+@pytest.mark.parametrize(
+    ("delays_s", "lone_delay_s"),
+    [
+        ([0.128], 0.128),
+        ([0.128, 0.256], 0.160),  # up by a quarter of the way
+        ([0.256, 0.128], 0.128),  # down at once
+        ([0.128, 0.256, 0.256], 0.184),
+    ],
+)
+def test_what_is_slow_is_judged_by_the_delay_of_frames_alone(
+    delays_s: list[float], lone_delay_s: float
+) -> None:
+    def window() -> VideoWindow:
+        new = VideoWindow()
+        for delay_s in delays_s[:-1]:
+            acknowledge(new, delay_s)
+        acknowledge(new, delays_s[-1], skipped=3)
+        return new
+
+    limit_s = lone_delay_s * 1.3 + 0.008
+    assert allows(window(), limit_s - 1e-6)
+    assert not allows(window(), limit_s + 1e-6)
+
+
+@pytest.mark.parametrize(("n_sent", "lone_delay_s"), [(1, 0.136), (2, 0.128)])
+def test_in_a_larger_window_only_a_frame_that_is_alone_tells_of_the_line(
+    n_sent: int, lone_delay_s: float
+) -> None:
+    limit_s = lone_delay_s * 1.3 + 0.008
+    for delay_s, is_allowed in ((limit_s - 1e-6, True), (limit_s + 1e-6, False)):
+        window = grown_window(0.128)
+        acknowledge(window, 0.160, n_sent=n_sent)
+        assert allows(window, delay_s) is is_allowed
+
+
+def note(size: PictureSize, *delays_s: float, now_s: float = 0.0) -> bool:
+    for delay_s in delays_s:
+        size.note(delay_s, now_s)
+    return size.is_large
+
+
+def test_larger_pictures_come_after_eight_good_acknowledgements_in_a_row() -> None:
+    size = PictureSize()
+    assert not note(size, *(7 * [0.059]), 0.06, *(7 * [0.059])), "0.06 s is not good"
+    assert note(size, 0.059)
+
+
+def test_smaller_pictures_come_after_three_late_acknowledgements_in_a_row() -> None:
+    size = PictureSize()
+    note(size, *(8 * [0.059]))
+    assert note(size, 0.121, 0.121, 0.12, 0.121, 0.121), "0.12 s is not late"
+    assert not note(size, 0.121)
+
+
+def test_larger_pictures_are_tried_again_ever_more_seldom() -> None:
+    size, now_s = PictureSize(), 100.0
+    note(size, *(8 * [0.01]), now_s=now_s)
+    for pause_s in (5.0, 20.0, 80.0, 320.0, 320.0):
+        assert not note(size, *(3 * [0.2]), now_s=now_s)
+        now_s += pause_s
+        assert not note(size, *(8 * [0.01]), now_s=now_s - 0.001), "the pause is not over"
+        assert note(size, 0.01, now_s=now_s)
+
+
+def test_after_each_change_of_the_size_the_row_begins_anew() -> None:
+    size = PictureSize()
+    note(size, *(8 * [0.01]))
+    assert note(size, 0.2, 0.2)
+    assert not note(size, 0.2, now_s=100.0)
+    assert not note(size, *(7 * [0.01]), now_s=105.0)
+    assert note(size, 0.01, now_s=105.0)

@@ -1,0 +1,45 @@
+"""The lease of control: who has the wheel, and who is next."""
+
+from __future__ import annotations
+
+from server.clients.lease import Lease
+
+
+def test_the_wheel_goes_to_the_first_and_then_to_who_asked() -> None:
+    lease = Lease(lapse_s=1.5)
+    assert lease.join("a", 0.0)
+    assert not lease.join("b", 0.1)
+    assert not lease.take("b", 0.2)
+    assert lease.renew("a", 0.3) and not lease.renew("b", 0.3)
+    assert lease.give_up("a", 0.4)
+    assert lease.owner == "b"
+
+
+def test_a_lapsed_wheel_goes_to_who_waits_or_to_who_asks() -> None:
+    lease = Lease(lapse_s=1.5)
+    lease.join("a", 0.0)
+    assert not lease.pass_on_if_lapsed(9.0), "nobody waits"
+    lease.renew("a", 9.0)
+    lease.take("b", 9.5)
+    assert not lease.pass_on_if_lapsed(10.0)
+    assert lease.pass_on_if_lapsed(10.6)
+    assert lease.owner == "b"
+    assert lease.take("c", 20.0), "b has been silent"
+
+
+def test_who_leaves_while_waiting_is_forgotten() -> None:
+    lease = Lease()
+    lease.join("a", 0.0)
+    lease.take("b", 0.0)
+    assert not lease.give_up("b", 0.1)
+    assert lease.give_up("a", 0.2)
+    assert lease.owner is None
+
+
+def test_a_lease_lasts_to_its_very_end_and_a_second_and_a_half_by_default() -> None:
+    lease = Lease()
+    assert lease.join("c1", 10.0)
+    assert not lease.take("c2", 11.5), "to the very end it is kept"
+    assert not lease.pass_on_if_lapsed(11.5)
+    assert lease.pass_on_if_lapsed(11.5 + 1e-6)
+    assert lease.owner == "c2"
