@@ -40,6 +40,11 @@ HELPLESS_S = 10.0
 """After so long beyond that it stands and asks,"""
 ASKING_S = 5.0
 """and if nobody takes the wheel, tries again after so long."""
+_BY_THE_CLOCK = 3.0
+"""Turns that end by the clock have so many times their inertia until then, and as much against them
+afterwards: only votes that are all but unanimous weigh more."""
+_UNTIL_CLEAR = 5.0
+"""Such turns go on where the way is long free, so a view on which one begins has to be clear."""
 _USUAL_STEP_S = 0.1
 
 
@@ -129,12 +134,12 @@ class Commitment:
                 move must not influence a prediction that is compared with the pilot's move.
             futile: A move without effect: chosen only if there are no votes for another.
             urge: How much is subtracted from the votes of all turns.
-            hold: Share of its inertia that a turn under way has.
+            hold: How many times its inertia the move under way has.
         """
         barred = OPPOSITE.get(self._turn) if self._turn is not None else None
         allowed = [action for action in shares if action is not barred] or list(shares)
         fruitful = [action for action in allowed if action is not futile and shares[action] > 0]
-        inertia = hold * self.turn_inertia if under_way in TURNS else self.straight_inertia
+        inertia = hold * (self.turn_inertia if under_way in TURNS else self.straight_inertia)
         chosen = max(
             fruitful or allowed,
             key=lambda action: (
@@ -235,16 +240,16 @@ class ActionFilter:
         return self._commitment.choose(shares, under_way, futile, urge=urge, hold=hold)
 
     def _hold(self, under_way: Action | None, at_s: float, timed_s: float | None) -> float:
-        """Return the share of its inertia that a turn has; negative when its time is over."""
+        """Return how many times its inertia a move has; negative for a turn whose time is over."""
         if under_way not in TURNS:
             self._turns_since_s = None
-            return 1.0
+            return 1.0 if timed_s is None else _UNTIL_CLEAR
         if self._turns_since_s is None:
             self._turns_since_s = at_s
         if timed_s is None:
             return 1.0
-        over_s = at_s - self._turns_since_s - timed_s
-        return min(max(1.0 - over_s / _USUAL_STEP_S, -1.0), 1.0)
+        is_over = at_s - self._turns_since_s > timed_s - 0.5 * _USUAL_STEP_S
+        return -_BY_THE_CLOCK if is_over else _BY_THE_CLOCK
 
     def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
         """Update the clock and `needs_help`; return what to subtract from the votes of turns."""

@@ -56,22 +56,37 @@ def test_standing_still_is_no_move_under_way():
 
 @pytest.mark.parametrize("rate_hz", [5, 10, 30])
 @pytest.mark.parametrize("timed_s", [None, 1.0, 2.0])
-def test_a_turn_by_the_clock_yields_when_its_time_is_over_and_not_before(rate_hz, timed_s):
-    """Votes that are even: inertia alone decides, and yields only to the pilot's own time."""
+@pytest.mark.parametrize("forward", [0.5, 0.8])
+def test_a_turn_by_the_clock_ends_when_its_time_is_over_and_not_before(rate_hz, timed_s, forward):
+    """Votes for FORWARD until then, and for the turn from then on: both in vain."""
     actions, doing, turned_s = ActionFilter(), L, 0.0
     for number in range(1, 3 * rate_hz):
         at_s = number / rate_hz
-        picture = np.random.default_rng(number).integers(0, 255, 1200).astype(np.uint8)
-        view = View(picture=picture, at_s=at_s, bumped=False)
-        doing = actions.choose(
-            {F: 0.5, L: 0.5, R: 0.0},
-            view,
-            doing,
-            longest_debt_s=12.0,
-            patience_s=0.5,
-            timed_turn_s=timed_s,
-        )
+        share = forward if timed_s is None or at_s < timed_s else 1.0 - forward
+        doing = choose(actions, {F: share, L: 1.0 - share, R: 0.0}, doing, at_s, timed_s)
         if doing is not L:
             break
         turned_s = at_s
-    assert turned_s == pytest.approx(timed_s or 3.0, abs=0.1 + 2 / rate_hz)
+    without_clock_s = 0.0 if forward > 0.5 + 0.5 * TURN_INERTIA else 3.0
+    expected_s = without_clock_s if timed_s is None else timed_s
+    assert turned_s == pytest.approx(expected_s, abs=0.1 + 2 / rate_hz)
+
+
+@pytest.mark.parametrize(
+    ("left", "timed_s", "expected"),
+    [(0.65, None, L), (0.65, 2.0, F), (0.85, 2.0, L)],
+)
+def test_who_turns_by_the_clock_begins_a_turn_only_on_a_clear_view(left, timed_s, expected):
+    assert choose(ActionFilter(), {F: 1.0 - left, L: left}, F, 0.1, timed_s) is expected
+
+
+def choose(actions, shares, doing, at_s, timed_s):
+    picture = np.random.default_rng(round(at_s * 1000)).integers(0, 255, 1200).astype(np.uint8)
+    return actions.choose(
+        shares,
+        View(picture=picture, at_s=at_s, bumped=False),
+        doing,
+        longest_debt_s=12.0,
+        patience_s=0.5,
+        timed_turn_s=timed_s,
+    )
