@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
 from robot.learner.base import State
-from robot.policy.history import Edited, HistoryEvent, Taught, TrainingHistory, Undone
-from robot.policy.policy import Policy
+from robot.policy.history import (
+    Edited,
+    HistoryEvent,
+    Replaced,
+    Taught,
+    TrainingHistory,
+    Undone,
+)
+from robot.policy.policy import LearnedImage, Policy
 from robot.policy.registry import make_policy
 from robot.types import Action, Example
 from tests.robot.bench_robot import BenchRobot
@@ -35,27 +44,6 @@ def same(a: State, b: State) -> bool:
         and a.arrays.keys() == b.arrays.keys()
         and all(np.array_equal(a.arrays[key], b.arrays[key]) for key in a.arrays)
     )
-
-
-@pytest.mark.parametrize("learner", LEARNERS)
-@pytest.mark.parametrize("seconds", [0.5, 5.0, 30.0])
-def test_undo_leaves_the_learner_as_if_the_lessons_had_never_been(
-    learner: str, seconds: float
-) -> None:
-    history = TrainingHistory(make_policy(learner))
-    xs = vectors(history.policy, 450)
-    teach(history, xs)
-    gone = history.undo(seconds)
-    assert len(gone) == round(seconds / STEP_S)
-
-    untouched = TrainingHistory(make_policy(learner))
-    teach(untouched, xs[: len(xs) - len(gone)])
-    assert same(history.policy.get_state(), untouched.policy.get_state())
-    assert history.taught == untouched.taught
-
-    teach(history, xs[:20], first=500)
-    teach(untouched, xs[:20], first=500)
-    assert same(history.policy.get_state(), untouched.policy.get_state())
 
 
 def test_undo_can_be_repeated_back_to_the_beginning() -> None:
@@ -132,3 +120,153 @@ def test_everything_that_changes_the_learner_is_told_in_order() -> None:
     kinds = [type(event) for event in told]
     assert kinds == [Taught, Taught, Taught, Edited, Undone]
     assert told[-1] == Undone(frame_ids=(2,))
+
+
+def teach_at(history: TrainingHistory, *times_s: float) -> None:
+    """Teach one example at each of these teaching times, to the last digit."""
+    xs = vectors(history.policy, 3)
+    for number, at_s in enumerate(times_s):
+        example = Example(frame_id=number, label=MOVES[number % 3], is_intervention=False)
+        history.teach_again(Taught(example=example, x=xs[number % 3], at_s=at_s))
+
+
+def test_an_undo_learns_again_only_what_came_after_the_snapshot_before_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    history = TrainingHistory(make_policy("published-8"))
+    teach_at(history, *(step * 0.5 for step in range(22)))  # a snapshot at 10.0, the last at 10.5
+    learned_s: list[float] = []
+    learn = history.policy.learn
+
+    def listen(x: np.ndarray, label: Action, at_s: float | None = None) -> None:
+        assert at_s is not None
+        learned_s.append(at_s)
+        learn(x, label, at_s)
+
+    monkeypatch.setattr(history.policy, "learn", listen)
+    assert [example.frame_id for example in history.undo(0.5)] == [21]
+    assert learned_s == []
+    assert [example.frame_id for example in history.undo(0.5)] == [20]
+    assert learned_s == [step * 0.5 for step in range(20)]
+
+
+@pytest.mark.parametrize(("last_s", "n_undone", "n_kept"), [(46.5, 4, 5), (47.0, 3, 3)])
+def test_the_log_keeps_what_an_undo_of_35_seconds_reaches_and_no_snapshot_more(
+    last_s: float, n_undone: int, n_kept: int
+) -> None:
+    history = TrainingHistory(make_policy("published-8"))
+    teach_at(history, 0.0, 12.0, 24.0, 36.0, last_s)
+    assert len(history.last_examples(35.0)) == sum(
+        at_s > last_s - 35.0 for at_s in (12, 24, 36, 47)
+    )
+    assert len(history.undo(1e9)) == n_kept
+    assert history.n_examples == 5 - n_kept
+
+
+def test_teaching_time_begins_at_zero_and_undo_turns_it_back() -> None:
+    told: list[HistoryEvent] = []
+    history = TrainingHistory(make_policy("published-8"), told.append)
+    xs = vectors(history.policy, 3)
+    teach(history, xs[:2], first=100)
+    history.undo(5.0)
+    teach(history, xs[2:], first=102)
+    times_s = [event.at_s for event in told if isinstance(event, Taught)]
+    assert times_s == pytest.approx([0.0, STEP_S, STEP_S])
+
+
+def test_each_change_is_counted_once_and_told() -> None:
+    told: list[HistoryEvent] = []
+    history = TrainingHistory(make_policy("published-8"), told.append)
+    assert history.changes == 0
+    teach(history, vectors(history.policy, 3))
+    history.edit("pin", history.policy.gallery()[0].node_id, True)
+    history.undo_edit()
+    history.replace_policy(make_policy("published-4"))
+    assert [type(event) for event in told[:-2]] == [Taught, Taught, Taught, Edited]
+    assert told[-2:] == [Undone(frame_ids=()), Replaced(policy_name="published-4")]
+    assert history.changes == len(told)
+
+
+def test_another_policy_goes_on_with_what_it_was_taught_and_none_of_that_is_undone() -> None:
+    history = TrainingHistory(make_policy("published-8"))
+    teach(history, vectors(history.policy, 3))
+    loaded = make_policy("published-4")
+    history.replace_policy(loaded, Counter({Action.FORWARD: 5}))
+    assert (history.policy, history.n_examples) == (loaded, 5)
+    assert history.undo(30.0) == []
+    before = loaded.get_state()
+    teach(history, vectors(loaded, 2), first=3)
+    assert history.n_examples == 7
+    assert len(history.undo(30.0)) == 2
+    assert same(loaded.get_state(), before)
+    assert history.taught == {Action.FORWARD: 5}
+    history.replace_policy(make_policy("published-4"))
+    assert history.n_examples == 0
+
+
+def test_each_edit_does_what_it_says() -> None:
+    history = TrainingHistory(make_policy("published-8"))
+    teach(history, vectors(history.policy, 6))
+    first, second, *_ = (node.node_id for node in history.policy.gallery())
+
+    def node(node_id: int) -> LearnedImage:
+        return next(node for node in history.policy.gallery() if node.node_id == node_id)
+
+    history.edit("relabel", first, Action.RIGHT)
+    assert {move for move, votes in node(first).votes.items() if votes} == {Action.RIGHT}
+    for is_pinned in (True, False):
+        history.edit("pin", first, is_pinned)
+        assert node(first).is_pinned is is_pinned
+    history.edit("delete", second)
+    assert second not in {node.node_id for node in history.policy.gallery()}
+
+
+def test_a_drive_is_counted_where_something_was_taught_in_it() -> None:
+    history = TrainingHistory(make_policy("published-8"))
+    xs = vectors(history.policy, 2)
+    counted = []
+    for step in (None, xs[:1], None, None, xs[1:], None):
+        if step is None:
+            history.begin_drive()
+        else:
+            teach(history, step)
+        counted.append(history.drives)
+    assert counted == [0, 0, 1, 1, 1, 2]
+
+
+def test_a_learner_looks_for_its_place_at_each_drive_again_after_an_undo() -> None:
+    history = TrainingHistory(make_policy("multi-place-8"))
+    by_hand = make_policy("multi-place-8")
+    xs = vectors(by_hand, 60)
+    for first in (0, 30):
+        teach(history, xs[first : first + 30], first=first)
+        for event in history.last_examples(29.5 * STEP_S):
+            by_hand.learn(event.x, event.example.label, event.at_s)
+        if first == 0:
+            history.begin_drive()
+            by_hand.reset()
+    assert same(history.policy.get_state(), by_hand.get_state())
+    teach(history, xs[:5], first=60)
+    assert len(history.undo(5 * STEP_S)) == 5
+    assert same(history.policy.get_state(), by_hand.get_state())
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+@pytest.mark.parametrize("seconds", [0.5, 5.0, 30.0])
+def test_undo_leaves_the_learner_as_if_the_lessons_had_never_been(
+    learner: str, seconds: float
+) -> None:
+    history = TrainingHistory(make_policy(learner))
+    xs = vectors(history.policy, 450)
+    teach(history, xs)
+    gone = history.undo(seconds)
+    assert len(gone) == round(seconds / STEP_S)
+
+    untouched = TrainingHistory(make_policy(learner))
+    teach(untouched, xs[: len(xs) - len(gone)])
+    assert same(history.policy.get_state(), untouched.policy.get_state())
+    assert history.taught == untouched.taught
+
+    teach(history, xs[:20], first=500)
+    teach(untouched, xs[:20], first=500)
+    assert same(history.policy.get_state(), untouched.policy.get_state())
