@@ -184,14 +184,13 @@ class ManualClock:
 class _Waiting:
     """A thread that is held up: until `event`, or `due_s`, or for ever."""
 
+    __slots__ = ("due_s", "event", "turn")
+
     def __init__(self, event: threading.Event | None, due_s: float | None) -> None:
         self.event = event
         self.due_s = due_s
-        self.turn = threading.Semaphore(0)
-
-    @property
-    def is_ready(self) -> bool:
-        return self.event is not None and self.event.is_set()
+        self.turn = threading.Lock()  # a semaphore would cost five times as much
+        self.turn.acquire()
 
 
 class VirtualClock(ManualClock):
@@ -236,7 +235,7 @@ class VirtualClock(ManualClock):
 
     def sleep(self, seconds: float) -> None:
         """Hold up this thread for `seconds` of virtual time."""
-        self.wait(threading.Event(), max(0.0, seconds))
+        self._let_others_run(None, seconds)
 
     def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
         """Hold up this thread while others run; see `Clock`.
@@ -250,7 +249,7 @@ class VirtualClock(ManualClock):
             self._let_others_run(event, timeout_s)
         return event.is_set()
 
-    def _let_others_run(self, event: threading.Event, timeout_s: float | None) -> None:
+    def _let_others_run(self, event: threading.Event | None, timeout_s: float | None) -> None:
         self._now_s = self._base_s()
         due_s = None if timeout_s is None else self._now_s + max(0.0, timeout_s)
         me = _Waiting(event, due_s)
@@ -262,16 +261,22 @@ class VirtualClock(ManualClock):
 
     def _hand_over(self) -> None:
         """Wake the next thread: one whose event is set, or else whose time comes first."""
-        following = next((other for other in self._waiting if other.is_ready), None)
+        following = soonest = None
+        for other in self._waiting:
+            if other.event is not None and other.event.is_set():
+                following = other
+                break
+            if other.due_s is not None and (soonest is None or other.due_s < soonest[0]):
+                soonest = other.due_s, other
         if following is None:
-            timed = [other for other in self._waiting if other.due_s is not None]
-            if not timed:
+            if soonest is None:
                 self._deadlock = "every thread waits for ever"
-                for other in self._waiting:
+                held_up, self._waiting = self._waiting, []
+                for other in held_up:
                     other.turn.release()
                 return
-            following = min(timed, key=lambda other: other.due_s or 0.0)
-            self._now_s = max(self._now_s, following.due_s or 0.0)
+            due_s, following = soonest
+            self._now_s = max(self._now_s, due_s)
         self._waiting.remove(following)
         following.turn.release()
 

@@ -57,6 +57,7 @@ class FakeMotor:
 
     def __init__(self, folder: Path, port: str) -> None:
         self.folder, self.port = folder, port
+        self.command = folder / "command"  # looked at all the time
         self.until_s = 0.0
         self.speed = 0
         self.position = 123456.0
@@ -69,8 +70,11 @@ class FakeMotor:
 
     def write(self, name: str, value: str) -> None:
         """Set an attribute in place: readers keep it open."""
-        with (self.folder / name).open("r+b", buffering=0) as file:
-            file.write(value.encode() + b"\n")
+        file = os.open(f"{self.folder}/{name}", os.O_WRONLY)
+        try:
+            os.write(file, value.encode() + b"\n")
+        finally:
+            os.close(file)
 
 
 class FakeBrick(StartStop):
@@ -237,10 +241,9 @@ class FakeBrick(StartStop):
             motor.position += motor.speed * past_s
             # One width: never seen half written.
             motor.write("position", f"{motor.position:012.0f}")
-        file = motor.folder / "command"
-        if file.stat().st_mtime_ns == _SEEN_NS:
+        if motor.command.stat().st_mtime_ns == _SEEN_NS:
             return
-        os.utime(file, ns=(_SEEN_NS, _SEEN_NS))  # first: a command that comes now is seen later
+        os.utime(motor.command, ns=(_SEEN_NS, _SEEN_NS))  # first: one that comes now is seen later
         if command := motor.read("command"):
             self._obey(motor, command, now_s)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import random
 import tempfile
 from collections import deque
@@ -45,6 +46,8 @@ STANDS_S = 0.5
 DRIVES = 50
 """As many are measured for the page."""
 _STEP_S = 0.004
+_MEMORY = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
+"""Where the files of a brick are: its kernel has none of them on a disk, either."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +165,7 @@ def _ev3_remote(seed: int) -> Iterator[TimedBody]:
     """The brick's agent on a brick made of files, whose kernel ends what `run-timed` began."""
     clock = VirtualClock(100.0)
     with (
-        tempfile.TemporaryDirectory() as folder,
+        tempfile.TemporaryDirectory(dir=_MEMORY) as folder,
         FakeBrick(Path(folder), clock=clock) as brick,
         VirtualAgent(brick) as agent,
     ):
@@ -254,7 +257,7 @@ def _ev3(seed: int) -> Iterator[TimedBody]:
     """The server runs on the brick: its line to the body are the motors' cables."""
     clock = VirtualClock(100.0)
     with (
-        tempfile.TemporaryDirectory() as folder,
+        tempfile.TemporaryDirectory(dir=_MEMORY) as folder,
         FakeBrick(Path(folder), clock=clock) as brick,
     ):
         driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock)
