@@ -194,7 +194,7 @@ def is_stop(text: str) -> bool:
 
 def _parse_object(text: str) -> dict[str, Any]:
     try:
-        message = json.loads(text, parse_constant=_refuse_constant)
+        message = _DECODER.decode(text)
     except (ValueError, RecursionError) as error:
         raise ProtocolError(ErrorCode.MALFORMED, "a message is one JSON object") from error
     if not isinstance(message, dict):
@@ -205,6 +205,9 @@ def _parse_object(text: str) -> dict[str, Any]:
 def _refuse_constant(name: str) -> NoReturn:
     """JSON knows neither NaN nor infinity, though Python's parser does."""
     raise ValueError(name)
+
+
+_DECODER = json.JSONDecoder(parse_constant=_refuse_constant)
 
 
 def _parse_drive(
@@ -335,7 +338,10 @@ def parse_acknowledgement(message: bytes) -> int:
 
 def encode_message(kind: str, **fields: Any) -> str:
     """Encode one message for the page: `hello`, `state`, `pong` or `event`."""
-    return json.dumps({"type": kind, **fields}, separators=(",", ":"), allow_nan=False)
+    return _ENCODER.encode({"type": kind, **fields})
+
+
+_ENCODER = json.JSONEncoder(separators=(",", ":"), allow_nan=False)
 
 
 def encode_error(error: ProtocolError) -> str:

@@ -119,7 +119,8 @@ class Hub:
             client.send(encode_message("event", name=name, **fields))
         if role is Role.PILOT and self.lease.join(client.id, now_s):
             self._pilot_changed()
-        self.publish_state()
+        else:
+            self.publish_state()
         log.info("join client=%s role=%s pilot=%s", client.id, role.value, self.lease.owner)
         return client
 
@@ -142,7 +143,8 @@ class Hub:
         if self.lease.give_up(client.id, now_s):
             self._offer_wheel(now_s)
             self._pilot_changed()
-        self.publish_state()
+        else:
+            self.publish_state()
         log.info("leave client=%s refused=%d", client.id, client.refused)
 
     def _offer_wheel(self, now_s: float) -> None:
