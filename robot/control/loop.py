@@ -97,7 +97,7 @@ class ControlLoop:
         self._fault: str | None = None
         self._last_mode = Mode.TRAIN
         self._shown_mode = Mode.STOPPED
-        self._emergencies = 0
+        self._epoch = object()
         self.speed_share = 1.0
         camera.listen(self.wake.set)
 
@@ -150,7 +150,7 @@ class ControlLoop:
         """
         if proven_s is None:
             proven_s = self._clock.now_s()
-        epoch = self._emergencies
+        epoch = self._epoch
         return self.submit(lambda: self._is_latest(epoch) and self._start(mode, proven_s, frame_id))
 
     def empty_command(self) -> Future[None]:
@@ -163,12 +163,12 @@ class ControlLoop:
 
     def latch_emergency(self) -> Future[None]:
         """Stop until `release_emergency`; it is run before all queued requests."""
-        self._emergencies += 1
+        self._epoch = object()
         return self._mailbox.put_request(self._latch_emergency, is_urgent=True)
 
     def release_emergency(self) -> Future[None]:
         """Allow modes to be chosen again; the robot stays stopped."""
-        epoch = self._emergencies
+        epoch = self._epoch
 
         def release() -> None:
             if self._is_latest(epoch):
@@ -221,8 +221,8 @@ class ControlLoop:
         sent = self._drive(decision, started_s)
         if sent is None:
             decision, sent = self._idle_decision(), Action.STOP
-        if decision.driven_by is DrivenBy.PILOT or self._gate.mode is not Mode.STOPPED:
-            self._online_learning.learn(  # a stopped robot does not
+        if self._gate.mode is not Mode.STOPPED:  # a stopped robot does not learn
+            self._online_learning.learn(
                 commands,
                 is_intervention=self._gate.mode is Mode.AUTONOMOUS,
                 may_learn=self._governor.may_learn,
@@ -253,26 +253,29 @@ class ControlLoop:
         commands = self._mailbox.take_commands()
         for command in commands:
             self._judge_link(command, now_s)
-        is_blind = self._governor.is_blind(now_s, self._camera_timing.slack_s)
-        if self._governor.must_stop or (is_blind and self._gate.mode is not Mode.STOPPED):
-            self._trip(StopReason.LINK_SLOW)
         if self._gate.mode is Mode.STOPPED:
+            return []
+        is_blind = self._governor.is_blind(now_s, self._camera_timing.slack_s)
+        if self._governor.must_stop or is_blind:
+            self._trip(StopReason.LINK_SLOW)
             return []
         return [command for command in commands if self._gate.receive(command, now_s)]
 
     def _judge_link(self, command: PilotCommand, now_s: float) -> None:
         """Pass the age of the picture that the pilot acts upon to the link governor."""
-        picture_age_s = self._online_learning.picture_age_s(command)
-        if command.frame_id is None or picture_age_s is None:
+        if command.frame_id is None:
             return
-        captured_s, delivered_s = self._online_learning.times_of(command.frame_id) or (0.0, 0.0)
+        times = self._online_learning.times_of(command.frame_id)
+        if times is None:
+            return
+        captured_s, delivered_s = times
         self._governor.note_seen(delivered_s)
         reported_s = command.frame_age_s
         if reported_s is not None:
             reported_s -= delivered_s - captured_s
         # If the page reports how long the phone had the picture, no period has to be allowed for.
         slack_s = self._camera_timing.slack_s if command.phone_s is None else 0.0
-        age_s = age_of_link_s(picture_age_s, reported_s, command.phone_s)
+        age_s = age_of_link_s(command.received_s - delivered_s, reported_s, command.phone_s)
         self._governor.note_age(age_s, now_s, slack_s)
 
     def _look(self, now_s: float) -> Frame | None:
@@ -321,6 +324,7 @@ class ControlLoop:
         )
         if was_moving and decision.mode is Mode.STOPPED and decision.stop_reason is not None:
             self._note_stop(decision.stop_reason)
+            self._reset()
         scale = min(
             decision.speed_scale, self._governor.speed_scale, self._camera_timing.speed_scale
         )
@@ -379,9 +383,9 @@ class ControlLoop:
 
     # Requests, run on the loop's thread ----------------------------------------------------
 
-    def _is_latest(self, epoch: int) -> bool:
-        """False if an emergency stop was requested after this request was queued."""
-        return self._emergencies == epoch
+    def _is_latest(self, epoch: object) -> bool:
+        """False if an emergency stop, which begins an epoch, was requested after this request."""
+        return self._epoch is epoch
 
     def _start(
         self, mode: Mode, proven_s: float | None = None, frame_id: int | None = None
@@ -430,7 +434,6 @@ class ControlLoop:
 
     def _note_stop(self, reason: StopReason) -> None:
         self._board.count_stop(reason)
-        self._reset()
         log.info("stop reason=%s", reason.value)
 
     def _drive_failed(self, error: DriveError) -> None:

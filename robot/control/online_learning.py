@@ -126,11 +126,6 @@ class OnlineLearning:
         seen = self._seen.get(min(frame_id, newest_id), oldest)
         return seen.captured_s, seen.delivered_s
 
-    def picture_age_s(self, command: PilotCommand) -> float | None:
-        """Return how long before `command` its frame reached the loop; None if not known."""
-        times = self.times_of(command.frame_id) if command.frame_id is not None else None
-        return command.received_s - times[1] if times else None
-
     def take_events(self) -> tuple[HistoryEvent, ...]:
         """Return and remove the latest changes of the learner, in order."""
         events = tuple(self._events)

@@ -33,7 +33,11 @@ SUBJECTS: dict[str, tuple[str, ...]] = {
     "robot.control.link_governor": ("tests/robot/control/test_link_governor.py",),
     "robot.policy.history": ("tests/robot/policy/test_history.py",),
     "robot.control.gate": ("tests/robot/control/test_gate.py", "tests/robot/control/test_loop.py"),
-    "robot.control.loop": ("tests/robot/control/test_loop.py", "tests/robot/control"),
+    "robot.control.loop": (
+        "tests/robot/control/test_loop_requests.py",
+        "tests/robot/control/test_loop.py",
+        "tests/robot/control",
+    ),
 }
 """Each module, and the tests that are to notice. They run in this order until one fails."""
 _LIBRARIES = ("numpy", "hypothesis", "hypothesis.strategies", "fastapi", "uvicorn", "websockets")

@@ -15,8 +15,8 @@ from robot.clock import Clock, VirtualClock
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.control.state import Tick
 from robot.driver import Driver
-from robot.errors import DriveError
 from robot.policy.registry import make_policy
+from robot.testing.driver import FakeDriver
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Sensors
 
 
@@ -68,38 +68,20 @@ class BenchCamera(Camera):
         self._report_fault(sentence)
 
 
-class BenchDriver(Driver):
-    """Notes what it is told; can be made to fail."""
+class BenchDriver(FakeDriver):
+    """Notes what it is told and shown; can be made to fail."""
 
     name: ClassVar[str] = "bench"
     default_camera: ClassVar[str] = "bench"
     options_type: ClassVar[type[Any]] = NoOptions
 
-    def __init__(self, options: Any = None) -> None:
-        self.sent: list[tuple[Action, float]] = []
-        self.stops = 0
-        self.failure: str | None = None
+    def __init__(self, options: Any = None, clock: Clock | None = None) -> None:
+        super().__init__(options, clock)
         self.sensors = Sensors(distance_m=0.5, bumped=False)
+        self.shown: list[Mode] = []
 
-    @property
-    def is_connected(self) -> bool:
-        return True
-
-    def connect(self) -> None: ...
-
-    def disconnect(self) -> None: ...
-
-    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        if self.failure:
-            raise DriveError(self.failure)
-        self.sent.append((action, speed_scale))
-        return action
-
-    def sense(self) -> Sensors:
-        return self.sensors
-
-    def stop(self) -> None:
-        self.stops += 1
+    def show(self, mode: Mode) -> None:
+        self.shown.append(mode)
 
 
 class BenchRobot:
@@ -108,7 +90,7 @@ class BenchRobot:
     def __init__(self, learner: str = "published-8", config: LoopConfig | None = None) -> None:
         self.clock = VirtualClock(100.0)
         self.camera = BenchCamera(self.clock)
-        self.driver = BenchDriver()
+        self.driver = BenchDriver(clock=self.clock)
         self.loop = ControlLoop(self.driver, self.camera, make_policy(learner), self.clock, config)
         self._seq = 0
 

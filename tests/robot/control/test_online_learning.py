@@ -72,15 +72,13 @@ def test_it_remembers_only_the_newest_frames(
     assert online_learning.history.n_examples == 0
 
 
-def test_the_age_of_the_picture_that_the_pilot_saw(
+def test_when_a_frame_was_taken_and_came_is_known_before_the_first_command(
     online_learning: OnlineLearning, camera: BenchCamera, clock: ManualClock
 ) -> None:
-    assert online_learning.picture_age_s(hold(1, 50.0)) is None
+    assert online_learning.times_of(1) is None
     frame = camera.show(1)
-    online_learning.look(frame)
-    clock.advance(0.25)
-    assert online_learning.picture_age_s(hold(frame.frame_id, clock.now_s())) == pytest.approx(0.25)
-    assert online_learning.picture_age_s(hold(None, clock.now_s())) is None
+    online_learning.look(frame, delivered_s=clock.now_s() + 0.25)
+    assert online_learning.times_of(frame.frame_id) == (frame.captured_s, clock.now_s() + 0.25)
 
 
 def test_the_frame_rate_is_that_of_the_camera(
