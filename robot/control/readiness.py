@@ -27,7 +27,7 @@ IN_USE_SHARE = 0.02
 """A move on fewer of the examples is a slip of the finger, not in use."""
 CLEAN_S = 30.0
 """The robot is ready when it has driven so long without anything going wrong,"""
-NOVEL_SHARE = 0.04
+NOVEL_SHARE = 0.02
 """with at most this share of views that it does not know."""
 PUSHED_S = 0.3
 BEFORE_S, AFTER_S = 0.5, 0.15

@@ -36,7 +36,7 @@ class Ready:
                 params={
                     "habit": habits[number % len(habits)],
                     "world": WORLDS[(number + number // len(habits)) % len(WORLDS)],
-                    "rate_hz": RATES_HZ[number % len(RATES_HZ)],
+                    "rate_hz": RATES_HZ[(number + number // len(habits)) % len(RATES_HZ)],
                     "learner": settings.learners[0] if settings.learners else "default-32",
                     "seed": FIRST_SEED + number,
                     "limit_s": LIMIT_S,
