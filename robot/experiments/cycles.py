@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -80,7 +79,7 @@ def _real(policy: Policy, params: Mapping[str, Any]) -> tuple[float, float]:
         def next_frame() -> int:
             nonlocal last
             while (frame := rig.camera.latest()) is None or frame.frame_id == last:
-                if not loop.wake.wait(5.0):
+                if not rig.clock.wait(loop.wake, 5.0):
                     raise TimeoutError("the camera gives no pictures")
                 loop.wake.clear()
             last = frame.frame_id
@@ -90,17 +89,17 @@ def _real(policy: Policy, params: Mapping[str, Any]) -> tuple[float, float]:
 
 
 def _measure(loop: ControlLoop, next_frame: Callable[[], int], cycles: int) -> tuple[float, float]:
-    clock = RealClock()
+    clock = loop.clock
     rates = []
     for mode, held in ((Mode.TRAIN, Action.LEFT), (Mode.AUTONOMOUS, None)):
         next_frame()
         loop.set_mode(mode)
         loop.tick(clock.now_s())
-        started_s = time.perf_counter()
+        started_s = clock.now_s()
         for seq in range(cycles):
             frame_id = next_frame()
             now_s = clock.now_s()
             loop.command(PilotCommand(held=held, frame_id=frame_id, seq=seq, received_s=now_s))
             loop.tick(now_s)
-        rates.append(cycles / (time.perf_counter() - started_s))
+        rates.append(cycles / (clock.now_s() - started_s))
     return rates[0], rates[1]

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
 
+from robot.brick.agent import callers, wire
+from robot.brick.agent.ports import HardwareError
 from robot.brick.archive import make_agent
+from robot.brick.handshake import join
 from robot.cameras.ev3_remote import Ev3RemoteCamera
 from robot.capture.options import UsbCameraOptions
 from robot.clock import RealClock
@@ -20,6 +26,30 @@ from robot.testing.brick import FakeBrick
 from robot.types import Action
 from tests.brick.fake_video import DEVICE, QUICK, FakeVideo
 from tests.brick.running_agent import SECRET, RunningAgent
+
+MOST_GROWTH_KB = 2048
+
+
+def host_port(address: str) -> tuple[str, int]:
+    host, port = address.split(":")
+    return host, int(port)
+
+
+def memory_kb(agent: RunningAgent) -> int:
+    status = Path(f"/proc/{agent.process.pid}/status").read_text()
+    return int(status.split("VmRSS:")[1].split()[0])
+
+
+def descriptors(agent: RunningAgent) -> int:
+    return len(list(Path(f"/proc/{agent.process.pid}/fd").iterdir()))
+
+
+def connect(address: str, stack: ExitStack) -> socket.socket:
+    line = stack.enter_context(socket.socket())
+    line.setblocking(False)
+    with suppress(BlockingIOError):
+        line.connect(host_port(address))
+    return line
 
 
 def make_driver(address: str) -> Ev3RemoteDriver:
@@ -33,10 +63,31 @@ def wait_until(is_so: Callable[[], bool], timeout_s: float = 30.0) -> None:
         time.sleep(0.005)
 
 
+def drive_on(driver: Ev3RemoteDriver, brick: FakeBrick) -> None:
+    driver.send_action(Action.FORWARD)
+    brick.wait_until(brick.is_moving)
+
+
+def join_patiently(address: str) -> None:
+    """Join, as often as it takes: a flood from one's own address may push one out."""
+    for _ in range(50):
+        try:
+            join(address, SECRET).close()
+            return
+        except HardwareError:
+            continue
+    raise AssertionError("nobody gets in any more")
+
+
 @pytest.mark.realtime
-def test_a_process_drives_shows_and_comes_back(brick: FakeBrick, tmp_path: Path) -> None:
+def test_a_process_drives_shows_comes_back_and_suffers_strangers_at_no_cost(
+    brick: FakeBrick, tmp_path: Path
+) -> None:
     the_camera_comes_newest_first_and_its_faults_are_said(brick, tmp_path)
     a_line_that_was_lost_is_said_and_joined_again(brick, tmp_path)
+    with RunningAgent(brick.root, tmp_path) as agent:
+        a_thousand_idle_connections_are_nothing(brick, agent)
+        twelve_strangers_with_four_megabytes_each_get_no_memory(brick, agent)
 
 
 def a_line_that_was_lost_is_said_and_joined_again(brick: FakeBrick, tmp_path: Path) -> None:
@@ -80,6 +131,45 @@ def the_camera_comes_newest_first_and_its_faults_are_said(brick: FakeBrick, tmp_
             wait_until(lambda: DEVICE in str(camera.fault))
             video.behave("run")
             wait_until(lambda: camera.fault is None)
+
+
+def a_thousand_idle_connections_are_nothing(brick: FakeBrick, agent: RunningAgent) -> None:
+    with make_driver(agent.address) as driver, ExitStack() as stack:
+        drive_on(driver, brick)
+        before_kb, before_fds = memory_kb(agent), descriptors(agent)
+        for _ in range(1010):
+            connect(agent.address, stack)
+        drive_on(driver, brick)
+        assert agent.process.poll() is None
+        assert descriptors(agent) <= before_fds + callers.MAX_STRANGERS + 1
+        assert memory_kb(agent) - before_kb < MOST_GROWTH_KB
+    join_patiently(agent.address)
+
+
+def twelve_strangers_with_four_megabytes_each_get_no_memory(
+    brick: FakeBrick, agent: RunningAgent
+) -> None:
+    body = b"x" * (4 << 20)
+    kinds = (b"J", b"F", b"Q")
+    with make_driver(agent.address) as driver:
+        drive_on(driver, brick)
+        before_kb = memory_kb(agent)
+
+        def pour(kind: bytes) -> None:
+            with (
+                suppress(OSError),
+                socket.create_connection(host_port(agent.address), timeout=5) as line,
+            ):
+                line.sendall(wire.HEAD.pack(kind, len(body)) + body)
+
+        senders = [threading.Thread(target=pour, args=(kinds[n % 3],)) for n in range(12)]
+        for sender in senders:
+            sender.start()
+        most_kb = before_kb
+        while any(sender.is_alive() for sender in senders):
+            most_kb = max(most_kb, memory_kb(agent))
+        assert most_kb - before_kb < MOST_GROWTH_KB
+        drive_on(driver, brick)
 
 
 def test_others_may_not_read_the_secret(tmp_path: Path) -> None:

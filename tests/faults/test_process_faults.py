@@ -19,7 +19,14 @@ from tests.server.own_process import own_process
 pytestmark = pytest.mark.realtime
 
 
-def test_a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:
+def test_a_frozen_server_moves_nothing_afterwards_and_a_full_disk_does_not_stop_one(
+    tmp_path: Path,
+) -> None:
+    a_frozen_server_lets_the_body_stop_and_does_not_move_it_again()
+    a_full_disk_does_not_keep_the_robot_from_driving_or_standing(tmp_path)
+
+
+def a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:
     """The body ends each move by itself after `ACTION_TIMEOUT_S`, which every driver's tests show.
 
     What is left to show is that nothing was told to move after the freeze.
@@ -39,7 +46,7 @@ def test_a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None
             assert (notes["mode"], notes["stop_reason"]) == ("stopped", "loop_fault")
 
 
-def test_a_full_disk_does_not_keep_the_robot_from_driving_or_standing(tmp_path: Path) -> None:
+def a_full_disk_does_not_keep_the_robot_from_driving_or_standing(tmp_path: Path) -> None:
     with own_process(tmp_path) as server:
         # From here on no file can grow by a single byte.
         resource.prlimit(server.process.pid, resource.RLIMIT_FSIZE, (0, 0))

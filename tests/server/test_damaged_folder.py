@@ -10,7 +10,6 @@ import socket
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 
 from robot.clock import VirtualClock
@@ -24,8 +23,6 @@ from server.identity import IdentityFile
 from server.persistence import Persistence
 from server.security.pairing import Pairing
 from tests.robot.episodes.drives import record_drive
-
-from .own_process import own_process
 
 SEEDS = int(os.environ.get("DRIVELESSON_DAMAGE", "25"))
 KINDS = (
@@ -258,24 +255,3 @@ class DiskThatRefuses:
         patch.setattr(os, "open", open_)
         patch.setattr(os, "mkdir", mkdir)
         patch.setattr(os, "write", real_write)
-
-
-@pytest.mark.realtime
-def test_a_real_server_starts_on_a_ruin_and_says_what_it_moved(tmp_path: Path) -> None:
-    root = tmp_path / "data"
-    root.mkdir()
-    (root / "models").symlink_to(root / "models")
-    os.mkfifo(root / "episodes")
-    (root / "trash").write_bytes(b"\xff")
-    (root / "robot.json").mkdir()
-    os.mkfifo(root / ".lock.pid")
-    Path(os.fsdecode(os.fsencode(root) + b"/\xff\xfe")).write_bytes(b"x")
-    with own_process(root) as server:
-        assert httpx.get(server.address + "/healthz").status_code == 200
-        assert httpx.get(server.address + "/api/models").json()["models"] == []
-        assert httpx.get(server.address + "/api/episodes").json()["episodes"] == []
-        assert httpx.get(server.address + "/").status_code == 200
-    lines = [line for line in server.errors if "set aside" in line]
-    assert len(lines) == 1
-    for name in ("models", "episodes", "trash", "robot.json", ".lock.pid", "\\xff\\xfe"):
-        assert name in lines[0] and f"set-aside/{name}.1" in lines[0]

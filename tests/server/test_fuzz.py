@@ -1,4 +1,5 @@
-"""Nonsense by the thousand, over real sockets: the server answers, and the loop does not notice.
+"""Nonsense by the thousand, over real sockets: the server answers, its memory stays small, and the
+loop does not notice.
 
 DRIVELESSON_FUZZ says how many messages; `make test` sends 4,000, CI 100,000.
 """
@@ -6,25 +7,31 @@ DRIVELESSON_FUZZ says how many messages; `make test` sends 4,000, CI 100,000.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import random
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from websockets.sync.client import ClientConnection, connect
 
 from server.protocol import encode_acknowledgement
+from tests.robot.models.test_checking import malformed
 
 from .own_process import OwnProcess, own_process
+from .test_hostile_values import BODIES, PATHS, VALUES
 
 pytestmark = pytest.mark.realtime
 
 MESSAGES = int(os.environ.get("DRIVELESSON_FUZZ", "4000"))
 BATCH = 100
+MOST_MB = 300
 _ENDLESS = """
 [limits]
 messages_per_second = 1e12
@@ -123,12 +130,44 @@ def _turns(server: OwnProcess) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(700)
 @pytest.mark.filterwarnings("ignore")
-def test_no_nonsense_is_noticed_by_the_loop(server: OwnProcess) -> None:
+def test_no_nonsense_fills_the_memory_or_is_noticed_by_the_loop(
+    server: OwnProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hostile_values_and_malformed_models_leave_memory_small(tmp_path, capsys)
     for send in (send_words, send_acknowledgements, send_requests):
         with untouched(server):
             send(server)
+
+
+def peak_mb(pid: int) -> float:
+    """Return the most memory that a process ever had, in MB."""
+    return int(Path(f"/proc/{pid}/status").read_text().split("VmHWM:")[1].split()[0]) / 1024
+
+
+def hostile_values_and_malformed_models_leave_memory_small(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answers: list[int] = []
+    with own_process(folder) as server, httpx.Client(base_url=server.address, timeout=60) as page:
+        begun_mb = peak_mb(server.process.pid)
+        for learner in ("published-4", "default-6"):
+            for what, data in itertools.islice(malformed(learner), 0, None, 15):
+                answers.append(page.put("/api/models/x/file", content=data).status_code)
+                assert answers[-1] == 422, what
+        answers.append(page.put("/api/models/x/file", content=bytes(40_000_000)).status_code)
+        for (method, path, field), value in itertools.product(BODIES, VALUES):
+            body = f'{{"{field}": {value}}}'.encode()
+            answers.append(page.request(method, path, content=body).status_code)
+        for method, path in PATHS:
+            answers.append(page.request(method, path.replace("NAME", "x" * 3_000)).status_code)
+        most_mb = peak_mb(server.process.pid)
+        assert page.get("/healthz").status_code == 200
+    with capsys.disabled():
+        print(f"\n{len(answers)} hostile requests: {begun_mb:.0f} MB, at most {most_mb:.0f} MB")
+    assert len(answers) > 300 and max(answers) < 500
+    assert most_mb < MOST_MB
 
 
 def send_words(server: OwnProcess) -> None:

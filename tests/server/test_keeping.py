@@ -1,7 +1,11 @@
-"""A real process: what it was taught is there again, however it ended."""
+"""A real process and its folder: what it was taught is there again, however it ended.
+
+What else a folder may have suffered is in test_damaged_folder.py.
+"""
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -18,6 +22,7 @@ from robot.models.store import ModelStore
 from robot.storage.folder import Storage
 
 from .live_robot import Pilot
+from .own_process import own_process
 
 pytestmark = pytest.mark.realtime
 
@@ -54,6 +59,7 @@ def test_what_it_was_taught_is_there_again_however_it_ended(tmp_path: Path) -> N
     a_second_server_leaves_the_folder_of_the_first_alone(tmp_path / "shared")
     for end in (signal.SIGTERM, signal.SIGINT):
         it_ends_with_everything_saved_and_goes_on_from_there(tmp_path / end.name, end)
+    it_starts_on_a_ruin_and_says_what_it_moved(tmp_path / "ruin")
 
 
 def a_second_server_leaves_the_folder_of_the_first_alone(folder: Path) -> None:
@@ -83,3 +89,23 @@ def it_ends_with_everything_saved_and_goes_on_from_there(folder: Path, end: sign
         listed = httpx.get(f"{address}/api/models", timeout=60).json()
         assert listed["current"] == "sim"
         assert listed["models"][0]["lessons"] == model.summary.n_examples
+
+
+def it_starts_on_a_ruin_and_says_what_it_moved(folder: Path) -> None:
+    root = folder / "data"
+    root.mkdir(parents=True)
+    (root / "models").symlink_to(root / "models")
+    os.mkfifo(root / "episodes")
+    (root / "trash").write_bytes(b"\xff")
+    (root / "robot.json").mkdir()
+    os.mkfifo(root / ".lock.pid")
+    Path(os.fsdecode(os.fsencode(root) + b"/\xff\xfe")).write_bytes(b"x")
+    with own_process(root) as server:
+        assert httpx.get(server.address + "/healthz").status_code == 200
+        assert httpx.get(server.address + "/api/models").json()["models"] == []
+        assert httpx.get(server.address + "/api/episodes").json()["episodes"] == []
+        assert httpx.get(server.address + "/").status_code == 200
+    lines = [line for line in server.errors if "set aside" in line]
+    assert len(lines) == 1
+    for name in ("models", "episodes", "trash", "robot.json", ".lock.pid", "\\xff\\xfe"):
+        assert name in lines[0] and f"set-aside/{name}.1" in lines[0]

@@ -1,21 +1,37 @@
-"""One drive over real sockets and threads: that the parts work, not how fast. See test_drive.py."""
+"""Real sockets and threads, with and without TLS: that the parts work, not how fast.
+
+See test_drive.py and test_security.py.
+"""
 
 from __future__ import annotations
 
+import datetime as dt
+import ssl
 import time
+from pathlib import Path
 
 import httpx
 import pytest
+from websockets.sync.client import connect
 
 from robot.types import Action, Mode
+from server.config import Config
+from server.security.access import Role
+from server.security.certificates import make_certificates
+from server.security.pairing import Pairing
 
-from .live_robot import LiveServer, Pilot, live_server, wait_until
+from .live_robot import WEB, LiveServer, Pilot, live_server, wait_until
 
 _PATIENCE_S = 60.0
 
 
 @pytest.mark.realtime
-def test_a_pilot_drives_over_real_sockets_and_the_robot_stands_when_it_vanishes() -> None:
+def test_a_pilot_drives_over_real_sockets_and_others_pair_over_tls(tmp_path: Path) -> None:
+    a_pilot_drives_and_the_robot_stands_when_it_vanishes()
+    tls_with_an_authority_of_our_own(tmp_path)
+
+
+def a_pilot_drives_and_the_robot_stands_when_it_vanishes() -> None:
     with live_server() as server:
         assert httpx.get(server.address + "/healthz").json()["status"] == "ok"
         with Pilot(server.ws("/ws/drive"), sees=True) as pilot:
@@ -38,3 +54,25 @@ def _drives(server: LiveServer, pilot: Pilot) -> bool:
         time.sleep(0.2)
     pilot.held = "forward"
     return server.driver.now is Action.FORWARD
+
+
+def tls_with_an_authority_of_our_own(tmp_path: Path) -> None:
+    now = dt.datetime.now(dt.UTC)
+    names = ["localhost", "127.0.0.1", "drivelesson.local", "a.public.example"]
+    certificates = make_certificates(tmp_path / "tls", names, now)
+    again = make_certificates(tmp_path / "tls", names, now)
+    assert again.authority.read_bytes() == certificates.authority.read_bytes()
+    assert certificates.key.stat().st_mode & 0o077 == 0
+    trust = ssl.create_default_context(cafile=str(certificates.authority))
+    config = Config(port=0, web=WEB, lan=True, tls=True, data=tmp_path)
+    pairing = Pairing(3)
+    with live_server(config, pairing=pairing, certificates=certificates) as server:
+        with httpx.Client(verify=trust, base_url=server.address) as browser:
+            assert browser.get("/ca.crt").content == certificates.authority.read_bytes()
+            answer = browser.post("/api/pair", json={"token": pairing.tokens[Role.PILOT]})
+            cookie = answer.headers["set-cookie"]
+            assert cookie.startswith("__Host-") and "Secure" in cookie
+        url = server.address.replace("https", "wss") + "/ws/drive"
+        headers = {"cookie": cookie.split(";")[0], "origin": server.address}
+        with connect(url, ssl=trust, additional_headers=headers, compression=None) as socket:
+            assert '"hello"' in str(socket.recv(5))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import datetime as dt
-import ssl
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from server.security.access import Role
 from server.security.certificates import make_certificates
 from server.security.pairing import Pairing, cookie_name
 
-from .live_robot import WEB, live_server
+from .live_robot import WEB
 from .virtual_server import VirtualPilot, VirtualServer, connect
 
 
@@ -277,29 +276,6 @@ def test_any_address_but_no_foreign_name_reaches_a_robot_on_the_network(lan: Vir
 
 
 # TLS -------------------------------------------------------------------------------------------
-
-
-@pytest.mark.realtime
-def test_tls_with_an_authority_of_our_own(tmp_path: Path) -> None:
-    now = dt.datetime.now(dt.UTC)
-    names = ["localhost", "127.0.0.1", "drivelesson.local", "a.public.example"]
-    certificates = make_certificates(tmp_path / "tls", names, now)
-    again = make_certificates(tmp_path / "tls", names, now)
-    assert again.authority.read_bytes() == certificates.authority.read_bytes()
-    assert certificates.key.stat().st_mode & 0o077 == 0
-    trust = ssl.create_default_context(cafile=str(certificates.authority))
-    config = Config(port=0, web=WEB, lan=True, tls=True, data=tmp_path)
-    pairing = Pairing(3)
-    with live_server(config, pairing=pairing, certificates=certificates) as server:
-        with httpx.Client(verify=trust, base_url=server.address) as browser:
-            assert browser.get("/ca.crt").content == certificates.authority.read_bytes()
-            answer = browser.post("/api/pair", json={"token": pairing.tokens[Role.PILOT]})
-            cookie = answer.headers["set-cookie"]
-            assert cookie.startswith("__Host-") and "Secure" in cookie
-        url = server.address.replace("https", "wss") + "/ws/drive"
-        headers = {"cookie": cookie.split(";")[0], "origin": server.address}
-        with connect(url, ssl=trust, additional_headers=headers, compression=None) as socket:
-            assert '"hello"' in str(socket.recv(5))
 
 
 def test_the_authority_vouches_for_private_names_only(tmp_path: Path) -> None:
