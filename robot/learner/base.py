@@ -50,6 +50,8 @@ class Evidence:
     `novelty` is 0 for a familiar view; 1 or more means: unlike all that was learned. It is always 0
     if the learner's abilities lack novelty.
     `node` is the id of the nearest learned image (None where the learner keeps none).
+    `from_images` is the part of each probability that single images vote for, where they are not
+    all of it: this part jumps as another image becomes the nearest.
     """
 
     label: Label
@@ -58,6 +60,7 @@ class Evidence:
     novelty: float = 0.0
     node: int | None = None
     distance: float = 0.0
+    from_images: Mapping[Label, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -175,9 +175,10 @@ class BSOCClassifier:
 
     def explain_one(self, x: Vector) -> Evidence:
         """Return the prediction and the node it rests on; raises as `predict_one`."""
-        distances, shares = self._votes(x)
+        distances, shares, from_images = self._votes(x)
         node = int(distances.argmin())
         listed, best = shares.tolist(), int(shares.argmax())
+        is_mixed = self.linear is not None
         return Evidence(
             label=self.labels_[best],
             probabilities=dict(zip(self.labels_, listed, strict=True)),
@@ -185,9 +186,13 @@ class BSOCClassifier:
             novelty=self.novelty_.score(float(distances[node])),
             node=self.cluster.node_id(node),
             distance=float(distances[node]),
+            from_images=(
+                dict(zip(self.labels_, from_images.tolist(), strict=True)) if is_mixed else None
+            ),
         )
 
-    def _votes(self, x: Vector) -> tuple[votes.Distances, votes.Floats]:
+    def _votes(self, x: Vector) -> tuple[votes.Distances, votes.Floats, votes.Floats]:
+        """Return distances, each label's share, and how much of that comes from the images."""
         if len(self.cluster) == 0:
             raise NotFittedError("nothing was learned yet")
         distances = self.cluster.distances(x)
@@ -196,10 +201,14 @@ class BSOCClassifier:
             shares = votes.majority(distances, histograms)
         else:
             shares = votes.nearest_nodes(distances, histograms, self.n_voters)
-        if self.linear is not None:
-            scores = np.maximum(self.linear.scores(x), 0.0)
-            shares = votes.shares(self.linear_share * scores + (1.0 - self.linear_share) * shares)
-        return distances, shares
+        if self.linear is None:
+            return distances, shares, shares
+        scores = self.linear_share * np.maximum(self.linear.scores(x), 0.0)
+        from_images = (1.0 - self.linear_share) * shares
+        total = float(scores.sum() + from_images.sum())
+        if total <= 0.0:
+            return distances, votes.shares(scores), from_images
+        return distances, (scores + from_images) / total, from_images / total
 
     def _follow(self, merge: Merge) -> None:
         self._histograms[merge.kept] += self._histograms[merge.removed]

@@ -20,11 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.policy.progress_clock import ProgressClock
+from robot.policy.running_votes import IMAGES_KEPT, VOTES_KEPT, RunningVotes
 from robot.policy.stall_detector import StallDetector
 from robot.types import OPPOSITE, TURNS, Action
 
-VOTES_KEPT = 0.4
-"""Share of the running average of votes that is left after a tenth of a second."""
 TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
 """By how much the votes for another move must exceed those for the turn, or other move, under way.
 
@@ -46,51 +45,6 @@ afterwards: only votes that are all but unanimous weigh more."""
 _UNTIL_CLEAR = 5.0
 """Such turns go on where the way is long free, so a view on which one begins has to be clear."""
 _USUAL_STEP_S = 0.1
-
-
-class RunningVotes:
-    """Exponential average of the votes, so that a single frame does not change the move.
-
-    Args:
-        keep: Share of the old average that is left after a tenth of a second, in [0, 1).
-    """
-
-    def __init__(self, keep: float) -> None:
-        if not 0.0 <= keep < 1.0:
-            raise ValueError(f"keep must be in [0, 1), not {keep}")
-        self.keep = keep
-        self._average: dict[Action, float] = {}
-        self._at_s: float | None = None
-
-    def update(
-        self, shares: Mapping[Action, float], at_s: float | None = None
-    ) -> dict[Action, float]:
-        """Add one frame's shares and return the average; it sums to 1.
-
-        Args:
-            shares: The votes for each move.
-            at_s: When the frame was taken; None: a tenth of a second after the last.
-        """
-        keep = self.keep ** (self._step_s(at_s) / _USUAL_STEP_S) if self.keep else 0.0
-        old = self._average or shares
-        mixed = {
-            action: keep * old.get(action, 0.0) + (1.0 - keep) * share
-            for action, share in shares.items()
-        }
-        total = sum(mixed.values())
-        self._average = {action: share / total for action, share in mixed.items()}
-        return dict(self._average)
-
-    def _step_s(self, at_s: float | None) -> float:
-        before_s, self._at_s = self._at_s, at_s
-        if at_s is None or before_s is None:
-            return _USUAL_STEP_S
-        return max(at_s - before_s, 0.0)
-
-    def reset(self) -> None:
-        """Forget the past: a new drive begins."""
-        self._average = {}
-        self._at_s = None
 
 
 class Commitment:
@@ -173,6 +127,8 @@ class ActionFilter:
         votes_kept: Share of the running average of votes that is left after a tenth of a second.
         commitment: Hysteresis of the move under way and of turns.
         gives_up: False: moves without effect are not given up, as in the paper.
+        images_kept: As `votes_kept`, for the votes of single images before they are averaged with
+            the others.
 
     Attributes:
         needs_help: True while the robot stands and asks for help, because no move had effect.
@@ -184,9 +140,11 @@ class ActionFilter:
         commitment: Commitment | None = None,
         *,
         gives_up: bool = True,
+        images_kept: float = IMAGES_KEPT,
     ) -> None:
         self.needs_help = False
         self._average = RunningVotes(votes_kept)
+        self._image_votes = RunningVotes(images_kept)
         self._commitment = commitment or Commitment()
         self._stall_detector = StallDetector()
         self._clock = ProgressClock()
@@ -197,12 +155,30 @@ class ActionFilter:
     @classmethod
     def none(cls) -> Self:
         """Return a filter that does nothing: each frame's own votes decide, as in the paper."""
-        return cls(0.0, Commitment(0.0, 0.0, bars_opposite=False), gives_up=False)
+        commitment = Commitment(0.0, 0.0, bars_opposite=False)
+        return cls(0.0, commitment, gives_up=False, images_kept=0.0)
 
     def average(
-        self, shares: Mapping[Action, float], at_s: float | None = None
+        self,
+        shares: Mapping[Action, float],
+        at_s: float | None = None,
+        from_images: Mapping[Action, float] | None = None,
     ) -> dict[Action, float]:
-        """Add the votes on one more frame, and return their running average."""
+        """Add the votes on one more frame, and return their running average.
+
+        Args:
+            shares: The votes for each move; they sum to 1.
+            at_s: When the frame was taken; None: a tenth of a second after the last.
+            from_images: The part of them that single images voted for; None: nothing is known.
+        """
+        weight = sum(from_images.values()) if from_images is not None else 0.0
+        if from_images is not None and weight > 0.0:
+            votes = {move: part / weight for move, part in from_images.items()}
+            calm = self._image_votes.update(votes, at_s)
+            shares = {
+                move: max(share - from_images[move], 0.0) + weight * calm[move]
+                for move, share in shares.items()
+            }
         return self._average.update(shares, at_s)
 
     def choose(
@@ -279,6 +255,7 @@ class ActionFilter:
     def reset(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
         self._average.reset()
+        self._image_votes.reset()
         self._commitment.free()
         self._stall_detector.reset()
         self._clock.reset()

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from robot.policy.action_filter import VOTES_KEPT
+from robot.policy.running_votes import VOTES_KEPT
 from robot.types import Action
 
 CHANGE_S = 0.5

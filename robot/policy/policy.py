@@ -132,7 +132,9 @@ class Policy:
             return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
         known = evidence.probabilities
         shares = {move: max(known[move], _LEAST) if move in known else 0.0 for move in self.moves}
-        steady = self._action_filter.average(shares, at_s)
+        images = evidence.from_images
+        jumpy = None if images is None else {move: images.get(move, 0.0) for move in self.moves}
+        steady = self._action_filter.average(shares, at_s, jumpy)
         self._now_s = self._now_s + STEP_S if at_s is None else at_s
         view = View(picture=self.features.grey(x), at_s=self._now_s, bumped=bumped)
         action = self._action_filter.choose(

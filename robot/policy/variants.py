@@ -78,7 +78,10 @@ VARIANTS: dict[str, Maker] = {
         "linear-alone": Design(linear_share=1.0),
         "labels-merged-freely": Design(group_cost=1.0),
         "one-voter": Design(n_voters=1),
-        "without-average": Design(action_filter=lambda: ActionFilter(votes_kept=0.0)),
+        "without-average": Design(
+            action_filter=lambda: ActionFilter(votes_kept=0.0, images_kept=0.0)
+        ),
+        "images-averaged-once": Design(action_filter=lambda: ActionFilter(images_kept=0.0)),
         "without-commitment": Design(
             action_filter=lambda: ActionFilter(commitment=Commitment(bars_opposite=False))
         ),

@@ -8,7 +8,6 @@ from robot.policy.action_filter import (
     TURN_INERTIA,
     ActionFilter,
     Commitment,
-    RunningVotes,
     View,
 )
 from robot.types import Action
@@ -16,13 +15,25 @@ from robot.types import Action
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 
 
-def test_one_odd_frame_does_not_turn_the_average():
-    votes = RunningVotes(0.75)
-    for _ in range(10):
-        votes.update({F: 1.0, L: 0.0})
-    assert votes.update({F: 0.0, L: 1.0})[F] == pytest.approx(0.75)
-    votes.reset()
-    assert votes.update({F: 0.0, L: 1.0})[L] == 1.0
+@pytest.mark.parametrize("rate_hz", [5, 10, 30])
+@pytest.mark.parametrize("weight", [0.1, 0.3, 1.0])
+def test_votes_of_images_count_more_slowly_than_the_others(rate_hz, weight):
+    """The images change their minds at once and for good; the other votes stay."""
+    actions, early = ActionFilter(votes_kept=0.0, images_kept=0.5), {F: 1.0, L: 0.0}
+    for number in range(rate_hz):
+        at_s = number / rate_hz
+        assert actions.average(early, at_s, {F: weight, L: 0.0})[F] == pytest.approx(1.0)
+    for number in range(rate_hz, 3 * rate_hz):
+        late = {F: 1.0 - weight, L: weight}
+        steady = actions.average(late, number / rate_hz, {F: 0.0, L: weight})
+        since_s = (number + 1 - rate_hz) / rate_hz
+        assert steady[L] == pytest.approx(weight * (1.0 - 0.5 ** (since_s / 0.1)))
+        assert sum(steady.values()) == pytest.approx(1.0)
+
+
+def test_images_that_do_not_vote_change_nothing():
+    actions = ActionFilter(votes_kept=0.0)
+    assert actions.average({F: 0.3, L: 0.7}, 0.0, {F: 0.0, L: 0.0}) == {F: 0.3, L: 0.7}
 
 
 def test_left_and_right_never_follow_each_other():

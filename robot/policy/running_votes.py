@@ -1,0 +1,58 @@
+"""Running averages of votes, with a time constant: the same at any frame rate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from robot.types import Action
+
+VOTES_KEPT = 0.4
+"""Share of the running average of votes that is left after a tenth of a second."""
+IMAGES_KEPT = 0.5
+"""The same for the votes of single images, which are averaged first: they jump."""
+_USUAL_STEP_S = 0.1
+
+
+class RunningVotes:
+    """Exponential average of the votes, so that a single frame does not change the move.
+
+    Args:
+        keep: Share of the old average that is left after a tenth of a second, in [0, 1).
+    """
+
+    def __init__(self, keep: float) -> None:
+        if not 0.0 <= keep < 1.0:
+            raise ValueError(f"keep must be in [0, 1), not {keep}")
+        self.keep = keep
+        self._average: dict[Action, float] = {}
+        self._at_s: float | None = None
+
+    def update(
+        self, shares: Mapping[Action, float], at_s: float | None = None
+    ) -> dict[Action, float]:
+        """Add one frame's shares and return the average; it sums to 1.
+
+        Args:
+            shares: The votes for each move.
+            at_s: When the frame was taken; None: a tenth of a second after the last.
+        """
+        keep = self.keep ** (self._step_s(at_s) / _USUAL_STEP_S) if self.keep else 0.0
+        old = self._average or shares
+        mixed = {
+            action: keep * old.get(action, 0.0) + (1.0 - keep) * share
+            for action, share in shares.items()
+        }
+        total = sum(mixed.values())
+        self._average = {action: share / total for action, share in mixed.items()}
+        return dict(self._average)
+
+    def _step_s(self, at_s: float | None) -> float:
+        before_s, self._at_s = self._at_s, at_s
+        if at_s is None or before_s is None:
+            return _USUAL_STEP_S
+        return max(at_s - before_s, 0.0)
+
+    def reset(self) -> None:
+        """Forget the past: a new drive begins."""
+        self._average = {}
+        self._at_s = None
