@@ -36,6 +36,7 @@ class BSOCClassifier:
         linear_share: Weight of the linear part in the mixture.
         integer: Compute on the nodes' pixels in whole numbers alone; vectors are then bytes.
         cluster: The clustering; a label-aware `BSOC` unless given.
+        balance: How much more a rare label weighs, from 0 to 1 (`votes.rarity`).
         forgets: Give up a label that the pilot no longer uses where it was taught
             (`change_of_mind.py`). A clustering that measures no novelty cannot.
 
@@ -54,6 +55,7 @@ class BSOCClassifier:
         n_voters: int = N_VOTERS,
         linear: LinearPart | None = None,
         linear_share: float = LINEAR_SHARE,
+        balance: float = 0.0,
         integer: bool = False,
         cluster: BSOC | PublishedBSOC | None = None,
         forgets: bool = True,
@@ -70,6 +72,7 @@ class BSOCClassifier:
         self.last_node_: int | None = None
         self.linear = linear
         self.linear_share = linear_share
+        self.balance = balance
         self.novelty_ = Novelty()
         self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
@@ -201,10 +204,12 @@ class BSOCClassifier:
             shares = votes.majority(distances, histograms)
         else:
             shares = votes.nearest_nodes(distances, histograms, self.n_voters)
+        weights = votes.rarity(histograms.sum(axis=0), self.balance) if self.balance else 1.0
         if self.linear is None:
+            shares = votes.shares(shares * weights) if self.balance else shares
             return distances, shares, shares
-        scores = self.linear_share * np.maximum(self.linear.scores(x), 0.0)
-        from_images = (1.0 - self.linear_share) * shares
+        scores = self.linear_share * weights * np.maximum(self.linear.scores(x), 0.0)
+        from_images = (1.0 - self.linear_share) * weights * shares
         total = float(scores.sum() + from_images.sum())
         if total <= 0.0:
             return distances, votes.shares(scores), from_images

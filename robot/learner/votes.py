@@ -50,6 +50,20 @@ def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
     return powers[best] / total if total > 0 else 0.0
 
 
+def rarity(counts: NDArray[np.int64], power: float) -> Floats:
+    """Return what to multiply each label's votes by, so that a rare one weighs more.
+
+    A few examples show mostly the most frequent label, and whatever was learned from them leans
+    towards it: "logit adjustment", Menon et al. (2021).
+
+    Args:
+        counts: How many examples each label has.
+        power: Of a label's frequency; with 1 frequencies no longer count.
+    """
+    weights: Floats = (np.maximum(counts, 1) / max(int(counts.sum()), 1)) ** -power
+    return weights
+
+
 def shares(votes: Floats) -> Floats:
     """Return `votes` divided by their sum; equal shares if there are none."""
     total = float(votes.sum())

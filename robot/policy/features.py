@@ -84,7 +84,7 @@ class GradientFeatures:
 
     def extract(self, frame: Frame) -> Vector:
         """Return shape (1584,), uint8: 6x8 cells of 8 bins, then 30x40 pixels halved."""
-        grey = _at_common_scale(image.to_grey(frame))
+        grey = at_common_scale(image.to_grey(frame))
         small = image.shrink(grey, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT)
         return np.concatenate([self._histograms(grey), small.ravel() >> 1])
 
@@ -144,15 +144,15 @@ class GradientFeatures:
         return across, down
 
 
-def _at_common_scale(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return a picture with less than twice the sides of 160x120: gradients span its pixels."""
+def at_common_scale(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a picture with less than twice the sides of 160x120: its details have one size."""
     rows, columns = (
         side if length >= 2 * side else length
         for length, side in zip(
-            grey.shape, (4 * THUMBNAIL_HEIGHT, 4 * THUMBNAIL_WIDTH), strict=True
+            pixels.shape[:2], (4 * THUMBNAIL_HEIGHT, 4 * THUMBNAIL_WIDTH), strict=True
         )
     )
-    return grey if grey.shape == (rows, columns) else image.shrink(grey, columns, rows)
+    return pixels if pixels.shape[:2] == (rows, columns) else image.shrink(pixels, columns, rows)
 
 
 def _sampled(length: int, n_points: int) -> NDArray[np.intp]:

@@ -10,6 +10,7 @@ from robot.learner.bsoc import BSOC
 from robot.learner.classifier import GROUP_COST, BSOCClassifier
 from robot.learner.integer_ridge import IntegerRidge
 from robot.learner.places import BinaryFeatures, MultiPlace
+from robot.learner.ridge import RecursiveRidge
 from robot.policy.action_filter import ActionFilter
 from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GradientFeatures, GreyFeatures
 from robot.policy.integer_features import IntegerGradientFeatures
@@ -46,6 +47,17 @@ def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: boo
     return Policy(name, number, learner, features, moves=moves)
 
 
+def _eyes(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    """Return the default's parts on what a frozen vision net sees; needs the extra `eyes`."""
+    from robot.policy.eyes.features import EyesFeatures
+
+    features = EyesFeatures()
+    linear = RecursiveRidge(features.n_outputs, penalty=EyesFeatures.penalty)
+    learner = BSOCClassifier(number, linear=linear, balance=EyesFeatures.balance)
+    brighten = features.brightened
+    return Policy(name, number, learner, features, moves=moves, calibrates=True, brighten=brighten)
+
+
 def _baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
     from robot.policy import baselines
 
@@ -68,6 +80,7 @@ MAKERS: dict[str, Maker] = {
     "integer": _integer,
     "published": _published,
     "multi-place": _multi_place,
+    "eyes": _eyes,
     "knn": _baseline,
     "fair-knn": _rival,
     "fair-trees": _rival,

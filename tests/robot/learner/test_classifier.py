@@ -42,3 +42,14 @@ def test_edits_follow_a_node_through_merges():
     assert learner.predict_one(np.array([0.0])) == "right"
     with pytest.raises(LookupError, match="no node"):
         learner.delete_node(node)
+
+
+@pytest.mark.parametrize("power", [0.0, 0.25, 1.0])
+def test_a_rare_label_weighs_more(power):
+    """Nine of one label to one of another, and a view just between their images."""
+    learner = BSOCClassifier(2, balance=power)
+    for _ in range(9):
+        learner.learn_one(np.array([0.0]), "forward")
+    learner.learn_one(np.array([1.0]), "left")
+    shares = learner.predict_proba_one(np.array([0.5]))
+    assert shares["left"] / shares["forward"] == pytest.approx(9.0**power)
