@@ -198,6 +198,7 @@ def test_a_pilot_whose_phone_shows_a_picture_half_a_second_old_is_blind() -> Non
         decision = robot.tick().decision
         assert decision.mode is (Mode.TRAIN if seq < 11 else Mode.STOPPED), seq
     assert decision.stop_reason is StopReason.LINK_SLOW
+    assert robot.loop.state.fault is None
 
 
 # What is asked ----------------------------------------------------------------------------------
