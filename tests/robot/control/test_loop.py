@@ -278,7 +278,9 @@ def test_whatever_is_thrown_inside_stops_the_robot_first_and_is_logged_once(
         raise ArithmeticError("boom")
 
     robot.loop.history.policy.propose = explode  # type: ignore[method-assign,assignment]
-    robot.step(1, F)
+    robot.camera.show(1)
+    tick = robot.tick()
+    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.LOOP_FAULT)
     assert robot.driver.stops >= 1
     assert robot.loop.state.decision.stop_reason is StopReason.LOOP_FAULT
     assert "boom" in (robot.loop.state.fault or "")

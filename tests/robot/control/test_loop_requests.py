@@ -355,3 +355,29 @@ def test_another_pilot_has_another_link() -> None:
     links.append(robot.loop.state.link)
     assert links == [LinkLevel.CAPPED, LinkLevel.GOOD]
     assert robot.loop.state.pilot_frame_age_s is None
+
+
+@pytest.mark.parametrize(("age_s", "mode"), [(None, Mode.TRAIN), (0.4, Mode.TRAIN), (0.6, None)])
+def test_a_start_counts_as_a_look_at_the_picture_that_it_names(
+    age_s: float | None, mode: Mode | None
+) -> None:
+    robot = started()
+    ask_stop(robot)
+    seen = robot.camera.show(1)
+    robot.tick()
+    robot.clock.advance(5.0 if age_s is None else age_s)
+    robot.camera.show(1)
+    robot.loop.set_mode(Mode.TRAIN, frame_id=None if age_s is None else seen.frame_id)
+    decision = robot.tick().decision
+    assert decision.mode is (mode or Mode.STOPPED)
+    assert decision.stop_reason is (None if mode else StopReason.LINK_SLOW)
+
+
+def test_a_command_that_a_start_overtakes_still_tells_of_the_link() -> None:
+    robot = BenchRobot()
+    seen = robot.camera.show(1)
+    robot.tick()
+    robot.clock.advance(0.27)
+    robot.hold(F, frame_id=seen.frame_id)
+    robot.start(Mode.TRAIN)
+    assert robot.loop.state.link is LinkLevel.CAPPED

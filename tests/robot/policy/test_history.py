@@ -163,6 +163,16 @@ def test_the_log_keeps_what_an_undo_of_35_seconds_reaches_and_no_snapshot_more(
     assert history.n_examples == 5 - n_kept
 
 
+def test_an_undo_is_as_exact_after_the_log_was_shortened() -> None:
+    times_s = [step * 0.5 for step in range(121)]
+    history, untouched = (TrainingHistory(make_policy("published-8")) for _ in range(2))
+    teach_at(history, *times_s)
+    assert len(history.last_examples(1e9)) < len(times_s)
+    assert len(history.undo(2.0)) == 4
+    teach_at(untouched, *times_s[:-4])
+    assert same(history.policy.get_state(), untouched.policy.get_state())
+
+
 def test_teaching_time_begins_at_zero_and_undo_turns_it_back() -> None:
     told: list[HistoryEvent] = []
     history = TrainingHistory(make_policy("published-8"), told.append)
