@@ -91,20 +91,22 @@ $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "Drivelesson needs Python 3.11 or newer; set it with: make PYTHON=/path/to/python3.11" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip  # the one of Python 3.11 takes twice as long
 
 $(VENV)/.demo: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --no-compile --editable .
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --no-compile --editable '.[dev]'
 	@touch $@ $(VENV)/.demo
 
 $(OLDEST)/.made: tests/oldest/debian-12.txt pyproject.toml Makefile
 	rm -rf $(OLDEST)
 	python3.11 -m venv $(OLDEST)
-	$(OLDEST)/bin/python -m pip install --quiet --no-deps --requirement tests/oldest/debian-12.txt
-	$(OLDEST)/bin/python -m pip install --quiet --constraint tests/oldest/debian-12.txt \
+	$(OLDEST)/bin/python -m pip install --quiet --upgrade pip
+	$(OLDEST)/bin/python -m pip install --quiet --no-compile --no-deps --requirement tests/oldest/debian-12.txt
+	$(OLDEST)/bin/python -m pip install --quiet --no-compile --constraint tests/oldest/debian-12.txt \
 	  pytest pytest-timeout hypothesis 'httpx>=0.27' 'opencv-python-headless<4.9' python-ev3dev2 vermin \
 	  'cryptography>=42' 'segno>=1.6' 'zeroconf>=0.131' 'panda3d>=1.10.14' 'mcap>=1.1' 'tqdm>=4.65' \
 	  'protobuf>=4.22' 'imagesize>=1.4' 'shtab>=1.6' 'pytest-xdist>=3.5'
