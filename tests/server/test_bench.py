@@ -19,7 +19,8 @@ def test_bench_link_measures_all_servers(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(link, "_COMMANDS", 8)
     monkeypatch.setattr(link, "_COMMAND_EVERY_S", 0.1)
     file = tmp_path / "link.json"
-    words = ["bench", "link", "--viewers", "2", "--seconds", "0.3", "--slow-seconds", "1"]
+    # Long enough for a busy machine to send some pictures.
+    words = ["bench", "link", "--viewers", "2", "--seconds", "2", "--slow-seconds", "3"]
     assert main([*words, "--json", str(file)]) == 0
     result = json.loads(file.read_text())
     assert [row["server"] for row in result["servers"]] == [
