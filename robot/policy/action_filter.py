@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.policy.progress_clock import ProgressClock
-from robot.policy.running_votes import IMAGES_KEPT, VOTES_KEPT, RunningVotes
+from robot.policy.running_votes import IMAGES_KEPT, USUAL_STEP_S, VOTES_KEPT, RunningVotes
 from robot.policy.stall_detector import StallDetector
 from robot.types import OPPOSITE, TURNS, Action
 
@@ -44,7 +44,6 @@ _BY_THE_CLOCK = 3.0
 afterwards: only votes that are all but unanimous weigh more."""
 _UNTIL_CLEAR = 5.0
 """Such turns go on where the way is long free, so a view on which one begins has to be clear."""
-_USUAL_STEP_S = 0.1
 
 
 class Commitment:
@@ -224,7 +223,7 @@ class ActionFilter:
             self._turns_since_s = at_s
         if timed_s is None:
             return 1.0
-        is_over = at_s - self._turns_since_s > timed_s - 0.5 * _USUAL_STEP_S
+        is_over = at_s - self._turns_since_s > timed_s - 0.5 * USUAL_STEP_S
         return -_BY_THE_CLOCK if is_over else _BY_THE_CLOCK
 
     def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from robot.policy.running_votes import VOTES_KEPT
+from robot.policy.running_votes import USUAL_STEP_S, VOTES_KEPT
 from robot.types import Action
 
 CHANGE_S = 0.5
@@ -31,7 +31,6 @@ _TRAVELS = 0.4
 """How much of the (logarithmic) difference between places at changes of move is there at all other
 views, too: by leave-one-place-out on recorded footage, flat from 0.3 to 0.5."""
 _LEAST = 1e-3
-_STEP_S = 0.1
 
 _LOGS = np.log(POWERS)
 _DOUBT = _PRIOR * _LOGS**2
@@ -63,7 +62,7 @@ class Calibration:
             at_s: Its teaching time; None: a tenth of a second after the last.
             predict: Returns the learner's votes on it; called only where they count.
         """
-        at_s = self._last_s + _STEP_S if at_s is None else at_s
+        at_s = self._last_s + USUAL_STEP_S if at_s is None else at_s
         step_s, self._last_s = at_s - self._last_s, at_s
         before, self._label = self._label, label
         if before is None or not 0.0 <= step_s < _PAUSE_S:

@@ -10,13 +10,14 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from robot.policy.running_votes import USUAL_STEP_S
+
 ANOTHER_LIGHT = 1.5
 """Brighter or darker than the lesson by so many times is another light; less is another view."""
 SECONDS = 3.0
 """Over so much driving the brightness is averaged,"""
 EXAMPLES = 600.0
 """and over so many examples."""
-_STEP_S = 0.1
 
 
 class LightAdaptation:
@@ -39,7 +40,9 @@ class LightAdaptation:
             brightness: The view's mean grey value.
             at_s: When it was taken; None: a tenth of a second after the last.
         """
-        step_s = _STEP_S if at_s is None or self._last_s is None else max(at_s - self._last_s, 0.0)
+        step_s = (
+            USUAL_STEP_S if at_s is None or self._last_s is None else max(at_s - self._last_s, 0.0)
+        )
         self._last_s = at_s
         if self._driven is None:
             self._driven = brightness

@@ -16,10 +16,9 @@ from robot.policy.calibration import Calibration
 from robot.policy.features import Features
 from robot.policy.light import LightAdaptation
 from robot.policy.pilot_pace import PilotPace
+from robot.policy.running_votes import USUAL_STEP_S
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
 
-STEP_S = 0.1
-"""Time between two frames that carry none."""
 _THINNED_S = 0.099
 _DOUBT = 0.5
 """How fast confidence falls with novelty beyond 1: at 3 half of it is left."""
@@ -135,7 +134,7 @@ class Policy:
         images = evidence.from_images
         jumpy = None if images is None else {move: images.get(move, 0.0) for move in self.moves}
         steady = self._action_filter.average(shares, at_s, jumpy)
-        self._now_s = self._now_s + STEP_S if at_s is None else at_s
+        self._now_s = self._now_s + USUAL_STEP_S if at_s is None else at_s
         view = View(picture=self.features.grey(x), at_s=self._now_s, bumped=bumped)
         action = self._action_filter.choose(
             steady,

@@ -10,7 +10,8 @@ VOTES_KEPT = 0.4
 """Share of the running average of votes that is left after a tenth of a second."""
 IMAGES_KEPT = 0.5
 """The same for the votes of single images, which are averaged first: they jump."""
-_USUAL_STEP_S = 0.1
+USUAL_STEP_S = 0.1
+"""Time between two frames where nothing tells it."""
 
 
 class RunningVotes:
@@ -36,7 +37,7 @@ class RunningVotes:
             shares: The votes for each move.
             at_s: When the frame was taken; None: a tenth of a second after the last.
         """
-        keep = self.keep ** (self._step_s(at_s) / _USUAL_STEP_S) if self.keep else 0.0
+        keep = self.keep ** (self._step_s(at_s) / USUAL_STEP_S) if self.keep else 0.0
         old = self._average or shares
         mixed = {
             action: keep * old.get(action, 0.0) + (1.0 - keep) * share
@@ -49,7 +50,7 @@ class RunningVotes:
     def _step_s(self, at_s: float | None) -> float:
         before_s, self._at_s = self._at_s, at_s
         if at_s is None or before_s is None:
-            return _USUAL_STEP_S
+            return USUAL_STEP_S
         return max(at_s - before_s, 0.0)
 
     def reset(self) -> None:
