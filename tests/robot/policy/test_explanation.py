@@ -8,18 +8,11 @@ import pytest
 from robot.policy.explanation import explain
 from robot.policy.features import CELL_COLUMNS, CELL_ROWS
 from robot.policy.registry import make_policy
-from robot.types import Action, Encoding, Frame
+from robot.types import Action
+from tests.robot.policy.pictures import frame_of
 
 NAMES = ("default-16", "published-16")
 """Learners on gradients, and on grey pixels alone."""
-
-
-def frame_of(picture: np.ndarray) -> Frame:
-    """A frame of 160x120 from grey values of shape (120, 160)."""
-    rgb = np.repeat(picture.astype(np.uint8)[:, :, None], 3, axis=2)
-    return Frame(
-        frame_id=1, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=rgb.tobytes()
-    )
 
 
 @pytest.mark.parametrize("name", NAMES)

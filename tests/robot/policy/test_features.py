@@ -5,20 +5,7 @@ import pytest
 
 from robot.errors import CameraError
 from robot.policy.features import GradientFeatures, GreyFeatures
-from robot.types import Encoding, Frame
-
-
-def picture(pixels):
-    height, width = pixels.shape[:2]
-    rgb = np.repeat(pixels[:, :, None], 3, axis=2).astype(np.uint8)
-    return Frame(
-        frame_id=1,
-        captured_s=0.0,
-        width=width,
-        height=height,
-        encoding=Encoding.RGB,
-        data=rgb.tobytes(),
-    )
+from tests.robot.policy.pictures import frame_of
 
 
 @pytest.fixture
@@ -30,11 +17,11 @@ def room():
 
 @pytest.mark.parametrize("features", [GreyFeatures(), GradientFeatures()], ids=lambda f: f.name)
 def test_vector_is_finite_pure_and_shows_its_thumbnail(features, room):
-    x = features.extract(picture(room))
+    x = features.extract(frame_of(room))
     assert x.ndim == 1
     assert np.isfinite(x).all()
-    assert np.array_equal(x, features.extract(picture(room)))
-    grey = GreyFeatures().extract(picture(room)).reshape(30, 40)
+    assert np.array_equal(x, features.extract(frame_of(room)))
+    grey = GreyFeatures().extract(frame_of(room)).reshape(30, 40)
     assert np.abs(features.thumbnail(x).astype(int) - grey).max() <= 2
 
 
@@ -42,7 +29,7 @@ def test_gradients_stay_when_the_light_changes(room):
     features = GradientFeatures()
     n = features.n_gradients
     bright, dim, other = (
-        features.extract(picture(pixels))[:n].astype(float)
+        features.extract(frame_of(pixels))[:n].astype(float)
         for pixels in (room, room * 0.6, room[:, ::-1])
     )
     assert np.linalg.norm(bright - dim) < 0.1 * np.linalg.norm(bright - other)
@@ -50,7 +37,7 @@ def test_gradients_stay_when_the_light_changes(room):
 
 def test_a_plain_frame_has_no_gradients():
     features = GradientFeatures()
-    assert not features.extract(picture(np.full((120, 160), 77.0)))[: features.n_gradients].any()
+    assert not features.extract(frame_of(np.full((120, 160), 77.0)))[: features.n_gradients].any()
 
 
 @pytest.mark.parametrize("turn", range(8))
@@ -58,7 +45,7 @@ def test_each_direction_has_its_bin(turn):
     rows, columns = np.mgrid[0:120, 0:160]
     angle = turn * np.pi / 4
     ramp = 128 + 0.9 * ((columns - 80) * np.cos(angle) + (rows - 60) * np.sin(angle))
-    x = GradientFeatures().extract(picture(ramp.round()))[: GradientFeatures.n_gradients]
+    x = GradientFeatures().extract(frame_of(ramp.round()))[: GradientFeatures.n_gradients]
     assert x.reshape(48, 8).astype(int).sum(axis=0).argmax() == turn
 
 
@@ -67,9 +54,9 @@ def test_a_view_is_the_same_to_a_camera_of_any_size(room, size):
     """A model that a webcam of 160x120 has taught knows the view of a phone's larger camera."""
     features = GradientFeatures()
     large = np.kron(room, np.ones(size))
-    assert np.array_equal(features.extract(picture(large)), features.extract(picture(room)))
+    assert np.array_equal(features.extract(frame_of(large)), features.extract(frame_of(room)))
 
 
 def test_too_small_a_picture_is_refused():
     with pytest.raises(CameraError, match="too short"):
-        GradientFeatures().extract(picture(np.zeros((60, 80))))
+        GradientFeatures().extract(frame_of(np.zeros((60, 80))))

@@ -9,6 +9,7 @@ from robot.policy.eyes.features import EyesFeatures
 from robot.policy.features import GreyFeatures
 from robot.policy.registry import make_policy
 from robot.types import Action, Encoding, Frame
+from tests.robot.policy.pictures import frame_of
 
 Pixels = NDArray[np.uint8]
 
@@ -26,23 +27,11 @@ def room(seed: int) -> Pixels:
     return np.kron(blocks, np.ones((10, 10, 1), int)).astype(np.uint8)
 
 
-def frame(rgb: Pixels) -> Frame:
-    height, width = rgb.shape[:2]
-    return Frame(
-        frame_id=1,
-        captured_s=0.0,
-        width=width,
-        height=height,
-        encoding=Encoding.RGB,
-        data=rgb.tobytes(),
-    )
-
-
 def test_vector_is_pure_and_shows_its_thumbnail(features: EyesFeatures) -> None:
-    x = features.extract(frame(room(1)))
+    x = features.extract(frame_of(room(1)))
     assert (x.shape, x.dtype) == ((2000,), np.uint8)
-    assert np.array_equal(x, features.extract(frame(room(1))))
-    grey = GreyFeatures().extract(frame(room(1))).reshape(30, 40)
+    assert np.array_equal(x, features.extract(frame_of(room(1))))
+    grey = GreyFeatures().extract(frame_of(room(1))).reshape(30, 40)
     assert np.abs(features.thumbnail(x).astype(int) - grey).max() <= 2
 
 
@@ -54,7 +43,7 @@ def test_parts_lie_where_they_are_seen(features: EyesFeatures) -> None:
             thing[60 * row + 10 : 60 * row + 50, 32 * column + 4 : 32 * column + 28] = room(2)[
                 :40, :24
             ]
-            x, y = (features.extract(frame(rgb)).astype(float) for rgb in (plain, thing))
+            x, y = (features.extract(frame_of(rgb)).astype(float) for rgb in (plain, thing))
             changed = np.abs(x - y)[: features.n_outputs].reshape(80, 2, 5).sum(axis=0)
             assert changed.argmax() == 5 * row + column
 
@@ -76,7 +65,7 @@ def test_a_difference_lies_in_its_part(features: EyesFeatures) -> None:
 @pytest.mark.parametrize("times", [2, 4])
 def test_a_view_is_the_same_to_a_camera_of_any_size(features: EyesFeatures, times: int) -> None:
     large = room(5).repeat(times, axis=0).repeat(times, axis=1)
-    assert np.array_equal(features.extract(frame(large)), features.extract(frame(room(5))))
+    assert np.array_equal(features.extract(frame_of(large)), features.extract(frame_of(room(5))))
 
 
 def test_a_broken_frame_is_a_camera_error(features: EyesFeatures) -> None:
@@ -95,7 +84,7 @@ def test_it_drives_by_few_examples_in_another_light(features: EyesFeatures) -> N
     def view(move: Action, x: int, light: float) -> Frame:
         rgb = np.full((120, 160, 3), 140, np.uint8)
         rgb[60 - x // 4 : 120 - x // 4, 40 + x : 100 + x] = things[move]
-        return frame((rgb * light).astype(np.uint8))
+        return frame_of((rgb * light).astype(np.uint8))
 
     policy = make_policy("eyes-32", moves=moves)
     for x in (0, 8, 16):
