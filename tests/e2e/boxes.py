@@ -9,17 +9,20 @@ from typing import Any
 _HERE = Path(__file__).parent
 _LOOKS = 20
 MEASURE = (_HERE / "boxes.js").read_text().split("\n", 2)[2].strip()
-_MEASURE_WHEN_LAID_OUT = f"""async () => {{
+_WHEN_LAID_OUT = """async () => {
   // A frame later everything that follows the size has followed it.
   await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
-  return ({MEASURE})();
-}}"""
+  return (MEASURE)();
+}"""
 
 
-def faults(page: Any) -> list[str]:
-    """List what is cut or lies on something else, and stays so: a busy machine lays out late."""
+def faults(page: Any, measure: str = MEASURE) -> list[str]:
+    """List what is cut or lies on something else, and stays so: a busy machine lays out late.
+
+    `measure` is a function of the page, which returns a list.
+    """
     for _ in range(_LOOKS):
-        found = list(page.evaluate(_MEASURE_WHEN_LAID_OUT))
+        found = list(page.evaluate(_WHEN_LAID_OUT.replace("MEASURE", measure)))
         if not found:
             break
         page.wait_for_timeout(200)
