@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -88,6 +89,17 @@ def test_an_edit_is_undone_alone_and_lessons_stay() -> None:
     assert not history.undo_edit()
 
 
+def test_only_the_last_edit_is_taken_back() -> None:
+    history = TrainingHistory(make_policy("published-8"))
+    teach(history, vectors(history.policy, 30))
+    first, second = history.policy.gallery()[:2]
+    history.edit("pin", first.node_id, True)
+    history.edit("pin", second.node_id, True)
+    assert history.undo_edit()
+    pinned = [image.node_id for image in history.policy.gallery() if image.is_pinned]
+    assert pinned == [first.node_id]
+
+
 def test_undoing_lessons_keeps_the_edits_made_meanwhile() -> None:
     history = TrainingHistory(make_policy("published-8"))
     xs = vectors(history.policy, 40)
@@ -148,6 +160,15 @@ def test_an_undo_learns_again_only_what_came_after_the_snapshot_before_it(
     assert learned_s == []
     assert [example.frame_id for example in history.undo(0.5)] == [20]
     assert learned_s == [step * 0.5 for step in range(20)]
+
+
+def test_the_learner_is_copied_every_ten_seconds_and_no_oftener() -> None:
+    policy = make_policy("published-8")
+    x = vectors(policy, 1)[0]
+    with mock.patch.object(policy, "get_state", wraps=policy.get_state) as copied:
+        history = TrainingHistory(policy)
+        teach(history, [x] * 311)
+    assert copied.call_count == 1 + 3
 
 
 @pytest.mark.parametrize(("last_s", "n_undone", "n_kept"), [(46.5, 4, 5), (47.0, 3, 3)])
