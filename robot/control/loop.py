@@ -305,12 +305,12 @@ class ControlLoop:
         decision = self.state.decision
         return decision.action if decision.driven_by is DrivenBy.ROBOT else None
 
-    def _sense(self, now_s: float) -> Sensors:
+    def _sense(self, now_s: float) -> Sensors | None:
         try:
             return self._dead_reckoning.locate(self._driver.sense(), now_s)
         except DriveError as error:
             self._drive_failed(error)
-            return Sensors()
+            return None
 
     def _decide(self, now_s: float) -> Decision:
         was_moving = self._gate.mode is not Mode.STOPPED

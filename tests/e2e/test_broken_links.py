@@ -22,11 +22,11 @@ from .world import (
     World,
     choose,
     find_chromium,
+    hold_until,
     open_page,
-    pad,
+    turning,
     wait_for,
     wait_until_standing,
-    wait_until_turning,
 )
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -43,8 +43,7 @@ def drive(page: Any, world: World) -> Fingers:
     """Have a finger turn the robot."""
     choose(page, world, Mode.TRAIN)
     fingers = Fingers(page)
-    fingers.press(pad("left"))
-    wait_until_turning(world)
+    hold_until(world, fingers, "left", turning(world))
     return fingers
 
 

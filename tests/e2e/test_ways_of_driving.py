@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import pytest
@@ -15,14 +16,17 @@ from .world import (
     Fingers,
     World,
     choose,
+    drive_on,
+    hold_until,
     open_page,
     pad,
+    press_until,
     remember,
     running_chromium,
     turned_rad,
+    turning,
     wait_for,
     wait_until_standing,
-    wait_until_turning,
 )
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -55,8 +59,7 @@ navigator.getGamepads = () => [globalThis.fakePad];
 def test_touch_slides_from_one_direction_to_another(phone: Any, world: World) -> None:
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    fingers.press(pad("left"))
-    wait_until_turning(world)
+    hold_until(world, fingers, "left", turning(world))
     assert turned_rad(world) > 0.02
     fingers.slide(pad("right"))
     wait_for(lambda: world.action is Action.RIGHT, "the finger slid to the right")
@@ -82,8 +85,7 @@ def test_two_fingers_are_one_direction(phone: Any, world: World) -> None:
 def test_the_mouse_drives(desktop: Any, world: World) -> None:
     choose(desktop, world, Mode.TRAIN)
     desktop.locator(pad("left")).hover()
-    desktop.mouse.down()
-    wait_until_turning(world)
+    press_until(desktop, world, desktop.mouse.down, desktop.mouse.up, turning(world))
     desktop.mouse.up()
     wait_until_standing(world)
 
@@ -94,8 +96,8 @@ def test_the_mouse_drives(desktop: Any, world: World) -> None:
 )
 def test_keys_drive_while_held(desktop: Any, world: World, key: str, action: Action) -> None:
     choose(desktop, world, Mode.TRAIN)
-    desktop.keyboard.down(key)
-    wait_for(lambda: world.action is action, f"{key} drives")
+    down, up = (partial(act, key) for act in (desktop.keyboard.down, desktop.keyboard.up))
+    press_until(desktop, world, down, up, lambda: world.action is action)
     desktop.keyboard.up(key)
     wait_for(lambda: world.action is Action.STOP, f"{key} let go")
 
@@ -103,8 +105,8 @@ def test_keys_drive_while_held(desktop: Any, world: World, key: str, action: Act
 def test_enter_holds_a_focused_button_and_space_stops(desktop: Any, world: World) -> None:
     choose(desktop, world, Mode.TRAIN)
     desktop.locator(pad("left")).focus()
-    desktop.keyboard.down("Enter")
-    wait_until_turning(world)
+    down, up = (partial(act, "Enter") for act in (desktop.keyboard.down, desktop.keyboard.up))
+    press_until(desktop, world, down, up, turning(world))
     desktop.keyboard.press("Space")
     wait_until_standing(world)
     assert world.rig.loop.state.emergency
@@ -131,8 +133,8 @@ def test_a_gamepad_drives_and_its_button_stops(chromium: Any, world: World) -> N
     page = open_page(context, world.address)
     choose(page, world, Mode.TRAIN)
     page.evaluate("dispatchEvent(new Event('gamepadconnected'))")
-    page.evaluate("fakePad.axes = [-1, 0]")
-    wait_until_turning(world)
+    push, let_go = (partial(page.evaluate, f"fakePad.axes = [{x}, 0]") for x in (-1, 0))
+    press_until(page, world, push, let_go, turning(world))
     page.evaluate("fakePad.axes = [0, 0]")
     wait_for(lambda: world.action is Action.STOP, "the stick came back")
     page.evaluate("fakePad.buttons[15].pressed = true")
@@ -163,13 +165,16 @@ def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, world: World)
         )
 
     choose(page, world, Mode.TRAIN)
-    tilt(40, 0)
     fingers = Fingers(page)
-    fingers.press(".move.tilt")
-    page.wait_for_timeout(300)
-    assert world.action is Action.STOP, "upright is as it was when the thumb went down"
-    tilt(40, -30)
-    wait_until_turning(world)
+
+    def lean_left() -> None:
+        tilt(40, 0)
+        fingers.press(".move.tilt")
+        page.wait_for_timeout(300)
+        assert world.action is Action.STOP, "upright is as it was when the thumb went down"
+        tilt(40, -30)
+
+    press_until(page, world, lean_left, fingers.lift, turning(world))
     assert world.action is Action.LEFT
     tilt(10, 0)
     wait_for(lambda: world.action is Action.FORWARD, "leaning away drives on")
@@ -194,8 +199,7 @@ LETTING_GO: dict[str, Callable[[Any, Fingers], None]] = {
 def test_letting_go_stops(phone: Any, world: World, name: str) -> None:
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    fingers.press(pad("left"))
-    wait_until_turning(world)
+    hold_until(world, fingers, "left", turning(world))
     LETTING_GO[name](phone, fingers)
     wait_until_standing(world)
 
@@ -203,12 +207,11 @@ def test_letting_go_stops(phone: Any, world: World, name: str) -> None:
 def test_a_hidden_page_stops_even_what_drives_itself(phone: Any, world: World) -> None:
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    fingers.press(pad("left"))
     wanted = world.lessons + 20
-    wait_for(lambda: world.lessons > wanted, "it learns to turn")
+    hold_until(world, fingers, "left", lambda: world.lessons > wanted)
     fingers.lift()
     choose(phone, world, Mode.AUTONOMOUS)
-    wait_until_turning(world)
+    drive_on(phone, world, until=turning(world))
     phone.evaluate(
         """() => {
           Object.defineProperty(document, 'hidden', {get: () => true, configurable: true});
@@ -225,8 +228,7 @@ def test_turning_the_phone_while_holding_stops_or_goes_on_never_sticks(
 ) -> None:
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    fingers.press(pad("left"))
-    wait_until_turning(world)
+    hold_until(world, fingers, "left", turning(world))
     phone.set_viewport_size(LANDSCAPE)
     phone.wait_for_timeout(300)
     boxes = [phone.locator(pad(m)).bounding_box() for m in ("left", "right", "forward")]
@@ -248,8 +250,7 @@ def test_a_second_tab_watches_asks_and_takes_over_politely(
     assert second.locator("[data-mode=train]").is_disabled()
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    fingers.press(pad("left"))
-    wait_until_turning(world)
+    hold_until(world, fingers, "left", turning(world))
     others = Fingers(second)
     others.press(pad("forward"))
     second.wait_for_timeout(300)

@@ -51,6 +51,11 @@ class World:
     def __init__(self, address: str, services: Services) -> None:
         self.address, self.services, self.rig = address, services, services.robot
 
+    def __str__(self) -> str:
+        state = self.rig.loop.state
+        said = (state.decision.mode, state.decision.action, state.decision.stop_reason, state.link)
+        return f"{' '.join(map(str, said))}, {state.fault or 'no fault'}"
+
     @property
     def persistence(self) -> Persistence:
         assert self.services.persistence is not None
@@ -359,19 +364,31 @@ def choose(page: Any, world: World, mode: Mode) -> None:
         page.wait_for_timeout(20)
 
 
+def press_until(
+    page: Any,
+    world: World,
+    press: Callable[[], object],
+    let_go: Callable[[], object],
+    done: Callable[[], bool],
+    within_s: float = 30.0,
+) -> None:
+    """Hold something until something is so, and go on holding; again after each stop."""
+    deadline_s = time.monotonic() + within_s
+    press()
+    while not done():
+        assert time.monotonic() < deadline_s, f"not done in {within_s} s: {world}"
+        if world.mode is Mode.STOPPED:  # a busy machine was late, and the robot stopped for it
+            let_go()
+            choose(page, world, Mode.TRAIN)
+            press()
+        time.sleep(0.01)
+
+
 def hold_until(
     world: World, fingers: Fingers, move: str, done: Callable[[], bool], within_s: float = 30.0
 ) -> None:
-    """Hold a direction until something is so, and go on holding; again after each stop."""
-    deadline_s = time.monotonic() + within_s
-    fingers.press(pad(move))
-    while not done():
-        assert time.monotonic() < deadline_s, f"holding {move} did not do it in {within_s} s"
-        if world.mode is Mode.STOPPED:  # a busy machine was late, and the robot stopped for it
-            fingers.lift()
-            choose(fingers.page, world, Mode.TRAIN)
-            fingers.press(pad(move))
-        time.sleep(0.02)
+    """Hold a direction, as `press_until` does."""
+    press_until(fingers.page, world, lambda: fingers.press(pad(move)), fingers.lift, done, within_s)
 
 
 def drive_on(page: Any, world: World, *, until: Callable[[], bool], within_s: float = 60.0) -> None:
@@ -392,10 +409,10 @@ def turned_rad(world: World, seconds: float = 0.4) -> float:
     return math.remainder(world.pose.heading_rad - before, math.tau)
 
 
-def wait_until_turning(world: World) -> None:
-    """Wait until the robot really turns."""
+def turning(world: World) -> Callable[[], bool]:
+    """Return what says whether the robot has really turned since now."""
     before = world.pose.heading_rad
-    wait_for(lambda: abs(world.pose.heading_rad - before) > 0.03, "the robot turns")
+    return lambda: abs(world.pose.heading_rad - before) > 0.03
 
 
 def wait_until_standing(world: World, within_s: float = 30.0) -> None:

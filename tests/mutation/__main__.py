@@ -34,6 +34,7 @@ SUBJECTS: dict[str, tuple[str, ...]] = {
     "robot.policy.history": ("tests/robot/policy/test_history.py",),
     "robot.control.gate": ("tests/robot/control/test_gate.py", "tests/robot/control/test_loop.py"),
     "robot.control.loop": (
+        "tests/robot/control/test_loop_turns.py",
         "tests/robot/control/test_loop_requests.py",
         "tests/robot/control/test_loop.py",
         "tests/robot/control",

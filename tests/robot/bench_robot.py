@@ -120,3 +120,13 @@ class BenchRobot:
         self.tick()
         self.hold(held)
         return self.tick()
+
+
+def started(mode: Mode = Mode.TRAIN, config: LoopConfig | None = None) -> BenchRobot:
+    """Return a robot that was taught one example, in this mode."""
+    robot = BenchRobot(config=config)
+    robot.start(Mode.TRAIN)
+    robot.step(1, Action.FORWARD)
+    if mode is not Mode.TRAIN:
+        robot.start(mode, scene=1)
+    return robot

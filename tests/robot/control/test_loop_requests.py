@@ -1,204 +1,19 @@
-"""What others ask of the control loop, the button on the body, and the limits of a tick."""
+"""What others ask of the control loop, and the button on the body."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
-import numpy as np
 import pytest
 
 from robot.control.link_governor import LinkLevel
-from robot.control.loop import LoopConfig
 from robot.control.state import Tick
-from robot.control.thread import LoopThread
 from robot.driver import BodyButton
-from robot.errors import DriveError
-from robot.types import Action, DrivenBy, Mode, PilotCommand, StopReason
-from tests.robot.bench_robot import BenchRobot
+from robot.types import Action, DrivenBy, Mode, StopReason
+from tests.robot.bench_robot import BenchRobot, started
 
 F = Action.FORWARD
 MOVING = (Mode.TRAIN, Mode.AUTONOMOUS)
-
-
-def started(mode: Mode = Mode.TRAIN, config: LoopConfig | None = None) -> BenchRobot:
-    """Return a robot that was taught one example, in this mode."""
-    robot = BenchRobot(config=config)
-    robot.start(Mode.TRAIN)
-    robot.step(1, F)
-    if mode is not Mode.TRAIN:
-        robot.start(mode, scene=1)
-    return robot
-
-
-def hold_up(monkeypatch: pytest.MonkeyPatch, robot: BenchRobot, seconds: float) -> None:
-    """Let each look of the policy at a frame take so long."""
-    policy = robot.loop.history.policy
-    propose = policy.propose
-
-    def slow(*args: Any, **kwargs: Any) -> Any:
-        robot.clock.advance(seconds)
-        return propose(*args, **kwargs)
-
-    monkeypatch.setattr(policy, "propose", slow)
-
-
-# What wakes it, and what it shows ---------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "happens",
-    [
-        lambda robot: robot.camera.show(1),
-        lambda robot: robot.hold(F),
-        lambda robot: robot.loop.submit(lambda: None),
-        lambda robot: robot.loop.set_mode(Mode.TRAIN),
-        lambda robot: robot.loop.latch_emergency(),
-    ],
-    ids=["frame", "command", "request", "mode", "emergency"],
-)
-def test_whatever_happens_wakes_the_loop(happens: Callable[[BenchRobot], object]) -> None:
-    robot = BenchRobot()
-    assert not robot.loop.wake.is_set()
-    happens(robot)
-    assert robot.loop.wake.is_set()
-
-
-def test_where_nothing_happens_the_loop_is_run_every_50_ms() -> None:
-    robot = BenchRobot()
-    thread = LoopThread(robot.loop, robot.clock)
-    thread.start()
-    robot.clock.sleep(1.0)
-    thread.stop()
-    assert 19 <= robot.loop.state.cycles <= 22
-
-
-def test_a_new_frame_is_shown_once_with_what_the_policy_made_of_it() -> None:
-    robot = BenchRobot()
-    assert robot.loop.newest is None
-    assert robot.loop.clock is robot.clock
-    frame = robot.camera.show(1)
-    tick = robot.tick()
-    assert tick.frame is frame
-    assert tick.sensors.distance_m == 0.5
-    assert robot.loop.newest is not None
-    x, prediction = robot.loop.newest
-    assert np.array_equal(x, robot.loop.history.policy.extract(frame))
-    assert prediction is tick.prediction
-    assert robot.tick().frame is None
-
-
-def test_the_body_shows_each_change_of_the_mode_once() -> None:
-    robot = started()
-    robot.step(1, F)
-    robot.loop.set_mode(Mode.STOPPED)
-    robot.tick()
-    robot.tick()
-    assert robot.driver.shown == [Mode.TRAIN, Mode.STOPPED]
-
-
-@pytest.mark.parametrize(("seconds", "late_cycles"), [(0.09, 0), (0.11, 1)])
-def test_a_tick_that_takes_longer_than_a_tenth_of_a_second_is_late(
-    monkeypatch: pytest.MonkeyPatch, seconds: float, late_cycles: int
-) -> None:
-    robot = BenchRobot()
-    hold_up(monkeypatch, robot, seconds)
-    robot.camera.show(1)
-    assert robot.tick().cycle_s == pytest.approx(seconds)
-    assert robot.loop.state.late_cycles == late_cycles
-
-
-def test_the_estimate_of_where_it_is_follows_what_the_motors_were_told(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    robot = BenchRobot()
-    robot.driver.track_m = 0.1
-    monkeypatch.setattr(robot.driver, "wheels_mps", lambda action: (0.2, 0.2))
-    robot.start(Mode.TRAIN)
-    for _ in range(11):
-        robot.step(1, F)
-    pose = robot.loop.state.sensors.pose
-    assert pose is not None and pose.x_m == pytest.approx(0.2 * 11 * 0.05)
-
-
-# The limits of a tick ---------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("gap_s", "stops"), [(0.25, False), (0.2501, True)])
-def test_a_longer_gap_between_two_ticks_than_allowed_stops_the_robot(
-    gap_s: float, stops: bool
-) -> None:
-    robot = BenchRobot(config=LoopConfig(stall_s=0.25))
-    robot.start(Mode.TRAIN)
-    robot.clock.advance(gap_s)
-    robot.camera.show(1)
-    robot.hold(F)
-    decision = robot.tick().decision
-    assert (decision.stop_reason is StopReason.LOOP_FAULT) is stops
-    assert (decision.action is F) is not stops
-
-
-def test_a_gap_is_no_fault_of_a_robot_that_stands() -> None:
-    robot = BenchRobot()
-    robot.tick()
-    robot.clock.advance(60.0)
-    robot.tick()
-    assert (robot.loop.state.fault, robot.loop.state.decision.stop_reason) == (None, None)
-
-
-def test_a_body_that_cannot_sense_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    robot = started()
-
-    def broken() -> None:
-        raise DriveError("The sensor does not answer.")
-
-    monkeypatch.setattr(robot.driver, "sense", broken)
-    stops_before = robot.driver.stops
-    tick = robot.step(1, F)
-    assert (tick.decision.stop_reason, tick.sent) == (StopReason.DRIVE_FAULT, Action.STOP)
-    assert robot.driver.stops > stops_before
-    assert robot.loop.state.fault == "The sensor does not answer."
-    assert robot.loop.state.taught == {F: 1}, "what it did not drive it does not learn"
-
-
-@pytest.mark.parametrize(("age_s", "link_scale"), [(0.1, 1.0), (0.27, 0.5)])
-@pytest.mark.parametrize("share", [1.0, 0.5])
-def test_a_person_and_the_link_each_limit_the_speed(
-    age_s: float, link_scale: float, share: float
-) -> None:
-    robot = BenchRobot()
-    robot.loop.speed_share = share
-    robot.start(Mode.TRAIN)
-    seen = robot.camera.show(1)
-    robot.tick()
-    robot.clock.advance(age_s)
-    robot.camera.show(1)
-    robot.hold(F, frame_id=seen.frame_id)
-    robot.tick()
-    assert robot.driver.sent[-1] == (F, share * link_scale)
-
-
-def test_a_pilot_whose_phone_shows_a_picture_half_a_second_old_is_blind() -> None:
-    robot = started()
-    seen = robot.camera.latest()
-    assert seen is not None
-    for seq in range(1, 12):
-        robot.clock.advance(0.05)
-        robot.camera.show(1)
-        robot.loop.command(
-            PilotCommand(
-                held=F,
-                frame_id=seen.frame_id,
-                seq=100 + seq,
-                received_s=robot.clock.now_s(),
-                frame_age_s=0.05 * seq,
-                phone_s=0.05 * seq,
-            )
-        )
-        decision = robot.tick().decision
-        assert decision.mode is (Mode.TRAIN if seq < 11 else Mode.STOPPED), seq
-    assert decision.stop_reason is StopReason.LINK_SLOW
-    assert robot.loop.state.fault is None
 
 
 # What is asked ----------------------------------------------------------------------------------
@@ -367,8 +182,9 @@ def test_a_start_counts_as_a_look_at_the_picture_that_it_names(
     robot.tick()
     robot.clock.advance(5.0 if age_s is None else age_s)
     robot.camera.show(1)
-    robot.loop.set_mode(Mode.TRAIN, frame_id=None if age_s is None else seen.frame_id)
+    taken = robot.loop.set_mode(Mode.TRAIN, frame_id=None if age_s is None else seen.frame_id)
     decision = robot.tick().decision
+    assert taken.result(0)
     assert decision.mode is (mode or Mode.STOPPED)
     assert decision.stop_reason is (None if mode else StopReason.LINK_SLOW)
 
