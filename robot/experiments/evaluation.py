@@ -47,19 +47,24 @@ class PairResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pair:
-    """Two drives of one place: learn from `train`, test on `test` with so much of its light."""
+    """Two drives of one place: learn from `train`, test on `test` with so much of its light.
+
+    `examples` is how many frames of `train` are learned, spread evenly over it; None: all.
+    """
 
     train: Recording
     test: Recording
     light: float = 1.0
+    examples: int | None = None
 
 
-def load_pairs(folder: Path | str, light: float = 1.0) -> list[Pair]:
+def load_pairs(folder: Path | str, light: float = 1.0, examples: int | None = None) -> list[Pair]:
     """Return both directions of every place X that has X_A.npz and X_B.npz in `folder`.
 
     Args:
         folder: Where they are.
         light: How much of the light is left when the learner is tested.
+        examples: How many frames of a drive are learned; None: all.
 
     Raises:
         RecordingError: If there is no such folder or pair, or a recording is broken.
@@ -71,7 +76,10 @@ def load_pairs(folder: Path | str, light: float = 1.0) -> list[Pair]:
     for first in sorted(folder.glob("*_A.npz")):
         second = first.with_name(first.name.replace("_A.npz", "_B.npz"))
         a, b = load_recording(first), load_recording(second)
-        pairs += [Pair(train=a, test=b, light=light), Pair(train=b, test=a, light=light)]
+        pairs += [
+            Pair(train=train, test=test, light=light, examples=examples)
+            for train, test in ((a, b), (b, a))
+        ]
     if not pairs:
         raise RecordingError(
             f"the folder {folder} has no recordings named PLACE_A.npz, PLACE_B.npz"
@@ -123,18 +131,27 @@ def judge(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
     """Teach a new policy one drive and test it on the other; `vectors` caches the features."""
     _vectors(policy, pair.train, vectors)
     started_s = time.perf_counter()
-    teach(policy, pair.train, vectors)
+    n_taught = teach(policy, pair.train, vectors, pair.examples)
     policy.propose(0, _vectors(policy, pair.train, vectors)[0])  # some are fitted only when asked
     learned_s = time.perf_counter() - started_s
     result = examine(policy, pair, vectors)
-    return replace(result, learn_ms=1000 * learned_s / len(pair.train))
+    return replace(result, learn_ms=1000 * learned_s / n_taught)
 
 
-def teach(policy: Policy, recording: Recording, vectors: Vectors) -> None:
-    """Teach a policy one more drive, perhaps of another place than the last."""
+def teach(
+    policy: Policy, recording: Recording, vectors: Vectors, examples: int | None = None
+) -> int:
+    """Teach a policy one more drive, perhaps of another place than the last.
+
+    Of a drive with more frames than `examples` only so many are learned, spread evenly over it.
+    Returns how many were.
+    """
     policy.reset()
-    for x, label in zip(_vectors(policy, recording, vectors), recording.labels, strict=True):
-        policy.learn(x, label)
+    xs, labels = _vectors(policy, recording, vectors), recording.labels
+    n_taught = min(examples or len(xs), len(xs))
+    for i in np.linspace(0, len(xs) - 1, n_taught).round().astype(int):
+        policy.learn(xs[i], labels[i])
+    return n_taught
 
 
 def examine(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:

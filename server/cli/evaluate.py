@@ -11,7 +11,7 @@ from pathlib import Path
 
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.experiments import evaluation
-from server.cli.parser import number
+from server.cli.parser import number, whole
 
 OURS = ["published-32", "integer-32", "default-32", "linear-alone-32"]
 BASELINES = ["knn-9", "fair-knn-9", "fair-trees-100"]
@@ -33,6 +33,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="SHARE",
         help="how much of the light is left in the test (default: 1.0)",
     )
+    parser.add_argument(
+        "--examples",
+        type=whole(1),
+        metavar="N",
+        help="learn only so many frames of a drive, spread evenly over it (default: all)",
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the results here")
 
 
@@ -45,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         from tqdm import tqdm
     except ImportError as error:
         raise MissingExtraError("the command evaluate", "evaluate") from error
-    pairs = evaluation.load_pairs(args.folder, args.light)
+    pairs = evaluation.load_pairs(args.folder, args.light, args.examples)
     with tqdm(total=len(pairs) * len(learners), unit="run", file=sys.stderr) as bar:
         results = list(evaluation.evaluate(pairs, learners, tick=bar.update))
     print(evaluation.table(results))

@@ -4,6 +4,7 @@ import json
 import os
 import statistics
 from pathlib import Path
+from unittest import mock
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ from robot.errors import RecordingError
 from robot.exchange.npz import load_recording
 from robot.experiments import evaluation
 from robot.policy.image import to_grey
+from robot.policy.registry import make_policy
 from robot.types import Action
 from server.__main__ import main
 
@@ -160,6 +162,23 @@ def test_the_test_can_be_made_darker_and_the_lesson_stays(tmp_path, light):
     darker = evaluation.darkened(frame, pair.light)
     assert to_grey(darker).mean() == pytest.approx(light * to_grey(frame).mean(), abs=1.5)
     assert evaluation.darkened(frame, 1.0) is frame
+
+
+@pytest.mark.parametrize("examples", [1, 5, 10**6])
+def test_few_examples_are_spread_over_the_drive(tmp_path, examples):
+    for name in ("hall_A", "hall_B"):
+        write_recording(tmp_path / f"{name}.npz", seed=ord(name[-1]))
+    pair = evaluation.load_pairs(tmp_path, examples=examples)[1]
+    policy = make_policy("published-8")
+    learned: list[np.ndarray] = []
+    with mock.patch.object(policy, "learn", lambda x, label: learned.append(x)):
+        n_taught = evaluation.teach(policy, pair.train, {}, pair.examples)
+    every = [policy.extract(pair.train.frame(i)) for i in range(len(pair.train))]
+    places = [next(i for i, x in enumerate(every) if np.array_equal(x, y)) for y in learned]
+    assert n_taught == len(learned) == min(examples, len(every))
+    if examples > 1:
+        gaps = np.diff(places)
+        assert (places[0], places[-1]) == (0, len(every) - 1) and np.ptp(gaps) <= 1
 
 
 @pytest.mark.parametrize("light", ["0", "1.5", "half", "nan"])
