@@ -69,7 +69,7 @@ class FakeHub:
     def wait_until(self, happened: Callable[[], bool]) -> None:
         """Wait for something that the program makes happen."""
         with self._news:
-            assert self._news.wait_for(happened, 10.0)
+            assert self._news.wait_for(happened, 60.0)
 
     # What a person does with the hub -------------------------------------------------------------
 

@@ -78,7 +78,7 @@ class RosBridgeServer:
 
     def wait_until(self, happened: Callable[[], bool]) -> None:
         with self._news:
-            assert self._news.wait_for(happened, 10.0)
+            assert self._news.wait_for(happened, 60.0)
 
     def __enter__(self) -> Self:
         self._thread.start()

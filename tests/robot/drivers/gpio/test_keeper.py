@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -18,6 +18,7 @@ from robot.drivers.gpio.driver import GpioDriver, GpioOptions
 from robot.drivers.gpio.keeper_line import KeeperLine
 from robot.errors import DriveError, MissingExtraError
 from robot.types import Action
+from tests.robot.drivers.sending import send_until
 from tests.standins.firmware import ROOT
 
 DRIVES_ON = """
@@ -52,29 +53,17 @@ def pins(notes: Path) -> dict[str, float]:
     return {name: float(value) for _, name, value in lines}
 
 
-def wait_until_it_stands(notes: Path) -> None:
+def wait_until(is_so: Callable[[], bool], what: str) -> None:
     for _ in range(1000):
-        if not any(pins(notes).values()):
+        if is_so():
             return
         time.sleep(0.02)
-    pytest.fail(f"it drives on: {pins(notes)}")
+    pytest.fail(f"it never came to this: {what}")
 
 
 def keeper_pid(driver: GpioDriver) -> int:
     assert isinstance(driver._line, KeeperLine)
     return driver._line._process.pid
-
-
-def drive_again(driver: GpioDriver, first: int) -> None:
-    """Send until another keeper obeys."""
-    for _ in range(500):
-        try:
-            driver.send_action(Action.FORWARD)
-        except DriveError:
-            continue
-        if keeper_pid(driver) != first and not driver._trouble:
-            return
-    pytest.fail("it never drove again")
 
 
 @pytest.mark.realtime
@@ -91,16 +80,11 @@ def the_robots_program_ends_and_the_pins_are_low(notes: Path, how: signal.Signal
     try:
         assert program.stdout is not None
         pid = int(program.stdout.readline())
-        assert pins(notes)["GPIO17"] == 0.6, "it drives"
+        wait_until(lambda: pins(notes)["GPIO17"] == 0.6, "it drives")
         os.kill(program.pid, how)
-        wait_until_it_stands(notes)
-        if how is signal.SIGKILL:  # the keeper has ended, too
-            for _ in range(1000):
-                if not Path(f"/proc/{pid}").exists() or b"Z" in _state(pid):
-                    break
-                time.sleep(0.02)
-            else:
-                pytest.fail("the keeper lives on")
+        wait_until(lambda: not any(pins(notes).values()), "it stands")
+        if how is signal.SIGKILL:
+            wait_until(lambda: _state(pid) == b"Z", "the keeper has ended, too")
     finally:
         os.kill(program.pid, signal.SIGCONT)
         program.kill()
@@ -117,10 +101,14 @@ def _state(pid: int) -> bytes:
 def a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> None:
     with driver_for(notes) as driver:
         for how in (signal.SIGSTOP, signal.SIGKILL):
-            driver.send_action(Action.FORWARD)
+            send_until(driver)
             first = keeper_pid(driver)
             os.kill(first, how)
-            drive_again(driver, first)
+
+            def is_another(first: int = first) -> bool:
+                return keeper_pid(driver) != first and not driver._trouble
+
+            send_until(driver, Action.FORWARD, is_another)
             driver.stop()
             assert not any(pins(notes).values())
         last = keeper_pid(driver)

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
 from unittest import mock
 
 import pytest
@@ -18,6 +17,7 @@ from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
 from robot.errors import DriveError, MissingExtraError
 from robot.types import Action, Sensors
 from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.robot.drivers.sending import send_until
 from tests.standins.firmware import ROOT
 from tests.standins.pybricks_hub import PROGRAM, FakeHub
 
@@ -40,20 +40,6 @@ def until(happens: Callable[[], object]) -> None:
         if happens():
             return
     pytest.fail("it never came")
-
-
-def drives(driver: PybricksDriver, move: Action = Action.FORWARD, scale: float = 1.0) -> bool:
-    try:
-        driver.send_action(move, speed_scale=scale)
-    except DriveError:
-        time.sleep(0.02)
-        return False
-    return True
-
-
-def drive_until_green(hub: FakeHub, driver: PybricksDriver, **order: Any) -> None:
-    """On a busy machine the hub may answer late, and what comes late to it only stops."""
-    until(lambda: drives(driver, **order) and hub.light == "green")
 
 
 def moved(hub: FakeHub) -> list[tuple[str, float, int]]:
@@ -99,7 +85,7 @@ def test_a_hub_is_found_driven_hung_up_and_lost_and_driven_again(hub: FakeHub) -
 def moves_are_timed_by_the_hub(hub: FakeHub) -> None:
     with driver_for(hub) as driver:
         hub.told.clear()
-        drive_until_green(hub, driver, move=Action.LEFT, scale=0.5)
+        send_until(driver, Action.LEFT, lambda: hub.light == "green", speed_scale=0.5)
         assert {told[:2] for told in moved(hub)} == {("A", 75.0), ("B", 75.0)}
         assert all(told[2] <= 400 for told in moved(hub))
         assert driver.sense() == Sensors(distance_m=0.42, battery_share=0.5)
@@ -110,7 +96,7 @@ def moves_are_timed_by_the_hub(hub: FakeHub) -> None:
 
 def a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub: FakeHub) -> None:
     with driver_for(hub) as driver:
-        drive_until_green(hub, driver)
+        send_until(driver, Action.FORWARD, lambda: hub.light == "green")
         hub.freeze()
         frozen_s = time.monotonic()
         with pytest.raises(DriveError, match="not answered"):
@@ -119,7 +105,7 @@ def a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub: FakeHub) -> No
         assert all(end_s <= frozen_s + ACTION_TIMEOUT_S for end_s in hub.ends_s.values())
         hub.told.clear()
         hub.thaw()
-        until(lambda: drives(driver))
+        send_until(driver)
     # What had piled up came 500 ms late or more, so it moved nothing; only what came after did.
     assert len(moved(hub)) <= 2 * 3
 
@@ -152,14 +138,14 @@ def rubbish_is_harmless(hub: FakeHub) -> None:
 
 def a_hub_that_nobody_talks_to_shows_it(hub: FakeHub) -> None:
     with driver_for(hub) as driver:
-        drive_until_green(hub, driver)
+        send_until(driver, Action.FORWARD, lambda: hub.light == "green")
         hub.wait_until(lambda: hub.light == "red")
         assert hub.told[-1][2] == 0, "it brakes, too"
 
 
 def the_hubs_button_ends_the_drive_and_starts_it_again(hub: FakeHub) -> None:
     with driver_for(hub) as driver:
-        drive_until_green(hub, driver)
+        send_until(driver, Action.FORWARD, lambda: hub.light == "green")
         hub.end_program()
         assert not hub.is_moving
         with pytest.raises(DriveError, match="button"):
@@ -167,19 +153,19 @@ def the_hubs_button_ends_the_drive_and_starts_it_again(hub: FakeHub) -> None:
                 driver.send_action(Action.FORWARD)
         assert hub.process is None, "a program that a person ended is not started by us"
         hub.start_program()
-        until(lambda: drives(driver))
+        send_until(driver)
 
 
 def a_hub_that_comes_back_into_reach_is_driven_again(hub: FakeHub) -> None:
     with driver_for(hub) as driver:
-        drive_until_green(hub, driver)
+        send_until(driver, Action.FORWARD, lambda: hub.light == "green")
         hub.cut()
         with pytest.raises(DriveError, match="not answered"):
             for _ in range(300):
                 driver.send_action(Action.FORWARD)
         until(lambda: not hub.clients or time.sleep(0.02))
         hub.is_in_reach = True
-        until(lambda: drives(driver))
+        send_until(driver)
 
 
 def a_hub_is_found_by_its_name(hub: FakeHub) -> None:

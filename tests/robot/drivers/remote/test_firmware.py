@@ -17,6 +17,7 @@ from robot.drivers.udp import UdpDriver
 from robot.errors import DriveError
 from robot.types import Action
 from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.robot.drivers.sending import send_until
 from tests.standins.firmware import FIRMWARE, SECRET, FirmwareRobot
 
 
@@ -88,10 +89,10 @@ def test_it_is_driven_and_attacked_and_always_stands() -> None:
 
 def moves_turn_the_wheels_and_end_by_themselves(robot: FirmwareRobot) -> None:
     with driver_for(robot) as driver:
-        driver.send_action(Action.LEFT, speed_scale=0.5)
+        send_until(driver, Action.LEFT, robot.is_moving, speed_scale=0.5)
         robot.wait_until_it_stands()
-    turned = [move[1:] for move in robot.moves if any(move[1:])]
-    assert turned == [(-0.25, 0.25)]
+    turned = {move[1:] for move in robot.moves if any(move[1:])}
+    assert turned == {(-0.25, 0.25)}
     began_s = next(move[0] for move in robot.moves if any(move[1:]))
     stood_s = next(move[0] for move in robot.moves if move[0] > began_s)
     assert stood_s - began_s >= ACTION_TIMEOUT_S - 0.1, "it does not stop before its time"
@@ -170,12 +171,4 @@ def it_is_driven_again_after_it_was_switched_off_and_on(robot: FirmwareRobot) ->
             for _ in range(100):
                 driver.send_action(Action.FORWARD)
         robot.__enter__()
-        for _ in range(200):
-            try:
-                driver.send_action(Action.FORWARD)
-                break
-            except DriveError:
-                continue
-        driver.send_action(Action.LEFT)
-        assert driver.send_action(Action.LEFT) is Action.LEFT
-        assert robot.is_moving()
+        send_until(driver, Action.LEFT, robot.is_moving)

@@ -12,6 +12,7 @@ from robot.drivers.ws import WsDriver
 from robot.errors import DriveError
 from robot.types import Action
 from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.robot.drivers.sending import send_until
 from tests.standins.ws_robot import WsRobot
 
 
@@ -36,8 +37,7 @@ def check_that_it_comes_back(lose: Callable[[WsRobot], None]) -> None:
         WsRobot("geheim") as robot,
         WsDriver(RemoteOptions(address=robot.address, secret="geheim")) as driver,
     ):
-        driver.send_action(Action.FORWARD)
-        assert robot.is_moving
+        send_until(driver, Action.FORWARD, lambda: robot.is_moving)
         lose(robot)
         moved_s = robot.ends_s
         for _ in range(1000):
@@ -53,5 +53,4 @@ def check_that_it_comes_back(lose: Callable[[WsRobot], None]) -> None:
             driver.sense()
         assert robot.connections == 2
         assert robot.ends_s == moved_s, "it asked, and gave no order"
-        driver.send_action(Action.LEFT)
-        assert robot.is_moving
+        send_until(driver, Action.LEFT, lambda: robot.is_moving)

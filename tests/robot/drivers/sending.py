@@ -1,0 +1,31 @@
+"""Orders over a real line: on a busy machine one comes late, or its answer does."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import pytest
+
+from robot.driver import Driver
+from robot.errors import DriveError
+from robot.types import Action
+
+
+def send_until(
+    driver: Driver,
+    move: Action = Action.FORWARD,
+    is_obeyed: Callable[[], bool] = lambda: True,
+    *,
+    speed_scale: float = 1.0,
+) -> None:
+    """Send an order again and again, until the driver reports no fault and the body obeys it."""
+    for _ in range(1000):
+        try:
+            driver.send_action(move, speed_scale=speed_scale)
+        except DriveError:
+            time.sleep(0.02)
+            continue
+        if is_obeyed():
+            return
+    pytest.fail(f"it never obeyed {move}")
