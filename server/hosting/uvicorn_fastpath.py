@@ -52,6 +52,11 @@ def make_protocol() -> type[Any] | None:
             else:
                 super().handle_bytes(event)
 
+        def shutdown(self) -> None:
+            # Uvicorn raises for a client that is just leaving, and the app is then not shut down.
+            if not self.transport.is_closing():
+                super().shutdown()
+
         def write_now(self, wire: bytes) -> None:
             if not self.close_sent and not self.transport.is_closing():
                 self.transport.write(wire)
