@@ -3,8 +3,7 @@
 Every constant is a time or a share of votes, never a number of frames.
 
 1. Votes are averaged over time.
-2. A move under way goes on until another clearly exceeds it, and is reconsidered ten times a second
-   at most: thirty looks at noisy votes find three times as many reasons to change.
+2. A move under way goes on until another clearly exceeds it.
 3. A straight move without effect is given up (`stall_detector.py`).
 4. A turn that has gone on for longer than the pilot's own longest loses votes, and its opposite is
    barred until it has been paid back by driving straight (`progress_clock.py`).
@@ -13,7 +12,6 @@ Every constant is a time or a share of votes, never a number of frames.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
@@ -33,8 +31,6 @@ People begin a turn late and end it late: between the two, the same view means g
 Votes alone cannot tell, and a robot without inertia ends its turns too early. A turn begun too late
 costs more than one ended too late, so a turn has more of it (docs/explanation/learner.md).
 """
-RECONSIDER_S = 0.99 * USUAL_STEP_S
-"""A move under way is not held against others again before so long."""
 STRAIGHT_S = 0.3
 """After a turn its opposite is barred until the robot drove straight for so long."""
 ALLOWANCE = 1.3
@@ -154,7 +150,6 @@ class ActionFilter:
         self._gives_up = gives_up
         self._asks_until_s = 0.0
         self._turns_since_s: float | None = None
-        self._chosen_s = -math.inf
 
     @classmethod
     def none(cls) -> Self:
@@ -217,11 +212,6 @@ class ActionFilter:
         ):
             self._ask(view.at_s)  # it was taught no other move
         hold = self._hold(under_way, view.at_s, timed_turn_s)
-        is_free = under_way is not futile and not view.bumped
-        is_young = 0.0 <= view.at_s - self._chosen_s < RECONSIDER_S
-        if under_way is not None and under_way in shares and is_free and is_young:
-            return under_way
-        self._chosen_s = view.at_s
         return self._commitment.choose(shares, under_way, futile, urge=urge, hold=hold)
 
     def _hold(self, under_way: Action | None, at_s: float, timed_s: float | None) -> float:
@@ -269,5 +259,4 @@ class ActionFilter:
         self._stall_detector.reset()
         self._clock.reset()
         self._turns_since_s = None
-        self._chosen_s = -math.inf
         self.needs_help = False

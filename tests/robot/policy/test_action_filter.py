@@ -101,29 +101,3 @@ def choose(actions, shares, doing, at_s, timed_s):
         patience_s=0.5,
         timed_turn_s=timed_s,
     )
-
-
-@pytest.mark.parametrize("rate_hz", [4, 10, 15, 30, 60])
-def test_a_move_under_way_is_reconsidered_ten_times_a_second_at_most(rate_hz):
-    """The votes jump to the other side with every frame; how often the move changes is counted."""
-    actions, doing, changes_s = ActionFilter(), F, []
-    for number in range(3 * rate_hz):
-        against = L if doing is F else F
-        chosen = choose(actions, {doing: 0.0, against: 1.0}, doing, number / rate_hz, None)
-        if chosen is not doing:
-            changes_s.append(number / rate_hz)
-        doing = chosen
-    slow_s = max(0.1, 1 / rate_hz)
-    assert np.diff(changes_s).min() >= slow_s - 1e-9
-    assert np.diff(changes_s).max() <= slow_s + 1 / rate_hz
-
-
-def test_a_bumper_is_heeded_at_once():
-    actions, votes = ActionFilter(), {F: 0.0, L: 1.0}
-    picture = np.zeros((4, 4), np.uint8)
-    pushed = [View(picture=picture, at_s=0.03 * i, bumped=i == 1) for i in range(3)]
-    moves = [
-        actions.choose(votes if i else {F: 1.0, L: 0.0}, view, F, longest_debt_s=3.0, patience_s=1)
-        for i, view in enumerate(pushed)
-    ]
-    assert moves[:2] == [F, L]
