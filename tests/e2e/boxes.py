@@ -21,8 +21,9 @@ def faults(page: Any, measure: str = MEASURE) -> list[str]:
 
     `measure` is a function of the page, which returns a list.
     """
+    script = _WHEN_LAID_OUT.replace("MEASURE", measure)
     for _ in range(_LOOKS):
-        found = list(page.evaluate(_WHEN_LAID_OUT.replace("MEASURE", measure)))
+        found = list(page.evaluate(script))
         if not found:
             break
         page.wait_for_timeout(200)

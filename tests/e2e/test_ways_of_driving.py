@@ -71,8 +71,7 @@ def test_touch_slides_from_one_direction_to_another(phone: Any, world: World) ->
 def test_two_fingers_are_one_direction(phone: Any, world: World) -> None:
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    fingers.press(pad("forward"), finger=1)
-    wait_for(lambda: world.action is Action.FORWARD, "the first finger drives")
+    hold_until(world, fingers, "forward", lambda: world.action is Action.FORWARD)
     fingers.press(pad("left"), finger=2)
     wait_for(lambda: world.action is Action.LEFT, "the newer finger counts")
     fingers.lift(finger=2)
