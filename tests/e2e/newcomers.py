@@ -26,7 +26,8 @@ from robot.simulation.pilots.situation import Situation, observe
 from robot.simulation.pilots.teachers import Teacher
 from robot.types import Action, DrivenBy, Mode
 
-from .world import PHONE, Fingers, World, pad, running_chromium, running_world
+from .hand import Fingers, pad
+from .world import PHONE, World, running_chromium, running_world
 
 LIMIT_S = 240.0
 ALONE_S = 60.0

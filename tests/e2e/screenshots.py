@@ -25,21 +25,17 @@ from server.study.conductor import Conductor
 from tests.server.live_robot import WEB, live_server
 
 from .class_world import running_class
+from .hand import Fingers, choose, drive_on, pad, teach
 from .proxy import Proxy
 from .world import (
     DESKTOP,
     LANDSCAPE,
     PHONE,
-    Fingers,
     World,
-    choose,
-    drive_on,
     finish_recording,
     open_page,
-    pad,
     running_chromium,
     running_world,
-    teach,
 )
 
 SMALL = {"width": 320, "height": 480}

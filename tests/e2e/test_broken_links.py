@@ -14,20 +14,9 @@ import pytest
 
 from robot.types import Mode
 
+from .hand import Fingers, choose, hold_until, turning, wait_until_standing
 from .proxy import Proxy
-from .world import (
-    CHROMIUM_FLAGS,
-    PHONE,
-    Fingers,
-    World,
-    choose,
-    find_chromium,
-    hold_until,
-    open_page,
-    turning,
-    wait_for,
-    wait_until_standing,
-)
+from .world import CHROMIUM_FLAGS, PHONE, World, find_chromium, open_page, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 

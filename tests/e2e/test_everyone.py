@@ -10,14 +10,12 @@ import pytest
 
 from robot.types import Mode
 
+from .hand import Fingers, choose, hold_until
 from .world import (
     COUNT_FETCHES,
     DESKTOP,
     PHONE,
-    Fingers,
     World,
-    choose,
-    hold_until,
     new_context,
     open_page,
     running_world,

@@ -11,18 +11,8 @@ import pytest
 from robot.types import Action, Mode
 from server.config import Config
 
-from .world import (
-    PHONE,
-    Fingers,
-    World,
-    choose,
-    hold_until,
-    open_page,
-    running_world,
-    settle,
-    show,
-    wait_for,
-)
+from .hand import Fingers, choose, hold_until
+from .world import PHONE, World, open_page, running_world, settle, show, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 

@@ -11,9 +11,10 @@ import pytest
 from robot.types import Mode
 
 from .class_world import running_class
+from .hand import choose
 from .test_everyone import complaints
 from .test_mending import drive
-from .world import World, choose, finish_recording
+from .world import World, finish_recording
 
 pytestmark = pytest.mark.browser
 

@@ -10,19 +10,8 @@ import pytest
 from robot.types import Mode
 from server.config import Config
 
-from .world import (
-    DESKTOP,
-    LANDSCAPE,
-    PHONE,
-    Fingers,
-    World,
-    choose,
-    new_context,
-    open_page,
-    pad,
-    running_world,
-    wait_for,
-)
+from .hand import Fingers, choose, pad
+from .world import DESKTOP, LANDSCAPE, PHONE, World, new_context, open_page, running_world, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 

@@ -23,8 +23,9 @@ from robot.experiments.study.session import SessionStep
 from robot.types import Mode
 
 from .boxes import faults, speak_longer
+from .hand import Fingers, choose, drive_on, teach
 from .test_everyone import complaints
-from .world import PHONE, Fingers, World, choose, drive_on, open_page, teach, wait_for
+from .world import PHONE, World, open_page, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 

@@ -12,7 +12,8 @@ import pytest
 
 from robot.types import Action, Mode, Prediction
 
-from .world import Fingers, World, choose, drive_on, hold_until, pad, teach, wait_for
+from .hand import Fingers, choose, drive_on, hold_until, pad, teach
+from .world import World, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 

@@ -10,24 +10,18 @@ import pytest
 
 from robot.types import Action, Mode
 
-from .world import (
-    LANDSCAPE,
-    PHONE,
+from .hand import (
     Fingers,
-    World,
     choose,
     drive_on,
     hold_until,
-    open_page,
     pad,
     press_until,
-    remember,
-    running_chromium,
     turned_rad,
     turning,
-    wait_for,
     wait_until_standing,
 )
+from .world import LANDSCAPE, PHONE, World, open_page, remember, running_chromium, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 

@@ -11,19 +11,8 @@ import pytest
 from robot.drivers.replay import ReplayDriver
 from robot.types import Action, DrivenBy, Mode
 
-from .world import (
-    PHONE,
-    Fingers,
-    World,
-    choose,
-    hold_until,
-    open_page,
-    pad,
-    running_world,
-    teach,
-    turned_rad,
-    wait_for,
-)
+from .hand import Fingers, choose, hold_until, pad, teach, turned_rad
+from .world import PHONE, World, open_page, running_world, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 

@@ -22,7 +22,8 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.e2e.world import PHONE, Fingers, open_page, pad, running_chromium
+from tests.e2e.hand import Fingers, pad
+from tests.e2e.world import PHONE, open_page, running_chromium
 from tests.kit.environment import OwnEnvironment
 from tests.standins.mjpeg import MjpegServer
 

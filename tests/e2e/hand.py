@@ -1,0 +1,162 @@
+"""A hand on the glass: fingers that hold, and what a patient person does with them."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+from robot.types import Mode
+
+from .world import World
+
+
+class Fingers:
+    """Fingers on a touch screen, each held until it is lifted."""
+
+    def __init__(self, page: Any) -> None:
+        self.page = page
+        self._cdp = page.context.new_cdp_session(page)
+        self._points: dict[int, dict[str, float]] = {}
+
+    def press(self, selector: str, finger: int = 1) -> None:
+        self._points[finger] = {**self._middle(selector), "id": finger}
+        self._send("touchStart", finger)
+
+    def slide(self, selector: str, finger: int = 1) -> None:
+        self._points[finger] = {**self._middle(selector), "id": finger}
+        self._send("touchMove", finger)
+
+    def lift(self, finger: int = 1) -> None:
+        self._send("touchEnd", finger)
+        del self._points[finger]
+
+    def cancel(self) -> None:
+        self._points.clear()
+        self._send("touchCancel")
+
+    def _send(self, kind: str, finger: int | None = None) -> None:
+        points = [] if finger is None else [self._points[finger]]
+        self._cdp.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def _middle(self, selector: str) -> dict[str, float]:
+        box = self.page.locator(selector).first.bounding_box()
+        assert box is not None, f"{selector} is not on the screen"
+        return {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+
+
+def teach(
+    world: World,
+    fingers: Fingers,
+    lessons: int,
+    *,
+    near_m: float = 0.35,
+    until: Callable[[], bool] = lambda: False,
+) -> None:
+    """Drive as a person would: straight on, and left before whatever stands in the way."""
+    held: str | None = None
+    deadline_s = time.monotonic() + 100
+    while world.lessons < lessons and not until():
+        assert time.monotonic() < deadline_s, f"only {world.lessons} lessons came through"
+        if world.mode is Mode.STOPPED:  # a busy machine was late, and the robot stopped for it
+            if held:
+                fingers.lift()
+            held = None
+            fingers.page.locator("mode-bar [data-mode=train]").click()
+            time.sleep(0.3)
+        patience_m = near_m if held == "forward" else near_m * 1.3
+        wanted = "left" if world.distance_m < patience_m else "forward"
+        if wanted != held:
+            if held:
+                fingers.lift()
+            fingers.press(pad(wanted))
+            held = wanted
+        time.sleep(0.03)
+    if held:
+        fingers.lift()
+
+
+def pad(move: str) -> str:
+    """Selector of a button of the pad."""
+    return f"drive-pad .move[data-move={move}]"
+
+
+def choose(page: Any, world: World, mode: Mode) -> None:
+    """Choose a mode on the page as a user does, who taps again if the robot was stopped at once
+    (a link that has just come back is still slow), and wait until the robot is in it."""
+    button = page.locator(f"mode-bar [data-mode={mode.value}]")
+    shown = page.locator(f"mode-bar [data-mode={mode.value}][aria-checked=true]")
+    deadline_s = time.monotonic() + 40.0
+    while not (world.mode is mode and shown.count()):
+        assert time.monotonic() < deadline_s, f"the robot does not stay in mode {mode.value}"
+        if world.mode is not mode and button.is_enabled():
+            button.click()
+        with contextlib.suppress(Exception):  # stopped at once, or late
+            shown.wait_for(timeout=1000)
+        page.wait_for_timeout(20)
+
+
+def press_until(
+    page: Any,
+    world: World,
+    press: Callable[[], object],
+    let_go: Callable[[], object],
+    done: Callable[[], bool],
+    within_s: float = 30.0,
+) -> None:
+    """Hold something until something is so, and go on holding; again after each stop."""
+    deadline_s = time.monotonic() + within_s
+    press()
+    while not done():
+        assert time.monotonic() < deadline_s, f"not done in {within_s} s: {world}"
+        if world.mode is Mode.STOPPED:  # a busy machine was late, and the robot stopped for it
+            let_go()
+            choose(page, world, Mode.TRAIN)
+            press()
+        time.sleep(0.01)
+
+
+def hold_until(
+    world: World, fingers: Fingers, move: str, done: Callable[[], bool], within_s: float = 30.0
+) -> None:
+    """Hold a direction, as `press_until` does."""
+    press_until(fingers.page, world, lambda: fingers.press(pad(move)), fingers.lift, done, within_s)
+
+
+def drive_on(page: Any, world: World, *, until: Callable[[], bool], within_s: float = 60.0) -> None:
+    """Have the robot drive itself, again after each stop, as a patient person would."""
+    deadline_s = time.monotonic() + within_s
+    while not until():
+        assert time.monotonic() < deadline_s, f"not done in {within_s} s"
+        if world.mode is Mode.STOPPED:
+            page.locator("mode-bar [data-mode=autonomous]").click()
+            time.sleep(0.3)
+        time.sleep(0.02)
+
+
+def turned_rad(world: World, seconds: float = 0.4) -> float:
+    """Return how far the robot turns to the left in some time."""
+    before = world.pose.heading_rad
+    time.sleep(seconds)
+    return math.remainder(world.pose.heading_rad - before, math.tau)
+
+
+def turning(world: World) -> Callable[[], bool]:
+    """Return what says whether the robot has really turned since now."""
+    before = world.pose.heading_rad
+    return lambda: abs(world.pose.heading_rad - before) > 0.03
+
+
+def wait_until_standing(world: World, within_s: float = 30.0) -> None:
+    """Wait until the robot's body moves no more, and print how long that took."""
+    since_s = time.monotonic()
+    pose, moved_s = world.pose, since_s
+    while time.monotonic() - moved_s < 0.3:
+        time.sleep(0.002)
+        now_s, now = time.monotonic(), world.pose
+        if now != pose:
+            pose, moved_s = now, now_s
+        assert now_s - since_s < within_s, f"still moving after {within_s} s"
+    print(f"stood after {moved_s - since_s:.3f} s")
