@@ -4,6 +4,7 @@ from robot.testing.camera import FakeCamera
 from robot.testing.driver import FakeDriver
 from robot.testing.link import Line, Link, LinkConditions
 from robot.testing.policy import FakePolicy
+from robot.testing.virtual_clock import VirtualClock
 from robot.testing.world import VirtualRobot
 
 __all__ = [
@@ -13,5 +14,6 @@ __all__ = [
     "Line",
     "Link",
     "LinkConditions",
+    "VirtualClock",
     "VirtualRobot",
 ]

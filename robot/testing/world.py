@@ -8,13 +8,13 @@ import threading
 from collections.abc import Callable
 from typing import Self
 
-from robot.clock import VirtualClock
 from robot.control.loop import LoopConfig
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
 from robot.testing.camera import FakeCamera
 from robot.testing.driver import FakeDriver
+from robot.testing.virtual_clock import VirtualClock
 
 
 class VirtualRobot:

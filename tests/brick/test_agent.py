@@ -14,10 +14,11 @@ from robot.brick.handshake import join, secret_path
 from robot.brick.link import REJOIN_S, SILENCE_S, BrickLink
 from robot.cameras.ev3_remote import Ev3RemoteCamera
 from robot.capture.options import UsbCameraOptions
-from robot.clock import Clock, VirtualClock
+from robot.clock import Clock
 from robot.driver import BodyButton
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.errors import CameraError, ConfigurationError, DriveError
+from robot.testing import VirtualClock
 from robot.testing.brick import POLL_S, FakeBrick
 from robot.types import Action, Mode
 from tests.brick.running_agent import SECRET

@@ -11,10 +11,10 @@ import pytest
 from robot.brick.agent import console, sensors
 from robot.brick.agent.ports import HardwareError
 from robot.brick.chassis import ChassisOptions, wheel_speeds
-from robot.clock import VirtualClock
 from robot.driver import BodyButton
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
+from robot.testing import VirtualClock
 from robot.testing.brick import DEFAULTS, LEFTOVERS, POLL_S, FakeBrick
 from robot.types import Action, Mode
 

@@ -12,9 +12,9 @@ import pytest
 
 from robot.brick.calibration import fit_track, fit_wheels, rolled_m, turned_deg
 from robot.brick.chassis import ChassisOptions
-from robot.clock import VirtualClock
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.errors import ConfigurationError
+from robot.testing import VirtualClock
 from robot.testing.brick import FakeBrick
 from server.__main__ import main
 from server.cli import calibrate

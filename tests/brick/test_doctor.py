@@ -23,7 +23,7 @@ from robot.brick.doctor import (
     write_report,
 )
 from robot.brick.examination import Examination
-from robot.clock import VirtualClock
+from robot.testing import VirtualClock
 from robot.testing.brick import FakeBrick
 from robot.testing.brick_agent import SECRET, FakeAgent, FakeCameraReader, inspect_as_ev3
 from server.__main__ import main

@@ -19,9 +19,9 @@ import pytest
 from robot.brick.agent import callers, wire
 from robot.brick.handshake import join
 from robot.brick.link import BrickLink
-from robot.clock import VirtualClock
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.errors import DriveError
+from robot.testing import VirtualClock
 from robot.testing.brick import FakeBrick
 from robot.types import Action
 from tests.brick.running_agent import SECRET

@@ -14,9 +14,9 @@ import pytest
 
 from robot.brick.handshake import secret_path
 from robot.brick.rootfs import build_userland
-from robot.clock import VirtualClock
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.errors import ConfigurationError
+from robot.testing import VirtualClock
 from robot.testing.brick import FakeBrick
 from server.__main__ import main
 from server.cli import brick as command

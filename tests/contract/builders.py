@@ -34,13 +34,14 @@ from robot.cameras.ros import RosCamera, RosCameraOptions
 from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.cameras.v4l2 import V4l2Camera
 from robot.capture.options import UsbCameraOptions
-from robot.clock import Clock, ManualClock, RealClock, VirtualClock
+from robot.clock import Clock, ManualClock, RealClock
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.drivers.gpio.driver import GpioDriver, GpioOptions
 from robot.drivers.replay import ReplayDriver
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.errors import DriveError, NotConnectedError
+from robot.testing import VirtualClock
 from robot.testing.brick import FakeBrick
 from robot.testing.cases import CameraCase, DriverCase
 from robot.types import Action

@@ -22,7 +22,7 @@ from unittest import mock
 from robot.brick.agent.ports import HardwareError
 from robot.brick.chassis import ChassisBody
 from robot.brick.stock.body import StockBody
-from robot.clock import ManualClock, VirtualClock
+from robot.clock import ManualClock
 from robot.driver import Driver
 from robot.drivers.ev3 import Ev3Driver, Ev3Options
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
@@ -35,6 +35,7 @@ from robot.drivers.ros.driver import RosDriver, RosOptions
 from robot.drivers.udp import UdpDriver
 from robot.drivers.ws import WsDriver
 from robot.errors import DriveError
+from robot.testing import VirtualClock
 from robot.testing.brick import FakeBrick
 from tests.brick.virtual_agent import VirtualAgent
 from tests.standins.ev3_stock import StockFirmware

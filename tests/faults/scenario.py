@@ -8,8 +8,7 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from robot.clock import VirtualClock
-from robot.testing import FakeCamera, FakePolicy, Line, LinkConditions
+from robot.testing import FakeCamera, FakePolicy, Line, LinkConditions, VirtualClock
 from robot.types import Action, Mode
 from server.clients.client import Client
 from server.clients.freshness import NonceLedger

@@ -11,11 +11,12 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from robot.camera import Camera
-from robot.clock import Clock, VirtualClock
+from robot.clock import Clock
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.control.state import Tick
 from robot.driver import Driver
 from robot.policy.registry import make_policy
+from robot.testing import VirtualClock
 from robot.testing.driver import FakeDriver
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Sensors
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from robot.cameras.opencv import OpencvCamera, OpencvOptions
-from robot.clock import VirtualClock
 from robot.errors import CameraError
+from robot.testing import VirtualClock
 from robot.types import Encoding
 from tests.contract.builders import write_film
 

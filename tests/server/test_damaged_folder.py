@@ -12,12 +12,11 @@ from typing import Any
 
 import pytest
 
-from robot.clock import VirtualClock
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
 from robot.storage.folder import Storage
 from robot.storage.prepare import prepare
-from robot.testing import FakeCamera, FakeDriver
+from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action, Example
 from server.identity import IdentityFile
 from server.persistence import Persistence

@@ -15,10 +15,10 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from robot.cameras.phone import PhoneCamera, PhoneOptions
-from robot.clock import VirtualClock
 from robot.drivers.replay import ReplayDriver
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
+from robot.testing import VirtualClock
 from server.clients.eye import encode_frame
 from server.protocol import parse_acknowledgement
 from server.security.access import Access, Refusal, Role

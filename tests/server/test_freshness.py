@@ -16,9 +16,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from robot.clock import VirtualClock
 from robot.control.state import Tick
-from robot.testing import FakeCamera, FakePolicy
+from robot.testing import FakeCamera, FakePolicy, VirtualClock
 from robot.types import Action, Mode, StopReason
 from server.protocol import encode_acknowledgement, parse_picture
 from tests.robot.bench_robot import BenchRobot

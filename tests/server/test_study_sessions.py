@@ -12,11 +12,10 @@ from typing import Any
 
 import pytest
 
-from robot.clock import VirtualClock
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
 from robot.storage.folder import Storage
-from robot.testing import FakeCamera, FakeDriver
+from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Mode, Sensors
 from server.persistence import Persistence
 

@@ -14,8 +14,7 @@ from typing import Any, Self, TypeVar
 
 from fastapi import FastAPI
 
-from robot.clock import VirtualClock
-from robot.testing import Line, Link, VirtualRobot
+from robot.testing import Line, Link, VirtualClock, VirtualRobot
 from robot.types import Action, Mode
 from server.app import create_app
 from server.config import Config

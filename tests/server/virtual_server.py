@@ -19,11 +19,10 @@ import httpx
 from websockets.exceptions import ConnectionClosedError, ConnectionClosedOK, InvalidStatus
 from websockets.frames import Close
 
-from robot.clock import VirtualClock
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
 from robot.storage.folder import Storage
-from robot.testing import FakeCamera, FakeDriver, Link
+from robot.testing import FakeCamera, FakeDriver, Link, VirtualClock
 from robot.types import Mode
 from server.app import create_app
 from server.config import Config

@@ -13,7 +13,8 @@ from collections import deque
 from types import SimpleNamespace
 from typing import Any
 
-from robot.clock import VirtualClock, Worker
+from robot.clock import Worker
+from robot.testing import VirtualClock
 from tests.standins.firmware import FIRMWARE
 from tests.standins.pybricks_hub import PROGRAM
 

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import pytest
 
 from robot.cameras.picamera2 import Picamera2Camera, Picamera2Options
-from robot.clock import VirtualClock
 from robot.errors import CameraError, ConfigurationError, MissingExtraError
 from robot.policy.image import to_rgb
+from robot.testing import VirtualClock
 from tests.standins import picamera2
 
 

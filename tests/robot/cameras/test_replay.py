@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from robot.cameras.replay import ReplayCamera, ReplayCameraOptions
-from robot.clock import VirtualClock
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.npz import load_recording
+from robot.testing import VirtualClock
 from robot.types import Frame
 from tests.robot.footage import write_footage
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from robot.cameras.replay import ReplayCamera, ReplayCameraOptions
-from robot.clock import VirtualClock
 from robot.episodes.edits import Edit, Notes, write_notes
 from robot.errors import ConfigurationError, RecordingError
+from robot.testing import VirtualClock
 from tests.robot.episodes.drives import record_drive
 
 

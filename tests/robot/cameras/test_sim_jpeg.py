@@ -8,11 +8,12 @@ import random
 import pytest
 
 from robot.cameras.sim import SimCamera, SimCameraOptions
-from robot.clock import ManualClock, VirtualClock
+from robot.clock import ManualClock
 from robot.episodes.recorder import Recorder
 from robot.errors import ConfigurationError
 from robot.policy.image import to_rgb
 from robot.rig.options import make_options
+from robot.testing import VirtualClock
 from robot.types import Action, Encoding
 
 pytest.importorskip("panda3d")

@@ -13,10 +13,11 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, un
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
-from robot.clock import Clock, VirtualClock
+from robot.clock import Clock
 from robot.episodes.episode import open_episode, taught_frames
 from robot.episodes.messages import COMMAND, DECISION, MODE, PREDICTION, SENSORS
 from robot.episodes.writer_thread import RecorderConfig
+from robot.testing import VirtualClock
 from robot.types import Action, Mode
 
 from .drives import RecordedBench, record_drive

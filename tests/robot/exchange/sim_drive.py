@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robot.cameras.sim import SimCamera, SimCameraOptions
-from robot.clock import VirtualClock
 from robot.control.loop import ControlLoop
 from robot.drivers.sim import SimDriver, SimOptions
 from robot.episodes.recorder import Recorder
 from robot.episodes.writer_thread import RecorderConfig
 from robot.learner.base import State
 from robot.policy.registry import make_policy
+from robot.testing import VirtualClock
 from robot.types import Action, Mode, PilotCommand
 
 STEP_S = 0.05

@@ -9,12 +9,12 @@ import pytest
 
 from robot.cameras.ev3_remote import Ev3RemoteCamera
 from robot.capture.options import UsbCameraOptions
-from robot.clock import VirtualClock
 from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.experiments import cycles
 from robot.policy.registry import make_policy
 from robot.rig.driver_thread import DriverThread
 from robot.rig.rig import Rig
+from robot.testing import VirtualClock
 from robot.testing.brick import FakeBrick
 from tests.brick.virtual_agent import MadeUpCamera, VirtualAgent
 

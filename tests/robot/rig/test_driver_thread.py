@@ -9,13 +9,14 @@ from itertools import pairwise
 
 import pytest
 
-from robot.clock import ManualClock, VirtualClock
+from robot.clock import ManualClock
 from robot.control.loop import ControlLoop
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
 from robot.drivers.replay import ReplayDriver
 from robot.errors import DriveError, NotConnectedError
 from robot.policy.registry import make_policy
 from robot.rig.driver_thread import SILENT_S, STALE_S, DriverThread
+from robot.testing import VirtualClock
 from robot.types import Action, Mode, PilotCommand, Sensors, StopReason
 from tests.robot.rig.still_camera import StillCamera
 

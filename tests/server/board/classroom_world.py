@@ -11,8 +11,7 @@ from typing import Any, TypeVar
 
 import httpx
 
-from robot.clock import VirtualClock
-from robot.testing import FakeCamera, LinkConditions
+from robot.testing import FakeCamera, LinkConditions, VirtualClock
 from server.app import create_app
 from server.board.board import Board
 from server.board.robot_link import RobotLink

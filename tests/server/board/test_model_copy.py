@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from robot.clock import VirtualClock
+from robot.testing import VirtualClock
 from server.board.model_copy import Copied, copy_model
 from server.board.robot_link import RobotLink
 from server.board.transport import HttpAnswer, RobotAddress, ServerPlace, UnreachableError

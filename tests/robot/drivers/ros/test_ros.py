@@ -15,13 +15,14 @@ from unittest import mock
 import pytest
 
 from robot.cameras.ros import RosCamera, RosCameraOptions
-from robot.clock import RealClock, VirtualClock
+from robot.clock import RealClock
 from robot.control.loop import LoopConfig
 from robot.drivers.ros.driver import RosDriver, RosOptions
 from robot.errors import CameraError, ConfigurationError, DriveError
 from robot.policy.registry import make_policy
 from robot.rig.driver_thread import DriverThread
 from robot.rig.rig import Rig
+from robot.testing import VirtualClock
 from robot.types import Action
 from tests.contract.real_parts import (
     check_camera_on_its_real_line,

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.clock import VirtualClock
 from robot.drivers.ros.driver import RosDriver, RosOptions
 from robot.errors import DriveError
+from robot.testing import VirtualClock
 from robot.types import Action
 from tests.faults.bodies import WatchedBridge
 from tests.standins.rclpy_node import WatchdogNode

@@ -1,0 +1,208 @@
+"""A clock of discrete events: threads and tasks wait in it, and it jumps to what happens next."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import Callable, Coroutine, Iterator
+from typing import Any, TypeVar
+
+from robot.clock import WALL_START_S, ManualClock, Worker
+
+_T = TypeVar("_T")
+
+
+class _Waiting:
+    """A thread that is held up: until `event`, or `due_s`, or for ever."""
+
+    __slots__ = ("due_s", "event", "turn")
+
+    def __init__(self, event: threading.Event | None, due_s: float | None) -> None:
+        self.event = event
+        self.due_s = due_s
+        self.turn = threading.Lock()  # a semaphore would cost five times as much
+        self.turn.acquire()
+
+
+class VirtualClock(ManualClock):
+    """Discrete events: as soon as everybody waits, the clock jumps to whoever waits shortest.
+
+    Threads that it started run one at a time and change only where they wait, so a run is the
+    same each time. An asyncio program runs on `run` or a `runner`, whose event loop has this
+    clock's time and takes turns with the threads.
+    """
+
+    def __init__(self, start_s: float = 0.0, wall_start_s: float = WALL_START_S) -> None:
+        super().__init__(start_s, wall_start_s)
+        self._ahead_s = 0.0
+        self._event_loop: _JumpingEventLoop | None = None
+        self._event_loop_woken = threading.Event()
+        self._waiting: list[_Waiting] = []
+        self._deadlock: str | None = None
+
+    def now_s(self) -> float:
+        """Return the present virtual time in seconds."""
+        event_loop, now_s = self._event_loop, self._now_s  # as `_base_s`: it is asked all the time
+        if event_loop is not None and event_loop.now_s > now_s:
+            now_s = event_loop.now_s
+        return now_s + self._ahead_s
+
+    def _base_s(self) -> float:
+        """Return the time without jumps; the event loop's falls behind while threads run."""
+        event_loop = self._event_loop
+        return self._now_s if event_loop is None else max(self._now_s, event_loop.now_s)
+
+    def advance(self, seconds: float) -> None:
+        """Jump ahead without anybody having waited, as when a computer was asleep."""
+        if seconds < 0:
+            raise ValueError(f"a clock cannot go back by {-seconds} s")
+        self._ahead_s += seconds
+
+    # Threads -----------------------------------------------------------------------------------
+
+    def start_thread(self, target: Callable[[], None], name: str) -> Worker:
+        """Start a thread that runs while all others wait; see `Clock`."""
+        return _VirtualThread(self, target, name)
+
+    def sleep(self, seconds: float) -> None:
+        """Hold up this thread for `seconds` of virtual time."""
+        self._let_others_run(None, seconds)
+
+    def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
+        """Hold up this thread while others run; see `Clock`.
+
+        On the event loop's own thread it holds up the whole loop, as it would in real time.
+
+        Raises:
+            RuntimeError: If every thread waits for ever.
+        """
+        if not event.is_set():
+            self._let_others_run(event, timeout_s)
+        return event.is_set()
+
+    def _let_others_run(self, event: threading.Event | None, timeout_s: float | None) -> None:
+        self._now_s = self._base_s()
+        due_s = None if timeout_s is None else self._now_s + max(0.0, timeout_s)
+        me = _Waiting(event, due_s)
+        self._waiting.append(me)
+        self._hand_over()
+        me.turn.acquire()
+        if self._deadlock is not None:
+            raise RuntimeError(self._deadlock)
+
+    def _hand_over(self) -> None:
+        """Wake the next thread: one whose event is set, or else whose time comes first."""
+        following = soonest = None
+        for other in self._waiting:
+            if other.event is not None and other.event.is_set():
+                following = other
+                break
+            if other.due_s is not None and (soonest is None or other.due_s < soonest[0]):
+                soonest = other.due_s, other
+        if following is None:
+            if soonest is None:
+                self._deadlock = "every thread waits for ever"
+                held_up, self._waiting = self._waiting, []
+                for other in held_up:
+                    other.turn.release()
+                return
+            due_s, following = soonest
+            self._now_s = max(self._now_s, due_s)
+        self._waiting.remove(following)
+        following.turn.release()
+
+    # Tasks -------------------------------------------------------------------------------------
+
+    def run(self, main: Coroutine[Any, Any, _T]) -> _T:
+        """Run an asyncio program in virtual time, and return what comes of it."""
+        with self.runner() as runner:
+            return runner.run(main)
+
+    @contextlib.contextmanager
+    def runner(self) -> Iterator[asyncio.Runner]:
+        """Give a runner of asyncio programs, whose event loop stands still in between.
+
+        Every `asyncio` wait within it is virtual.
+        """
+        if self._event_loop is not None:
+            raise RuntimeError("an event loop runs on this clock already")
+        event_loop = self._event_loop = _JumpingEventLoop(self)
+        try:
+            with asyncio.Runner(loop_factory=lambda: event_loop) as runner:
+                yield runner
+        finally:
+            self._now_s = self._base_s()
+            self._event_loop = None
+
+    async def pause(self, seconds: float) -> None:
+        """Hold up this task for `seconds` of virtual time."""
+        await asyncio.sleep(seconds)
+
+
+class _JumpingEventLoop(asyncio.SelectorEventLoop):
+    """Asyncio's own, whose time is counted in whole microseconds and jumps to the next timer.
+
+    Nothing is polled: what happens, happens on a timer or on a thread of the clock.
+    """
+
+    def __init__(self, clock: VirtualClock) -> None:
+        super().__init__()
+        self._clock = clock
+        self._now_us = round(clock._now_s * 1e6)
+        self.now_s = self._now_us / 1e6
+        self._selector.select = self._let_time_pass  # type: ignore[attr-defined]
+
+    def time(self) -> float:
+        return self.now_s
+
+    def _let_time_pass(self, timeout: float | None) -> list[Any]:
+        """Wait, in place of the selector: up to the next timer, or to what a thread asks for."""
+        if timeout == 0:
+            return []  # tasks are ready
+        clock = self._clock
+        if clock._waiting:
+            clock._let_others_run(clock._event_loop_woken, timeout)
+            clock._event_loop_woken.clear()
+            timeout = clock._now_s - self.now_s
+        elif timeout is None:
+            raise RuntimeError("every task waits for ever")
+        if timeout > 0:
+            self._now_us += max(1, round(timeout * 1e6))
+            self.now_s = self._now_us / 1e6
+        return []
+
+    def call_soon_threadsafe(  # type: ignore[override]
+        self, callback: Any, *args: Any, context: Any = None
+    ) -> asyncio.Handle:
+        """Spare the self-pipe: whoever calls this holds up the loop already."""
+        self._clock._event_loop_woken.set()
+        return self.call_soon(callback, *args, context=context)
+
+
+class _VirtualThread(threading.Thread):
+    """Waits for its first turn, and hands over when it ends."""
+
+    def __init__(self, clock: VirtualClock, target: Callable[[], None], name: str) -> None:
+        super().__init__(name=name, daemon=True)
+        self._clock, self._body = clock, target
+        self._first = _Waiting(None, clock._base_s())
+        self._ended = threading.Event()
+        clock._waiting.append(self._first)
+        self.start()
+
+    def run(self) -> None:
+        self._first.turn.acquire()
+        try:
+            if self._clock._deadlock is None:
+                self._body()
+        finally:
+            self._ended.set()
+            self._clock._hand_over()
+
+    def join(self, timeout: float | None = None) -> None:
+        if self._clock.wait(self._ended, timeout):
+            super().join()  # it has handed over, and is a step from its end
+
+    def is_alive(self) -> bool:
+        return not self._ended.is_set()
