@@ -160,6 +160,7 @@ TEACHER_PARAMS: dict[str, TeacherParams] = {
     "usual": TeacherParams(),
     "early": TeacherParams(turn_at_m=0.35, go_at_m=0.55, danger_m=0.10),
     "late": TeacherParams(turn_at_m=0.14, go_at_m=0.35, danger_m=0.04),
+    "wide": TeacherParams(go_at_m=1.0),
     "habit": TeacherParams(left_at=WALLS, right_at=SHELVES),
 }
 """Parameters of the simulated teachers, by name."""

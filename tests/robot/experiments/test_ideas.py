@@ -25,7 +25,7 @@ def blocks(language: str) -> list[str]:
 def test_the_projects_own_names() -> None:
     assert make_learner("published-8", DEFAULT_MOVES).name == "published-8"
     assert isinstance(make_teacher("sonar", DEFAULT_MOVES), SonarController)
-    for name in ("usual", "early", "late", "habit"):
+    for name in ("usual", "early", "late", "wide", "habit"):
         make_teacher(name, DEFAULT_MOVES)
 
 

@@ -9,7 +9,12 @@ import pytest
 
 from robot.simulation.body import RADIUS_M
 from robot.simulation.pilots.situation import FAN_RAD, Situation, observe
-from robot.simulation.pilots.teachers import SonarController, TeacherParams, Wanderer
+from robot.simulation.pilots.teachers import (
+    TEACHER_PARAMS,
+    SonarController,
+    TeacherParams,
+    Wanderer,
+)
 from robot.simulation.simulation import NO_NOISE, Simulation
 from robot.simulation.world import load_world
 from robot.types import Action, Pose
@@ -101,6 +106,22 @@ def test_staying_in_one_place_is_not_tolerated_for_long() -> None:
     assert teacher.tolerates(situation(wall_m=0.5, at_s=12.9), L)
     assert not teacher.tolerates(situation(wall_m=0.5, at_s=13.1), L)
     assert teacher.tolerates(situation(wall_m=0.5, at_s=13.2, x_m=0.2), L), "it moved"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_wide_teacher_crosses_most_of_what_a_robot_can_cross(seed: int) -> None:
+    simulation = Simulation(load_world("office"), seed, NO_NOISE)
+    teacher = Wanderer(params=TEACHER_PARAMS["wide"])
+    crossed: list[int] = []
+    for minute in range(4):
+        squares = set()
+        for tick in range(600):
+            at_s = 60.0 * minute + 0.1 * tick
+            simulation.action = teacher.choose(observe(simulation, tick, at_s))
+            simulation.step(0.1)
+            squares.add((simulation.pose.x_m // 0.1, simulation.pose.y_m // 0.1))
+        crossed.append(len(squares))
+    assert np.mean(crossed) >= 80  # squares of 10 cm
 
 
 def test_the_papers_controller_turns_left_for_two_seconds() -> None:
