@@ -64,6 +64,10 @@ class RosBridgeServer:
         is_old = self.has_timeout and time.monotonic() - self._moved_s > BASE_TIMEOUT_S
         return is_told and not is_old
 
+    def listen(self, topic: str, socket: Any) -> None:
+        """Send a socket all that is published on a topic."""
+        self._listeners[topic].add(socket)
+
     def settle(self, bridge: Any) -> None:
         """Wait until all that a bridge has sent so far has arrived; None: until nobody is there."""
         if self.frozen.is_set():
@@ -126,7 +130,7 @@ class RosBridgeServer:
         if asked["op"] == "advertise":
             self.topics[topic] = asked["type"]
         elif asked["op"] == "subscribe":
-            self._listeners[topic].add(socket)
+            self.listen(topic, socket)
         elif asked["op"] == "unsubscribe":
             self._listeners[topic].discard(socket)
         elif asked["op"] == "publish":
@@ -137,8 +141,14 @@ class RosBridgeServer:
         if topic in self.nodes:
             self.nodes[topic](message)
         self._note(topic, message)
+        await self._tell_listeners(topic, message)
+
+    async def _tell_listeners(self, topic: str, message: dict[str, Any]) -> None:
+        """Tell everybody who is there; who is just leaving spoils it for nobody else."""
+        text = json.dumps({"op": "publish", "topic": topic, "msg": message})
         for listener in list(self._listeners[topic]):
-            await listener.send(json.dumps({"op": "publish", "topic": topic, "msg": message}))
+            with contextlib.suppress(websockets.ConnectionClosed):
+                await listener.send(text)
 
     def _note(self, topic: str, message: dict[str, Any]) -> None:
         with self._news:
@@ -164,14 +174,9 @@ class RosBridgeServer:
         """Publish as a node on the robot does: the base hears it whatever rosbridge does."""
         self.topics[topic] = kind
         self._note(topic, message)
-        said = json.dumps({"op": "publish", "topic": topic, "msg": message})
-
-        async def tell() -> None:
-            for listener in list(self._listeners[topic]):
-                await listener.send(said)
-
         if self._listeners[topic] and not self._over.is_set():
-            asyncio.run_coroutine_threadsafe(tell(), self._loop)
+            telling = self._tell_listeners(topic, message)
+            asyncio.run_coroutine_threadsafe(telling, self._loop)
 
     async def _show(self) -> None:
         for index in itertools.count():

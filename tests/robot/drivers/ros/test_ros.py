@@ -13,6 +13,7 @@ from typing import Any
 from unittest import mock
 
 import pytest
+import websockets
 
 from robot.cameras.ros import RosCamera, RosCameraOptions
 from robot.clock import RealClock
@@ -30,7 +31,7 @@ from tests.contract.real_parts import (
 )
 from tests.robot.drivers.sending import send_until
 from tests.standins.firmware import ROOT
-from tests.standins.rosbridge import RosBridgeServer, grey_image
+from tests.standins.rosbridge import IMAGES, RosBridgeServer, grey_image
 
 FOREIGN = ROOT / "var/roslibpy"
 ADVICE = "/drivelesson/advice"
@@ -68,6 +69,7 @@ def test_a_base_is_driven_watched_and_lost(ros: RosBridgeServer) -> None:
     moves_are_velocities_in_metres_and_radians(ros)
     a_velocity_that_is_not_renewed_is_followed_by_zero(ros)
     a_topic_that_sends_something_else_is_a_fault(ros)
+    who_is_just_leaving_takes_no_picture_from_others(ros)
     what_the_learner_would_do_is_a_topic(ros)
     without_a_bridge_the_driver_says_what_that_means(ros)
 
@@ -162,6 +164,18 @@ def a_topic_that_sends_something_else_is_a_fault(ros: RosBridgeServer) -> None:
             until(lambda says=says: camera.fault is not None and says in camera.fault)
             ros.images = grey_image
             until(lambda: camera.fault is None)
+
+
+def who_is_just_leaving_takes_no_picture_from_others(ros: RosBridgeServer) -> None:
+    """The stand-in itself: under load a camera that had left was met there, and ended the rest."""
+
+    class Leaving:
+        async def send(self, text: str) -> None:
+            raise websockets.ConnectionClosedOK(None, None)
+
+    ros.listen(IMAGES, Leaving())
+    with RosCamera(RosCameraOptions(address=ros.address), RealClock()) as camera:
+        until(lambda: (frame := camera.latest()) is not None and frame.frame_id > 3)
 
 
 def what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
