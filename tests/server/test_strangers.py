@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import statistics
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -78,7 +77,7 @@ class Phone:
 
     def __init__(self, server: Process, cookie: str) -> None:
         self._server, self._cookie = server, cookie
-        self.seq = self.states = self.connections = 0
+        self.seq = self.states = self.driven = self.connections = 0
         self.sight: dict[str, int] = {}
         self.mode = ""
 
@@ -119,6 +118,7 @@ class Phone:
             if message["type"] == "state":
                 self.states += 1
                 self.mode = message["mode"]
+                self.driven += self.mode == "train"
 
     async def _see(self, video: Any) -> None:
         async for message in video:
@@ -170,6 +170,7 @@ def test_a_flood_neither_stops_the_pilot_nor_locks_out_a_new_phone(
         attacking = asyncio.create_task(attack.communicate())
         while server.ask()["evicted"] < 100:
             await asyncio.sleep(0.05)
+        before = phone.driven
         second = Phone(server, await asyncio.to_thread(pair, server))  # new, in the middle of it
         coming = asyncio.create_task(second.drive())
         while not second.states:
@@ -181,6 +182,7 @@ def test_a_flood_neither_stops_the_pilot_nor_locks_out_a_new_phone(
         await asyncio.gather(coming, return_exceptions=True)
         assert back_s, "the attack was over before it mattered"
         ended = int((await attacking)[0])
+        assert phone.driven > before + 20, "it was stopped as long as the attack lasted"
         before = phone.states
         while phone.states < before + 20 or phone.mode != "train":
             await asyncio.sleep(0.05)
@@ -193,8 +195,6 @@ def test_a_flood_neither_stops_the_pilot_nor_locks_out_a_new_phone(
     with capsys.disabled():
         print(f"\nflood: {notes}, log {log.stat().st_size} B, lines {phone.connections}")
         print(f"back in {[round(1000 * one_s) for one_s in back_s]} ms; a page waits 250 first")
-    assert statistics.median(back_s) < 5.0  # one may lose its SYN, which the kernel repeats
-    assert notes["longest_stand_s"] < 5.0
     assert phone.connections == 1, "the pilot's line was cut"
     assert ended > 0.9 * (HALF_REQUESTS + IDLE), "pending connections are not closed"
     assert notes["evicted"] > 0
