@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import random
 import threading
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -40,6 +41,25 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
     assert episode.messages[SENSORS][0][1]["distance_m"] == 0.5
     assert episode.messages[PREDICTION][-1][1]["confidence"] > 0
     assert [name for name, _ in robot.told] == ["recording_on", "recording_done"]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_power_that_goes_costs_what_was_not_flushed_yet(tmp_path: Path, seed: int) -> None:
+    """At any moment what is on the disk is a recording up to a quarter of a second before."""
+    chance, robot = random.Random(seed), RecordedBench(tmp_path)
+    start_s = robot.clock.now_s()
+    robot.start(Mode.TRAIN)
+    for scene in range(60):
+        robot.step(scene, Action.LEFT, chance.uniform(0.01, 0.1))
+        if chance.random() < 0.2:
+            ends_s = [
+                episode.start_s + episode.duration_s
+                for path in tmp_path.glob("*.mcap")
+                if path.stat().st_size
+                for episode in [open_episode(path)]
+            ]
+            lost_s = robot.clock.now_s() - max([start_s, *ends_s])
+            assert lost_s <= RecorderConfig().flush_every_s + 2 * 0.1  # it flushes when a step ends
 
 
 def test_pictures_come_back_as_the_camera_gave_them(tmp_path: Path) -> None:
