@@ -14,12 +14,16 @@ import websockets
 
 
 class WsRobot:
-    """Moves until its time is over; `silent` answers nobody any more."""
+    """Moves until its time is over; `silent` answers nobody any more.
+
+    `repeats` is how often the next answer comes once more, as if earlier ones had been late.
+    """
 
     def __init__(self, secret: str = "") -> None:
         self.secret, self.nonce = secret.encode(), "aabbccdd"
         self.seq, self.ends_s = 0, 0.0
         self.silent = threading.Event()
+        self.repeats = 0
         self.connections = 0
         self._sockets: set[Any] = set()
         self.port = 0
@@ -83,7 +87,9 @@ class WsRobot:
             self._obey(message.encode())
             ms = int(time.monotonic() * 1000)
             report = {"nonce": self.nonce, "seq": self.seq, "ms": ms, "distance_m": 0.5}
-            await socket.send(json.dumps({**report, "bumped": False, "battery": 0.9}))
+            repeats, self.repeats = self.repeats, 0
+            for _ in range(1 + repeats):
+                await socket.send(json.dumps({**report, "bumped": False, "battery": 0.9}))
 
     def _obey(self, message: bytes) -> None:
         text, _, mac = message.partition(b"\t")

@@ -126,8 +126,8 @@ class ReportingDriver(Driver):
                 report=report,
             )
         )
-        if self._heard_s > heard_s:
-            is_obeyed = self._report is not None and self._report.seq >= self._seq
+        if self._heard_s > heard_s:  # an answer may be to an earlier order: it still goes on
+            is_obeyed = self._report is not None and self._report.seq > report.seq
             self._disobeyed = 0 if is_obeyed else self._disobeyed + 1
 
     def _exchange(self, message: bytes) -> None:

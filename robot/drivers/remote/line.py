@@ -113,7 +113,8 @@ class WebsocketLine:
         if self._socket is None:
             raise ConnectionError("the connection was lost")
         try:
-            message = self._run(self._socket.recv(), timeout_s)
+            # With no time at all not even a message that is there already would be taken.
+            message = self._run(self._socket.recv(), max(timeout_s, 0.001))
         except TimeoutError:
             return None
         except OSError:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from robot.drivers.remote.driver import RemoteOptions
+from robot.drivers.remote.line import WebsocketLine
 from robot.drivers.ws import WsDriver
 from robot.errors import DriveError
 from robot.types import Action
@@ -30,6 +31,7 @@ def test_a_real_line_that_is_lost_is_opened_again_and_moves_nothing_by_itself() 
     check_driver_on_its_real_line("ws")
     for lose in (switched_off_and_on, silent_for_a_while):
         check_that_it_comes_back(lose)
+    check_that_it_catches_up_with_late_answers()
 
 
 def check_that_it_comes_back(lose: Callable[[WsRobot], None]) -> None:
@@ -54,3 +56,20 @@ def check_that_it_comes_back(lose: Callable[[WsRobot], None]) -> None:
         assert robot.connections == 2
         assert robot.ends_s == moved_s, "it asked, and gave no order"
         send_until(driver, Action.LEFT, lambda: robot.is_moving)
+
+
+def check_that_it_catches_up_with_late_answers() -> None:
+    """Whoever takes one answer for each order, and no more, stays behind for ever."""
+    with WsRobot("geheim") as robot:
+        host, _, port = robot.address.partition(":")
+        line = WebsocketLine(host, int(port))
+        robot.repeats = 5
+        line.send(b'{"move": "stop", "seq": 0}\t')
+        answers = 0
+        for _ in range(3000):
+            answers += line.receive(0.0) is not None
+            if answers == 6:
+                break
+            time.sleep(0.01)
+        line.close()
+        assert answers == 6
