@@ -52,12 +52,9 @@ def test_power_that_goes_costs_what_was_not_flushed_yet(tmp_path: Path, seed: in
     for scene in range(60):
         robot.step(scene, Action.LEFT, chance.uniform(0.01, 0.1))
         if chance.random() < 0.2:
-            ends_s = [
-                episode.start_s + episode.duration_s
-                for path in tmp_path.glob("*.mcap")
-                if path.stat().st_size
-                for episode in [open_episode(path)]
-            ]
+            paths = (path for path in tmp_path.glob("*.mcap") if path.stat().st_size)
+            kept = [open_episode(path) for path in paths]
+            ends_s = [episode.start_s + episode.duration_s for episode in kept]
             lost_s = robot.clock.now_s() - max([start_s, *ends_s])
             assert lost_s <= RecorderConfig().flush_every_s + 2 * 0.1  # it flushes when a step ends
 

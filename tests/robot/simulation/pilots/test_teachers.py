@@ -19,6 +19,8 @@ from robot.simulation.simulation import NO_NOISE, Simulation
 from robot.simulation.world import load_world
 from robot.types import Action, Pose
 
+from .test_behaviours import drive
+
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 
 
@@ -110,17 +112,9 @@ def test_staying_in_one_place_is_not_tolerated_for_long() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_wide_teacher_crosses_most_of_what_a_robot_can_cross(seed: int) -> None:
-    simulation = Simulation(load_world("office"), seed, NO_NOISE)
-    teacher = Wanderer(params=TEACHER_PARAMS["wide"])
-    crossed: list[int] = []
-    for minute in range(4):
-        squares = set()
-        for tick in range(600):
-            at_s = 60.0 * minute + 0.1 * tick
-            simulation.action = teacher.choose(observe(simulation, tick, at_s))
-            simulation.step(0.1)
-            squares.add((simulation.pose.x_m // 0.1, simulation.pose.y_m // 0.1))
-        crossed.append(len(squares))
+    seen = drive("office", Wanderer(params=TEACHER_PARAMS["wide"]), 240.0, seed)
+    squares = [(moment.pose.x_m // 0.1, moment.pose.y_m // 0.1) for moment in seen]
+    crossed = [len(set(squares[start : start + 600])) for start in range(0, 2400, 600)]
     assert np.mean(crossed) >= 80  # squares of 10 cm
 
 
