@@ -10,6 +10,7 @@ import httpx
 import numpy as np
 import pytest
 
+from robot.experiments.protocol import Phase
 from robot.types import Action, Mode, Prediction
 
 from .hand import Fingers, choose, drive_on, hold_until, pad, teach
@@ -109,7 +110,6 @@ def _gallery(world: World) -> list[dict[str, Any]]:
 def test_the_lesson_of_trial_1_from_start_to_result(
     phone: Any, world: World, tmp_path: Path
 ) -> None:
-    world.services.study.pace = 40.0
     phone.goto(world.address + "/#lesson")
     phone.get_by_role("button", name="Begin the trial").tap()
     phone.get_by_role("link", name="To the wheel").tap()
@@ -117,15 +117,20 @@ def test_the_lesson_of_trial_1_from_start_to_result(
     phone.locator(".notice", has_text="tap Teach").wait_for()
 
     choose(phone, world, Mode.TRAIN)
-    room = world.services.study
-    teach(world, Fingers(phone), 10_000, until=lambda: room.lesson.phase != "teach")
+    lesson = world.services.study.lesson
+    assert lesson is not None
+    fingers = Fingers(phone)
+    teach(world, fingers, 60)
+    lesson.pace = 110.0  # only now: however slow the machine, enough was taught before the end
+    teach(world, fingers, 10_000, until=lambda: lesson.phase is not Phase.TEACH)
     wait_for(lambda: world.mode is Mode.STOPPED, "the phase is over, the robot stands")
     phone.locator(".notice", has_text="correct it").wait_for()
-    room.lesson.pace = 110.0  # five minutes and a half are much even at forty times the speed
-    drive_on(phone, world, until=lambda: room.lesson.phase != "correct")
-    room.lesson.pace = room.pace
+    drive_on(phone, world, until=lambda: lesson.phase is not Phase.CORRECT)
+    lesson.pace = 1.0
     phone.locator(".notice", has_text="hands off").wait_for()
-    drive_on(phone, world, until=lambda: room.lesson.phase != "alone")
+    drive_on(phone, world, until=lambda: lesson.done_s[Phase.ALONE] >= 2.0)
+    lesson.pace = 110.0
+    drive_on(phone, world, until=lambda: lesson.phase is not Phase.ALONE)
 
     phone.locator(".notice button", has_text="Answer").tap()
     phone.get_by_role("button", name="6, agree").tap()
