@@ -42,7 +42,7 @@ def make_habit_pilot(habit: Habit, seed: str) -> SimulatedPilot:
 
 
 def run_habit(params: Mapping[str, Any]) -> Result:
-    """Teach, drive alone, correct, drive alone again; and the pilot alone in the same place.
+    """Teach, drive alone, correct, drive alone again; and the pilot from where the robot began.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,
     `reference_s`, `drift`.
@@ -67,25 +67,34 @@ def run_habit(params: Mapping[str, Any]) -> Result:
             drives["after"] = trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)
         frames, lessons = trial.frames, dict(trial.loop.state.taught)
     seconds = time.perf_counter() - started_s
-    minutes = [
-        drive_by_hand(place, make_habit_pilot(habit, f"{name} {number}"), number)
-        for number in range(round(params.get("reference_s", 180.0) / 60.0))
-    ]
-    reference = DriveLog([moment for minute in minutes for moment in minute.moments])
-    result: Result = {
-        phase: drive_figures(drive, reference, moves) for phase, drive in drives.items()
-    }
-    each = [drive_figures(minute, reference, moves) for minute in minutes]
-    result["teacher"] = {
-        key: statistics.fmean(float(figures[key]) for figures in each)
-        for key in ("driven_m", "covered_m2", "ssd", "ssd_frequent", "ssd_alike", "stuck")
-    }
-    result["teacher"]["longest_push_s"] = max(
-        driving.longest_push_s(taught), *(figures["longest_push_s"] for figures in each)
-    )
+    n_minutes = round(params.get("reference_s", 180.0) / 60.0)
+    result: Result = {}
+    for phase, drive in drives.items():
+        start = drive.moments[0].pose
+        minutes = [
+            drive_by_hand(place, make_habit_pilot(habit, f"{name} {number}"), number, start)
+            for number in range(n_minutes)
+        ]
+        result[phase] = _beside_pilot(drive, minutes, moves)
+        teacher = result[phase]["teacher"]
+        teacher["longest_push_s"] = max(teacher["longest_push_s"], driving.longest_push_s(taught))
     result["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
     result["timing"] = {"frames": frames, "frames_per_s": frames / seconds}
     return result
+
+
+def _beside_pilot(
+    drive: DriveLog, minutes: list[DriveLog], moves: tuple[Action, ...]
+) -> dict[str, Any]:
+    """Return the figures of a robot's minute, and those of its pilot's own minutes."""
+    pilot = DriveLog([moment for minute in minutes for moment in minute.moments])
+    each = [drive_figures(minute, pilot, moves) for minute in minutes]
+    teacher = {
+        key: statistics.fmean(float(figures[key]) for figures in each)
+        for key in ("driven_m", "covered_m2", "ssd", "ssd_frequent", "ssd_alike", "stuck")
+    }
+    teacher["longest_push_s"] = max(figures["longest_push_s"] for figures in each)
+    return {**drive_figures(drive, pilot, moves), "teacher": teacher}
 
 
 def drive_figures(drive: DriveLog, teacher: DriveLog, moves: tuple[Action, ...]) -> dict[str, Any]:
@@ -117,11 +126,16 @@ def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:
     return compare(taught, driven, (Action.FORWARD, Action.LEFT)).ssd
 
 
-def drive_by_hand(place: Place, pilot: SimulatedPilot, number: int) -> DriveLog:
-    """Return a drive of a minute in which the pilot drives and the robot learns nothing."""
+def drive_by_hand(place: Place, pilot: SimulatedPilot, number: int, start: Pose) -> DriveLog:
+    """Return a drive of a minute in which the pilot drives and the robot learns nothing.
+
+    It starts where the robot's own minute did: in a minute neither sees all of a place, and from
+    another corner the difference would be that of the corners.
+    """
     clock = ManualClock()
     driver = SimDriver(SimOptions(world=place.world, seed=place.seed + 1000 * number))
     driver.connect()
+    driver.simulation.pose = start
     pilot.change_mode(Mode.TRAIN)
     log = DriveLog()
     for frame_id in range(1, round(60.0 * REFERENCE_HZ) + 1):

@@ -28,8 +28,9 @@ class Habits:
     text = (
         "Each robot is taught by one of twelve kinds of pilots in one of five places at 10, 15 or "
         "30 frames a second, for 90 s or (a third of those at 30) for 30 s, and drives 60 s alone; "
-        "every fourth one is then corrected for 60 s and drives alone again. The pilot drives "
-        "three minutes more without the robot's learning: that is what the robot is held against. "
+        "every fourth one is then corrected for 60 s and drives alone again. From where the robot "
+        "began its minute the pilot drives three of his own, in which the robot learns nothing: "
+        "that is what it is held against. "
         "stuck: within 15 cm for 20 s. SSD counts left and right as one move, because the side is "
         "often left to chance; the published sum stands beside it, moves that both make on less "
         "than 5 % of the ticks left out."
@@ -107,7 +108,7 @@ _Drive = tuple[dict[str, Any], dict[str, Any]]
 
 def _drives(results: Sequence[Result], phases: Sequence[str] = ("before", "after")) -> list[_Drive]:
     return [
-        (result[phase], result["teacher"])
+        (result[phase], result[phase]["teacher"])
         for result in results
         for phase in phases
         if phase in result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from typing import Any
 
@@ -13,6 +14,7 @@ from robot.experiments.ready import PILOTS, Ready
 from robot.experiments.task import Result, Task
 from robot.simulation.pilots.habits import HABITS
 from robot.simulation.world import world_names
+from robot.types import Pose
 
 
 def test_every_habit_is_met_in_every_place_at_every_rate() -> None:
@@ -61,6 +63,11 @@ def figures(**other: Any) -> dict[str, Any]:
     return {**good, **other}
 
 
+def beside(own: dict[str, Any], pilot: dict[str, Any]) -> Result:
+    """Return the result of a robot that drove alone once, beside its pilot."""
+    return {"before": {**own, "teacher": pilot}}
+
+
 def gate(results: list[Result], tasks: list[Task]) -> dict[str, Any]:
     table = Habits().tables(ExperimentSettings(), tasks, results)[0]
     return {str(row[0]): row[2] for row in table.rows}
@@ -68,22 +75,16 @@ def gate(results: list[Result], tasks: list[Task]) -> dict[str, Any]:
 
 def test_the_gate_says_what_is_wrong() -> None:
     tasks = Habits().plan(ExperimentSettings())
-    results: list[Result] = [{"before": figures(), "teacher": figures()} for _ in tasks]
+    results: list[Result] = [beside(figures(), figures()) for _ in tasks]
     assert gate(results, tasks)["stuck"] == "0.0 %"
     assert gate(results, tasks)["metres"] == "100 %"
-    results[0] = {
-        "before": figures(stuck=True, longest_push_s=7.0, driven_m=0.0, asking_share=1.0),
-        "teacher": figures(),
-    }
+    worst = figures(stuck=True, longest_push_s=7.0, driven_m=0.0, asking_share=1.0)
+    results[0] = beside(worst, figures())
     told = gate(results, tasks)
     assert told["stuck"] == "0.4 %"
     assert told["longest push"] == 7.0
     assert told["pushes over 1 s"] == 1
-    pushed_by_the_pilot = {
-        "before": figures(longest_push_s=7.0),
-        "teacher": figures(longest_push_s=6.0),
-    }
-    results[0] = pushed_by_the_pilot
+    results[0] = beside(figures(longest_push_s=7.0), figures(longest_push_s=6.0))  # so was taught
     assert gate(results, tasks)["pushes over 1 s"] == 0
 
 
@@ -107,9 +108,21 @@ def test_a_robot_taught_by_a_habit_drives_and_the_run_repeats() -> None:
         assert not result[phase]["stuck"]
         assert result[phase]["longest_push_s"] <= 1.0
         assert result[phase]["driven_m"] > 0.3
+        assert result[phase]["teacher"]["driven_m"] > 0.3
     again = run_habit(params)
     del result["timing"], again["timing"]
     assert result == again
+
+
+def test_a_pilot_is_measured_from_where_the_robot_began() -> None:
+    pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
+    from robot.experiments.habit_run import drive_by_hand, make_habit_pilot
+    from robot.experiments.trial import Place
+
+    start = Pose(x_m=3.4, y_m=2.2, heading_rad=2.0)
+    pilot = make_habit_pilot(HABITS["irregular"], "1")
+    first = drive_by_hand(Place(world="fork", seed=1), pilot, 2, start).moments[0].pose
+    assert math.dist((first.x_m, first.y_m), (start.x_m, start.y_m)) < 0.05
 
 
 def test_a_pilot_who_follows_the_advice_ends_ready_or_is_told_what_is_missing() -> None:
