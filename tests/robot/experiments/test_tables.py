@@ -47,8 +47,8 @@ def made_up(task: Task) -> dict[str, Any]:
     if task.kind == "episodes":
         return {"teacher": episodes, "alone": episodes}
     if task.kind == "habit":
-        more = {"ssd_alike": 1.0}
-        return {"before": {**drive, **more}, "teacher": {**drive, **more}}
+        minute = {**drive, "ssd_alike": 1.0}
+        return {"before": {**minute, "teacher": minute}}
     if task.kind == "ready":
         tried = {"is_ready": True, "taught_s": 50.0, "tried_s": 40.0, "agreement": 0.9}
         return {**tried, "asking_share": 0.01, "longest_push_s": 0.5, "stuck": False}
