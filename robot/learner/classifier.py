@@ -11,7 +11,7 @@ from robot.learner import votes
 from robot.learner.base import Abilities, Evidence, Label, Node, NotFittedError, State, Vector
 from robot.learner.bsoc import BSOC, Merge
 from robot.learner.change_of_mind import ChangeOfMind
-from robot.learner.novelty import Novelty
+from robot.learner.novelty import MARGIN, Novelty
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import LinearPart
 
@@ -37,6 +37,7 @@ class BSOCClassifier:
         integer: Compute on the nodes' pixels in whole numbers alone; vectors are then bytes.
         cluster: The clustering; a label-aware `BSOC` unless given.
         balance: How much more a rare label weighs, from 0 to 1 (`votes.rarity`).
+        novelty_margin: How far a view may be beyond what occurs before it is novel (`Novelty`).
         forgets: Give up a label that the pilot no longer uses where it was taught
             (`change_of_mind.py`). A clustering that measures no novelty cannot.
 
@@ -56,6 +57,7 @@ class BSOCClassifier:
         linear: LinearPart | None = None,
         linear_share: float = LINEAR_SHARE,
         balance: float = 0.0,
+        novelty_margin: float = MARGIN,
         integer: bool = False,
         cluster: BSOC | PublishedBSOC | None = None,
         forgets: bool = True,
@@ -73,7 +75,7 @@ class BSOCClassifier:
         self.linear = linear
         self.linear_share = linear_share
         self.balance = balance
-        self.novelty_ = Novelty()
+        self.novelty_ = Novelty(margin=novelty_margin)
         self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
 

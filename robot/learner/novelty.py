@@ -15,6 +15,8 @@ frames a tenth of a second apart are almost the same. At ten examples a second t
 _FEWEST = 30
 _RENEWED_EVERY = 20
 _BORDER = 98
+MARGIN = 0.05
+"""The border lies beyond that percentile by so much of the median."""
 
 
 class Novelty:
@@ -27,9 +29,11 @@ class Novelty:
 
     Args:
         memory: How many of the latest examples it compares with.
+        margin: By how much of the median the border lies beyond that percentile.
     """
 
-    def __init__(self, *, memory: int = 600) -> None:
+    def __init__(self, *, memory: int = 600, margin: float = MARGIN) -> None:
+        self.margin = margin
         self.lengths: deque[float] = deque(maxlen=memory)
         self._median = self._border = 0.0
         self._n_new = 0
@@ -45,7 +49,7 @@ class Novelty:
         self._n_new = 0
         ordered = sorted(self.lengths)
         self._median, self._border = percentile(ordered, 50), percentile(ordered, _BORDER)
-        self._border += 0.05 * self._median
+        self._border += self.margin * self._median
 
     def score(self, squared_distance: float) -> float:
         """Return 0 for a view no farther away than usual, 1 at the limit, more beyond."""
@@ -69,7 +73,7 @@ class Novelty:
         """Restore an approximate scale: models of version 0.1 have only mean and variance."""
         self.lengths.clear()
         self.lengths.extend([mean] * min(int(n), self.lengths.maxlen or 0))
-        self._median, self._border = mean, mean + 4.0 * math.sqrt(variance) + 0.05 * mean
+        self._median, self._border = mean, mean + 4.0 * math.sqrt(variance) + self.margin * mean
 
 
 def percentile(ordered: Sequence[float], share: float) -> float:

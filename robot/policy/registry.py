@@ -53,7 +53,12 @@ def _eyes(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> P
 
     features = EyesFeatures()
     linear = RecursiveRidge(features.n_outputs, penalty=EyesFeatures.penalty)
-    learner = BSOCClassifier(number, linear=linear, balance=EyesFeatures.balance)
+    learner = BSOCClassifier(
+        number,
+        linear=linear,
+        balance=EyesFeatures.balance,
+        novelty_margin=EyesFeatures.novelty_margin,
+    )
     brighten = features.brightened
     return Policy(name, number, learner, features, moves=moves, calibrates=True, brighten=brighten)
 

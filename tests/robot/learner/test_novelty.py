@@ -26,6 +26,16 @@ def test_the_median_is_0_and_about_one_in_fifty_is_1_whatever_the_scale():
         assert novelty.score((10 * scale * lengths.max()) ** 2) > 3
 
 
+def test_a_wider_margin_moves_the_border_by_a_share_of_the_median():
+    usual, wide = Novelty(), Novelty(margin=0.55)
+    for i in range(630):
+        for novelty in (usual, wide):
+            novelty.learn((1.0 + i % 600 / 599) ** 2)
+    border = 1.98 + 0.05 * 1.5
+    assert usual.score(border**2) == pytest.approx(1.0, abs=1e-6)
+    assert wide.score((border + 0.5 * 1.5) ** 2) == pytest.approx(1.0, abs=1e-6)
+
+
 def test_a_learner_that_has_seen_little_calls_nothing_novel():
     assert filled([1.0, 2.0, 3.0]).score(1e6) == 0.0
 
