@@ -76,25 +76,26 @@ def run_habit(params: Mapping[str, Any]) -> Result:
             drive_by_hand(place, make_habit_pilot(habit, f"{name} {number}"), number, start)
             for number in range(n_minutes)
         ]
-        result[phase] = _beside_pilot(drive, minutes, moves)
-        teacher = result[phase]["teacher"]
-        teacher["longest_push_s"] = max(teacher["longest_push_s"], driving.longest_push_s(taught))
+        result[phase] = _beside_pilot(drive, minutes, taught, moves)
     result["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
     result["timing"] = {"frames": frames, "frames_per_s": frames / seconds}
     return result
 
 
 def _beside_pilot(
-    drive: DriveLog, minutes: list[DriveLog], moves: tuple[Action, ...]
+    drive: DriveLog, minutes: list[DriveLog], taught: DriveLog, moves: tuple[Action, ...]
 ) -> dict[str, Any]:
-    """Return the figures of a robot's minute, and those of its pilot's own minutes."""
+    """Return the figures of a robot's minute, and those of its pilot's own minutes.
+
+    A push counts as the pilot's in the lesson, too: there the robot learned it.
+    """
     pilot = DriveLog([moment for minute in minutes for moment in minute.moments])
     each = [drive_figures(minute, pilot, moves) for minute in minutes]
     teacher = {
         key: statistics.fmean(float(figures[key]) for figures in each)
         for key in ("driven_m", "covered_m2", "ssd", "ssd_frequent", "ssd_alike", "stuck")
     }
-    teacher["longest_push_s"] = max(figures["longest_push_s"] for figures in each)
+    teacher["longest_push_s"] = max(driving.longest_push_s(log) for log in (taught, *minutes))
     return {**drive_figures(drive, pilot, moves), "teacher": teacher}
 
 

@@ -9,8 +9,8 @@ from robot.learner.bsoc import BSOC
 from robot.learner.novelty import HELD_OUT, Novelty, percentile
 
 
-def filled(lengths):
-    novelty = Novelty()
+def filled(lengths, **options):
+    novelty = Novelty(**options)
     for length in lengths:
         novelty.learn(length**2)
     return novelty
@@ -27,10 +27,8 @@ def test_the_median_is_0_and_about_one_in_fifty_is_1_whatever_the_scale():
 
 
 def test_a_wider_margin_moves_the_border_by_a_share_of_the_median():
-    usual, wide = Novelty(), Novelty(margin=0.55)
-    for i in range(630):
-        for novelty in (usual, wide):
-            novelty.learn((1.0 + i % 600 / 599) ** 2)
+    lengths = [1.0 + i % 600 / 599 for i in range(630)]
+    usual, wide = filled(lengths), filled(lengths, margin=0.55)
     border = 1.98 + 0.05 * 1.5
     assert usual.score(border**2) == pytest.approx(1.0, abs=1e-6)
     assert wide.score((border + 0.5 * 1.5) ** 2) == pytest.approx(1.0, abs=1e-6)

@@ -21,6 +21,7 @@ class LateLine:
         self.clock = ManualClock()
         self.obeys = obeys
         self._seq = 0
+        self._is_due = False
         self._answers = deque(self._answer() for _ in range(lag))
 
     def _answer(self) -> bytes:
