@@ -11,6 +11,7 @@ Example:
 from robot.learner.base import (
     Abilities,
     BaseLearner,
+    ContextualLearner,
     Evidence,
     Label,
     Learner,
@@ -30,6 +31,7 @@ __all__ = [
     "BSOCClassifier",
     "BaseLearner",
     "BinaryFeatures",
+    "ContextualLearner",
     "Evidence",
     "Label",
     "Learner",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
@@ -71,11 +71,13 @@ class Abilities:
         images: It keeps images that `nodes` lists and that can be relabelled and deleted.
         pinning: An image can be kept from being merged.
         novelty: `Evidence.novelty` shows how unlike all that was learned a view is.
+        contexts: What it predicts can depend on what is under way: it is a `ContextualLearner`.
     """
 
     images: bool = False
     pinning: bool = False
     novelty: bool = False
+    contexts: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -175,6 +177,24 @@ class Learner(Protocol):
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
         """Keep one image from being merged or deleted; raises as `relabel_node`."""
+        ...
+
+
+@runtime_checkable
+class ContextualLearner(Learner, Protocol):
+    """Protocol of a learner to which the same view can mean one thing in one context, another in
+    another. A context is a small number; what it stands for is its user's affair.
+    """
+
+    def learn_in(self, x: Vector, y: Label, contexts: Collection[int]) -> None:
+        """Add one labelled vector that counts in these contexts; refuses as `learn_one`.
+
+        `learn_one` adds one that counts in all.
+        """
+        ...
+
+    def explain_in(self, x: Vector, context: int) -> Evidence:
+        """Return the prediction in one context; `explain_one` returns that in any."""
         ...
 
 

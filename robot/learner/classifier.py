@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, Self
 
 import numpy as np
@@ -11,6 +12,7 @@ from robot.learner import votes
 from robot.learner.base import Abilities, Evidence, Label, Node, NotFittedError, State, Vector
 from robot.learner.bsoc import BSOC, Merge
 from robot.learner.change_of_mind import ChangeOfMind
+from robot.learner.context_ridge import N_CONTEXTS, ContextRidge
 from robot.learner.novelty import MARGIN, Novelty
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import LinearPart
@@ -19,6 +21,8 @@ GROUP_COST = 1000.0
 """Merging nodes of two labels is this many times dearer: in practice the last resort."""
 N_VOTERS = 3
 LINEAR_SHARE = 0.7
+CONTEXT_SHARE = 0.85
+"""Weight of the linear part within a context: images do not know what is under way."""
 SHARPNESS = 1.6
 """Calibrates the mixture's chances: one number for all places (docs/explanation/learner.md)."""
 STILL_VALID = 0.3
@@ -33,6 +37,7 @@ class BSOCClassifier:
         group_cost: How many times dearer a merge of two labels is; 1 as published.
         n_voters: How many of the nearest nodes vote.
         linear: An online linear part, whose scores are mixed with the votes; none unless given.
+            With a `ContextRidge` predictions can depend on what is under way.
         linear_share: Weight of the linear part in the mixture.
         integer: Compute on the nodes' pixels in whole numbers alone; vectors are then bytes.
         cluster: The clustering; a label-aware `BSOC` unless given.
@@ -73,6 +78,7 @@ class BSOCClassifier:
         self.n_seen_ = 0
         self.last_node_: int | None = None
         self.linear = linear
+        self._contextual = linear if isinstance(linear, ContextRidge) else None
         self.linear_share = linear_share
         self.balance = balance
         self.novelty_ = Novelty(margin=novelty_margin)
@@ -92,8 +98,13 @@ class BSOCClassifier:
 
     @property
     def abilities(self) -> Abilities:
-        """Images and pinning always; novelty where the clustering measures it."""
-        return Abilities(images=True, pinning=True, novelty=self.cluster.measures_novelty)
+        """Images and pinning always; the others as its parts have them."""
+        return Abilities(
+            images=True,
+            pinning=True,
+            novelty=self.cluster.measures_novelty,
+            contexts=self._contextual is not None,
+        )
 
     @property
     def sharpness(self) -> float:
@@ -111,6 +122,10 @@ class BSOCClassifier:
         Raises:
             ValueError: If `x` or `y` cannot be learned; the learner is then unchanged.
         """
+        self.learn_in(x, y, range(N_CONTEXTS))
+
+    def learn_in(self, x: Vector, y: Label, contexts: Collection[int]) -> None:
+        """Add one labelled frame that counts in these contexts; raises as `learn_one`."""
         if not isinstance(y, str) or not y:
             raise ValueError(f"a label must be a string, not {y!r}")
         column = self.labels_.index(y) if y in self.labels_ else len(self.labels_)
@@ -124,7 +139,9 @@ class BSOCClassifier:
         self.last_node_ = self.cluster.node_id(node)
         if self.cluster.last_distance_ is not None:
             self.novelty_.learn(self.cluster.last_distance_)
-        if self.linear is not None:
+        if self._contextual is not None:
+            self._contextual.learn_in(x, column, contexts)
+        elif self.linear is not None:
             self.linear.learn(x, np.eye(len(self.labels_))[column])
         if self._mind is not None:
             given_up = self._mind.note(column, remembered)
@@ -180,7 +197,14 @@ class BSOCClassifier:
 
     def explain_one(self, x: Vector) -> Evidence:
         """Return the prediction and the node it rests on; raises as `predict_one`."""
-        distances, shares, from_images = self._votes(x)
+        return self._explain(x, None)
+
+    def explain_in(self, x: Vector, context: int) -> Evidence:
+        """Return the prediction in one context; raises as `predict_one`."""
+        return self._explain(x, context)
+
+    def _explain(self, x: Vector, context: int | None) -> Evidence:
+        distances, shares, from_images = self._votes(x, context)
         node = int(distances.argmin())
         listed, best = shares.tolist(), int(shares.argmax())
         is_mixed = self.linear is not None
@@ -196,7 +220,9 @@ class BSOCClassifier:
             ),
         )
 
-    def _votes(self, x: Vector) -> tuple[votes.Distances, votes.Floats, votes.Floats]:
+    def _votes(
+        self, x: Vector, context: int | None = None
+    ) -> tuple[votes.Distances, votes.Floats, votes.Floats]:
         """Return distances, each label's share, and how much of that comes from the images."""
         if len(self.cluster) == 0:
             raise NotFittedError("nothing was learned yet")
@@ -210,8 +236,12 @@ class BSOCClassifier:
         if self.linear is None:
             shares = votes.shares(shares * weights) if self.balance else shares
             return distances, shares, shares
-        scores = self.linear_share * weights * np.maximum(self.linear.scores(x), 0.0)
-        from_images = (1.0 - self.linear_share) * weights * shares
+        share, linear = self.linear_share, self.linear.scores
+        if self._contextual is not None and context is not None:
+            share = max(share, CONTEXT_SHARE)
+            linear = self._contextual.ridges[context].scores
+        scores = share * weights * np.maximum(linear(x), 0.0)
+        from_images = (1.0 - share) * weights * shares
         total = float(scores.sum() + from_images.sum())
         if total <= 0.0:
             return distances, votes.shares(scores), from_images

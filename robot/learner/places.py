@@ -8,7 +8,7 @@ views as strings of such bits; the smallest Hamming distance shows how well a vi
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from robot.learner.base import (
     checked_vector,
 )
 from robot.learner.classifier import BSOCClassifier
+from robot.learner.context_ridge import N_CONTEXTS
 
 N_BITS = 512
 NEW_PLACE = 0.235
@@ -156,6 +157,10 @@ class MultiPlace:
         Raises:
             ValueError: If `x` or `y` cannot be learned; the learner is then unchanged.
         """
+        self.learn_in(x, y, range(N_CONTEXTS))
+
+    def learn_in(self, x: Vector, y: Label, contexts: Collection[int]) -> None:
+        """Do as `learn_one`, in these contexts; an example that has to wait counts in all."""
         bits = self._bits(x)
         if not isinstance(y, str) or not y:
             raise ValueError(f"a label must be a string, not {y!r}")
@@ -169,7 +174,7 @@ class MultiPlace:
             if len(self._pending) >= _SEARCH:
                 self._settle_pending()
             return
-        self._teach(x, y, bits)
+        self._teach(x, y, bits, contexts)
 
     def _settle_pending(self) -> None:
         """Decide to which place the waiting examples belong, and teach them."""
@@ -183,16 +188,18 @@ class MultiPlace:
         is_new = levels[best] > NEW_PLACE and len(self.networks_) < self.max_places
         self._place = None if is_new else best
         for (x, y), bits in zip(self._pending, views, strict=True):
-            self._teach(x, y, bits)
+            self._teach(x, y, bits, range(N_CONTEXTS))
         self._pending = []
 
-    def _teach(self, x: Vector, y: Label, bits: NDArray[np.uint8]) -> None:
+    def _teach(
+        self, x: Vector, y: Label, bits: NDArray[np.uint8], contexts: Collection[int]
+    ) -> None:
         if self._place is None:
             self.networks_.append(self._make())
             self._indices.append(PlaceIndex())
             self._place = len(self.networks_) - 1
         network = self.networks_[self._place]
-        network.learn_one(x, y)
+        network.learn_in(x, y, contexts)
         if network.last_node_ is not None:
             self.last_node_ = self._outer_id(self._place, network.last_node_)
         index = self._indices[self._place]
@@ -209,11 +216,21 @@ class MultiPlace:
 
     def explain_one(self, x: Vector) -> Evidence:
         """Recognise the place from this and the latest views, and predict with its classifier."""
+        place = self._recognise(x)
+        return self._with_outer_id(place, self.networks_[place].explain_one(x))
+
+    def explain_in(self, x: Vector, context: int) -> Evidence:
+        """Do as `explain_one`, in one context."""
+        place = self._recognise(x)
+        return self._with_outer_id(place, self.networks_[place].explain_in(x, context))
+
+    def _recognise(self, x: Vector) -> int:
         if not self.networks_:
             raise NotFittedError("nothing was learned yet")
         bits = self._bits(x)
-        place = self._driving.update([index.difference(bits) for index in self._indices])
-        evidence = self.networks_[place].explain_one(x)
+        return self._driving.update([index.difference(bits) for index in self._indices])
+
+    def _with_outer_id(self, place: int, evidence: Evidence) -> Evidence:
         if evidence.node is None:
             return evidence
         return dataclasses.replace(evidence, node=self._outer_id(place, evidence.node))

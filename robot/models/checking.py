@@ -22,6 +22,7 @@ from robot.learner.base import State
 from robot.models.model import Model
 from robot.policy.calibration import Calibration
 from robot.policy.light import LightAdaptation
+from robot.policy.move_context import MoveContext
 from robot.policy.pilot_pace import PilotPace
 from robot.policy.policy import Policy
 from robot.policy.registry import MOST_NODES, make_policy, split_name
@@ -35,10 +36,12 @@ _SMALL, _LARGE = 2, 3
 _OPTIONAL = frozenset(
     {
         *("touched", "novelty", "runs", "contrary", "pace_picture"),
-        *("last_learned", "pace", "calibration", "light"),
+        *("last_learned", "pace", "calibration", "light", "context"),
     }
 )
 """What models of version 0.1 do not have, or have elsewhere."""
+_LATER = frozenset({"directions", "gains"})
+"""What models from before contexts do not have: all of it is there, or nothing."""
 _LEAST_NOVELTY, _MOST_NOVELTY = 3, 100_000
 _SIGNED = frozenset({"linear", "residual"})
 _FIXED = frozenset({"group_cost", "n_voters"})
@@ -147,7 +150,9 @@ def _check_arrays(
     arrays: Mapping[str, NDArray[Any]], form: Form, number: int, n_examples: int, prefix: str = ""
 ) -> None:
     """Check every array against the form: none missing, none more, each of its dtype and shape."""
-    for name in sorted(form.keys() - arrays.keys()):
+    later = {name for name in form if name in _LATER or name.startswith("context")}
+    optional = set() if later & arrays.keys() else later
+    for name in sorted(form.keys() - arrays.keys() - optional):
         _demand(name.removeprefix("cluster_") in _OPTIONAL, f"the array {prefix}{name} is missing")
     for name in sorted(arrays.keys() - form.keys()):
         _demand(name == "pace_picture", f"an array {(prefix + name)[:60]!r} does not belong there")
@@ -311,6 +316,12 @@ def _check_policy_params(
         PilotPace().set_state(params["pace"], {})
     if "calibration" in params:
         _check_calibration(params["calibration"], moves)
+    if "context" in params:
+        context = params["context"]
+        _check_like(context, MoveContext().get_state(), "context")
+        known = {None, *map(str, moves)}
+        _demand({context["move"], context["before"]} <= known, "its context is no move")
+        MoveContext().set_state(context)
     if "light" in params:
         _check_like(params["light"], LightAdaptation().get_state(), "light")
         LightAdaptation().set_state(params["light"])

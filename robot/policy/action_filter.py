@@ -189,6 +189,7 @@ class ActionFilter:
         longest_debt_s: float,
         patience_s: float,
         timed_turn_s: float | None = None,
+        in_context: bool = False,
     ) -> Action:
         """Return what to do.
 
@@ -199,6 +200,7 @@ class ActionFilter:
             longest_debt_s: The pilot's largest debt (`PilotPace`).
             patience_s: How long a straight move may be without effect.
             timed_turn_s: How long the pilot's turns take, if always as long (`PilotPace`).
+            in_context: The votes are for what follows the move under way: it needs no inertia.
         """
         if not self._gives_up:  # on an EV3 each comparison of pictures counts
             if under_way not in TURNS:
@@ -211,18 +213,20 @@ class ActionFilter:
             share > 0.0 for action, share in shares.items() if action is not futile
         ):
             self._ask(view.at_s)  # it was taught no other move
-        hold = self._hold(under_way, view.at_s, timed_turn_s)
+        hold = self._hold(under_way, view.at_s, timed_turn_s, 0.0 if in_context else 1.0)
         return self._commitment.choose(shares, under_way, futile, urge=urge, hold=hold)
 
-    def _hold(self, under_way: Action | None, at_s: float, timed_s: float | None) -> float:
+    def _hold(
+        self, under_way: Action | None, at_s: float, timed_s: float | None, usual: float
+    ) -> float:
         """Return how many times its inertia a move has; negative for a turn whose time is over."""
         if under_way not in TURNS:
             self._turns_since_s = None
-            return 1.0 if timed_s is None else _UNTIL_CLEAR
+            return usual if timed_s is None else _UNTIL_CLEAR
         if self._turns_since_s is None:
             self._turns_since_s = at_s
         if timed_s is None:
-            return 1.0
+            return usual
         is_over = at_s - self._turns_since_s > timed_s - 0.5 * USUAL_STEP_S
         return -_BY_THE_CLOCK if is_over else _BY_THE_CLOCK
 

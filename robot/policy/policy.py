@@ -10,11 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner import votes
-from robot.learner.base import Learner, NotFittedError, State, Vector
+from robot.learner.base import (
+    ContextualLearner,
+    Evidence,
+    Learner,
+    NotFittedError,
+    State,
+    Vector,
+)
 from robot.policy.action_filter import ActionFilter, View
 from robot.policy.calibration import Calibration
 from robot.policy.features import Features
 from robot.policy.light import LightAdaptation
+from robot.policy.move_context import MoveContext, context_of
 from robot.policy.pilot_pace import PilotPace
 from robot.policy.running_votes import USUAL_STEP_S
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
@@ -85,6 +93,12 @@ class Policy:
         self._calibration = Calibration() if calibrates else None
         self._brighten = brighten
         self._light = LightAdaptation()
+        self._contextual = (
+            learner
+            if learner.abilities.contexts and isinstance(learner, ContextualLearner)
+            else None
+        )
+        self._context = MoveContext()
         self._last_learned: tuple[float, str] | None = None
         self._now_s = 0.0
         self._last_used: dict[int, int] = {}
@@ -126,7 +140,7 @@ class Policy:
         """
         self._n_proposals += 1
         try:
-            evidence = self.learner.explain_one(self._in_taught_light(x, at_s))
+            evidence = self._explain(self._in_taught_light(x, at_s), under_way)
         except NotFittedError:
             return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
         known = evidence.probabilities
@@ -143,6 +157,7 @@ class Policy:
             longest_debt_s=self._pace.longest_debt_s,
             patience_s=self._pace.patience_s,
             timed_turn_s=self._pace.timed_turn_s,
+            in_context=self._contextual is not None,
         )
         self._note(self._last_used, evidence.node, self._n_proposals)
         return Prediction(
@@ -156,6 +171,11 @@ class Policy:
             is_stalled=self._action_filter.is_stalled,
             needs_help=self._action_filter.needs_help,
         )
+
+    def _explain(self, x: Vector, under_way: Action | None) -> Evidence:
+        if self._contextual is None or under_way is None:
+            return self.learner.explain_one(x)
+        return self._contextual.explain_in(x, context_of(under_way))
 
     def _in_taught_light(self, x: Vector, at_s: float | None) -> Vector:
         if self._brighten is None:
@@ -181,7 +201,11 @@ class Policy:
             raise ValueError(f"{label!r} is not one of the moves {', '.join(self.moves)}")
         if self._is_needed(label, at_s):
             self._calibrate(x, label, at_s)
-            self.learner.learn_one(x, Action(label))
+            if self._contextual is None:
+                self.learner.learn_one(x, Action(label))
+            else:
+                contexts = self._context.note(Action(label), at_s)
+                self._contextual.learn_in(x, Action(label), contexts)
             if self._brighten is not None:
                 self._light.learn(float(self.features.grey(x).mean()))
         if at_s is not None:
@@ -224,6 +248,8 @@ class Policy:
             params["calibration"] = self._calibration.get_state()
         if self._brighten is not None:
             params["light"] = self._light.get_state()
+        if self._contextual is not None:
+            params["context"] = self._context.get_state()
         params["pace"], pace_arrays = self._pace.get_state()
         arrays = {**state.arrays, **pace_arrays}
         return State(kind=f"policy:{state.kind}", params=params, arrays=arrays, labels=state.labels)
@@ -261,6 +287,9 @@ class Policy:
         self._light = LightAdaptation()
         if self._brighten is not None and "light" in state.params:
             self._light.set_state(state.params["light"])
+        self._context = MoveContext()
+        if self._contextual is not None and "context" in state.params:
+            self._context.set_state(state.params["context"])
         self._n_proposals = 0
         self._last_used = {}
         self._last_taught = {int(k): int(v) for k, v in state.params["last_taught"].items()}

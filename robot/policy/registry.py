@@ -8,6 +8,7 @@ import re
 from robot.errors import ConfigurationError, did_you_mean
 from robot.learner.bsoc import BSOC
 from robot.learner.classifier import GROUP_COST, BSOCClassifier
+from robot.learner.context_ridge import ContextRidge
 from robot.learner.integer_ridge import IntegerRidge
 from robot.learner.places import BinaryFeatures, MultiPlace
 from robot.learner.ridge import RecursiveRidge
@@ -52,7 +53,7 @@ def _eyes(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> P
     from robot.policy.eyes.features import EyesFeatures
 
     features = EyesFeatures()
-    linear = RecursiveRidge(features.n_outputs, penalty=EyesFeatures.penalty)
+    linear = ContextRidge(lambda: RecursiveRidge(features.n_outputs, penalty=EyesFeatures.penalty))
     learner = BSOCClassifier(
         number,
         linear=linear,

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from robot.learner.classifier import GROUP_COST, LINEAR_SHARE, N_VOTERS, BSOCClassifier
+from robot.learner.context_ridge import ContextRidge
 from robot.learner.ridge import RecursiveRidge
 from robot.policy.action_filter import ActionFilter, Commitment
 from robot.policy.features import Features, GradientFeatures, GreyFeatures
@@ -20,6 +21,10 @@ Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
 """Makes a policy of a number of nodes, a name and the moves; True: in whole numbers alone."""
 
 
+def _ridge() -> RecursiveRidge:
+    return RecursiveRidge(GradientFeatures.n_gradients)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
     """The parts and constants of a learner; the defaults are those that measured best."""
@@ -27,6 +32,8 @@ class Design:
     features: Callable[[], Features] = GradientFeatures
     action_filter: Callable[[], ActionFilter] = ActionFilter
     is_linear: bool = True
+    is_contextual: bool = True
+    """The linear part knows what is under way; else the move under way has inertia."""
     linear_share: float = LINEAR_SHARE
     group_cost: float = GROUP_COST
     n_voters: int = N_VOTERS
@@ -41,11 +48,12 @@ class Design:
         integer = integer or self.is_integer
         # The linear part costs a floating-point step over all pairs of gradients an example.
         has_ridge = self.is_linear and not integer
+        linear = ContextRidge(_ridge) if self.is_contextual else _ridge()
         return BSOCClassifier(
             number,
             group_cost=self.group_cost,
             n_voters=self.n_voters,
-            linear=RecursiveRidge(GradientFeatures.n_gradients) if has_ridge else None,
+            linear=linear if has_ridge else None,
             linear_share=self.linear_share,
             integer=integer,
             forgets=self.forgets and not integer,
@@ -85,9 +93,7 @@ VARIANTS: dict[str, Maker] = {
         "without-commitment": Design(
             action_filter=lambda: ActionFilter(commitment=Commitment(bars_opposite=False))
         ),
-        "without-inertia": Design(
-            action_filter=lambda: ActionFilter(commitment=Commitment(0.0, 0.0))
-        ),
+        "without-context": Design(is_contextual=False),
         "without-reflex": Design(action_filter=lambda: ActionFilter(gives_up=False)),
         "without-forgetting": Design(forgets=False),
         "without-calibration": Design(calibrates=False),

@@ -160,6 +160,8 @@ MAY_BE_ANY = {
     ("journal",),
     ("state", "params", "last_learned"),
     ("state", "params", "calibration", "label"),
+    ("state", "params", "context", "move"),
+    ("state", "params", "context", "before"),
     ("state", "params", "learner", "place"),
     ("state", "params", "learner", "size"),
 }

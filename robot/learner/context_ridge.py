@@ -1,0 +1,96 @@
+"""A linear part that knows what is under way: one ridge for every view, and one for each context.
+
+A driver begins a turn late and ends it late. Between the two the same view means FORWARD to who
+drives straight and LEFT to who turns, and a single linear map takes the mean. So each context has a
+ridge of its own. It learns the moves made in it, and the first examples of what followed them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.learner.ridge import Floats, RecursiveRidge
+
+N_CONTEXTS = 2
+
+
+class ContextRidge:
+    """A `LinearPart` with a second opinion for each context.
+
+    Args:
+        make: Makes a ridge; all are of one kind.
+
+    Attributes:
+        ridges: One for each context.
+    """
+
+    def __init__(self, make: Callable[[], RecursiveRidge]) -> None:
+        self._any = make()
+        self.ridges = [make() for _ in range(N_CONTEXTS)]
+        self._counts = np.zeros((1 + N_CONTEXTS, 0), np.int64)
+
+    def add_label(self) -> None:
+        """Add a label, which no frame so far had."""
+        for ridge in (self._any, *self.ridges):
+            ridge.add_label()
+        self._counts = np.hstack([self._counts, np.zeros((1 + N_CONTEXTS, 1), np.int64)])
+
+    def scores(self, x: NDArray[Any]) -> Floats:
+        """Return one score a label in any context, shape (n_labels,)."""
+        return self._any.scores(x)
+
+    def learn_in(self, x: NDArray[Any], column: int, contexts: Collection[int]) -> None:
+        """Add a frame of one label to the ridge for every view, and to those of `contexts`."""
+        targets = np.eye(self._counts.shape[1])[column]
+        self._any.learn(x, targets)
+        self._counts[0, column] += 1
+        for context in contexts:
+            self.ridges[context].learn(x, targets)
+            self._counts[1 + context, column] += 1
+
+    def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:
+        """Add a frame `weight` times, or take it back; each context gets its share of the label."""
+        self._any.learn(x, targets, weight)
+        for ridge, shares in zip(self.ridges, self._shares(), strict=True):
+            part = float((targets * shares).sum())
+            if part > 0.0:
+                ridge.learn(x, targets * shares / part, weight * part)
+
+    def retarget(self, x: NDArray[Any], change: Floats) -> None:
+        """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
+        self._any.retarget(x, change)
+        lost = np.minimum(change, 0.0)
+        for ridge, shares in zip(self.ridges, self._shares(), strict=True):
+            part = float((lost * shares).sum()) / (float(lost.sum()) or 1.0)
+            ridge.retarget(x, lost * shares + part * np.maximum(change, 0.0))
+
+    def _shares(self) -> Floats:
+        """Return how many of each label's frames each context has, shape (N_CONTEXTS, n_labels)."""
+        shares: Floats = self._counts[1:] / np.maximum(self._counts[0], 1)
+        return shares
+
+    def get_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all that was learned."""
+        arrays = {**self._any.get_arrays(), "context_counts": self._counts.copy()}
+        for context, ridge in enumerate(self.ridges):
+            own = ridge.get_arrays().items()
+            arrays |= {f"context{context}_{name}": array for name, array in own}
+        return arrays
+
+    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Restore what `get_arrays` returned; raises ValueError if it had other features.
+
+        Models that are older than contexts have one ridge: every context begins as a copy of it.
+        """
+        self._any.set_arrays(arrays)
+        n_labels = arrays["linear"].shape[1]
+        ones = np.ones((1 + N_CONTEXTS, n_labels), np.int64)
+        self._counts = arrays.get("context_counts", ones).copy()
+        for context, ridge in enumerate(self.ridges):
+            prefix = f"context{context}_"
+            own = {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
+            ridge.set_arrays(own or arrays)
