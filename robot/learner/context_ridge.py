@@ -46,10 +46,11 @@ class ContextRidge:
     def learn_in(self, x: NDArray[Any], column: int, contexts: Collection[int]) -> None:
         """Add a frame of one label to the ridge for every view, and to those of `contexts`."""
         targets = np.eye(self._counts.shape[1])[column]
-        self._any.learn(x, targets)
+        z = self._any.scaled(x)
+        self._any.learn_scaled(z, targets)
         self._counts[0, column] += 1
         for context in contexts:
-            self.ridges[context].learn(x, targets)
+            self.ridges[context].learn_scaled(z, targets)
             self._counts[1 + context, column] += 1
 
     def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:

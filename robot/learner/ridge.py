@@ -77,16 +77,19 @@ class RecursiveRidge:
 
     def scores(self, x: NDArray[Any]) -> Floats:
         """Return one score a label, about its probability but not bounded, shape (n_labels,)."""
-        scores: Floats = self._input(x) @ self._weights
+        scores: Floats = self.scaled(x) @ self._weights
         return scores
 
     def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:
         """Add a frame with its target scores `weight` times; a negative weight takes it back."""
-        z = self._input(x)
+        self.learn_scaled(self.scaled(x), targets, weight)
+
+    def learn_scaled(self, z: Floats, targets: Floats, weight: float = 1.0) -> None:
+        """Do as `learn` with what `scaled` returned: ridges of one kind need it once."""
         direction = self._solve(z)
         gain = weight / (1.0 + weight * float(z @ direction))
         error = targets - z @ self._weights
-        self._weights += np.outer(gain * direction, error)
+        self._weights += (gain * direction)[:, None] * error
         self._directions[self._n_waiting] = direction
         self._gains[self._n_waiting] = gain
         self._n_waiting += 1
@@ -98,7 +101,7 @@ class RecursiveRidge:
 
     def retarget(self, x: NDArray[Any], change: Floats) -> None:
         """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
-        self._weights += np.outer(self._solve(self._input(x)), change)
+        self._weights += np.outer(self._solve(self.scaled(x)), change)
 
     def _solve(self, z: Floats) -> Floats:
         """Return the inverse times `z`, with the changes that wait."""
@@ -107,7 +110,8 @@ class RecursiveRidge:
         solution: Floats = self._inverse @ z - (gains * (directions @ z)) @ directions
         return solution
 
-    def _input(self, x: NDArray[Any]) -> Floats:
+    def scaled(self, x: NDArray[Any]) -> Floats:
+        """Return the values that are used, scaled, and the constant; shape (n_features + 1,)."""
         z = np.ones(self.n_features + 1)
         np.divide(x[: self.n_features], self.scale, out=z[:-1])
         return z

@@ -122,6 +122,19 @@ def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) ->
         policy.delete_node(10**9)
 
 
+def test_what_is_under_way_counts_or_the_learner_says_that_it_does_not(kind: str) -> None:
+    """A second each of two moves, again and again: they begin differently and end on one view."""
+    policy = make(kind)
+    for i in range(120 if kind in SLOW else 240):
+        move = i // 10 % 2
+        scene = 1 if i % 10 > 5 else 2 * move
+        policy.learn(policy.extract(view(scene, i % 20)), MOVES[move], 0.1 * i)
+    x = policy.extract(view(1, 900))
+    votes = [policy.propose(1, x, under_way=move).probabilities for move in MOVES[:2]]
+    differs = votes[0] != pytest.approx(votes[1], abs=0.02)
+    assert differs is policy.learner.abilities.contexts
+
+
 def test_a_pinned_image_stays_as_it_is(kind: str) -> None:
     policy = make(kind)
     teach(policy, 40)

@@ -8,12 +8,21 @@ from hypothesis.extra.numpy import arrays
 
 from robot.learner.bsoc import BSOC
 from robot.learner.classifier import GROUP_COST, BSOCClassifier
+from robot.learner.context_ridge import ContextRidge
 from robot.learner.integer_ridge import IntegerRidge
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import RecursiveRidge
 
 LABELS = ("forward", "left", "right")
-KINDS = ["default", "linear", "integer", "integer-linear", "published", "published-integer"]
+KINDS = [
+    "default",
+    "linear",
+    "integer",
+    "integer-linear",
+    "context",
+    "published",
+    "published-integer",
+]
 
 sizes = st.integers(1, 9)
 lessons = st.lists(st.tuples(arrays(np.uint8, 6), st.sampled_from(LABELS)), min_size=1, max_size=60)
@@ -25,6 +34,8 @@ def make(kind, max_nodes):
     if kind == "integer-linear":  # as on a brick: two of six values are not compared
         cluster = BSOC(max_nodes, group_cost=GROUP_COST, integer=True, n_compared=4)
         return BSOCClassifier(max_nodes, linear=IntegerRidge(3), cluster=cluster)
+    if kind == "context":
+        return BSOCClassifier(max_nodes, linear=ContextRidge(lambda: RecursiveRidge(4)))
     linear = RecursiveRidge(4) if kind == "linear" else None
     return BSOCClassifier(max_nodes, linear=linear, integer=kind == "integer")
 

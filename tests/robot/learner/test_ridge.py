@@ -61,3 +61,19 @@ def test_stays_exact_over_many_frames():
     np.testing.assert_allclose(
         ridge.scores(xs[5]), np.append(xs[5] / 255.0, 1) @ expected, atol=1e-8
     )
+
+
+def test_saved_between_any_two_frames_it_goes_on_bit_for_bit(lessons):
+    xs, targets = lessons
+    for cut in range(20):
+        whole, other = (RecursiveRidge(6, penalty=2.0, scale=1.0) for _ in range(2))
+        for _ in range(3):
+            whole.add_label()
+        for x, target in zip(xs[:cut], targets, strict=False):
+            whole.learn(x, target)
+        other.set_arrays(whole.get_arrays())
+        for x, target in zip(xs[cut:], targets[cut:], strict=True):
+            whole.learn(x, target)
+            other.learn(x, target)
+        one, two = whole.get_arrays(), other.get_arrays()
+        assert all(np.array_equal(one[name], two[name]) for name in one)

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot.learner.classifier import BSOCClassifier
+from robot.learner.context_ridge import N_CONTEXTS, ContextRidge
+from robot.learner.ridge import RecursiveRidge
+
+SIZE = 6
+ALL = range(N_CONTEXTS)
+
+
+def make():
+    return ContextRidge(lambda: RecursiveRidge(SIZE, penalty=2.0, scale=1.0))
+
+
+@pytest.fixture
+def examples():
+    rng = np.random.default_rng(0)
+    some = [tuple(c for c in ALL if rng.random() < 0.6) for _ in range(60)]
+    return list(
+        zip(rng.normal(size=(60, SIZE)), rng.integers(0, 3, 60).tolist(), some, strict=True)
+    )
+
+
+def taught(examples):
+    ridge = make()
+    for _ in range(3):
+        ridge.add_label()
+    for x, column, contexts in examples:
+        ridge.learn_in(x, column, contexts)
+    return ridge
+
+
+def alone(examples):
+    ridge = RecursiveRidge(SIZE, penalty=2.0, scale=1.0)
+    for _ in range(3):
+        ridge.add_label()
+    for x, column, _ in examples:
+        ridge.learn(x, np.eye(3)[column])
+    return ridge
+
+
+def test_each_context_knows_its_own_examples_and_the_rest_knows_all(examples):
+    ridge = taught(examples)
+    x = examples[7][0]
+    np.testing.assert_array_equal(ridge.scores(x), alone(examples).scores(x))
+    for context in ALL:
+        own = [example for example in examples if context in example[2]]
+        np.testing.assert_array_equal(ridge.ridges[context].scores(x), alone(own).scores(x))
+
+
+def test_an_example_that_counts_everywhere_is_taken_back_everywhere(examples):
+    everywhere = [(x, column, ALL) for x, column, _ in examples]
+    ridge = taught(everywhere)
+    x, column, _ = everywhere[0]
+    ridge.learn(x, np.eye(3)[column], -1.0)
+    expected = alone(everywhere[1:])
+    for one in (ridge, *ridge.ridges):
+        np.testing.assert_allclose(one.scores(x), expected.scores(x), atol=1e-9)
+
+
+def test_each_context_changes_by_its_share_of_the_label(examples):
+    """Label 0 becomes label 1: in a context that knows half of its frames, half of the change."""
+    shares = [0.5, 1.0]
+    zeros = [(x, 0, (0, 1) if i % 2 else (1,)) for i, (x, _, _) in enumerate(examples)]
+    ridge, x = taught(zeros), examples[3][0]
+    before = [one.scores(x) for one in ridge.ridges]
+    pure = [alone([e for e in zeros if context in e[2]]) for context in ALL]
+    change = np.array([-4.0, 4.0, 0.0])
+    ridge.retarget(x, change)
+    for context in ALL:
+        pure[context].retarget(x, shares[context] * change)
+        after = ridge.ridges[context].scores(x)
+        np.testing.assert_allclose(after, pure[context].scores(x), atol=1e-12)
+        assert after[0] < before[context][0]
+
+
+def test_a_context_without_frames_of_a_label_keeps_its_targets(examples):
+    ridge = taught([(x, 0, (1,)) for x, _, _ in examples])
+    x = examples[0][0]
+    ridge.retarget(x, np.array([-4.0, 4.0, 0.0]))
+    ridge.learn(x, np.array([1.0, 0.0, 0.0]), -1.0)
+    assert not ridge.ridges[0].scores(x).any()
+    assert ridge.ridges[1].scores(x).any()
+
+
+def test_a_model_from_before_contexts_has_the_same_opinion_in_all(examples):
+    old = alone(examples)
+    arrays = {k: v for k, v in old.get_arrays().items() if k in ("inverse", "linear")}
+    flushed = RecursiveRidge(SIZE, penalty=2.0, scale=1.0)
+    flushed.set_arrays(arrays)
+    ridge = make()
+    ridge.set_arrays(arrays)
+    for one in (ridge, *ridge.ridges):
+        np.testing.assert_array_equal(one.scores(examples[0][0]), flushed.scores(examples[0][0]))
+    ridge.learn_in(examples[0][0], 1, (0,))
+    assert np.ptp([one.scores(examples[0][0])[1] for one in ridge.ridges]) > 0.0
+
+
+def test_one_view_means_one_thing_to_who_drives_and_another_to_who_turns():
+    """Far means FORWARD, near LEFT; in between goes on what was begun."""
+    learner = BSOCClassifier(8, linear=ContextRidge(lambda: RecursiveRidge(SIZE, penalty=0.01)))
+
+    def view(near: float) -> np.ndarray:
+        return (255 * np.linspace(near, 1.0 - near, SIZE)).astype(np.uint8)
+
+    for _ in range(20):
+        for near in (0.1, 0.3, 0.5, 0.7):
+            learner.learn_in(view(near), "forward", (0,))
+        learner.learn_in(view(0.8), "left", (0, 1))
+        for near in (0.8, 0.6, 0.4):
+            learner.learn_in(view(near), "left", (1,))
+        learner.learn_in(view(0.2), "forward", (0, 1))
+    assert learner.abilities.contexts
+    between = view(0.5)
+    assert learner.explain_in(between, 0).label == "forward"
+    assert learner.explain_in(between, 1).label == "left"
+    for context in ALL:
+        evidence = learner.explain_in(between, context)
+        assert sum(evidence.probabilities.values()) == pytest.approx(1.0)
+        assert evidence.node == learner.explain_one(between).node
