@@ -193,8 +193,8 @@ class ContextualLearner(Learner, Protocol):
         """
         ...
 
-    def explain_in(self, x: Vector, context: int) -> Evidence:
-        """Return the prediction in one context; `explain_one` returns that in any."""
+    def explain_in(self, x: Vector, context: int | None) -> Evidence:
+        """Return the prediction in one context; None: in any, as `explain_one`."""
         ...
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -197,13 +197,10 @@ class BSOCClassifier:
 
     def explain_one(self, x: Vector) -> Evidence:
         """Return the prediction and the node it rests on; raises as `predict_one`."""
-        return self._explain(x, None)
+        return self.explain_in(x, None)
 
-    def explain_in(self, x: Vector, context: int) -> Evidence:
+    def explain_in(self, x: Vector, context: int | None) -> Evidence:
         """Return the prediction in one context; raises as `predict_one`."""
-        return self._explain(x, context)
-
-    def _explain(self, x: Vector, context: int | None) -> Evidence:
         distances, shares, from_images = self._votes(x, context)
         node = int(distances.argmin())
         listed, best = shares.tolist(), int(shares.argmax())
@@ -279,25 +276,15 @@ class BSOCClassifier:
     def get_state(self) -> State:
         """Return a copy of all that was learned."""
         inner = self.cluster.get_state()
-        params: dict[str, Any] = {
-            "n_voters": self.n_voters,
-            "n_seen": self.n_seen_,
-            "cluster": inner.params,
-        }
+        params = {"n_voters": self.n_voters, "n_seen": self.n_seen_, "cluster": inner.params}
         arrays = {f"cluster_{name}": array for name, array in inner.arrays.items()}
         arrays["histograms"] = self._histograms.copy()
-        novelty = self.novelty_
-        arrays["novelty"] = novelty.get_array()
+        arrays["novelty"] = self.novelty_.get_array()
         if self.linear is not None:
             arrays.update(self.linear.get_arrays())
         if self._mind is not None:
             arrays.update(self._mind.get_arrays())
-        return State(
-            kind=self._kind,
-            params=params,
-            arrays=arrays,
-            labels=list(self.labels_),
-        )
+        return State(kind=self._kind, params=params, arrays=arrays, labels=list(self.labels_))
 
     def set_state(self, state: State) -> None:
         """Restore `state`; raises ValueError if it is of another kind."""
@@ -313,11 +300,10 @@ class BSOCClassifier:
         self.n_seen_ = int(state.params["n_seen"])
         self.labels_ = list(state.labels)
         self._histograms = state.arrays["histograms"].copy()
-        novelty = self.novelty_
         if "novelty" in state.arrays:
-            novelty.set_array(state.arrays["novelty"])
+            self.novelty_.set_array(state.arrays["novelty"])
         else:
-            novelty.set_moments(*state.params["novelty"])
+            self.novelty_.set_moments(*state.params["novelty"])
         if self.linear is not None:
             self.linear.set_arrays(state.arrays)
         if self._mind is not None:

@@ -216,21 +216,15 @@ class MultiPlace:
 
     def explain_one(self, x: Vector) -> Evidence:
         """Recognise the place from this and the latest views, and predict with its classifier."""
-        place = self._recognise(x)
-        return self._with_outer_id(place, self.networks_[place].explain_one(x))
+        return self.explain_in(x, None)
 
-    def explain_in(self, x: Vector, context: int) -> Evidence:
+    def explain_in(self, x: Vector, context: int | None) -> Evidence:
         """Do as `explain_one`, in one context."""
-        place = self._recognise(x)
-        return self._with_outer_id(place, self.networks_[place].explain_in(x, context))
-
-    def _recognise(self, x: Vector) -> int:
         if not self.networks_:
             raise NotFittedError("nothing was learned yet")
         bits = self._bits(x)
-        return self._driving.update([index.difference(bits) for index in self._indices])
-
-    def _with_outer_id(self, place: int, evidence: Evidence) -> Evidence:
+        place = self._driving.update([index.difference(bits) for index in self._indices])
+        evidence = self.networks_[place].explain_in(x, context)
         if evidence.node is None:
             return evidence
         return dataclasses.replace(evidence, node=self._outer_id(place, evidence.node))

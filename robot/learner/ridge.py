@@ -9,6 +9,7 @@ vectors, which count as if they were in it, and are written together: three time
 
 from __future__ import annotations
 
+import math
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 _WAITING = 8
-"""So many changes of the inverse are written at once; those that wait have a gain."""
+"""So many changes of the inverse are written at once."""
 
 
 class LinearPart(Protocol):
@@ -67,9 +68,9 @@ class RecursiveRidge:
         self._inverse = np.eye(size) / penalty
         self._weights = np.zeros((size, 0))
         self._work = np.zeros((size, size))
-        self._directions = np.zeros((_WAITING, size))
-        self._gains = np.zeros(_WAITING)
+        self._waiting = np.zeros((_WAITING, size))
         self._n_waiting = 0
+        self._triangle = np.flatnonzero(np.triu(np.ones((size, size), bool)))
 
     def add_label(self) -> None:
         """Add a column for a new label, which no frame so far had."""
@@ -90,14 +91,21 @@ class RecursiveRidge:
         gain = weight / (1.0 + weight * float(z @ direction))
         error = targets - z @ self._weights
         self._weights += (gain * direction)[:, None] * error
-        self._directions[self._n_waiting] = direction
-        self._gains[self._n_waiting] = gain
+        if gain < 0.0:  # a frame taken back is rare
+            self._write()
+            self._inverse -= gain * np.outer(direction, direction)
+            return
+        self._waiting[self._n_waiting] = math.sqrt(gain) * direction
         self._n_waiting += 1
         if self._n_waiting == _WAITING:
-            np.matmul(self._directions.T, self._gains[:, None] * self._directions, out=self._work)
-            self._inverse -= self._work
-            self._directions[:], self._gains[:] = 0.0, 0.0
-            self._n_waiting = 0
+            self._write()
+
+    def _write(self) -> None:
+        """Write what waits. A product with itself is symmetric to the last bit."""
+        np.matmul(self._waiting.T, self._waiting, out=self._work)
+        self._inverse -= self._work
+        self._waiting[:] = 0.0
+        self._n_waiting = 0
 
     def retarget(self, x: NDArray[Any], change: Floats) -> None:
         """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
@@ -105,9 +113,8 @@ class RecursiveRidge:
 
     def _solve(self, z: Floats) -> Floats:
         """Return the inverse times `z`, with the changes that wait."""
-        waiting = slice(self._n_waiting)
-        directions, gains = self._directions[waiting], self._gains[waiting]
-        solution: Floats = self._inverse @ z - (gains * (directions @ z)) @ directions
+        waiting = self._waiting[: self._n_waiting]
+        solution: Floats = self._inverse @ z - (waiting @ z) @ waiting
         return solution
 
     def scaled(self, x: NDArray[Any]) -> Floats:
@@ -119,19 +126,26 @@ class RecursiveRidge:
     def get_arrays(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that was learned."""
         return {
-            "inverse": self._inverse.copy(),
+            "triangle": self._inverse.ravel()[self._triangle],
             "linear": self._weights.copy(),
-            "directions": self._directions.copy(),
-            "gains": self._gains.copy(),
+            "waiting": self._waiting.copy(),
         }
 
     def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Restore what `get_arrays` returned; raises ValueError if it had other features."""
-        if arrays["inverse"].shape != self._inverse.shape:
+        """Restore what `get_arrays` returned; raises ValueError if it had other features.
+
+        Older models have the whole inverse, and nothing waits.
+        """
+        rows, columns = np.divmod(self._triangle, len(self._inverse))
+        if "triangle" in arrays:
+            triangle = arrays["triangle"]
+        elif arrays["inverse"].shape == self._inverse.shape:
+            triangle = arrays["inverse"][rows, columns]
+        else:
+            triangle = np.zeros(0)
+        if triangle.shape != rows.shape:
             raise ValueError("the model was learned on another number of features")
-        self._inverse = arrays["inverse"].copy()
+        self._inverse[rows, columns] = self._inverse[columns, rows] = triangle
         self._weights = arrays["linear"].copy()
-        # Older models have none.
-        self._directions = arrays.get("directions", np.zeros_like(self._directions)).copy()
-        self._gains = arrays.get("gains", np.zeros_like(self._gains)).copy()
-        self._n_waiting = int(np.count_nonzero(self._gains))
+        self._waiting = arrays.get("waiting", np.zeros_like(self._waiting)).copy()
+        self._n_waiting = int(self._waiting.any(axis=1).sum())

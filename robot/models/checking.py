@@ -40,7 +40,7 @@ _OPTIONAL = frozenset(
     }
 )
 """What models of version 0.1 do not have, or have elsewhere."""
-_LATER = frozenset({"directions", "gains"})
+_LATER = frozenset({"triangle", "waiting"})
 """What models from before contexts do not have: all of it is there, or nothing."""
 _LEAST_NOVELTY, _MOST_NOVELTY = 3, 100_000
 _SIGNED = frozenset({"linear", "residual"})
@@ -151,7 +151,10 @@ def _check_arrays(
 ) -> None:
     """Check every array against the form: none missing, none more, each of its dtype and shape."""
     later = {name for name in form if name in _LATER or name.startswith("context")}
-    optional = set() if later & arrays.keys() else later
+    is_older = bool(later) and not later & arrays.keys()
+    optional = later if is_older else set()
+    if is_older:
+        form = {**form, "inverse": (form["triangle"][0], (form["waiting"][1][1],) * 2)}
     for name in sorted(form.keys() - arrays.keys() - optional):
         _demand(name.removeprefix("cluster_") in _OPTIONAL, f"the array {prefix}{name} is missing")
     for name in sorted(arrays.keys() - form.keys()):

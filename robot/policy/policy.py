@@ -93,11 +93,9 @@ class Policy:
         self._calibration = Calibration() if calibrates else None
         self._brighten = brighten
         self._light = LightAdaptation()
-        self._contextual = (
-            learner
-            if learner.abilities.contexts and isinstance(learner, ContextualLearner)
-            else None
-        )
+        self._contextual: ContextualLearner | None = None
+        if learner.abilities.contexts and isinstance(learner, ContextualLearner):
+            self._contextual = learner
         self._context = MoveContext()
         self._last_learned: tuple[float, str] | None = None
         self._now_s = 0.0
@@ -173,9 +171,9 @@ class Policy:
         )
 
     def _explain(self, x: Vector, under_way: Action | None) -> Evidence:
-        if self._contextual is None or under_way is None:
+        if self._contextual is None:
             return self.learner.explain_one(x)
-        return self._contextual.explain_in(x, context_of(under_way))
+        return self._contextual.explain_in(x, None if under_way is None else context_of(under_way))
 
     def _in_taught_light(self, x: Vector, at_s: float | None) -> Vector:
         if self._brighten is None:

@@ -87,16 +87,31 @@ def test_a_context_without_frames_of_a_label_keeps_its_targets(examples):
 
 
 def test_a_model_from_before_contexts_has_the_same_opinion_in_all(examples):
-    old = alone(examples)
-    arrays = {k: v for k, v in old.get_arrays().items() if k in ("inverse", "linear")}
-    flushed = RecursiveRidge(SIZE, penalty=2.0, scale=1.0)
-    flushed.set_arrays(arrays)
+    """It has the whole inverse, and nothing waits to be written."""
+    z = np.hstack([np.array([x for x, _, _ in examples]), np.ones((len(examples), 1))])
+    inverse = np.linalg.inv(z.T @ z + 2.0 * np.eye(SIZE + 1))
+    targets = np.eye(3)[[column for _, column, _ in examples]]
     ridge = make()
-    ridge.set_arrays(arrays)
+    ridge.set_arrays({"inverse": inverse, "linear": inverse @ z.T @ targets})
+    x, expected = examples[0][0], alone(examples)
     for one in (ridge, *ridge.ridges):
-        np.testing.assert_array_equal(one.scores(examples[0][0]), flushed.scores(examples[0][0]))
-    ridge.learn_in(examples[0][0], 1, (0,))
-    assert np.ptp([one.scores(examples[0][0])[1] for one in ridge.ridges]) > 0.0
+        np.testing.assert_allclose(one.scores(x), expected.scores(x), atol=1e-12)
+    change = np.array([-1.0, 1.0, 0.0])
+    for one in (ridge, expected):
+        one.retarget(x, change)
+    for one in (ridge, *ridge.ridges):
+        np.testing.assert_allclose(one.scores(x), expected.scores(x), atol=1e-12)
+    ridge.learn_in(x, 1, (0,))
+    assert np.ptp([one.scores(x)[1] for one in ridge.ridges]) > 0.0
+
+
+def test_a_model_of_other_features_is_refused(examples):
+    arrays = taught(examples).get_arrays()
+    other = ContextRidge(lambda: RecursiveRidge(SIZE + 1))
+    with pytest.raises(ValueError, match="another number of features"):
+        other.set_arrays(arrays)
+    with pytest.raises(ValueError, match="another number of features"):
+        other.set_arrays({"inverse": np.eye(SIZE + 1), "linear": np.zeros((SIZE + 1, 3))})
 
 
 def test_one_view_means_one_thing_to_who_drives_and_another_to_who_turns():
