@@ -233,11 +233,12 @@ class BSOCClassifier:
         if self.linear is None:
             shares = votes.shares(shares * weights) if self.balance else shares
             return distances, shares, shares
-        share, linear = self.linear_share, self.linear.scores
-        if self._contextual is not None and context is not None:
-            share = max(share, CONTEXT_SHARE)
-            linear = self._contextual.ridges[context].scores
-        scores = share * weights * np.maximum(linear(x), 0.0)
+        if self._contextual is None or context is None:
+            share, linear = self.linear_share, self.linear.scores(x)
+        else:
+            share = max(self.linear_share, CONTEXT_SHARE)
+            linear = self._contextual.scores_in(x, context)
+        scores = share * weights * np.maximum(linear, 0.0)
         from_images = (1.0 - share) * weights * shares
         total = float(scores.sum() + from_images.sum())
         if total <= 0.0:

@@ -21,21 +21,21 @@ N_CONTEXTS = 2
 class ContextRidge:
     """A `LinearPart` with a second opinion for each context.
 
+    As long as every frame counted in all contexts there is one ridge for all of them.
+
     Args:
         make: Makes a ridge; all are of one kind.
-
-    Attributes:
-        ridges: One for each context.
     """
 
     def __init__(self, make: Callable[[], RecursiveRidge]) -> None:
+        self._make = make
         self._any = make()
-        self.ridges = [make() for _ in range(N_CONTEXTS)]
+        self._ridges: list[RecursiveRidge] = []
         self._counts = np.zeros((1 + N_CONTEXTS, 0), np.int64)
 
     def add_label(self) -> None:
         """Add a label, which no frame so far had."""
-        for ridge in (self._any, *self.ridges):
+        for ridge in (self._any, *self._ridges):
             ridge.add_label()
         self._counts = np.hstack([self._counts, np.zeros((1 + N_CONTEXTS, 1), np.int64)])
 
@@ -43,20 +43,27 @@ class ContextRidge:
         """Return one score a label in any context, shape (n_labels,)."""
         return self._any.scores(x)
 
+    def scores_in(self, x: NDArray[Any], context: int) -> Floats:
+        """Return one score a label in one context, shape (n_labels,)."""
+        return (self._ridges[context] if self._ridges else self._any).scores(x)
+
     def learn_in(self, x: NDArray[Any], column: int, contexts: Collection[int]) -> None:
         """Add a frame of one label to the ridge for every view, and to those of `contexts`."""
+        if not self._ridges and len(contexts) < N_CONTEXTS:
+            self._part()
         targets = np.eye(self._counts.shape[1])[column]
         z = self._any.scaled(x)
         self._any.learn_scaled(z, targets)
         self._counts[0, column] += 1
         for context in contexts:
-            self.ridges[context].learn_scaled(z, targets)
             self._counts[1 + context, column] += 1
+            if self._ridges:
+                self._ridges[context].learn_scaled(z, targets)
 
     def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:
         """Add a frame `weight` times, or take it back; each context gets its share of the label."""
         self._any.learn(x, targets, weight)
-        for ridge, shares in zip(self.ridges, self._shares(), strict=True):
+        for ridge, shares in zip(self._ridges, self._shares(), strict=False):
             part = float((targets * shares).sum())
             if part > 0.0:
                 ridge.learn(x, targets * shares / part, weight * part)
@@ -65,7 +72,7 @@ class ContextRidge:
         """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
         self._any.retarget(x, change)
         lost = np.minimum(change, 0.0)
-        for ridge, shares in zip(self.ridges, self._shares(), strict=True):
+        for ridge, shares in zip(self._ridges, self._shares(), strict=False):
             part = float((lost * shares).sum()) / (float(lost.sum()) or 1.0)
             ridge.retarget(x, lost * shares + part * np.maximum(change, 0.0))
 
@@ -74,24 +81,34 @@ class ContextRidge:
         shares: Floats = self._counts[1:] / np.maximum(self._counts[0], 1)
         return shares
 
+    def _part(self) -> None:
+        """Give each context a copy of what all have in common so far."""
+        arrays = self._any.get_arrays()
+        self._ridges = [self._made_of(arrays) for _ in range(N_CONTEXTS)]
+
+    def _made_of(self, arrays: dict[str, NDArray[Any]]) -> RecursiveRidge:
+        ridge = self._make()
+        ridge.set_arrays(arrays)
+        return ridge
+
     def get_arrays(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that was learned."""
-        arrays = {**self._any.get_arrays(), "context_counts": self._counts.copy()}
-        for context, ridge in enumerate(self.ridges):
+        arrays = self._any.get_arrays()
+        if self._ridges:
+            arrays["context_counts"] = self._counts.copy()
+        for context, ridge in enumerate(self._ridges):
             own = ridge.get_arrays().items()
             arrays |= {f"context{context}_{name}": array for name, array in own}
         return arrays
 
     def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Restore what `get_arrays` returned; raises ValueError if it had other features.
-
-        Models that are older than contexts have one ridge: every context begins as a copy of it.
-        """
+        """Restore what `get_arrays` returned; raises ValueError if it had other features."""
         self._any.set_arrays(arrays)
-        n_labels = arrays["linear"].shape[1]
-        ones = np.ones((1 + N_CONTEXTS, n_labels), np.int64)
-        self._counts = arrays.get("context_counts", ones).copy()
-        for context, ridge in enumerate(self.ridges):
-            prefix = f"context{context}_"
-            own = {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
-            ridge.set_arrays(own or arrays)
+        together = np.ones((1 + N_CONTEXTS, arrays["linear"].shape[1]), np.int64)
+        self._counts = arrays.get("context_counts", together).copy()
+        self._ridges = []
+        if "context_counts" in arrays:
+            for context in range(N_CONTEXTS):
+                prefix = f"context{context}_"
+                own = {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
+                self._ridges.append(self._made_of(own))

@@ -9,6 +9,7 @@ vectors, which count as if they were in it, and are written together: three time
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any, Protocol
 
@@ -18,6 +19,12 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 _WAITING = 8
 """So many changes of the inverse are written at once."""
+
+
+@functools.cache
+def _upper(size: int) -> NDArray[np.bool_]:
+    """Return which elements of a square matrix its upper triangle has."""
+    return np.triu(np.ones((size, size), bool))
 
 
 class LinearPart(Protocol):
@@ -70,7 +77,6 @@ class RecursiveRidge:
         self._work = np.zeros((size, size))
         self._waiting = np.zeros((_WAITING, size))
         self._n_waiting = 0
-        self._triangle = np.flatnonzero(np.triu(np.ones((size, size), bool)))
 
     def add_label(self) -> None:
         """Add a column for a new label, which no frame so far had."""
@@ -126,7 +132,7 @@ class RecursiveRidge:
     def get_arrays(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that was learned."""
         return {
-            "triangle": self._inverse.ravel()[self._triangle],
+            "triangle": self._inverse[_upper(len(self._inverse))],
             "linear": self._weights.copy(),
             "waiting": self._waiting.copy(),
         }
@@ -136,16 +142,17 @@ class RecursiveRidge:
 
         Older models have the whole inverse, and nothing waits.
         """
-        rows, columns = np.divmod(self._triangle, len(self._inverse))
+        upper = _upper(len(self._inverse))
         if "triangle" in arrays:
             triangle = arrays["triangle"]
         elif arrays["inverse"].shape == self._inverse.shape:
-            triangle = arrays["inverse"][rows, columns]
+            triangle = arrays["inverse"][upper]
         else:
             triangle = np.zeros(0)
-        if triangle.shape != rows.shape:
+        if triangle.size != np.count_nonzero(upper):
             raise ValueError("the model was learned on another number of features")
-        self._inverse[rows, columns] = self._inverse[columns, rows] = triangle
+        self._inverse[upper] = triangle
+        self._inverse.T[upper] = triangle
         self._weights = arrays["linear"].copy()
         self._waiting = arrays.get("waiting", np.zeros_like(self._waiting)).copy()
         self._n_waiting = int(self._waiting.any(axis=1).sum())

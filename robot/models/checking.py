@@ -41,7 +41,7 @@ _OPTIONAL = frozenset(
 )
 """What models of version 0.1 do not have, or have elsewhere."""
 _LATER = frozenset({"triangle", "waiting"})
-"""What models from before contexts do not have: all of it is there, or nothing."""
+"""What models from before contexts have as one array, `inverse`."""
 _LEAST_NOVELTY, _MOST_NOVELTY = 3, 100_000
 _SIGNED = frozenset({"linear", "residual"})
 _FIXED = frozenset({"group_cost", "n_voters"})
@@ -143,6 +143,8 @@ def _taught(name: str, moves: tuple[Action, ...], n_labels: int) -> Policy:
     x = policy.extract(black)
     for i, label in enumerate(moves[:n_labels]):
         policy.learn(x, label, float(i))
+    for step in range(3 if n_labels else 0):  # until contexts differ
+        policy.learn(x, moves[n_labels - 1], n_labels - 0.7 + 0.3 * step)
     return policy
 
 
@@ -150,10 +152,11 @@ def _check_arrays(
     arrays: Mapping[str, NDArray[Any]], form: Form, number: int, n_examples: int, prefix: str = ""
 ) -> None:
     """Check every array against the form: none missing, none more, each of its dtype and shape."""
-    later = {name for name in form if name in _LATER or name.startswith("context")}
-    is_older = bool(later) and not later & arrays.keys()
-    optional = later if is_older else set()
-    if is_older:
+    optional = {name for name in form if name.startswith("context")}
+    if optional & arrays.keys():  # all of it is there, or nothing
+        optional = set()
+    if form.keys() >= _LATER and not _LATER & arrays.keys():
+        optional |= _LATER
         form = {**form, "inverse": (form["triangle"][0], (form["waiting"][1][1],) * 2)}
     for name in sorted(form.keys() - arrays.keys() - optional):
         _demand(name.removeprefix("cluster_") in _OPTIONAL, f"the array {prefix}{name} is missing")

@@ -42,13 +42,32 @@ def alone(examples):
     return ridge
 
 
+def opinions(ridge, x):
+    return [ridge.scores(x), *(ridge.scores_in(x, context) for context in ALL)]
+
+
+@pytest.mark.parametrize("together", [0, 3, 8, 30])
+def test_contexts_are_one_until_they_differ(examples, together):
+    """The first frames count in all; it makes no difference that only one ridge learned them."""
+    mixed = [(x, c, ALL if i < together else (i % 2,)) for i, (x, c, _) in enumerate(examples)]
+    ridge = taught(mixed[:together])
+    arrays = ridge.get_arrays()
+    assert not any(name.startswith("context") for name in arrays)
+    for x, column, contexts in mixed[together:]:
+        ridge.learn_in(x, column, contexts)
+    x = examples[2][0]
+    for context in ALL:
+        own = alone([example for example in mixed if context in example[2]])
+        np.testing.assert_array_equal(ridge.scores_in(x, context), own.scores(x))
+
+
 def test_each_context_knows_its_own_examples_and_the_rest_knows_all(examples):
     ridge = taught(examples)
     x = examples[7][0]
     np.testing.assert_array_equal(ridge.scores(x), alone(examples).scores(x))
     for context in ALL:
         own = [example for example in examples if context in example[2]]
-        np.testing.assert_array_equal(ridge.ridges[context].scores(x), alone(own).scores(x))
+        np.testing.assert_array_equal(ridge.scores_in(x, context), alone(own).scores(x))
 
 
 def test_an_example_that_counts_everywhere_is_taken_back_everywhere(examples):
@@ -57,8 +76,8 @@ def test_an_example_that_counts_everywhere_is_taken_back_everywhere(examples):
     x, column, _ = everywhere[0]
     ridge.learn(x, np.eye(3)[column], -1.0)
     expected = alone(everywhere[1:])
-    for one in (ridge, *ridge.ridges):
-        np.testing.assert_allclose(one.scores(x), expected.scores(x), atol=1e-9)
+    for scores in opinions(ridge, x):
+        np.testing.assert_allclose(scores, expected.scores(x), atol=1e-9)
 
 
 def test_each_context_changes_by_its_share_of_the_label(examples):
@@ -66,13 +85,13 @@ def test_each_context_changes_by_its_share_of_the_label(examples):
     shares = [0.5, 1.0]
     zeros = [(x, 0, (0, 1) if i % 2 else (1,)) for i, (x, _, _) in enumerate(examples)]
     ridge, x = taught(zeros), examples[3][0]
-    before = [one.scores(x) for one in ridge.ridges]
+    before = [ridge.scores_in(x, context) for context in ALL]
     pure = [alone([e for e in zeros if context in e[2]]) for context in ALL]
     change = np.array([-4.0, 4.0, 0.0])
     ridge.retarget(x, change)
     for context in ALL:
         pure[context].retarget(x, shares[context] * change)
-        after = ridge.ridges[context].scores(x)
+        after = ridge.scores_in(x, context)
         np.testing.assert_allclose(after, pure[context].scores(x), atol=1e-12)
         assert after[0] < before[context][0]
 
@@ -82,8 +101,8 @@ def test_a_context_without_frames_of_a_label_keeps_its_targets(examples):
     x = examples[0][0]
     ridge.retarget(x, np.array([-4.0, 4.0, 0.0]))
     ridge.learn(x, np.array([1.0, 0.0, 0.0]), -1.0)
-    assert not ridge.ridges[0].scores(x).any()
-    assert ridge.ridges[1].scores(x).any()
+    assert not ridge.scores_in(x, 0).any()
+    assert ridge.scores_in(x, 1).any()
 
 
 def test_a_model_from_before_contexts_has_the_same_opinion_in_all(examples):
@@ -94,15 +113,15 @@ def test_a_model_from_before_contexts_has_the_same_opinion_in_all(examples):
     ridge = make()
     ridge.set_arrays({"inverse": inverse, "linear": inverse @ z.T @ targets})
     x, expected = examples[0][0], alone(examples)
-    for one in (ridge, *ridge.ridges):
-        np.testing.assert_allclose(one.scores(x), expected.scores(x), atol=1e-12)
+    for scores in opinions(ridge, x):
+        np.testing.assert_allclose(scores, expected.scores(x), atol=1e-12)
     change = np.array([-1.0, 1.0, 0.0])
     for one in (ridge, expected):
         one.retarget(x, change)
-    for one in (ridge, *ridge.ridges):
-        np.testing.assert_allclose(one.scores(x), expected.scores(x), atol=1e-12)
+    for scores in opinions(ridge, x):
+        np.testing.assert_allclose(scores, expected.scores(x), atol=1e-12)
     ridge.learn_in(x, 1, (0,))
-    assert np.ptp([one.scores(x)[1] for one in ridge.ridges]) > 0.0
+    assert np.ptp([scores[1] for scores in opinions(ridge, x)]) > 0.0
 
 
 def test_a_model_of_other_features_is_refused(examples):
