@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from robot.policy.pilot_pace import PAUSE_S
 from robot.policy.running_votes import USUAL_STEP_S, VOTES_KEPT
 from robot.types import Action
 
 CHANGE_S = 0.5
-"""Examples so long after a change of move count,"""
-_PAUSE_S = 0.45
-"""but none after such a gap: a correction begins where the robot was wrong, which is no sample."""
+"""Examples so long after a change of move count, but none after a pause: a correction begins where
+the robot was wrong, which is no sample."""
 POWERS = np.geomspace(0.5, 4.0, 13)
 """Powers of the votes that are compared."""
 _PRIOR = 20.0
@@ -65,7 +65,7 @@ class Calibration:
         at_s = self._last_s + USUAL_STEP_S if at_s is None else at_s
         step_s, self._last_s = at_s - self._last_s, at_s
         before, self._label = self._label, label
-        if before is None or not 0.0 <= step_s < _PAUSE_S:
+        if before is None or not 0.0 <= step_s < PAUSE_S:
             self._left_s = 0.0
         elif label is not before:
             self._left_s, self._average = CHANGE_S, {}

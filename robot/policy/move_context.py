@@ -14,14 +14,13 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from robot.policy.pilot_pace import PAUSE_S
 from robot.types import TURNS, Action
 
 STRAIGHT, TURNING = 0, 1
 BOTH = (STRAIGHT, TURNING)
 ONSET_S = 0.5
 """An example that comes so soon after a change of move counts in the old move's context, too."""
-_PAUSE_S = 0.45
-"""A longer gap of teaching time between two examples is a pause."""
 
 
 def context_of(move: Action) -> int:
@@ -48,7 +47,7 @@ class MoveContext:
         if at_s is None:
             self._move = None
             return BOTH
-        before = self._move if 0.0 <= at_s - self._last_s <= _PAUSE_S else None
+        before = self._move if 0.0 <= at_s - self._last_s <= PAUSE_S else None
         if before is not label:
             self._before, self._move, self._since_s = before, label, at_s
         self._last_s = at_s

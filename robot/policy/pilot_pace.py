@@ -28,7 +28,7 @@ _ALIKE, _TIMED = 0.1, 0.75
 """Turns are timed if three quarters of the last ones differ by at most a tenth from the median."""
 _SHORTEST_TURN_S = 0.3
 """A shorter turn is a slip of the finger."""
-_PAUSE_S = 0.45
+PAUSE_S = 0.45
 """A longer gap of teaching time between two examples ends a manoeuvre."""
 
 
@@ -68,7 +68,7 @@ class PilotPace:
             at_s: Its teaching time.
         """
         step_s, self._last_s = at_s - self._last_s, at_s
-        if not 0.0 <= step_s <= _PAUSE_S:
+        if not 0.0 <= step_s <= PAUSE_S:
             step_s = 0.0
             self._end_push()
             self._end_turn()

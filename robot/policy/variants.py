@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from robot.learner.classifier import GROUP_COST, LINEAR_SHARE, N_VOTERS, BSOCClassifier
 from robot.learner.context_ridge import ContextRidge
-from robot.learner.ridge import RecursiveRidge
+from robot.learner.ridge import LinearPart, RecursiveRidge
 from robot.policy.action_filter import ActionFilter, Commitment
 from robot.policy.features import Features, GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
@@ -47,13 +47,14 @@ class Design:
         """Return the learner alone, of at most `number` nodes."""
         integer = integer or self.is_integer
         # The linear part costs a floating-point step over all pairs of gradients an example.
-        has_ridge = self.is_linear and not integer
-        linear = ContextRidge(_ridge) if self.is_contextual else _ridge()
+        linear: LinearPart | None = None
+        if self.is_linear and not integer:
+            linear = ContextRidge(_ridge) if self.is_contextual else _ridge()
         return BSOCClassifier(
             number,
             group_cost=self.group_cost,
             n_voters=self.n_voters,
-            linear=linear if has_ridge else None,
+            linear=linear,
             linear_share=self.linear_share,
             integer=integer,
             forgets=self.forgets and not integer,
