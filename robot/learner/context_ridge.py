@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.learner.block_ridge import BlockRidge
 from robot.learner.ridge import Floats, RecursiveRidge
 
 N_CONTEXTS = 2
@@ -30,12 +31,13 @@ class ContextRidge:
     def __init__(self, make: Callable[[], RecursiveRidge]) -> None:
         self._make = make
         self._any = make()
-        self._ridges: list[RecursiveRidge] = []
+        self._ridges: list[BlockRidge] = []
         self._counts = np.zeros((1 + N_CONTEXTS, 0), np.int64)
 
     def add_label(self) -> None:
         """Add a label, which no frame so far had."""
-        for ridge in (self._any, *self._ridges):
+        self._any.add_label()
+        for ridge in self._ridges:
             ridge.add_label()
         self._counts = np.hstack([self._counts, np.zeros((1 + N_CONTEXTS, 1), np.int64)])
 
@@ -86,8 +88,8 @@ class ContextRidge:
         arrays = self._any.get_arrays()
         self._ridges = [self._made_of(arrays) for _ in range(N_CONTEXTS)]
 
-    def _made_of(self, arrays: dict[str, NDArray[Any]]) -> RecursiveRidge:
-        ridge = self._make()
+    def _made_of(self, arrays: dict[str, NDArray[Any]]) -> BlockRidge:
+        ridge = BlockRidge(self._make())
         ridge.set_arrays(arrays)
         return ridge
 

@@ -113,6 +113,37 @@ class RecursiveRidge:
         self._waiting[:] = 0.0
         self._n_waiting = 0
 
+    def learn_block(self, z: Floats, targets: Floats) -> None:
+        """Add frames at once, each a row of what `scaled` returned, with their target scores.
+
+        Source: the matrix inversion lemma (Woodbury).
+        """
+        self._write()
+        directions, among = self._directions(z)
+        try:
+            root = np.linalg.inv(np.linalg.cholesky(among))
+        except np.linalg.LinAlgError:  # frames were taken back that differed from the learned ones
+            for row, target in zip(z, targets, strict=True):
+                self.learn_scaled(row, target)
+            return
+        changes = root @ directions
+        self._weights += changes.T @ (root @ (targets - z @ self._weights))
+        np.matmul(changes.T, changes, out=self._work)
+        self._inverse -= self._work
+
+    def weights_after(self, z: Floats, targets: Floats) -> Floats:
+        """Return the weights that `learn_block` would lead to, shape (n_features + 1, n_labels)."""
+        directions, among = self._directions(z)
+        gains = np.linalg.solve(among, targets - z @ self._weights)
+        weights: Floats = self._weights + directions.T @ gains
+        return weights
+
+    def _directions(self, z: Floats) -> tuple[Floats, Floats]:
+        """Return the inverse times each frame, and what the frames have in common."""
+        waiting = self._waiting[: self._n_waiting]
+        directions = z @ self._inverse - (z @ waiting.T) @ waiting
+        return directions, np.eye(len(z)) + directions @ z.T
+
     def retarget(self, x: NDArray[Any], change: Floats) -> None:
         """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
         self._weights += np.outer(self._solve(self.scaled(x)), change)

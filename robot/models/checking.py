@@ -155,6 +155,8 @@ def _check_arrays(
     optional = {name for name in form if name.startswith("context")}
     if optional & arrays.keys():  # all of it is there, or nothing
         optional = set()
+    if not any(name.endswith("_block_frames") for name in arrays):  # contexts before blocks
+        optional |= {name for name in form if "_block_" in name}
     if form.keys() >= _LATER and not _LATER & arrays.keys():
         optional |= _LATER
         form = {**form, "inverse": (form["triangle"][0], (form["waiting"][1][1],) * 2)}

@@ -208,6 +208,22 @@ def test_every_model_of_ours_is_let_in(tmp_path: Path, learner: str, lessons: in
     assert store.load("x").to_policy().n_seen == lessons
 
 
+@pytest.mark.parametrize("learner", ["default-4", "multi-place-3"])
+def test_contexts_that_learned_every_frame_at_once_are_let_in(tmp_path: Path, learner: str) -> None:
+    meta, arrays = parts(good(learner))
+    older = {name: array for name, array in arrays.items() if "_block_" not in name}
+    assert len(older) < len(arrays)
+    store = ModelStore(Storage(tmp_path))
+    store.add_file("x", packed(meta, older))
+    policy = store.load("x").to_policy()
+    x = policy.extract(FRAME)
+    before = policy.propose(1, x, under_way=Action.LEFT).probabilities
+    for step in range(20):
+        policy.learn(x, Action.FORWARD, 99.0 + 0.1 * step)
+    after = policy.propose(2, x, under_way=Action.LEFT).probabilities
+    assert after[Action.FORWARD] > before[Action.FORWARD]
+
+
 @pytest.mark.parametrize("learner", LEARNERS)
 def test_every_malformed_model_is_refused_with_a_sentence(tmp_path: Path, learner: str) -> None:
     store = ModelStore(Storage(tmp_path))
