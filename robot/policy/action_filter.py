@@ -36,7 +36,7 @@ costs more than one ended too late, so a turn has more of it (docs/explanation/l
 STRAIGHT_S = 0.3
 """After a turn its opposite is barred until the robot drove straight for so long,"""
 CERTAIN = 0.75
-"""but once it may follow if it has so many of the votes: the robot has turned past something."""
+"""unless it has so many of the votes: to follow a thing means to turn now here, now there."""
 ALLOWANCE = 1.3
 """The robot may come to so many times the pilot's longest debt before its turns lose votes."""
 HELPLESS_S = 10.0
@@ -53,8 +53,8 @@ _UNTIL_CLEAR = 5.0
 class Commitment:
     """Hysteresis: keeps the move under way unless the votes for another clearly exceed it.
 
-    After a turn it bars the opposite turn until the robot has driven straight for long enough:
-    LEFT and RIGHT alternating lead nowhere. Votes that are all but certain turn it back once.
+    After a turn it bars the opposite turn until the robot has driven straight for long enough, or
+    the votes for it are all but certain: LEFT and RIGHT alternating lead nowhere.
 
     Args:
         turn_inertia: By how much the votes for another move must exceed those for a turn under way.
@@ -73,7 +73,6 @@ class Commitment:
         self.straight_inertia = straight_inertia
         self.bars_opposite = bars_opposite
         self._turn: Action | None = None
-        self._has_turned_back = False
 
     def choose(
         self,
@@ -96,9 +95,9 @@ class Commitment:
             doubt: How much is subtracted from the votes of FORWARD.
             hold: How many times its inertia the move under way has.
         """
-        opposite = OPPOSITE.get(self._turn) if self._turn is not None else None
-        is_certain = opposite is not None and shares.get(opposite, 0.0) > CERTAIN
-        barred = None if is_certain and not self._has_turned_back else opposite
+        barred = OPPOSITE.get(self._turn) if self._turn is not None else None
+        if barred is not None and shares.get(barred, 0.0) > CERTAIN:
+            barred = None
         allowed = [action for action in shares if action is not barred] or list(shares)
         fruitful = [action for action in allowed if action is not futile and shares[action] > 0]
         inertia = hold * (self.turn_inertia if under_way in TURNS else self.straight_inertia)
@@ -112,13 +111,12 @@ class Commitment:
             ),
         )
         if self.bars_opposite and chosen in TURNS:
-            self._has_turned_back |= chosen is opposite
             self._turn = chosen
         return chosen
 
     def free(self) -> None:
         """Allow every turn again: the last one is paid back."""
-        self._turn, self._has_turned_back = None, False
+        self._turn = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import random
 
 import numpy as np
@@ -130,24 +129,20 @@ def test_the_opposite_turn_waits_until_the_turn_is_paid_back(rate_hz):
 
 
 @pytest.mark.parametrize("rate_hz", [10, 15, 30])
-def test_votes_that_are_certain_turn_it_back_once(rate_hz):
-    """It has turned past something. To swing on would lead nowhere, whatever the votes."""
+def test_votes_that_are_certain_need_not_wait_for_that(rate_hz):
+    """Whatever is being followed has gone to the other side."""
     body = Body(rate_hz)
     body.run(1.0, voted(L))
     assert body.run(1.0, voted(R, CERTAIN + 0.05))[-1] is R
-    assert L not in body.run(1.0, voted(L, CERTAIN + 0.05))
-    body.run(2.0, voted(F))
-    assert body.run(1.0, voted(L, CERTAIN + 0.05))[-1] is L
 
 
 @pytest.mark.parametrize("rate_hz", [10, 15, 30])
 @pytest.mark.parametrize("period_s", [0.3, 1.0, 2.5])
-def test_swinging_with_certainty_ends_at_once(rate_hz, period_s):
+def test_swinging_with_certainty_is_ended_by_the_debt(rate_hz, period_s):
     body = Body(rate_hz, longest_debt_s=4.0)
     sent = body.run(20.0, lambda t: voted(L if t % (2 * period_s) < period_s else R, 0.95))
-    turns = [move for move in sent[: sent.index(F)] if move in TURNS]
-    changes = sum(a is not b for a, b in itertools.pairwise(turns))
-    assert changes <= 1
+    first_straight_s = sent.index(F) / rate_hz
+    assert first_straight_s < 4.0 * ALLOWANCE * 2.1
 
 
 @pytest.mark.parametrize("rate_hz", [10, 15, 30])
