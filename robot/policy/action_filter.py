@@ -7,7 +7,8 @@ Every constant is a time or a share of votes, never a number of frames.
 3. A straight move without effect is given up (`stall_detector.py`).
 4. A turn that has gone on for longer than the pilot's own longest loses votes, and its opposite is
    barred until it has been paid back by driving straight (`progress_clock.py`).
-5. If none of this helps, the robot stops and asks for help.
+5. FORWARD loses votes where it leads into the unknown (`unknown_ahead.py`).
+6. If none of this helps, the robot stops and asks for help.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from robot.policy.progress_clock import ProgressClock
 from robot.policy.running_votes import IMAGES_KEPT, USUAL_STEP_S, VOTES_KEPT, RunningVotes
 from robot.policy.stall_detector import StallDetector
+from robot.policy.unknown_ahead import UnknownAhead
 from robot.types import OPPOSITE, TURNS, Action
 
 TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
@@ -77,6 +79,7 @@ class Commitment:
         futile: Action | None = None,
         *,
         urge: float = 0.0,
+        doubt: float = 0.0,
         hold: float = 1.0,
     ) -> Action:
         """Return the allowed action with most votes; the first on a tie.
@@ -87,6 +90,7 @@ class Commitment:
                 move must not influence a prediction that is compared with the pilot's move.
             futile: A move without effect: chosen only if there are no votes for another.
             urge: How much is subtracted from the votes of all turns.
+            doubt: How much is subtracted from the votes of FORWARD.
             hold: How many times its inertia the move under way has.
         """
         barred = OPPOSITE.get(self._turn) if self._turn is not None else None
@@ -99,6 +103,7 @@ class Commitment:
                 shares[action]
                 + (inertia if action is under_way else 0.0)
                 - (urge if action in TURNS else 0.0)
+                - (doubt if action is Action.FORWARD else 0.0)
             ),
         )
         if self.bars_opposite and chosen in TURNS:
@@ -112,11 +117,12 @@ class Commitment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """What the filter sees of a frame: grey values, time, and whether a bumper was pressed."""
+    """What the filter sees of a frame: grey values, time, if a bumper was pressed, and novelty."""
 
     picture: NDArray[np.uint8]
     at_s: float
     bumped: bool
+    novelty: float = 0.0
 
 
 class ActionFilter:
@@ -147,6 +153,7 @@ class ActionFilter:
         self._commitment = commitment or Commitment()
         self._stall_detector = StallDetector()
         self._clock = ProgressClock()
+        self._unknown = UnknownAhead()
         self._gives_up = gives_up
         self._asks_until_s = 0.0
         self._turns_since_s: float | None = None
@@ -214,7 +221,8 @@ class ActionFilter:
         ):
             self._ask(view.at_s)  # it was taught no other move
         hold = self._hold(under_way, view.at_s, timed_turn_s, 0.0 if in_context else 1.0)
-        return self._commitment.choose(shares, under_way, futile, urge=urge, hold=hold)
+        doubt = self._unknown.doubt(view.novelty, under_way, view.at_s)
+        return self._commitment.choose(shares, under_way, futile, urge=urge, doubt=doubt, hold=hold)
 
     def _hold(
         self, under_way: Action | None, at_s: float, timed_s: float | None, usual: float
@@ -262,5 +270,6 @@ class ActionFilter:
         self._commitment.free()
         self._stall_detector.reset()
         self._clock.reset()
+        self._unknown.reset()
         self._turns_since_s = None
         self.needs_help = False

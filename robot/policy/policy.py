@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,7 +146,9 @@ class Policy:
         jumpy = None if images is None else {move: images.get(move, 0.0) for move in self.moves}
         steady = self._action_filter.average(shares, at_s, jumpy)
         self._now_s = self._now_s + USUAL_STEP_S if at_s is None else at_s
-        view = View(picture=self.features.grey(x), at_s=self._now_s, bumped=bumped)
+        view = View(
+            picture=self.features.grey(x), at_s=self._now_s, bumped=bumped, novelty=evidence.novelty
+        )
         action = self._action_filter.choose(
             steady,
             view,
@@ -197,13 +198,13 @@ class Policy:
         """
         if label not in self.moves:
             raise ValueError(f"{label!r} is not one of the moves {', '.join(self.moves)}")
+        label = Action(label)
         if self._is_needed(label, at_s):
             self._calibrate(x, label, at_s)
             if self._contextual is None:
-                self.learner.learn_one(x, Action(label))
+                self.learner.learn_one(x, label)
             else:
-                contexts = self._context.note(Action(label), at_s)
-                self._contextual.learn_in(x, Action(label), contexts)
+                self._contextual.learn_in(x, label, self._context.note(label, at_s))
             if self._brighten is not None:
                 self._light.learn(float(self.features.grey(x).mean()))
         if at_s is not None:
@@ -267,11 +268,8 @@ class Policy:
         Raises:
             ValueError: If it is of another kind.
         """
-        kind = state.kind.removeprefix("policy:")
-        inner: dict[str, Any] = state.params["learner"]
-        self.learner.set_state(
-            State(kind=kind, params=inner, arrays=state.arrays, labels=state.labels)
-        )
+        kind, params = state.kind.removeprefix("policy:"), state.params["learner"]
+        self.learner.set_state(replace(state, kind=kind, params=params))
         self._n_examples = int(state.params["lessons"])
         last = state.params.get("last_learned")
         self._last_learned = None if last is None else (float(last[0]), str(last[1]))

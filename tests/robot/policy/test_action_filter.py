@@ -101,3 +101,20 @@ def choose(actions, shares, doing, at_s, timed_s):
         patience_s=0.5,
         timed_turn_s=timed_s,
     )
+
+
+def test_who_drives_into_the_unknown_turns_where_the_votes_are_close():
+    """The same votes: FORWARD in known views, the better turn when novelty has risen."""
+    actions, votes, chosen = ActionFilter(), {F: 0.5, L: 0.1, R: 0.4}, []
+    rng = np.random.default_rng(0)
+    for i in range(90):
+        picture = rng.integers(0, 255, (30, 40), np.uint8)
+        view = View(
+            picture=picture, at_s=i / 30, bumped=False, novelty=0.5 if i < 60 else 0.05 * i - 2.5
+        )
+        chosen.append(
+            actions.choose(votes, view, F, longest_debt_s=3.0, patience_s=0.5, in_context=True)
+        )
+    assert set(chosen[:60]) == {F}
+    assert chosen[-1] is R
+    assert L not in chosen

@@ -1,0 +1,51 @@
+"""Notices that driving on leads into the unknown: the view grows less and less known.
+
+A robot that has missed its turn drives towards what no example shows, such as a wall from near, and
+there its votes are a guess. So FORWARD loses as many votes as novelty has risen. Only a rise
+counts: in other light every view is novel, and no move would help.
+"""
+
+from __future__ import annotations
+
+import math
+
+from robot.types import Action
+
+USUAL_S = 3.0
+"""Novelty is compared with its average over about so long,"""
+NOW_S = 0.15
+"""and that itself is an average: single frames jump."""
+MOST = 0.6
+"""So many votes FORWARD loses at most."""
+_LONGEST_STEP_S = 0.25
+
+
+class UnknownAhead:
+    """Follows the novelty of the views while the robot drives."""
+
+    def __init__(self) -> None:
+        self._now = self._usual = 0.0
+        self._last_s: float | None = None
+
+    def doubt(self, novelty: float, under_way: Action | None, at_s: float) -> float:
+        """Return how many votes FORWARD loses, from 0 to `MOST`.
+
+        Args:
+            novelty: Of the newest view; beyond 1 it is unknown.
+            under_way: The move that the robot makes by its own choice; None if it does not.
+            at_s: When the frame was taken.
+        """
+        if under_way is None or self._last_s is None:
+            self._now = self._usual = novelty
+        else:
+            step_s = min(max(at_s - self._last_s, 0.0), _LONGEST_STEP_S)
+            self._now += (novelty - self._now) * -math.expm1(-step_s / NOW_S)
+            self._usual += (novelty - self._usual) * -math.expm1(-step_s / USUAL_S)
+        self._last_s = at_s
+        if under_way is not Action.FORWARD:
+            return 0.0
+        return min(max(self._now - max(self._usual, 1.0), 0.0), MOST)
+
+    def reset(self) -> None:
+        """Forget the past: a new drive begins."""
+        self._last_s = None
