@@ -1,7 +1,7 @@
 """A ridge for one who is taught at every frame and asked seldom: it learns frames in blocks.
 
-The inverse is large, and a block reads and writes it once: 32 frames together cost a fifth of what
-they cost one by one. Frames that wait for their block count already in what it is asked.
+The inverse is large, and a block reads and writes it once: 32 frames together cost less than half
+of what they cost one by one. Frames that wait for their block count already in what it is asked.
 """
 
 from __future__ import annotations

@@ -15,6 +15,11 @@ EFFECT_S = 0.2
 _LONGEST_STEP_S = 0.25
 
 
+def passed_s(last_s: float | None, at_s: float) -> float:
+    """Return the time since the last frame, a quarter of a second at most; 0 for a first frame."""
+    return 0.0 if last_s is None else min(max(at_s - last_s, 0.0), _LONGEST_STEP_S)
+
+
 class ProgressClock:
     """Counts a debt in seconds.
 
@@ -36,7 +41,7 @@ class ProgressClock:
             at_s: Now, in seconds.
             is_stalled: True if it has no effect.
         """
-        step_s = 0.0 if self._last_s is None else min(max(at_s - self._last_s, 0), _LONGEST_STEP_S)
+        step_s = passed_s(self._last_s, at_s)
         self._last_s = at_s
         if action is None or action is Action.STOP:
             return

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from robot.policy.progress_clock import passed_s
 from robot.types import Action
 
 USUAL_S = 3.0
@@ -17,7 +18,6 @@ NOW_S = 0.15
 """and that itself is an average: single frames jump."""
 MOST = 0.6
 """So many votes FORWARD loses at most."""
-_LONGEST_STEP_S = 0.25
 
 
 class UnknownAhead:
@@ -38,7 +38,7 @@ class UnknownAhead:
         if under_way is None or self._last_s is None:
             self._now = self._usual = novelty
         else:
-            step_s = min(max(at_s - self._last_s, 0.0), _LONGEST_STEP_S)
+            step_s = passed_s(self._last_s, at_s)
             self._now += (novelty - self._now) * -math.expm1(-step_s / NOW_S)
             self._usual += (novelty - self._usual) * -math.expm1(-step_s / USUAL_S)
         self._last_s = at_s
