@@ -15,7 +15,6 @@ from .world import (
     open_page,
     running_chromium,
     running_world,
-    stop,
 )
 
 
@@ -64,8 +63,19 @@ def desktop(chromium: Any, world: World) -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    """One robot in the office for a whole file; each of its tests finds it stopped."""
+    """One robot in the office for a whole file; each of its tests finds it stopped.
+
+    It has one page: a test that opens others takes a robot of its own (`new_robot`).
+    """
     with running_world(tmp_path_factory.mktemp("rover"), world="office") as running:
+        yield running
+
+
+@pytest.fixture
+def new_robot(tmp_path: Path) -> Iterator[World]:
+    """A robot in the office that no page of another test knows: what a closed page asked for last,
+    such as STOP, may reach its robot late."""
+    with running_world(tmp_path, world="office") as running:
         yield running
 
 
@@ -107,13 +117,6 @@ def rovers_page(
     yield lambda viewport: _one_page.get(chromium, rover, viewport)
     if request.session.testsfailed > failed:
         _one_page.close()
-
-
-@pytest.fixture
-def no_page(rover: World, _one_page: _OnePage) -> None:
-    """The rover has no page open before it, and stands."""
-    _one_page.close()
-    stop(rover)
 
 
 @pytest.fixture

@@ -90,7 +90,7 @@ def choose(page: Any, world: World, mode: Mode) -> None:
     shown = page.locator(f"mode-bar [data-mode={mode.value}][aria-checked=true]")
     deadline_s = time.monotonic() + 40.0
     while not (world.mode is mode and shown.count()):
-        assert time.monotonic() < deadline_s, f"the robot does not stay in mode {mode.value}"
+        assert time.monotonic() < deadline_s, f"does not stay in {mode.value}: {world}"
         if world.mode is not mode and button.is_enabled():
             button.click()
         with contextlib.suppress(Exception):  # stopped at once, or late

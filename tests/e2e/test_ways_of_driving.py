@@ -21,7 +21,16 @@ from .hand import (
     turning,
     wait_until_standing,
 )
-from .world import LANDSCAPE, PHONE, World, open_page, remember, running_chromium, wait_for
+from .world import (
+    LANDSCAPE,
+    PHONE,
+    World,
+    new_context,
+    open_page,
+    remember,
+    running_chromium,
+    wait_for,
+)
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -119,8 +128,8 @@ def test_space_stops_from_every_screen(desktop: Any, world: World) -> None:
         desktop.wait_for_function(f"() => !{IS_EMERGENCY}")
 
 
-@pytest.mark.usefixtures("no_page")
-def test_a_gamepad_drives_and_its_button_stops(chromium: Any, world: World) -> None:
+def test_a_gamepad_drives_and_its_button_stops(chromium: Any, new_robot: World) -> None:
+    world = new_robot
     context = chromium.new_context(viewport=PHONE)
     context.add_init_script(FAKE_GAMEPAD)
     page = open_page(context, world.address)
@@ -144,8 +153,8 @@ def whole_chromium() -> Iterator[Any]:
         yield browser
 
 
-@pytest.mark.usefixtures("no_page")
-def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, world: World) -> None:
+def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, new_robot: World) -> None:
+    world = new_robot
     context = whole_chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     context.add_init_script(remember(hintsShown=["teach", "bars", "correct"], tilt=True))
     page = open_page(context, world.address, hints=True)
@@ -234,11 +243,10 @@ def test_turning_the_phone_while_holding_stops_or_goes_on_never_sticks(
     fingers.lift()
 
 
-def test_a_second_tab_watches_asks_and_takes_over_politely(
-    chromium: Any, phone: Any, world: World
-) -> None:
-    context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
-    second = open_page(context, world.address)
+def test_a_second_tab_watches_asks_and_takes_over_politely(chromium: Any, new_robot: World) -> None:
+    world = new_robot
+    contexts = [new_context(chromium, PHONE) for _ in range(2)]
+    phone, second = (open_page(context, world.address) for context in contexts)
     second.locator(".notice", has_text="Somebody else has the wheel").wait_for()
     assert second.locator("[data-mode=train]").is_disabled()
     choose(phone, world, Mode.TRAIN)
@@ -258,4 +266,5 @@ def test_a_second_tab_watches_asks_and_takes_over_politely(
     assert world.mode is Mode.STOPPED, "a change of hands stops the robot"
     second.locator("drive-pad .stop").tap()
     wait_for(lambda: world.rig.loop.state.emergency, "anybody may stop it")
-    context.close()
+    for context in contexts:
+        context.close()

@@ -201,19 +201,15 @@ def _load(page: Any, address: str, *, hints: bool = False) -> None:
     page.wait_for_selector("video-view[data-frames]", state="attached", timeout=60_000)
 
 
-def stop(world: World) -> None:
-    """Have the robot stand, with no emergency."""
-    world.rig.loop.set_mode(Mode.STOPPED).result(5)
-    world.rig.loop.release_emergency().result(5)
-
-
 def begin_anew(page: Any, world: World, viewport: dict[str, int]) -> None:
     """Have the robot stand, with no emergency, and the page show it, as if both had just begun."""
     is_open = page.url.startswith(world.address)
     was_stopped = world.rig.loop.state.emergency
-    if was_stopped and is_open:  # a page that does not know yet would stop it in other ways, too
+    if was_stopped and is_open:  # a page that does not know yet would stop it over HTTP, too
         page.wait_for_selector("mode-bar [data-mode=train][disabled]", state="attached")
-    stop(world)
+        page.wait_for_function("() => !isFetching()")
+    world.rig.loop.set_mode(Mode.STOPPED).result(5)
+    world.rig.loop.release_emergency().result(5)
     page.set_viewport_size(viewport)
     if is_open:
         page.evaluate("location.hash = 'drive'")
