@@ -221,7 +221,7 @@ class ActionFilter:
         ):
             self._ask(view.at_s)  # it was taught no other move
         hold = self._hold(under_way, view.at_s, timed_turn_s, 0.0 if in_context else 1.0)
-        doubt = self._unknown.doubt(view.novelty, under_way, view.at_s)
+        doubt = self._unknown.doubt(view.novelty, shares, under_way, view.at_s)
         return self._commitment.choose(shares, under_way, futile, urge=urge, doubt=doubt, hold=hold)
 
     def _hold(

@@ -5,10 +5,11 @@ import pytest
 from robot.policy.unknown_ahead import MOST, UnknownAhead
 from robot.types import Action
 
-F, L = Action.FORWARD, Action.LEFT
+F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
+CLEAR = {F: 0.7, L: 0.2, R: 0.1}
 
 
-def doubts(novelties, under_way=F, rate_hz=30, unknown=None):
+def doubts(novelties, under_way=F, rate_hz=30, unknown=None, shares=CLEAR):
     """Return the doubt at each of some views, taught as novelty by seconds."""
     unknown = unknown or UnknownAhead()
     n_views = round(rate_hz * novelties[-1][0])
@@ -16,7 +17,7 @@ def doubts(novelties, under_way=F, rate_hz=30, unknown=None):
     for i in range(n_views):
         now_s = i / rate_hz
         novelty = next(value for until_s, value in novelties if now_s < until_s)
-        found.append(unknown.doubt(novelty, under_way, 100.0 + now_s))
+        found.append(unknown.doubt(novelty, shares, under_way, 100.0 + now_s))
     return found
 
 
@@ -67,22 +68,57 @@ def test_only_forward_is_doubted(under_way):
     assert not any(doubts(approach(to=3.0), under_way))
 
 
+@pytest.mark.parametrize(
+    "shares",
+    [
+        {F: 0.7, L: 0.17, R: 0.13},
+        {F: 0.7, Action.SPIN_LEFT: 0.15, Action.SPIN_RIGHT: 0.15},
+        {F: 1.0, L: 0.0, R: 0.0},
+        {F: 0.6, Action.BACKWARD: 0.4},
+        {F: 1.0},
+    ],
+)
+def test_there_is_no_doubt_where_the_turn_would_be_a_guess(shares):
+    assert not any(doubts(approach(to=3.0), shares=shares))
+
+
+@pytest.mark.parametrize(
+    "shares",
+    [
+        {F: 0.9, L: 0.1},
+        {F: 0.9, L: 0.1, R: 0.0},
+        {F: 0.8, L: 0.05, R: 0.15},
+        {F: 0.7, L: 0.2, Action.SPIN_LEFT: 0.1},
+        {F: 0.7, Action.SPIN_LEFT: 0.1, Action.SPIN_RIGHT: 0.2},
+    ],
+)
+def test_a_side_that_is_clear_need_not_have_many_votes(shares):
+    assert doubts(approach(to=3.0), shares=shares)[-1] > 0.3
+
+
+def test_novelty_is_followed_while_the_side_is_not_clear():
+    unknown = UnknownAhead()
+    doubts(approach(to=1.8), shares={F: 0.6, L: 0.2, R: 0.2}, unknown=unknown)
+    found = unknown.doubt(1.8, CLEAR, F, 106.0)
+    assert found == pytest.approx(doubts(approach(to=1.8))[-1], abs=0.03)
+
+
 def test_when_the_pilot_has_driven_the_past_does_not_count():
     unknown = UnknownAhead()
     doubts(approach(to=3.0), F, unknown=unknown)
-    unknown.doubt(3.0, None, 107.0)
-    assert unknown.doubt(3.0, F, 107.1) == 0.0
+    unknown.doubt(3.0, CLEAR, None, 107.0)
+    assert unknown.doubt(3.0, CLEAR, F, 107.1) == 0.0
 
 
 def test_a_new_drive_knows_nothing_of_the_last():
     unknown = UnknownAhead()
     assert doubts(approach(to=3.0), F, unknown=unknown)[-1] > 0.0
     unknown.reset()
-    assert unknown.doubt(3.0, F, 50.0) == 0.0
+    assert unknown.doubt(3.0, CLEAR, F, 50.0) == 0.0
 
 
 def test_a_clock_that_runs_backward_lets_no_time_pass():
     unknown = UnknownAhead()
     last = doubts(approach(to=1.4), F, unknown=unknown)[-1]
     assert 0.0 < last < MOST
-    assert unknown.doubt(0.0, F, 50.0) == last
+    assert unknown.doubt(0.0, CLEAR, F, 50.0) == last
