@@ -57,10 +57,13 @@ class Habits:
     def tables(
         self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
-        """Return the release criteria, then one table each by rate, habit and place."""
+        """Return the release criteria, then one table each by rate, habit and place.
+
+        The tables are of lessons of 90 s, of which the quick form has none.
+        """
         long = [(t, r) for t, r in zip(tasks, results, strict=True) if t.params["teach_s"] > 60]
         tables = [_gate(tasks, results)]
-        for name in ("rate_hz", "habit", "world"):
+        for name in ("rate_hz", "habit", "world") if long else ():
             grouped = group([t for t, _ in long], [r for _, r in long], name)
             tables.append(
                 Table(

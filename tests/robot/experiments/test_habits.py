@@ -88,6 +88,14 @@ def test_the_gate_says_what_is_wrong() -> None:
     assert gate(results, tasks)["pushes over 1 s"] == 0
 
 
+def test_the_quick_form_has_no_table_without_rows() -> None:
+    settings = ExperimentSettings(quick=True)
+    tasks = Habits().plan(settings)
+    tables = Habits().tables(settings, tasks, [beside(figures(), figures()) for _ in tasks])
+    assert tables
+    assert all(table.rows for table in tables)
+
+
 def test_a_robot_taught_by_a_habit_drives_and_the_run_repeats() -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
     from robot.experiments.habit_run import run_habit
