@@ -11,6 +11,7 @@ from .world import (
     PHONE,
     World,
     begin_anew,
+    come_to_rest,
     new_context,
     open_page,
     running_chromium,
@@ -65,17 +66,9 @@ def desktop(chromium: Any, world: World) -> Iterator[Any]:
 def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
     """One robot in the office for a whole file; each of its tests finds it stopped.
 
-    It has one page: a test that opens others takes a robot of its own (`new_robot`).
+    It has one page: a test that opens others takes a robot of its own (`world`).
     """
     with running_world(tmp_path_factory.mktemp("rover"), world="office") as running:
-        yield running
-
-
-@pytest.fixture
-def new_robot(tmp_path: Path) -> Iterator[World]:
-    """A robot in the office that no page of another test knows: what a closed page asked for last,
-    such as STOP, may reach its robot late."""
-    with running_world(tmp_path, world="office") as running:
         yield running
 
 
@@ -88,7 +81,8 @@ class _OnePage:
 
     def get(self, chromium: Any, rover: World, viewport: dict[str, int]) -> Any:
         """Return the page as if it had just been opened; opening it costs a second."""
-        if viewport is not self._viewport:
+        if self.page is not None and viewport is not self._viewport:
+            come_to_rest(self.page, rover)  # what a closed page asked for last may arrive late
             self.close()
         if self.page is None:
             self.page, self._viewport = new_context(chromium, viewport).new_page(), viewport

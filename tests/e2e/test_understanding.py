@@ -163,8 +163,10 @@ def test_models_are_renamed_copied_deleted_and_brought_back(phone: Any, world: W
     phone.get_by_role("button", name="Begin anew").tap()
     phone.locator("toast-bar", has_text="knows nothing").wait_for()
     wait_for(lambda: world.lessons == 0, "the robot begins with nothing")
-    phone.get_by_role("button", name="Use this one").tap()
+    use = phone.get_by_role("button", name="Use this one")
+    use.tap()
     wait_for(lambda: world.lessons >= 50, "what it knew is back")
+    use.wait_for(state="detached")  # the list is drawn anew: a tap on the old one would be lost
     phone.get_by_role("button", name="Delete").first.tap()
     phone.locator("toast-bar button").tap()
     phone.locator(".model h3", has_text="Kitchen").first.wait_for()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -23,12 +23,8 @@ from .hand import (
 )
 from .world import (
     LANDSCAPE,
-    PHONE,
     World,
-    new_context,
-    open_page,
-    remember,
-    running_chromium,
+    release_stop,
     wait_for,
 )
 
@@ -48,15 +44,6 @@ def phone(rovers_phone: Any) -> Any:
 @pytest.fixture
 def desktop(rovers_desktop: Any) -> Any:
     return rovers_desktop
-
-
-IS_EMERGENCY = "document.querySelector('app-bar').page.store.state.robot.emergency"
-"""What the page knows."""
-FAKE_GAMEPAD = """
-globalThis.fakePad = {connected: true, index: 0, axes: [0, 0],
-  buttons: Array.from({length: 17}, () => ({pressed: false}))};
-navigator.getGamepads = () => [globalThis.fakePad];
-"""
 
 
 def test_touch_slides_from_one_direction_to_another(phone: Any, world: World) -> None:
@@ -123,66 +110,7 @@ def test_space_stops_from_every_screen(desktop: Any, world: World) -> None:
         assert desktop.locator("app-bar .stop").is_visible()
         desktop.keyboard.press("Space")
         wait_for(lambda: world.rig.loop.state.emergency, f"space stops on {screen}")
-        desktop.wait_for_function(f"() => {IS_EMERGENCY}")  # else it would stop by HTTP, too
-        world.rig.loop.release_emergency().result(5)
-        desktop.wait_for_function(f"() => !{IS_EMERGENCY}")
-
-
-def test_a_gamepad_drives_and_its_button_stops(chromium: Any, new_robot: World) -> None:
-    world = new_robot
-    context = chromium.new_context(viewport=PHONE)
-    context.add_init_script(FAKE_GAMEPAD)
-    page = open_page(context, world.address)
-    choose(page, world, Mode.TRAIN)
-    page.evaluate("dispatchEvent(new Event('gamepadconnected'))")
-    push, let_go = (partial(page.evaluate, f"fakePad.axes = [{x}, 0]") for x in (-1, 0))
-    press_until(page, world, push, let_go, turning(world))
-    page.evaluate("fakePad.axes = [0, 0]")
-    wait_for(lambda: world.action is Action.STOP, "the stick came back")
-    page.evaluate("fakePad.buttons[15].pressed = true")
-    wait_for(lambda: world.action is Action.RIGHT, "the cross drives")
-    page.evaluate("fakePad.buttons[1].pressed = true")
-    wait_for(lambda: world.rig.loop.state.emergency, "its button stops")
-    context.close()
-
-
-@pytest.fixture
-def whole_chromium() -> Iterator[Any]:
-    """The Chromium with windows, though none is opened: the other one knows no leaning phone."""
-    with running_chromium(whole=True) as browser:
-        yield browser
-
-
-def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, new_robot: World) -> None:
-    world = new_robot
-    context = whole_chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
-    context.add_init_script(remember(hintsShown=["teach", "bars", "correct"], tilt=True))
-    page = open_page(context, world.address, hints=True)
-    lean = context.new_cdp_session(page)
-
-    def tilt(beta: float, gamma: float) -> None:
-        lean.send(
-            "DeviceOrientation.setDeviceOrientationOverride",
-            {"alpha": 0, "beta": beta, "gamma": gamma},
-        )
-
-    choose(page, world, Mode.TRAIN)
-    fingers = Fingers(page)
-
-    def lean_left() -> None:
-        tilt(40, 0)
-        fingers.press(".move.tilt")
-        page.wait_for_timeout(300)
-        assert world.action is Action.STOP, "upright is as it was when the thumb went down"
-        tilt(40, -30)
-
-    press_until(page, world, lean_left, fingers.lift, turning(world))
-    assert world.action is Action.LEFT
-    tilt(10, 0)
-    wait_for(lambda: world.action is Action.FORWARD, "leaning away drives on")
-    fingers.lift()
-    wait_until_standing(world)
-    context.close()
+        release_stop(desktop, world)
 
 
 LETTING_GO: dict[str, Callable[[Any, Fingers], None]] = {
@@ -241,30 +169,3 @@ def test_turning_the_phone_while_holding_stops_or_goes_on_never_sticks(
     fingers.press(pad("right"))
     wait_for(lambda: world.action is Action.RIGHT, "the other layout drives")
     fingers.lift()
-
-
-def test_a_second_tab_watches_asks_and_takes_over_politely(chromium: Any, new_robot: World) -> None:
-    world = new_robot
-    contexts = [new_context(chromium, PHONE) for _ in range(2)]
-    phone, second = (open_page(context, world.address) for context in contexts)
-    second.locator(".notice", has_text="Somebody else has the wheel").wait_for()
-    assert second.locator("[data-mode=train]").is_disabled()
-    choose(phone, world, Mode.TRAIN)
-    fingers = Fingers(phone)
-    hold_until(world, fingers, "left", turning(world))
-    others = Fingers(second)
-    others.press(pad("forward"))
-    second.wait_for_timeout(300)
-    assert world.action is Action.LEFT, "who watches cannot drive"
-    others.lift()
-    second.locator(".notice button").tap()
-    phone.locator(".notice button", has_text="Give it").wait_for()
-    assert world.action is Action.LEFT, "asking stops nobody"
-    fingers.lift()
-    phone.locator(".notice button").tap()
-    second.wait_for_selector("[data-mode=train]:not([disabled])")
-    assert world.mode is Mode.STOPPED, "a change of hands stops the robot"
-    second.locator("drive-pad .stop").tap()
-    wait_for(lambda: world.rig.loop.state.emergency, "anybody may stop it")
-    for context in contexts:
-        context.close()

@@ -201,15 +201,33 @@ def _load(page: Any, address: str, *, hints: bool = False) -> None:
     page.wait_for_selector("video-view[data-frames]", state="attached", timeout=60_000)
 
 
+def release_stop(page: Any, world: World) -> None:
+    """Release the emergency stop, if it is latched, when the page knows of it and asks for nothing.
+
+    A page that does not know yet would stop the robot once more, over HTTP.
+    """
+    known = "document.querySelector('app-bar')?.page?.store.state.robot?.emergency"
+    if world.rig.loop.state.emergency:
+        page.wait_for_function(f"() => {known}")
+    page.wait_for_function("() => !isFetching()")
+    world.rig.loop.release_emergency().result(5)
+    page.wait_for_function(f"() => !{known}")
+
+
+def come_to_rest(page: Any, world: World) -> None:
+    """Have the robot stand, with no emergency, and nothing left that its page has asked for."""
+    world.rig.loop.set_mode(Mode.STOPPED).result(5)
+    if page.url.startswith(world.address):
+        release_stop(page, world)
+    else:
+        world.rig.loop.release_emergency().result(5)
+
+
 def begin_anew(page: Any, world: World, viewport: dict[str, int]) -> None:
     """Have the robot stand, with no emergency, and the page show it, as if both had just begun."""
     is_open = page.url.startswith(world.address)
     was_stopped = world.rig.loop.state.emergency
-    if was_stopped and is_open:  # a page that does not know yet would stop it over HTTP, too
-        page.wait_for_selector("mode-bar [data-mode=train][disabled]", state="attached")
-        page.wait_for_function("() => !isFetching()")
-    world.rig.loop.set_mode(Mode.STOPPED).result(5)
-    world.rig.loop.release_emergency().result(5)
+    come_to_rest(page, world)
     page.set_viewport_size(viewport)
     if is_open:
         page.evaluate("location.hash = 'drive'")

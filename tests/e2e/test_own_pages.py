@@ -1,0 +1,108 @@
+"""Ways of driving that need pages of their own, and so robots of their own.
+
+What a closed page asked for last, such as STOP, may reach its robot late: in the next test, if both
+had the same one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import pytest
+
+from robot.types import Action, Mode
+
+from .hand import Fingers, choose, hold_until, pad, press_until, turning, wait_until_standing
+from .world import PHONE, World, open_page, remember, running_chromium, wait_for
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+FAKE_GAMEPAD = """
+globalThis.fakePad = {connected: true, index: 0, axes: [0, 0],
+  buttons: Array.from({length: 17}, () => ({pressed: false}))};
+navigator.getGamepads = () => [globalThis.fakePad];
+"""
+
+
+def test_a_gamepad_drives_and_its_button_stops(chromium: Any, world: World) -> None:
+    context = chromium.new_context(viewport=PHONE)
+    context.add_init_script(FAKE_GAMEPAD)
+    page = open_page(context, world.address)
+    choose(page, world, Mode.TRAIN)
+    page.evaluate("dispatchEvent(new Event('gamepadconnected'))")
+    push, let_go = (partial(page.evaluate, f"fakePad.axes = [{x}, 0]") for x in (-1, 0))
+    press_until(page, world, push, let_go, turning(world))
+    page.evaluate("fakePad.axes = [0, 0]")
+    wait_for(lambda: world.action is Action.STOP, "the stick came back")
+    page.evaluate("fakePad.buttons[15].pressed = true")
+    wait_for(lambda: world.action is Action.RIGHT, "the cross drives")
+    page.evaluate("fakePad.buttons[1].pressed = true")
+    wait_for(lambda: world.rig.loop.state.emergency, "its button stops")
+    context.close()
+
+
+@pytest.fixture
+def whole_chromium() -> Iterator[Any]:
+    """The Chromium with windows, though none is opened: the other one knows no leaning phone."""
+    with running_chromium(whole=True) as browser:
+        yield browser
+
+
+def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, world: World) -> None:
+    context = whole_chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    context.add_init_script(remember(hintsShown=["teach", "bars", "correct"], tilt=True))
+    page = open_page(context, world.address, hints=True)
+    lean = context.new_cdp_session(page)
+
+    def tilt(beta: float, gamma: float) -> None:
+        lean.send(
+            "DeviceOrientation.setDeviceOrientationOverride",
+            {"alpha": 0, "beta": beta, "gamma": gamma},
+        )
+
+    choose(page, world, Mode.TRAIN)
+    fingers = Fingers(page)
+
+    def lean_left() -> None:
+        tilt(40, 0)
+        fingers.press(".move.tilt")
+        page.wait_for_timeout(300)
+        assert world.action is Action.STOP, "upright is as it was when the thumb went down"
+        tilt(40, -30)
+
+    press_until(page, world, lean_left, fingers.lift, turning(world))
+    assert world.action is Action.LEFT
+    tilt(10, 0)
+    wait_for(lambda: world.action is Action.FORWARD, "leaning away drives on")
+    fingers.lift()
+    wait_until_standing(world)
+    context.close()
+
+
+def test_a_second_tab_watches_asks_and_takes_over_politely(
+    chromium: Any, phone: Any, world: World
+) -> None:
+    context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    second = open_page(context, world.address)
+    second.locator(".notice", has_text="Somebody else has the wheel").wait_for()
+    assert second.locator("[data-mode=train]").is_disabled()
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    hold_until(world, fingers, "left", turning(world))
+    others = Fingers(second)
+    others.press(pad("forward"))
+    second.wait_for_timeout(300)
+    assert world.action is Action.LEFT, "who watches cannot drive"
+    others.lift()
+    second.locator(".notice button").tap()
+    phone.locator(".notice button", has_text="Give it").wait_for()
+    assert world.action is Action.LEFT, "asking stops nobody"
+    fingers.lift()
+    phone.locator(".notice button").tap()
+    second.wait_for_selector("[data-mode=train]:not([disabled])")
+    assert world.mode is Mode.STOPPED, "a change of hands stops the robot"
+    second.locator("drive-pad .stop").tap()
+    wait_for(lambda: world.rig.loop.state.emergency, "anybody may stop it")
+    context.close()
