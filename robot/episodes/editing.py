@@ -142,7 +142,9 @@ def _write_examples(
             writer.write_message(LESSON, now_s, describe_event(step.edit))
             continue
         assert step.label is not None
-        example = Example(frame_id=step.frame_id, label=step.label, is_intervention=False)
+        example = Example(
+            frame_id=step.frame_id, label=step.label, is_intervention=step.is_correction
+        )
         entry = episode.frames.get(step.frame_id)
         now_s = entry.captured_s if entry else now_s
         taught = Taught(

@@ -29,6 +29,7 @@ class Step:
     """One thing to learn: a labelled frame, with its vector if that was recorded, or an edit.
 
     `at_s` is the teaching time of the example; None for a frame that was labelled afterwards.
+    `is_correction` is True if the pilot overruled the robot.
     """
 
     episode: Episode
@@ -36,6 +37,7 @@ class Step:
     label: Action | None = None
     x: Vector | None = None
     at_s: float | None = None
+    is_correction: bool = False
     edit: Edited | None = None
 
 
@@ -71,6 +73,7 @@ def plan(episodes: Sequence[EditedEpisode]) -> list[Step]:
                             label=label,
                             x=entry.x,
                             at_s=at_s,
+                            is_correction=entry.event.example.is_intervention,
                         )
                     )
         steps.extend(_extra(episode, notes, frame_id) for frame_id in extras)
@@ -177,7 +180,7 @@ def _learn(policy: Policy, step: Step, report: Report) -> None:
     else:
         report.missing_frames += 1
         return
-    policy.learn(x, step.label, step.at_s)
+    policy.learn(x, step.label, step.at_s, is_correction=step.is_correction)
     report.taught[step.label] += 1
 
 

@@ -28,6 +28,7 @@ COLUMNS = (
     "confidence",
     "driven_by",
     "sent",
+    "correction",
 )
 _FILE = ("file", "image", "filename", "path", "img", "image_path")
 _LABEL = ("label", "move", "action", "class")
@@ -74,6 +75,7 @@ def write_folder(
                     "" if moment.confidence is None else f"{moment.confidence:.4f}",
                     moment.driven_by or "",
                     moment.sent or "",
+                    "yes" if moment.is_intervention else "",
                 )
             )
             rows += 1
@@ -87,7 +89,8 @@ def read_folder(
 
     The table has a column for the file (`file`, `image`, `filename`, `path`), one for the label
     (`label`, `move`, `action`) or the steering angle (`angle`, `steering`), and may have one for
-    the seconds (`time_s`, `t`, `timestamp`).
+    the seconds (`time_s`, `t`, `timestamp`), and one that says `yes` where the pilot corrected
+    the robot (`correction`).
 
     Raises:
         RecordingError: If there is no such table, or more than one, or it is broken.
@@ -185,4 +188,6 @@ def _shots(
         first_s = t_s if first_s is None else first_s
         last_s = max(t_s - first_s, last_s)
         name = _find(row, _FILE) or ""
-        yield Shot(t_s=last_s, picture=read_picture_file(folder, name), label=label)
+        picture = read_picture_file(folder, name)
+        is_correction = row.get("correction") == "yes"
+        yield Shot(t_s=last_s, picture=picture, label=label, is_intervention=is_correction)

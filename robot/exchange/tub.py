@@ -28,6 +28,7 @@ from robot.types import Action
 
 _IMAGE, _ANGLE, _THROTTLE, _MODE = "cam/image_array", "user/angle", "user/throttle", "user/mode"
 _LABEL, _FRAME = "drivelesson/label", "drivelesson/frame"
+_CORRECTION = "drivelesson/correction"
 _INPUTS = {
     _IMAGE: "image_array",
     _ANGLE: "float",
@@ -35,6 +36,7 @@ _INPUTS = {
     _MODE: "str",
     _LABEL: "str",
     _FRAME: "int",
+    _CORRECTION: "boolean",
 }
 _CATALOG_RECORDS = 1000
 _MOST_TEXT_BYTES = 64 * 2**20
@@ -74,7 +76,8 @@ def _shots(
 ) -> Iterator[Shot]:
     for record, t_s, label in zip(records, times_s, labels, strict=True):
         picture = read_picture_file(pictures, str(record[_IMAGE]))
-        yield Shot(t_s=t_s, picture=picture, label=label)
+        is_correction = record.get(_CORRECTION) is True
+        yield Shot(t_s=t_s, picture=picture, label=label, is_intervention=is_correction)
 
 
 def _label(record: Record, threshold: float) -> Action | None:
@@ -183,10 +186,11 @@ def write_tub(
 ) -> int:
     """Write an episode as a tub 2; return how many records it has.
 
-    Pictures keep their bytes (JPEG) or their pixels (PNG). Each record also has the label and the
-    frame id, so that reading the tub again gives the same examples, whatever the threshold. Angle
-    and throttle are what the driver declared of each move; where a move has none, as `push`, the
-    tub has no such columns: a zero would teach a car to stand.
+    Pictures keep their bytes (JPEG) or their pixels (PNG). Each record also has the label, the
+    frame id and whether the label corrected the robot, so that reading the tub again gives the
+    same examples, whatever the threshold. Angle and throttle are what the driver declared of each
+    move; where a move has none, as `push`, the tub has no such columns: a zero would teach a car
+    to stand.
 
     Args:
         episode: What is exported.
@@ -213,6 +217,7 @@ def write_tub(
                 _MODE: "user" if moment.label else "local",
                 _LABEL: moment.label or "",
                 _FRAME: moment.frame_id,
+                _CORRECTION: moment.is_intervention,
                 "_index": index,
                 "_session_id": "drivelesson_0",
                 "_timestamp_ms": origin_ms + round(frame.captured_s * 1000),

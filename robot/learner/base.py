@@ -186,10 +186,13 @@ class ContextualLearner(Learner, Protocol):
     another. A context is a small number; what it stands for is its user's affair.
     """
 
-    def learn_in(self, x: Vector, y: Label, contexts: Collection[int]) -> None:
+    def learn_in(
+        self, x: Vector, y: Label, contexts: Collection[int], *, is_correction: bool = False
+    ) -> None:
         """Add one labelled vector that counts in these contexts; refuses as `learn_one`.
 
-        `learn_one` adds one that counts in all.
+        `learn_one` adds one that counts in all. A correction, by which the pilot overrules the
+        robot, may count more.
         """
         ...
 

@@ -6,6 +6,7 @@ of what they cost one by one. Frames that wait for their block count already in 
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -46,10 +47,11 @@ class BlockRidge:
         scores: Floats = self._ridge.scaled(x) @ self._weights
         return scores
 
-    def learn_scaled(self, z: Floats, targets: Floats) -> None:
-        """Add a frame that the ridge has scaled, with its target scores."""
-        self._frames.append(z)
-        self._targets.append(targets)
+    def learn_scaled(self, z: Floats, targets: Floats, weight: float = 1.0) -> None:
+        """Add a frame that the ridge has scaled `weight` times, with its target scores."""
+        root = math.sqrt(weight)
+        self._frames.append(root * z)
+        self._targets.append(root * targets)
         self._weights = None
         if len(self._frames) == BLOCK:
             self._write()
@@ -86,7 +88,7 @@ class BlockRidge:
         self._ridge.set_arrays(arrays)
         self._frames, self._targets, self._weights = [], [], None
         if "block_frames" in arrays:
-            # The constant of a frame is 1, that of an empty row 0.
+            # The constant of a frame is not 0, that of an empty row 0.
             n_waiting = int(arrays["block_frames"][:, -1].astype(bool).sum())
             self._frames = list(arrays["block_frames"][:n_waiting].copy())
             self._targets = list(arrays["block_targets"][:n_waiting].copy())

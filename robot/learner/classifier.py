@@ -124,7 +124,9 @@ class BSOCClassifier:
         """
         self.learn_in(x, y, range(N_CONTEXTS))
 
-    def learn_in(self, x: Vector, y: Label, contexts: Collection[int]) -> None:
+    def learn_in(
+        self, x: Vector, y: Label, contexts: Collection[int], *, is_correction: bool = False
+    ) -> None:
         """Add one labelled frame that counts in these contexts; raises as `learn_one`."""
         if not isinstance(y, str) or not y:
             raise ValueError(f"a label must be a string, not {y!r}")
@@ -140,7 +142,7 @@ class BSOCClassifier:
         if self.cluster.last_distance_ is not None:
             self.novelty_.learn(self.cluster.last_distance_)
         if self._contextual is not None:
-            self._contextual.learn_in(x, column, contexts)
+            self._contextual.learn_in(x, column, contexts, is_correction=is_correction)
         elif self.linear is not None:
             self.linear.learn(x, np.eye(len(self.labels_))[column])
         if self._mind is not None:

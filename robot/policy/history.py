@@ -128,7 +128,7 @@ class TrainingHistory:
 
     def teach_again(self, event: Taught) -> None:
         """Have the policy learn what was taught once, at the same teaching time."""
-        self.policy.learn(event.x, event.example.label, event.at_s)
+        _learn(self.policy, event)
         self._teaching_s = event.at_s
         self.taught[event.example.label] += 1
         self._record(event)
@@ -207,7 +207,7 @@ class TrainingHistory:
         self.policy.restore(snapshot.state)
         for event in self._events[snapshot.position - self._forgotten :]:
             if isinstance(event, Taught):
-                self.policy.learn(event.x, event.example.label, event.at_s)
+                _learn(self.policy, event)
             elif isinstance(event, _DriveBegun):
                 self.policy.reset()
             else:
@@ -226,6 +226,11 @@ class TrainingHistory:
             self._snapshots.pop(0)
         del self._events[: self._snapshots[0].position - self._forgotten]
         self._forgotten = self._snapshots[0].position
+
+
+def _learn(policy: Policy, event: Taught) -> None:
+    example = event.example
+    policy.learn(event.x, example.label, event.at_s, is_correction=example.is_intervention)
 
 
 def _apply_edit(policy: Policy, event: Edited) -> None:

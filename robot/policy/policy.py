@@ -182,7 +182,14 @@ class Policy:
         gain = self._light.gain(float(self.features.grey(x).mean()), at_s)
         return x if gain == 1.0 else self._brighten(x, gain)
 
-    def learn(self, x: Vector, label: Action, at_s: float | None = None) -> None:
+    def learn(
+        self,
+        x: Vector,
+        label: Action,
+        at_s: float | None = None,
+        *,
+        is_correction: bool = False,
+    ) -> None:
         """Learn one example.
 
         Given times, examples less than a tenth of a second after the last are counted but not
@@ -192,6 +199,7 @@ class Policy:
             x: The frame's vector.
             label: The move.
             at_s: The frame's teaching time; None: it stands for itself.
+            is_correction: True if the pilot overruled the robot, which was driving.
 
         Raises:
             ValueError: If the label is none of `moves`, or `x` cannot be learned; nothing changes.
@@ -204,7 +212,8 @@ class Policy:
             if self._contextual is None:
                 self.learner.learn_one(x, label)
             else:
-                self._contextual.learn_in(x, label, self._context.note(label, at_s))
+                contexts = self._context.note(label, at_s)
+                self._contextual.learn_in(x, label, contexts, is_correction=is_correction)
             if self._brighten is not None:
                 self._light.learn(float(self.features.grey(x).mean()))
         if at_s is not None:

@@ -185,7 +185,7 @@ def test_undo_leaves_no_trace_of_the_examples(kind: str, seed: int) -> None:
                 history.begin_drive()
             if i < until:
                 x = history.policy.extract(view(int(scenes[i]), i))
-                example = Example(frame_id=i, label=MOVES[i % 3], is_intervention=False)
+                example = Example(frame_id=i, label=MOVES[i % 3], is_intervention=i % 5 == 0)
                 history.teach(example, x, captured_s=i * STEP_S)
 
     run(history, count)
@@ -201,7 +201,7 @@ def test_undo_leaves_no_trace_of_the_examples(kind: str, seed: int) -> None:
 def test_undoing_an_edit_brings_the_image_back(kind: str) -> None:
     history = TrainingHistory(make(kind))
     for i in range(30):
-        example = Example(frame_id=i, label=MOVES[i % 3], is_intervention=False)
+        example = Example(frame_id=i, label=MOVES[i % 3], is_intervention=i % 5 == 0)
         history.teach(example, history.policy.extract(view(i % 9, i)), captured_s=i * STEP_S)
     before = history.policy.get_state()
     if not history.policy.learner.abilities.images:

@@ -12,13 +12,13 @@ from robot.episodes.edits import Edit, Notes, notes_path, trim
 from robot.episodes.episode import open_episode, taught_frames
 from robot.episodes.store import EpisodeStore
 from robot.episodes.summary import read_summary
-from robot.episodes.teaching import learn_again, same_nodes
+from robot.episodes.teaching import learn_again, plan, same_nodes
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
 from robot.policy.registry import make_policy
 from robot.storage.folder import Storage
-from robot.types import Action
+from robot.types import Action, Mode
 
-from .drives import record_drive
+from .drives import RecordedBench, record_drive
 
 
 @pytest.fixture
@@ -133,6 +133,27 @@ def test_compacting_works_the_edits_in_and_teaches_the_same(store: EpisodeStore)
     assert store.restore(undo) == f"{episode_id} (2)"
     assert len(store.notes(f"{episode_id} (2)").edits) == 2
     assert len(store.open(f"{episode_id} (2)").frames) == len(ids)
+
+
+def test_a_compact_recording_knows_what_corrected_the_robot(storage: Storage) -> None:
+    robot = RecordedBench(storage.episodes, "default-8")
+    robot.drive(range(20))
+    robot.start(Mode.AUTONOMOUS)
+    for scene in range(100, 120):
+        robot.step(scene, Action.RIGHT if scene % 5 < 2 else None)
+    robot.finish()
+    store = EpisodeStore(storage)
+    [episode_id] = store.ids()
+
+    def corrections() -> list[int]:
+        steps = plan([(store.open(episode_id), store.notes(episode_id))])
+        return [step.frame_id for step in steps if step.is_correction]
+
+    before = corrections()
+    store.edit(episode_id, Edit(verb="delete", ranges=((before[0], before[0]),)))
+    store.compact(episode_id)
+    assert len(before) > 3
+    assert corrections() == before[1:]
 
 
 def test_delete_and_restore_take_the_edits_along(store: EpisodeStore) -> None:

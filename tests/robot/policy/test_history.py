@@ -34,7 +34,7 @@ def vectors(policy: Policy, count: int) -> list[np.ndarray]:
 
 def teach(history: TrainingHistory, xs: list[np.ndarray], first: int = 0) -> None:
     for i, x in enumerate(xs, start=first):
-        example = Example(frame_id=i, label=MOVES[i % 3], is_intervention=False)
+        example = Example(frame_id=i, label=MOVES[i % 3], is_intervention=i % 5 == 0)
         history.teach(example, x, captured_s=i * STEP_S)
 
 
@@ -150,10 +150,9 @@ def test_an_undo_learns_again_only_what_came_after_the_snapshot_before_it(
     learned_s: list[float] = []
     learn = history.policy.learn
 
-    def listen(x: np.ndarray, label: Action, at_s: float | None = None) -> None:
-        assert at_s is not None
+    def listen(x: np.ndarray, label: Action, at_s: float, *, is_correction: bool) -> None:
         learned_s.append(at_s)
-        learn(x, label, at_s)
+        learn(x, label, at_s, is_correction=is_correction)
 
     monkeypatch.setattr(history.policy, "learn", listen)
     assert [example.frame_id for example in history.undo(0.5)] == [21]
@@ -272,7 +271,8 @@ def test_a_learner_looks_for_its_place_at_each_drive_again_after_an_undo() -> No
     for first in (0, 30):
         teach(history, xs[first : first + 30], first=first)
         for event in history.last_examples(29.5 * STEP_S):
-            by_hand.learn(event.x, event.example.label, event.at_s)
+            example = event.example
+            by_hand.learn(event.x, example.label, event.at_s, is_correction=example.is_intervention)
         if first == 0:
             history.begin_drive()
             by_hand.reset()
