@@ -18,8 +18,8 @@ from robot.control.loop import ControlLoop
 from robot.control.readiness import Readiness
 from robot.control.state import Tick
 from robot.control.trail import Trail
+from robot.policy.gallery import LearnedImage
 from robot.policy.history import Replaced, Taught, Undone
-from robot.policy.policy import LearnedImage
 from robot.types import StartStop
 
 MARK_EVERY = 10

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import replace
 
 from robot.learner import votes
 from robot.learner.base import (
@@ -20,6 +17,7 @@ from robot.learner.base import (
 from robot.policy.action_filter import ActionFilter, View
 from robot.policy.calibration import Calibration
 from robot.policy.features import Features
+from robot.policy.gallery import Gallery, LearnedImage
 from robot.policy.light import LightAdaptation
 from robot.policy.move_context import MoveContext, context_of
 from robot.policy.pilot_pace import PilotPace
@@ -31,24 +29,6 @@ _DOUBT = 0.5
 """How fast confidence falls with novelty beyond 1: at 3 half of it is left."""
 _LEAST = 1e-6
 """Votes for a move that was taught: more than for one that never was."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LearnedImage:
-    """One node as the gallery shows it.
-
-    `node_id` follows the node through merges, `index` is its present place. `last_used` and
-    `last_taught` are the numbers of the latest proposal and example that matched it (0: none).
-    """
-
-    node_id: int
-    index: int
-    thumbnail: NDArray[np.uint8]
-    votes: dict[Action, int]
-    frames: int
-    last_used: int
-    last_taught: int
-    is_pinned: bool = False
 
 
 class Policy:
@@ -98,8 +78,7 @@ class Policy:
         self._context = MoveContext()
         self._last_learned: tuple[float, str] | None = None
         self._now_s = 0.0
-        self._last_used: dict[int, int] = {}
-        self._last_taught: dict[int, int] = {}
+        self._gallery = Gallery(learner, features)
 
     @property
     def n_nodes(self) -> int:
@@ -158,7 +137,7 @@ class Policy:
             timed_turn_s=self._pace.timed_turn_s,
             in_context=self._contextual is not None,
         )
-        self._note(self._last_used, evidence.node, self._n_proposals)
+        self._gallery.note_used(evidence.node, self._n_proposals)
         return Prediction(
             frame_id=frame_id,
             action=action,
@@ -219,7 +198,7 @@ class Policy:
         if at_s is not None:
             self._pace.learn(label, self.features.grey(x), at_s)
         self._n_examples += 1
-        self._note(self._last_taught, self.learner.last_node_, self._n_examples)
+        self._gallery.note_taught(self.learner.last_node_, self._n_examples)
 
     def _calibrate(self, x: Vector, label: Action, at_s: float | None) -> None:
         def predict() -> Mapping[str, float]:
@@ -248,7 +227,7 @@ class Policy:
         params = {
             "learner": state.params,
             "lessons": self._n_examples,
-            "last_taught": {str(node): at for node, at in self._last_taught.items()},
+            "last_taught": self._gallery.get_state(),
             "name": self.name,
             "last_learned": self._last_learned,
         }
@@ -296,25 +275,12 @@ class Policy:
         if self._contextual is not None and "context" in state.params:
             self._context.set_state(state.params["context"])
         self._n_proposals = 0
-        self._last_used = {}
-        self._last_taught = {int(k): int(v) for k, v in state.params["last_taught"].items()}
+        self._gallery.set_state(state.params["last_taught"])
         self._action_filter.reset()
 
     def gallery(self) -> list[LearnedImage]:
         """Return every learned image, in the order of the nodes; none if the learner keeps none."""
-        return [
-            LearnedImage(
-                node_id=node.id,
-                index=index,
-                thumbnail=self.features.thumbnail(node.image),
-                votes={Action(label): count for label, count in node.votes.items()},
-                frames=node.frames,
-                last_used=self._last_used.get(node.id, 0),
-                last_taught=self._last_taught.get(node.id, 0),
-                is_pinned=node.is_pinned,
-            )
-            for index, node in enumerate(self.learner.nodes())
-        ]
+        return self._gallery.images()
 
     def relabel_node(self, node_id: int, label: Action) -> None:
         """Let one learned image vote for `label` alone.
@@ -345,13 +311,3 @@ class Policy:
             return chance
         guess = 1.0 / sum(share > 0.0 for share in shares.values())
         return guess + (chance - guess) / (1.0 + _DOUBT * (novelty - 1.0))
-
-    def _note(self, when: dict[int, int], node_id: int | None, now: int) -> None:
-        """Write down when a node was met last, and forget nodes that are gone."""
-        if node_id is None:
-            return
-        when[node_id] = now
-        if len(when) > 4 * self.learner.n_nodes_ + 64:
-            alive = {node.id for node in self.learner.nodes()}
-            for gone in [node for node in when if node not in alive]:
-                del when[gone]

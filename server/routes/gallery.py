@@ -7,7 +7,7 @@ from typing import Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
-from robot.policy.policy import LearnedImage
+from robot.policy.gallery import LearnedImage
 from robot.storage.png import encode_png
 from server.progress import Progress
 from server.routes.bodies import read_body

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from robot.learner.base import State
+from robot.policy.gallery import LearnedImage
 from robot.policy.history import (
     Edited,
     HistoryEvent,
@@ -17,7 +18,7 @@ from robot.policy.history import (
     TrainingHistory,
     Undone,
 )
-from robot.policy.policy import LearnedImage, Policy
+from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.types import Action, Example
 from tests.robot.bench_robot import BenchRobot

@@ -1,0 +1,88 @@
+"""The learned images as people see them, and when the robot last met each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.learner.base import Learner
+from robot.policy.features import Features
+from robot.types import Action
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnedImage:
+    """One node as the gallery shows it.
+
+    `node_id` follows the node through merges, `index` is its present place. `last_used` and
+    `last_taught` are the numbers of the latest proposal and example that matched it (0: none).
+    """
+
+    node_id: int
+    index: int
+    thumbnail: NDArray[np.uint8]
+    votes: dict[Action, int]
+    frames: int
+    last_used: int
+    last_taught: int
+    is_pinned: bool = False
+
+
+class Gallery:
+    """Remembers by a node's id which proposal and which example matched it last.
+
+    Args:
+        learner: Whose images are shown.
+        features: Makes a picture of an image.
+    """
+
+    def __init__(self, learner: Learner, features: Features) -> None:
+        self._learner = learner
+        self._features = features
+        self._last_used: dict[int, int] = {}
+        self._last_taught: dict[int, int] = {}
+
+    def note_used(self, node_id: int | None, proposal: int) -> None:
+        """Write down which proposal a node decided; None: there is no such node."""
+        self._note(self._last_used, node_id, proposal)
+
+    def note_taught(self, node_id: int | None, example: int) -> None:
+        """Write down which example a node took in; None: there is no such node."""
+        self._note(self._last_taught, node_id, example)
+
+    def _note(self, when: dict[int, int], node_id: int | None, now: int) -> None:
+        if node_id is None:
+            return
+        when[node_id] = now
+        if len(when) > 4 * self._learner.n_nodes_ + 64:  # most of these nodes are gone
+            alive = {node.id for node in self._learner.nodes()}
+            for gone in [node for node in when if node not in alive]:
+                del when[gone]
+
+    def images(self) -> list[LearnedImage]:
+        """Return every learned image, in the order of the nodes; none if the learner keeps none."""
+        return [
+            LearnedImage(
+                node_id=node.id,
+                index=index,
+                thumbnail=self._features.thumbnail(node.image),
+                votes={Action(label): count for label, count in node.votes.items()},
+                frames=node.frames,
+                last_used=self._last_used.get(node.id, 0),
+                last_taught=self._last_taught.get(node.id, 0),
+                is_pinned=node.is_pinned,
+            )
+            for index, node in enumerate(self._learner.nodes())
+        ]
+
+    def get_state(self) -> dict[str, int]:
+        """Return which example each node took in last."""
+        return {str(node): at for node, at in self._last_taught.items()}
+
+    def set_state(self, last_taught: Mapping[str, int]) -> None:
+        """Restore what `get_state` returned; nothing was used since."""
+        self._last_used = {}
+        self._last_taught = {int(node): int(at) for node, at in last_taught.items()}
