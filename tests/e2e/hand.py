@@ -12,30 +12,6 @@ from robot.types import Mode
 
 from .world import World
 
-LOOK_EVERY_S = 1.0
-
-
-class Eyes:
-    """Somebody who holds a direction looks at times whether the page shows it."""
-
-    def __init__(self, page: Any) -> None:
-        self._page = page
-        self._looked_s = time.monotonic()
-
-    def see_nothing_held(self) -> bool:
-        """True if it is time to look, and the page holds nothing."""
-        if time.monotonic() - self._looked_s < LOOK_EVERY_S:
-            return False
-        self._looked_s = time.monotonic()
-        return self._held() is None
-
-    def _held(self) -> str | None:
-        held: str | None = self._page.evaluate("document.querySelector('app-bar').page.helm.held")
-        return held
-
-    def __repr__(self) -> str:
-        return f"the page holds {self._held()}"
-
 
 class Fingers:
     """Fingers on a touch screen, each held until it is lifted."""
@@ -82,7 +58,6 @@ def teach(
     """Drive as a person would: straight on, and left before whatever stands in the way."""
     held: str | None = None
     deadline_s = time.monotonic() + 100
-    eyes = Eyes(fingers.page)
     while world.lessons < lessons and not until():
         assert time.monotonic() < deadline_s, f"only {world.lessons} lessons came through"
         if world.mode is Mode.STOPPED:  # a busy machine was late, and the robot stopped for it
@@ -91,9 +66,6 @@ def teach(
             held = None
             fingers.page.locator("mode-bar [data-mode=train]").click()
             time.sleep(0.3)
-        elif held and eyes.see_nothing_held():
-            fingers.lift()
-            held = None
         patience_m = near_m if held == "forward" else near_m * 1.3
         wanted = "left" if world.distance_m < patience_m else "forward"
         if wanted != held:
@@ -134,22 +106,23 @@ def press_until(
     done: Callable[[], bool],
     within_s: float = 30.0,
 ) -> None:
-    """Hold something until something is so, and go on holding; again after each stop.
-
-    A stop that ended between two looks has let go, too: that the page then holds nothing is what a
-    person sees.
-    """
+    """Hold something until something is so, and go on holding; again after each stop."""
     deadline_s = time.monotonic() + within_s
     press()
-    eyes = Eyes(page)
     while not done():
-        assert time.monotonic() < deadline_s, f"not done in {within_s} s: {world}; {eyes}"
-        # A busy machine was late, and the robot stopped for it.
-        if world.mode is Mode.STOPPED or eyes.see_nothing_held():
+        assert time.monotonic() < deadline_s, (
+            f"not done in {within_s} s: {world}; the page holds {_held(page)}"
+        )
+        if world.mode is Mode.STOPPED:  # a busy machine was late, and the robot stopped for it
             let_go()
             choose(page, world, Mode.TRAIN)
             press()
         time.sleep(0.01)
+
+
+def _held(page: Any) -> str | None:
+    held: str | None = page.evaluate("document.querySelector('app-bar').page.helm.held")
+    return held
 
 
 def hold_until(

@@ -15,7 +15,16 @@ import pytest
 from robot.types import Action, Mode
 
 from .hand import Fingers, choose, hold_until, pad, press_until, turning, wait_until_standing
-from .world import PHONE, World, open_page, remember, running_chromium, wait_for
+from .world import (
+    DESKTOP,
+    PHONE,
+    World,
+    new_context,
+    open_page,
+    remember,
+    running_chromium,
+    wait_for,
+)
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -105,4 +114,24 @@ def test_a_second_tab_watches_asks_and_takes_over_politely(
     assert world.mode is Mode.STOPPED, "a change of hands stops the robot"
     second.locator("drive-pad .stop").tap()
     wait_for(lambda: world.rig.loop.state.emergency, "anybody may stop it")
+    context.close()
+
+
+@pytest.mark.parametrize("size", [PHONE, DESKTOP, {"width": 1920, "height": 1080}])
+def test_directions_and_stop_stay_where_they_are_when_the_map_comes(
+    chromium: Any, world: World, size: dict[str, int]
+) -> None:
+    """The map is fetched after the first picture, when a hand may be on its way to the pad."""
+    context = new_context(chromium, size)
+    on_its_way: list[Any] = []
+    context.route("**/drive-map.js", lambda route: on_its_way.append(route))
+    page = open_page(context, world.address)
+    wait_for(lambda: page.evaluate("true") and on_its_way, "the map is asked for")
+    places = (
+        "[...document.querySelectorAll('drive-pad button')].map(b => b.getBoundingClientRect())"
+    )
+    before = page.evaluate(places)
+    on_its_way[0].continue_()
+    page.locator("drive-map .body").first.wait_for(state="attached")
+    assert page.evaluate(places) == before
     context.close()
