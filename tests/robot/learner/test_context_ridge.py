@@ -70,19 +70,23 @@ def test_each_context_knows_its_own_examples_and_the_rest_knows_all(examples):
         np.testing.assert_allclose(ridge.scores_in(x, context), alone(own).scores(x), atol=1e-12)
 
 
+def check_correction_counts(times, lessons, x, column, contexts):
+    """Check that a correction after these lessons leads to what `times` plain examples lead to."""
+    corrected, expected = taught(lessons), taught(lessons)
+    corrected.learn_in(x, column, contexts, is_correction=True)
+    for _ in range(times):
+        expected.learn_in(x, column, contexts)
+    for got, wanted in zip(opinions(corrected, x), opinions(expected, x), strict=True):
+        np.testing.assert_allclose(got, wanted, atol=1e-12)
+
+
 @pytest.mark.parametrize("contexts", [(0,), (1,), (0, 1)])
 def test_a_correction_counts_more_only_where_the_ridge_itself_would_have_erred(examples, contexts):
     taught_so_far, x = [(x, c, (0, 1)) for x, c, _ in examples], examples[5][0]
     best = int(taught(taught_so_far).scores(x).argmax())
     for column in range(3):
-        corrected = taught(taught_so_far)
-        corrected.learn_in(x, column, contexts, is_correction=True)
         times = 1 if column == best else int(CORRECTION_WEIGHT)
-        expected = taught(taught_so_far)
-        for _ in range(times):
-            expected.learn_in(x, column, contexts)
-        for got, wanted in zip(opinions(corrected, x), opinions(expected, x), strict=True):
-            np.testing.assert_allclose(got, wanted, atol=1e-12)
+        check_correction_counts(times, taught_so_far, x, column, contexts)
 
 
 def test_a_correction_is_judged_in_the_context_in_which_it_counts():
@@ -103,12 +107,7 @@ def test_a_correction_of_a_label_that_is_well_known_counts_once(examples):
     x = -examples[0][0]
     assert taught(lessons).scores_in(x, 1).argmax() == 0
     for context, times in ((0, int(CORRECTION_WEIGHT)), (1, 1)):
-        corrected, expected = taught(lessons), taught(lessons)
-        corrected.learn_in(x, 1, (context,), is_correction=True)
-        for _ in range(times):
-            expected.learn_in(x, 1, (context,))
-        for got, wanted in zip(opinions(corrected, x), opinions(expected, x), strict=True):
-            np.testing.assert_allclose(got, wanted, atol=1e-12)
+        check_correction_counts(times, lessons, x, 1, (context,))
 
 
 def test_an_example_that_counts_everywhere_is_taken_back_everywhere(examples):

@@ -7,14 +7,12 @@ from robot.learner.classifier import BSOCClassifier
 from robot.policy.gallery import Gallery
 from robot.policy.registry import make_policy
 
-FAR_APART = [np.full(1200, level, np.uint8) for level in range(0, 250, 25)]
-
 
 @pytest.fixture
 def learner():
     learner = BSOCClassifier(3)
-    for x in FAR_APART[:3]:
-        learner.learn_one(x, "forward")
+    for level in (0, 25, 50):
+        learner.learn_one(np.full(1200, level, np.uint8), "forward")
     return learner
 
 
