@@ -112,7 +112,7 @@ class MjpegCamera(Camera):
         self._freshness = Freshness(clock.now_s())
         self._ending = threading.Event()
         self._threads: list[Worker] = []
-        self._line: HTTPConnection | None = None
+        self._socket: socket.socket | None = None
         self._reason: str | None = None
 
     @classmethod
@@ -133,10 +133,10 @@ class MjpegCamera(Camera):
             if importlib.util.find_spec(library) is None:
                 raise MissingExtraError("the camera 'mjpeg'", "camera")
         self._ending.clear()
-        stream = self._open()
+        opened = [self._open()]
         self._freshness = Freshness(self.clock.now_s())
         self._threads = [
-            self.clock.start_thread(lambda: self._read(stream), "mjpeg-camera"),
+            self.clock.start_thread(lambda: self._read(opened), "mjpeg-camera"),
             self.clock.start_thread(self._watch, "mjpeg-watch"),
         ]
 
@@ -151,13 +151,15 @@ class MjpegCamera(Camera):
     def _open(self) -> HTTPResponse:
         url = self._url
         kind = HTTPSConnection if url.scheme == "https" else HTTPConnection
-        self._line = line = kind(url.hostname or "", url.port, timeout=_SILENT_S)
+        line = kind(url.hostname or "", url.port, timeout=_SILENT_S)
         headers = {"User-Agent": "drivelesson"}
         if url.username is not None:
             user = f"{unquote(url.username)}:{unquote(url.password or '')}"
             headers["Authorization"] = "Basic " + base64.b64encode(user.encode()).decode()
         path = (url.path or "/") + (f"?{url.query}" if url.query else "")
         try:
+            line.connect()
+            self._socket = line.sock  # an answer without length takes it away from the line
             line.request("GET", path, headers=headers)
             answer = line.getresponse()
         except (OSError, HTTPException) as error:
@@ -175,19 +177,23 @@ class MjpegCamera(Camera):
         return answer
 
     def _close(self) -> None:
-        line, self._line = self._line, None
-        if line is not None:
-            if line.sock is not None:
-                _shut(line.sock)
-            line.close()
+        """End the connection: a camera that serves one client would serve nobody else until then.
 
-    def _read(self, stream: HTTPResponse | None) -> None:
+        A thread that reads is woken; what it holds of the socket goes with its stream.
+        """
+        sock, self._socket = self._socket, None
+        if sock is not None:
+            with contextlib.suppress(OSError):
+                sock.shutdown(socket.SHUT_RDWR)
+            sock.close()
+
+    def _read(self, opened: list[HTTPResponse]) -> None:
+        """Read the stream that is open, and after it those that this thread opens."""
         while not self._ending.is_set():
             try:
-                self._read_out(stream or self._open())
+                self._read_out(opened.pop() if opened else self._open())
             except (CameraError, OSError, HTTPException, AttributeError) as error:
                 self._reason = str(error)  # the watching thread says so
-            stream = None
             self._close()
             self.clock.wait(self._ending, REOPEN_S)
 
@@ -223,9 +229,3 @@ class MjpegCamera(Camera):
             if wrong is not None and self._fault is None:
                 why = f" ({self._reason})" if self._reason else ""
                 self._report_fault(f"The camera at {self._url.hostname} {wrong}{why}.")
-
-
-def _shut(sock: Any) -> None:
-    """Wake a thread that reads."""
-    with contextlib.suppress(OSError):
-        sock.shutdown(socket.SHUT_RDWR)

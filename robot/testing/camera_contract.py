@@ -12,6 +12,8 @@ from robot.testing.cases import CameraCase
 from robot.types import Frame
 
 DEADLINE_S = 10.0
+FROZEN_S = 3.0
+"""Longer than any camera waits for its line."""
 
 
 def take(camera: Camera, count: int) -> list[Frame]:
@@ -32,6 +34,14 @@ def take(camera: Camera, count: int) -> list[Frame]:
     )
     camera.listen(None)
     return frames
+
+
+def wait_for_fault(camera: Camera) -> None:
+    """Wait until the camera reports that something is wrong."""
+    told = threading.Event()
+    camera.listen(lambda: told.set() if camera.fault else None)
+    assert camera.fault or camera.clock.wait(told, DEADLINE_S), "it froze, and reported no fault"
+    camera.listen(None)
 
 
 class CameraContract:
@@ -92,10 +102,19 @@ class CameraContract:
             pytest.skip("this source cannot freeze")
         with camera_case.camera as camera:
             take(camera, 2)
-            told = threading.Event()
-            camera.listen(lambda: told.set() if camera.fault else None)
             camera_case.freeze()
-            assert camera.clock.wait(told, DEADLINE_S) or camera.fault, (
-                "it froze, and reported no fault"
-            )
-            camera.listen(None)
+            wait_for_fault(camera)
+
+    def test_a_source_that_was_frozen_is_seen_again(self, camera_case: CameraCase) -> None:
+        """However long it was frozen: a line that was given up meanwhile is opened again."""
+        import pytest
+
+        if camera_case.freeze is None or camera_case.thaw is None:
+            pytest.skip("this source cannot freeze and go on")
+        with camera_case.camera as camera:
+            take(camera, 2)
+            camera_case.freeze()
+            wait_for_fault(camera)
+            camera.clock.wait(threading.Event(), FROZEN_S)
+            camera_case.thaw()
+            take(camera, 2)

@@ -39,7 +39,9 @@ class CameraCase:
     Attributes:
         camera: Not started yet.
         freeze: Makes the source give no more pictures, without closing; None if it cannot.
+        thaw: Makes it give pictures again; None if it cannot.
     """
 
     camera: Camera
     freeze: Callable[[], None] | None = None
+    thaw: Callable[[], None] | None = None

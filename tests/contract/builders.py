@@ -154,7 +154,11 @@ def ev3_remote_camera() -> Iterator[CameraCase]:
     ):
         driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
         camera = Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), brick.clock)
-        yield CameraCase(camera, lambda: setattr(source, "is_frozen", True))
+        yield CameraCase(
+            camera,
+            lambda: setattr(source, "is_frozen", True),
+            lambda: setattr(source, "is_frozen", False),
+        )
 
 
 @contextmanager
@@ -196,7 +200,7 @@ def phone_camera() -> Iterator[CameraCase]:
                 camera.offer(grey_jpeg(index), width=32, height=24, captured_s=clock.now_s())
 
     phone = clock.start_thread(send, "phone")
-    yield CameraCase(camera, frozen.set)
+    yield CameraCase(camera, frozen.set, frozen.clear)
     ending.set()
     phone.join()
 
@@ -243,7 +247,7 @@ def picamera2_camera() -> Iterator[CameraCase]:
     library.clock = clock
     library.is_frozen.clear()
     camera = Picamera2Camera(Picamera2Options(), clock, picamera2)
-    yield CameraCase(camera, library.is_frozen.set)
+    yield CameraCase(camera, library.is_frozen.set, library.is_frozen.clear)
     library.is_frozen.clear()
 
 
@@ -270,7 +274,9 @@ def ros_camera() -> Iterator[CameraCase]:
                     self._tell("/camera/image_raw/compressed", {"format": "jpeg", "data": jpeg})
 
     with mock.patch("robot.cameras.ros.RosBridge", Bridge):
-        yield CameraCase(RosCamera(RosCameraOptions(address="base"), clock), frozen.set)
+        yield CameraCase(
+            RosCamera(RosCameraOptions(address="base"), clock), frozen.set, frozen.clear
+        )
 
 
 @contextmanager
@@ -294,7 +300,7 @@ def mjpeg_camera() -> Iterator[CameraCase]:
             raise OSError("the stream was closed")
 
     camera._open = Stream  # type: ignore[assignment, method-assign]
-    yield CameraCase(camera, frozen.set)
+    yield CameraCase(camera, frozen.set, frozen.clear)
 
 
 def grey_jpeg(index: int) -> bytes:

@@ -99,16 +99,15 @@ def ros_driver() -> Iterator[DriverCase]:
 @contextmanager
 def ros_camera() -> Iterator[CameraCase]:
     with RosBridgeServer() as ros:
-        yield CameraCase(
-            RosCamera(RosCameraOptions(address=ros.address), RealClock()), ros.frozen.set
-        )
+        camera = RosCamera(RosCameraOptions(address=ros.address), RealClock())
+        yield CameraCase(camera, ros.frozen.set, ros.frozen.clear)
 
 
 @contextmanager
 def mjpeg_camera() -> Iterator[CameraCase]:
     with MjpegServer() as server:
         camera = MjpegCamera(MjpegOptions(source=server.address), RealClock())
-        yield CameraCase(camera, server.frozen.set)
+        yield CameraCase(camera, server.frozen.set, server.frozen.clear)
 
 
 REAL_DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
@@ -133,6 +132,7 @@ CAMERA_SMOKE = (
     CameraContract.test_frames_count_up_and_are_stamped_by_the_clock,
     CameraContract.test_it_leaves_no_thread_behind,
     CameraContract.test_a_frozen_source_is_a_fault,
+    CameraContract.test_a_source_that_was_frozen_is_seen_again,
 )
 WHOLE = tuple(check for name, check in vars(DriverContract).items() if name.startswith("test_"))
 
