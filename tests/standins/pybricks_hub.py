@@ -48,6 +48,7 @@ class FakeHub:
         self.clients: list[_Client] = []
         self.process: subprocess.Popen[bytes] | None = None
         self._reader: threading.Thread | None = None
+        self._is_up = threading.Event()
         self._news = threading.Condition()
         self.bluetooth = SimpleNamespace(
             BleakScanner=SimpleNamespace(find_device_by_filter=self._find),
@@ -74,6 +75,8 @@ class FakeHub:
     # What a person does with the hub -------------------------------------------------------------
 
     def start_program(self) -> None:
+        """Return when it runs: a hub's program is there at once, a process is not."""
+        self._is_up.clear()
         self.process = subprocess.Popen(
             [find_micropython(), str(PROGRAM)],
             env={**os.environ, "MICROPYPATH": str(_MODULES)},
@@ -82,6 +85,7 @@ class FakeHub:
         )
         self._reader = threading.Thread(target=self._read, args=(self.process,), daemon=True)
         self._reader.start()
+        assert self._is_up.wait(60.0)
         self.report_status()
 
     def end_program(self) -> None:
@@ -124,8 +128,9 @@ class FakeHub:
                     _, port, speed, run_ms = line.decode().split()
                     self.told.append((port, float(speed), int(run_ms)))
                     self.ends_s[port] = time.monotonic() + int(run_ms) / 1000
-                elif line.startswith(b"\x01light"):
+                elif line.startswith(b"\x01light"):  # its first line, when it begins
                     self.light = line.split()[1].decode()
+                    self._is_up.set()
                 else:
                     for client in list(self.clients):
                         client.notify_soon(b"\x01" + line.rstrip(b"\n") + b"\r\n")

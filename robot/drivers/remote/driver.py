@@ -19,6 +19,8 @@ REPLY_S = 0.15
 GONE_S = 0.5
 """After so long without any report the robot counts as gone."""
 _CONNECT_S = 3.0
+_CONNECT_TRIES = 20
+"""A computer that stood still for a while has not asked often enough to call a robot silent."""
 
 
 class ReportingDriver(Driver):
@@ -74,9 +76,10 @@ class ReportingDriver(Driver):
         except OSError as error:
             raise DriveError(f"cannot reach {self._where}: {error}") from error
         self._line, self._report, self._disobeyed = line, None, 0
-        end_s = self._clock.now_s() + _CONNECT_S
-        while self._report is None and self._clock.now_s() < end_s:
+        end_s, tries = self._clock.now_s() + _CONNECT_S, 0
+        while self._report is None and (self._clock.now_s() < end_s or tries < _CONNECT_TRIES):
             self._exchange(self.hello)
+            tries += 1
         if self._report is None:
             trouble = self._trouble
             self.disconnect()

@@ -43,6 +43,21 @@ class LateLine:
         pass
 
 
+class StallingLine(LateLine):
+    """The computer stands still while it waits for the first answers."""
+
+    def __init__(self, stalls: int) -> None:
+        super().__init__(0)
+        self._stalls = stalls
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        if self._stalls:
+            self._stalls -= 1
+            self.clock.advance(10.0)
+            return None
+        return super().receive(timeout_s)
+
+
 def driver_on(line: LateLine) -> UdpDriver:
     driver = UdpDriver(RemoteOptions(address="robot"), line.clock)
     driver._open_address = lambda host, port: line
@@ -66,3 +81,13 @@ def test_who_takes_no_order_is_told_of_soon(lag: int) -> None:
     with pytest.raises(DriveError, match="answers but obeys no order"):
         for _ in range(5):
             driver.send_action(Action.FORWARD)
+
+
+@pytest.mark.parametrize("stalls", [0, 1, 5])
+def test_a_computer_that_stood_still_asks_again_before_it_gives_up(stalls: int) -> None:
+    assert driver_on(StallingLine(stalls)).is_connected
+
+
+def test_who_never_answers_is_given_up() -> None:
+    with pytest.raises(DriveError, match="does not answer"):
+        driver_on(StallingLine(1000))

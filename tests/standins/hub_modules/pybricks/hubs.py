@@ -4,6 +4,9 @@ import sys
 
 
 class _Light:
+    def __init__(self):
+        self.on("off")
+
     def on(self, color):
         sys.stdout.write(f"\x01light {color}\n")
 
