@@ -296,8 +296,11 @@ def test_the_command_examines_a_brick_unless_it_is_busy(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     a_busy_brick_is_one_clear_line(tmp_path, capsys, monkeypatch)
-    assert main(["brick", "doctor", "--fake"]) in (0, 1)  # 1: a busy machine makes a slow brick
-    said = capsys.readouterr().out
+    for _ in range(10):  # a computer that stands still for a moment loses the brick, and says so
+        assert main(["brick", "doctor", "--fake"]) in (0, 1)  # 1: a busy one makes a slow brick
+        said, error = capsys.readouterr()
+        if "does not answer" not in error:
+            break
     for topic in ("versions", "motors", "wheels", "sensors", "battery", "camera", "pictures"):
         assert topic in said
 

@@ -38,29 +38,40 @@ TRAITS = {
 @contextmanager
 def serving(folder: Path, agent: RunningAgent) -> Iterator[str]:
     """A server beside the brick, as a process of its own; yields its address."""
+    process, address = start_server(folder, agent)
+    try:
+        yield f"ws://{address}"
+    finally:
+        end(process)
+
+
+def start_server(folder: Path, agent: RunningAgent) -> tuple[subprocess.Popen[str], str]:
+    """Start it again if it ended: a computer that stands still meanwhile loses the brick."""
     command = [sys.executable, "-m", "server", "serve", "--robot", "ev3-remote"]
     command += ["--brick", agent.address, "--brick-secret", SECRET, "--device", DEVICE]
     command += ["--learner", "published", "--port", "0", "--data", str(folder / "data")]
-    process = subprocess.Popen(
-        command,
-        cwd=ROOT,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
+    for _ in range(5):
+        process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        assert process.stdout is not None
+        for line in process.stdout:
+            if match := re.search(r"http://(\S+)", line):
+                return process, match[1]
+        end(process)
+    pytest.fail("the server ended")
+
+
+def end(process: subprocess.Popen[str]) -> None:
+    process.kill()
+    process.wait()
     assert process.stdout is not None
-    try:
-        match = None
-        while match is None:
-            line = process.stdout.readline()
-            assert line, "the server ended"
-            match = re.search(r"http://(\S+)", line)
-        yield f"ws://{match[1]}"
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
+    process.stdout.close()
 
 
 @dataclass(frozen=True)
