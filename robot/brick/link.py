@@ -24,6 +24,9 @@ from robot.errors import ConfigurationError
 SILENCE_S = 0.4
 """A brick that sends nothing for so long does not answer: it reports ten times a second, and its
 last move has ended by itself."""
+GONE_S = PATIENCE_S + 1.0
+"""A brick that is silent for longer than its body takes to open is joined anew: TCP would try
+a line that was lost for a minute only a minute later again."""
 PING_S = 0.1
 REJOIN_S = 0.5
 
@@ -225,7 +228,8 @@ class BrickLink:
                     else:
                         self._take_picture(body)
             except TimeoutError:
-                continue
+                if self.clock.now_s() - self._received_s > GONE_S:
+                    raise OSError(f"nothing came for {GONE_S:.0f} s") from None
 
     def _take_message(self, message: dict[str, Any]) -> None:
         if "t" in message:

@@ -18,10 +18,12 @@ class DriverCase:
         forward: Lets seconds pass: `time.sleep`, or a virtual clock's `advance`.
         is_moving: Whether the body moves now; None if that is unknown: tests that need it
             are skipped. It must ask the body, not the driver.
-        cut_link: Cuts the connection to the body for good; None if there is none.
+        cut_link: Cuts the connection to the body; None if there is none.
         now_s: The clock on which requests are measured; None: the machine's.
         budget_s: How long a request may take; None: as long as the contract says. A machine that
             is busy with other things needs more.
+        mend_link: Lets the body be reached again, by a new connection if the old one is lost; None
+            if it cannot.
     """
 
     driver: Driver
@@ -30,6 +32,7 @@ class DriverCase:
     cut_link: Callable[[], None] | None = None
     now_s: Callable[[], float] | None = None
     budget_s: float | None = None
+    mend_link: Callable[[], None] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import multiprocessing
 import threading
@@ -25,9 +26,13 @@ REMOTE_BUDGET_S = 0.2
 """The same for a driver that declares `is_remote`; a move must be renewed in time (0.4 s)."""
 STANDS_WITHIN_S = 0.5
 """When the line to the body is cut, the body stands after so long."""
+CUTS_S = (1.0, 10.0)
+BACK_WITHIN_S = 5.0
+"""When the body can be reached again, it obeys after so long, however long the line was cut."""
 _REAL = RealClock()
 _REQUESTS = 20
 _PATIENCE_S = 5.0
+_STEP_S = 0.1
 
 
 def moving(case: DriverCase) -> bool:
@@ -194,6 +199,37 @@ class DriverContract:
             driver_case.forward(STANDS_WITHIN_S)
             assert not moving(driver_case)
             assert said, "half a second of requests to a body that is gone, and no DriveError"
+
+    def test_a_body_whose_line_is_whole_again_is_driven_again(
+        self, driver_case: DriverCase
+    ) -> None:
+        """Nobody needs to connect it again."""
+        if driver_case.cut_link is None or driver_case.mend_link is None:
+            pytest.skip("there is no line to cut and mend")
+        with driver_case.driver as driver:
+            driver.send_action(driver.moves[0])
+            for cut_s in CUTS_S:
+                driver_case.cut_link()
+                for _ in range(round(cut_s / _STEP_S)):
+                    _ask(driver_case)
+                assert not moving(driver_case)
+                driver_case.mend_link()
+                assert _moves_within(driver_case, BACK_WITHIN_S), f"lost by a gap of {cut_s:.0f} s"
+
+
+def _moves_within(case: DriverCase, seconds: float) -> bool:
+    for _ in range(round(seconds / _STEP_S)):
+        _ask(case)
+        if moving(case):
+            return True
+    return False
+
+
+def _ask(case: DriverCase) -> None:
+    """Ask for a move, as the loop does whatever came of the last one."""
+    with contextlib.suppress(DriveError):
+        case.driver.send_action(case.driver.moves[0])
+    case.forward(_STEP_S)
 
 
 def _quickest_s(request: Callable[[], object], now_s: Callable[[], float]) -> float:

@@ -147,6 +147,7 @@ class VirtualAgent:
         self._ending = threading.Event()
         self._thread: Worker | None = None
         self._dialled: list[End] = []
+        self._is_cut = False
         self._agent = Agent(
             self._listener,  # type: ignore[arg-type]
             SECRET,
@@ -165,6 +166,9 @@ class VirtualAgent:
         """Open a line to the agent."""
         if self._thread is None or f"{address[0]}:{address[1]}" != ADDRESS:
             raise ConnectionRefusedError(111, "Connection refused")
+        if self._is_cut:
+            self.net.clock.sleep(3.0)
+            raise TimeoutError("timed out")
         near, far = End(self.net, 3.0), End(self.net, 0.0)
         near.peer, far.peer = far, near
         self._dialled.append(near)
@@ -174,9 +178,14 @@ class VirtualAgent:
 
     def cut(self) -> None:
         """Cut all lines for good: nobody notices, and nothing arrives any more, either way."""
+        self._is_cut = True
         for near in self._dialled:
             near.send = len  # type: ignore[method-assign,assignment]
             near.recv = near.hear_nothing  # type: ignore[method-assign]
+
+    def mend(self) -> None:
+        """Let new lines be opened; those that were cut stay so, as TCP waits ever longer."""
+        self._is_cut = False
 
     def hang_up(self) -> None:
         """Close all lines from the server's side, as the system does when its process is killed."""

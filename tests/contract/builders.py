@@ -47,7 +47,7 @@ from robot.testing.cases import CameraCase, DriverCase
 from robot.types import Action
 from tests.brick.fake_video import DEVICE
 from tests.brick.virtual_agent import MadeUpCamera, VirtualAgent
-from tests.faults.bodies import BODIES
+from tests.faults.bodies import BODIES, TimedBody
 from tests.robot.footage import write_footage
 from tests.standins import picamera2
 
@@ -86,6 +86,7 @@ def brick_case(
     driver: Ev3Driver | Ev3RemoteDriver,
     brick: FakeBrick,
     cut_link: Callable[[], None] | None = None,
+    mend_link: Callable[[], None] | None = None,
 ) -> DriverCase:
     def is_moving() -> bool:
         try:
@@ -95,7 +96,8 @@ def brick_case(
         brick.catch_up()
         return brick.is_moving()
 
-    return DriverCase(driver, brick.clock.sleep, is_moving, cut_link, brick.clock.now_s)
+    now_s = brick.clock.now_s
+    return DriverCase(driver, brick.clock.sleep, is_moving, cut_link, now_s, mend_link=mend_link)
 
 
 @contextmanager
@@ -138,7 +140,7 @@ def ev3_remote_driver() -> Iterator[DriverCase]:
         return
     with fake_brick(VirtualClock(100.0)) as (brick, _), VirtualAgent(brick) as agent:
         driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
-        yield brick_case(driver, brick, agent.cut)
+        yield brick_case(driver, brick, agent.cut, agent.mend)
 
 
 @contextmanager
@@ -205,12 +207,19 @@ def phone_camera() -> Iterator[CameraCase]:
     phone.join()
 
 
+def case_of(body: TimedBody, is_moving: Callable[[], bool]) -> DriverCase:
+    clock = body.clock
+    return DriverCase(
+        body.driver, clock.sleep, is_moving, body.lose, clock.now_s, mend_link=body.regain
+    )
+
+
 @contextmanager
 def timed_driver(name: str) -> Iterator[DriverCase]:
     """A body of tests/faults/bodies.py: the real driver and firmware on one virtual clock."""
     with BODIES[name][0](1) as body:
         body.slow_down(0.02)
-        yield DriverCase(body.driver, body.clock.sleep, body.is_moving, body.lose, body.clock.now_s)
+        yield case_of(body, body.is_moving)
         body.driver.disconnect()
 
 
@@ -224,7 +233,7 @@ def ros_driver() -> Iterator[DriverCase]:
             body.clock.sleep(0.03)  # what was sent has arrived
             return body.is_moving()
 
-        yield DriverCase(body.driver, body.clock.sleep, is_moving, body.lose, body.clock.now_s)
+        yield case_of(body, is_moving)
         body.driver.disconnect()
 
 

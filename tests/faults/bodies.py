@@ -56,14 +56,15 @@ class TimedBody:
     """A body with its driver, both on one clock.
 
     `hang_up` is what the system does with the line when the server's process is gone; `lose` ends
-    all traffic, both ways, but for what is on its way; `freeze` holds up what the driver does on
-    threads of its own; `slow_down` makes messages take so long.
+    all traffic, both ways, but for what is on its way, and `regain` lets it begin again; `freeze`
+    holds up what the driver does on threads of its own; `slow_down` makes messages take so long.
     """
 
     driver: Driver
     clock: ManualClock
     is_moving: Callable[[], bool]
     lose: Callable[[], None]
+    regain: Callable[[], None] | None = None
     hang_up: Callable[[], None] = lambda: None
     freeze: Callable[[], None] = lambda: None
     tick: Callable[[], None] = lambda: None
@@ -82,10 +83,13 @@ def _program(
     def lose() -> None:
         board.is_lost = True
 
+    def regain() -> None:
+        board.is_lost = False
+
     def slow_down(slowest_s: float) -> None:
         board.slowest_s = slowest_s
 
-    yield TimedBody(driver, clock, lambda: board.is_moving, lose, slow_down=slow_down)
+    yield TimedBody(driver, clock, lambda: board.is_moving, lose, regain, slow_down=slow_down)
     board.end()
 
 
@@ -140,7 +144,10 @@ def _ev3_stock(seed: int) -> Iterator[TimedBody]:
     def lose() -> None:
         line.is_lost = True
 
-    yield TimedBody(driver, clock, lambda: brick.is_moving, lose)
+    def regain() -> None:
+        line.is_lost = False
+
+    yield TimedBody(driver, clock, lambda: brick.is_moving, lose, regain)
 
 
 @contextmanager
@@ -171,7 +178,15 @@ def _ev3_remote(seed: int) -> Iterator[TimedBody]:
         VirtualAgent(brick) as agent,
     ):
         driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
-        yield TimedBody(driver, clock, brick.is_moving, agent.cut, agent.hang_up, freeze=agent.cut)
+        yield TimedBody(
+            driver,
+            clock,
+            brick.is_moving,
+            agent.cut,
+            agent.mend,
+            hang_up=agent.hang_up,
+            freeze=agent.cut,
+        )
         driver.disconnect()
 
 
@@ -213,6 +228,9 @@ class WatchedBridge:
     def lose(self) -> None:
         self.lost_s = min(self.lost_s, self._clock.now_s())
 
+    def regain(self) -> None:
+        self.lost_s = float("inf")
+
     def end(self) -> None:
         self._is_over = True
         self._node.end()
@@ -249,7 +267,14 @@ def _ros(seed: int) -> Iterator[TimedBody]:
     def slow_down(slowest_s: float) -> None:
         bridge.slowest_s = slowest_s
 
-    yield TimedBody(driver, clock, lambda: bridge.is_moving, bridge.lose, slow_down=slow_down)
+    yield TimedBody(
+        driver,
+        clock,
+        lambda: bridge.is_moving,
+        bridge.lose,
+        bridge.regain,
+        slow_down=slow_down,
+    )
     bridge.end()
 
 
