@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run install test test-brick test-browsers test-oldest check mutate docs format screenshots clean \
+.PHONY: help run install test test-brick test-browsers test-oldest test-stalls check mutate docs format screenshots clean \
   lint types suite
 
 help: ## Say what there is
@@ -22,9 +22,9 @@ install: ## Put the command `drivelesson` on your PATH
 JOBS ?= 3
 NPM := $(if $(shell command -v npm),tests/web/node_modules/.made)
 
-test test-brick test-oldest: export OMP_NUM_THREADS := 1  # see tests/conftest.py
+test test-brick test-oldest test-stalls: export OMP_NUM_THREADS := 1  # see tests/conftest.py
 # Tests start many processes: each would compile the program again.
-test test-brick test-oldest check: export PYTHONDONTWRITEBYTECODE :=
+test test-brick test-oldest test-stalls check: export PYTHONDONTWRITEBYTECODE :=
 
 test: lint $(NPM) ## Check and test everything (JOBS=1 for one after the other)
 	@$(MAKE) --no-print-directory --jobs 2 types suite
@@ -37,6 +37,10 @@ test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs r
 
 test-browsers: $(VENV)/.dev ## Drive the whole loop in Firefox and WebKit (says what it lacks)
 	DRIVELESSON_OTHER_BROWSERS=1 $(BIN)/python -m pytest tests/e2e/test_other_browsers.py $(ARGS)
+
+test-stalls: $(VENV)/.dev ## Test what waits for real on a computer that stands still now and then
+	$(BIN)/python -m tests.stalls -m realtime --numprocesses $(JOBS) --dist loadfile \
+	  --deselect tests/brick/test_server_on_brick.py $(ARGS)
 
 # What may differ there: routes and models of requests, sockets, the start, arrays and pictures. What
 # runs in virtual time past the framework is the same code as in `make test`, and runs there alone.

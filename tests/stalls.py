@@ -1,0 +1,67 @@
+"""`make test-stalls`: tests what waits for real on a computer that stands still now and then.
+
+A laptop does that when it wakes up, and so does a machine that others use, too. All processes of
+the run are held for some seconds and go on. A test may take longer for it; it must not fail.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+RUNS_S, STANDS_S = (0.5, 10.0), (2.5, 4.5)
+
+
+def find_running(root: int) -> list[int]:
+    """Return a process and its descendants, without those that somebody has stopped already."""
+    children: dict[int, list[int]] = {}
+    stopped = set()
+    for entry in Path("/proc").iterdir():
+        with contextlib.suppress(OSError, ValueError):
+            process = int(entry.name)
+            state, parent = (entry / "stat").read_text().rpartition(")")[2].split()[:2]
+            children.setdefault(int(parent), []).append(process)
+            if state in "TtZ":
+                stopped.add(process)
+    found = [root]
+    for process in found:  # grows meanwhile
+        found += children.get(process, [])
+    return [process for process in found if process not in stopped]
+
+
+def hold(root: int, seconds: float) -> None:
+    """Let everything stand still, and go on."""
+    held: list[int] = []
+    while new := set(find_running(root)) - set(held):  # one may start another meanwhile
+        for process in new:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(process, signal.SIGSTOP)
+            held.append(process)
+    time.sleep(seconds)
+    for process in reversed(held):
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process, signal.SIGCONT)
+
+
+def main(arguments: list[str]) -> int:
+    chance, stalls = random.Random(0), 0
+    with subprocess.Popen([sys.executable, "-m", "pytest", *arguments]) as tests:
+        while True:
+            try:
+                code = tests.wait(chance.uniform(*RUNS_S))
+            except subprocess.TimeoutExpired:
+                hold(tests.pid, chance.uniform(*STANDS_S))
+                stalls += 1
+            else:
+                print(f"{stalls} times everything stood still")
+                return code
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
