@@ -26,7 +26,7 @@ REMOTE_BUDGET_S = 0.2
 """The same for a driver that declares `is_remote`; a move must be renewed in time (0.4 s)."""
 STANDS_WITHIN_S = 0.5
 """When the line to the body is cut, the body stands after so long."""
-CUTS_S = (1.0, 10.0)
+CUTS_S = (0.5, 5.0)
 BACK_WITHIN_S = 5.0
 """When the body can be reached again, it obeys after so long, however long the line was cut."""
 _REAL = RealClock()
@@ -214,7 +214,7 @@ class DriverContract:
                     _ask(driver_case)
                 assert not moving(driver_case)
                 driver_case.mend_link()
-                assert _moves_within(driver_case, BACK_WITHIN_S), f"lost by a gap of {cut_s:.0f} s"
+                assert _moves_within(driver_case, BACK_WITHIN_S), f"lost by a gap of {cut_s} s"
 
 
 def _moves_within(case: DriverCase, seconds: float) -> bool:

