@@ -15,7 +15,8 @@ import sys
 import time
 from pathlib import Path
 
-RUNS_S, STANDS_S = (0.5, 10.0), (2.5, 4.5)
+RUNS_S, STANDS_S = (0.5, 10.0), (2.0, 3.5)
+"""Robots in the tests of the page are patient for 4 s (tests/e2e/world.py)."""
 
 
 def find_running(root: int) -> list[int]:
