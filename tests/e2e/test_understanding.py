@@ -13,7 +13,7 @@ import pytest
 from robot.experiments.protocol import Phase
 from robot.types import Action, Mode, Prediction
 
-from .hand import Fingers, choose, drive_on, hold_until, pad, teach
+from .hand import Fingers, choose, drive_on, hold_until, teach
 from .world import World, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -45,8 +45,7 @@ def test_undo_restores_the_exact_learner_from_before(phone: Any, world: World) -
     before, lessons = state_of(world), world.lessons
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    fingers.press(pad("right"))
-    wait_for(lambda: world.lessons >= lessons + 30, "something wrong is taught")
+    hold_until(world, fingers, "right", lambda: world.lessons >= lessons + 30)
     fingers.lift()
     choose(phone, world, Mode.STOPPED)
     wrong = world.lessons - lessons
@@ -184,7 +183,6 @@ def test_the_speed_that_was_set_is_the_speed_that_is_driven(
     phone.goto(world.address + "/#drive")
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    fingers.press(pad("left"))
-    wait_for(lambda: world.action is Action.LEFT, "it turns")
+    hold_until(world, fingers, "left", lambda: world.action is Action.LEFT)
     assert world.rig.loop.state.decision.speed_scale == 0.5
     fingers.lift()

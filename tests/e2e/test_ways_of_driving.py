@@ -166,6 +166,5 @@ def test_turning_the_phone_while_holding_stops_or_goes_on_never_sticks(
     assert boxes[2]["x"] > LANDSCAPE["width"] * 2 / 3, "forward: right thumb"
     fingers.lift()
     wait_until_standing(world)
-    fingers.press(pad("right"))
-    wait_for(lambda: world.action is Action.RIGHT, "the other layout drives")
+    hold_until(world, fingers, "right", lambda: world.action is Action.RIGHT)
     fingers.lift()

@@ -150,8 +150,7 @@ def test_emergency_stop_latches_until_it_is_released(rovers_phone: Any, rover: W
     phone, world = rovers_phone, rover
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    fingers.press(pad("left"))
-    wait_for(lambda: world.action is Action.LEFT, "it turns")
+    hold_until(world, fingers, "left", lambda: world.action is Action.LEFT)
     phone.locator("drive-pad .stop").dispatch_event("click")
     wait_for(lambda: world.rig.loop.state.emergency, "the emergency stop is latched")
     phone.wait_for_selector("mode-bar [data-mode=train][disabled]")
