@@ -133,10 +133,10 @@ class MjpegCamera(Camera):
             if importlib.util.find_spec(library) is None:
                 raise MissingExtraError("the camera 'mjpeg'", "camera")
         self._ending.clear()
-        opened = [self._open()]
+        stream = self._open()
         self._freshness = Freshness(self.clock.now_s())
         self._threads = [
-            self.clock.start_thread(lambda: self._read(opened), "mjpeg-camera"),
+            self.clock.start_thread(lambda: self._read(stream), "mjpeg-camera"),
             self.clock.start_thread(self._watch, "mjpeg-watch"),
         ]
 
@@ -177,9 +177,9 @@ class MjpegCamera(Camera):
         return answer
 
     def _close(self) -> None:
-        """End the connection: a camera that serves one client would serve nobody else until then.
+        """End the connection, whoever still holds its stream, and wake a thread that reads.
 
-        A thread that reads is woken; what it holds of the socket goes with its stream.
+        A camera that serves one client at a time would serve nobody else until then.
         """
         sock, self._socket = self._socket, None
         if sock is not None:
@@ -187,13 +187,13 @@ class MjpegCamera(Camera):
                 sock.shutdown(socket.SHUT_RDWR)
             sock.close()
 
-    def _read(self, opened: list[HTTPResponse]) -> None:
-        """Read the stream that is open, and after it those that this thread opens."""
+    def _read(self, stream: HTTPResponse | None) -> None:
         while not self._ending.is_set():
             try:
-                self._read_out(opened.pop() if opened else self._open())
+                self._read_out(stream or self._open())
             except (CameraError, OSError, HTTPException, AttributeError) as error:
                 self._reason = str(error)  # the watching thread says so
+            stream = None
             self._close()
             self.clock.wait(self._ending, REOPEN_S)
 

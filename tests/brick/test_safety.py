@@ -6,13 +6,10 @@ the contract of drivers cuts the line to the brick.
 
 from __future__ import annotations
 
-import os
-import re
 import select
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -22,7 +19,8 @@ from pathlib import Path
 import pytest
 
 from robot.testing.brick import FakeBrick
-from tests.brick.film import ROOT, install_film
+from tests.brick.film import install_film
+from tests.brick.own_server import own_server
 from tests.brick.running_agent import SECRET, RunningAgent
 from tests.server.live_robot import Pilot
 
@@ -91,41 +89,10 @@ class Proxy:
 def serving(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A server as a process of its own; yields it and its address."""
     install_film(folder / "film")
-    command = [
-        sys.executable,
-        "-m",
-        "server",
-        "serve",
-        "--camera",
-        "film",
-        "--film",
-        str(folder / "film/film.yuyv"),
-        "--frame-rate",
-        "20",
-        "--learner",
-        "published",
-        "--port",
-        "0",
-        "--data",
-        str(folder / "data"),
-        *options,
-    ]
-    env = {**os.environ, "PYTHONPATH": str(folder / "film"), "OPENBLAS_NUM_THREADS": "1"}
-    process = subprocess.Popen(
-        command, cwd=ROOT, env=env, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-    )
-    assert process.stdout is not None
-    try:
-        match = None
-        while match is None:
-            line = process.stdout.readline()
-            assert line, "the server ended"
-            match = re.search(r"http://(\S+)", line)
-        yield process, f"ws://{match[1]}"
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
+    film = ["--camera", "film", "--film", str(folder / "film/film.yuyv"), "--frame-rate", "20"]
+    data = ["--data", str(folder / "data")]
+    with own_server(*film, *data, *options, PYTHONPATH=str(folder / "film")) as served:
+        yield served
 
 
 class Drive:

@@ -9,9 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -21,7 +18,7 @@ import pytest
 
 from robot.testing.brick import FakeBrick
 from tests.brick.fake_video import C270_ON_EV3, DEVICE, QUICK, CameraTraits, FakeVideo
-from tests.brick.film import ROOT
+from tests.brick.own_server import own_server
 from tests.brick.running_agent import SECRET, RunningAgent
 from tests.server.live_robot import Pilot
 
@@ -33,45 +30,6 @@ TRAITS = {
     "100 ms / 95 ms": replace(C270_ON_EV3, age_ms=95, age_spread_ms=0),
     "33 ms / 5 ms": QUICK,
 }
-
-
-@contextmanager
-def serving(folder: Path, agent: RunningAgent) -> Iterator[str]:
-    """A server beside the brick, as a process of its own; yields its address."""
-    process, address = start_server(folder, agent)
-    try:
-        yield f"ws://{address}"
-    finally:
-        end(process)
-
-
-def start_server(folder: Path, agent: RunningAgent) -> tuple[subprocess.Popen[str], str]:
-    """Start it again if it ended: a computer that stands still meanwhile loses the brick."""
-    command = [sys.executable, "-m", "server", "serve", "--robot", "ev3-remote"]
-    command += ["--brick", agent.address, "--brick-secret", SECRET, "--device", DEVICE]
-    command += ["--learner", "published", "--port", "0", "--data", str(folder / "data")]
-    for _ in range(5):
-        process = subprocess.Popen(
-            command,
-            cwd=ROOT,
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        )
-        assert process.stdout is not None
-        for line in process.stdout:
-            if match := re.search(r"http://(\S+)", line):
-                return process, match[1]
-        end(process)
-    pytest.fail("the server ended")
-
-
-def end(process: subprocess.Popen[str]) -> None:
-    process.kill()
-    process.wait()
-    assert process.stdout is not None
-    process.stdout.close()
 
 
 @dataclass(frozen=True)
@@ -172,9 +130,11 @@ def it_does_not_move(brick: FakeBrick, pilot: Pilot) -> None:
 def piloted(traits: CameraTraits, brick: FakeBrick, folder: Path) -> Iterator[Pilot]:
     """Agent, server and a pilot who sees what the camera shows."""
     video = FakeVideo(folder, traits)
+    options = ["--robot", "ev3-remote", "--brick-secret", SECRET, "--device", DEVICE]
+    options += ["--data", str(folder / "data")]
     with (
         RunningAgent(brick.root, folder, video.env) as agent,
-        serving(folder, agent) as address,
+        own_server(*options, "--brick", agent.address) as (_, address),
         Pilot(address + "/ws/drive", sees=True) as pilot,
     ):
         pilot.wait_for_state(60, you_are_pilot=True)

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any, Self
 
 from robot.brick.agent.server import Agent
+from robot.brick.handshake import PATIENCE_S
 from robot.brick.link import BrickLink
 from robot.capture.v4l2 import VideoFrame
 from robot.clock import Clock, Worker
@@ -167,9 +168,9 @@ class VirtualAgent:
         if self._thread is None or f"{address[0]}:{address[1]}" != ADDRESS:
             raise ConnectionRefusedError(111, "Connection refused")
         if self._is_cut:
-            self.net.clock.sleep(3.0)
+            self.net.clock.sleep(PATIENCE_S)
             raise TimeoutError("timed out")
-        near, far = End(self.net, 3.0), End(self.net, 0.0)
+        near, far = End(self.net, PATIENCE_S), End(self.net, 0.0)
         near.peer, far.peer = far, near
         self._dialled.append(near)
         self._listener.arrived.append(far)
