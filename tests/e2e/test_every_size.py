@@ -67,6 +67,37 @@ def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, taught: World, langu
     assert wrong == []
 
 
+_SAY_IN_TURN = """async (language) => {
+  const { default: words } = await import(`/js/messages/${language}.js`);
+  const moves = Object.keys(words).filter((key) => key.startsWith('moves.'));
+  const place = document.querySelector('teach-panel p');
+  const pad = document.querySelector('.move[data-move=forward]');
+  const found = {};
+  for (const key of Object.keys(words).filter((key) => /^(advice|lesson.now_)/.test(key))) {
+    for (const move of words[key].includes('{moves}') ? moves : ['']) {
+      const values = { moves: words[move], left: 120, have: 123, need: 150, n: 10 };
+      place.textContent = words[key].replace(/\\{(\\w+)\\}/g, (_, name) => values[name]);
+      (found[pad.getBoundingClientRect().top] ??= []).push(place.textContent);
+    }
+  }
+  return found;
+}"""
+
+
+@pytest.mark.parametrize("language", ["en", "es", "zh"])
+def test_no_advice_moves_the_pad_under_the_hand(
+    chromium: Any, taught: World, language: str
+) -> None:
+    context = chromium.new_context(locale=language, has_touch=True, service_workers="block")
+    page = open_page(context, taught.address)
+    for size in _sizes(page):
+        if int(size.split("x")[0]) < 360:
+            continue  # a foldable phone, closed, or zoom: there a sentence may need two lines
+        places = page.evaluate(_SAY_IN_TURN, language)
+        assert len(places) == 1, f"{size}: {places}"
+    context.close()
+
+
 @pytest.fixture(scope="module")
 def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveClass]:
     """A class of which one robot does not answer, and one has a long name."""

@@ -7,13 +7,16 @@ had the same one.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import pytest
 
+from robot.drivers.sim import SimDriver
 from robot.types import Action, Mode
 
+from .boxes import drive_faults
 from .hand import Fingers, choose, hold_until, pad, press_until, turning, wait_until_standing
 from .world import (
     DESKTOP,
@@ -134,4 +137,21 @@ def test_directions_and_stop_stay_where_they_are_when_the_map_comes(
     on_its_way[0].continue_()
     page.locator("drive-map .body").first.wait_for(state="attached")
     assert page.evaluate(places) == before
+    context.close()
+
+
+def test_where_there_is_no_map_the_pad_takes_its_place(
+    chromium: Any, world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    context = new_context(chromium, DESKTOP)
+    page = open_page(context, world.address)
+    page.locator("drive-map .body").first.wait_for(state="attached")
+    height = "document.querySelector('drive-pad').getBoundingClientRect().height"
+    beside_the_map = page.evaluate(height)
+
+    sense = SimDriver.sense
+    monkeypatch.setattr(SimDriver, "sense", lambda self: replace(sense(self), pose=None))
+    page.locator("drive-map").wait_for(state="hidden")
+    assert page.evaluate(height) > beside_the_map + 100
+    assert drive_faults(page) == []
     context.close()

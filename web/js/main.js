@@ -30,6 +30,10 @@ listenToKeyboard(page.helm, reach);
 listenToGamepads(page.helm, reach);
 await /** @type {any} */ (document.querySelector('video-view')).ready;
 connection.connect();
+// A robot that does not know where it is has no map. Which one that is, its first picture tells.
+store.watch(['robot'], ({ robot }) => {
+  if (robot) document.body.classList.toggle('mapless', robot.frame !== null && !robot.pose);
+});
 // The map is not needed for the first picture, and comes after it.
 const unwatch = store.watch(['frame'], ({ frame }) => {
   if (frame === null) return;
