@@ -129,14 +129,13 @@ class BrickLink:
         self._standing.clear()
 
     def send(self, do: str, **rest: Any) -> None:
-        """Send one command.
+        """Send one command. A brick that is silent is asked, too: it may just have been held up.
 
         Raises:
-            HardwareError: If the line is lost or the brick silent; it stops by itself then.
+            HardwareError: If the line is lost; the brick stops by itself then.
         """
-        fault = self.fault
-        if fault is not None:
-            raise HardwareError(fault)
+        if self._lost is not None:
+            raise HardwareError(self.fault)
         try:
             self._send(do, **rest)
         except OSError as error:

@@ -29,10 +29,14 @@ class RemoteBody:
         return self._top_speeds_dps
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
-        """Turn the wheels for at most `time_ms`. The brick refuses an order that comes late."""
-        after_s = self._link.report_time_s
-        if after_s is None:
-            raise HardwareError(self._link.fault or "the brick has not reported yet")
+        """Turn the wheels for at most `time_ms`. The brick refuses an order that comes late.
+
+        Raises:
+            HardwareError: If the line is lost or the brick silent; it stops by itself then.
+        """
+        after_s, fault = self._link.report_time_s, self._link.fault
+        if after_s is None or fault is not None:
+            raise HardwareError(fault or "the brick has not reported yet")
         self._link.send("run", left=left_dps, right=right_dps, ms=time_ms, after=after_s)
 
     def stop(self) -> None:

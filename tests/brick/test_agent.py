@@ -300,3 +300,32 @@ def test_a_line_that_is_lost_is_said_and_joined_again(brick: FakeBrick) -> None:
 
         assert wait_until(clock, drives) < 2 * REJOIN_S
         brick.wait_until(brick.is_moving)
+
+
+def test_a_computer_that_stood_still_while_it_joined_opens_the_body_all_the_same(
+    brick: FakeBrick,
+) -> None:
+    clock = brick.clock
+    with VirtualAgent(brick) as running:
+        driver = make_driver(running)
+        driver.link.open("test")
+        running.deafen()
+        clock.sleep(1.0)
+        assert "does not answer" in str(driver.link.fault)
+        running.hear_again()
+        driver.connect()
+        assert driver.send_action(Action.FORWARD) is Action.FORWARD
+        driver.disconnect()
+        driver.link.close("test")
+
+
+def test_a_silent_brick_is_sent_no_move(brick: FakeBrick) -> None:
+    clock = brick.clock
+    with VirtualAgent(brick) as running, make_driver(running) as driver:
+        driver.send_action(Action.FORWARD)
+        brick.wait_until(brick.is_moving)
+        running.deafen()
+        clock.sleep(SILENCE_S + 0.05)
+        with pytest.raises(DriveError, match="does not answer"):
+            driver.send_action(Action.FORWARD)
+        assert not brick.is_moving(), "its last move has ended by itself"

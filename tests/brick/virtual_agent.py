@@ -184,6 +184,16 @@ class VirtualAgent:
             near.send = len  # type: ignore[method-assign,assignment]
             near.recv = near.hear_nothing  # type: ignore[method-assign]
 
+    def deafen(self) -> None:
+        """Let nothing of what the agent says arrive, as while the computer stands still."""
+        for near in self._dialled:
+            near.recv = near.hear_nothing  # type: ignore[method-assign]
+
+    def hear_again(self) -> None:
+        """Let all arrive that was held up by `deafen`, and what comes after it."""
+        for near in self._dialled:
+            near.__dict__.pop("recv", None)
+
     def mend(self) -> None:
         """Let new lines be opened; those that were cut stay so, as TCP waits ever longer."""
         self._is_cut = False
