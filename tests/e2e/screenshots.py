@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import contextlib
 import io
-import itertools
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,13 +16,13 @@ from typing import Any
 import httpx
 
 from robot.experiments.protocol import Phase
-from robot.types import Mode
 from server.config import Config
 from server.security.pairing import Pairing
 from server.study.conductor import Conductor
 from tests.server.live_robot import WEB, live_server
 
 from .class_world import running_class
+from .film import take_film
 from .hand import Fingers, choose, drive_on, pad, teach
 from .proxy import Proxy
 from .world import (
@@ -51,7 +49,6 @@ SCREENS = ("gallery", "why", "teaching", "undo", "home", "settings")
 Looks = dict[str, tuple[Any, str]]
 Shoot = Callable[[str], None]
 _QUALITY = 85
-_FILM_PX, _FILM_BYTES, _LONGEST_S = (312, 675), 2_000_000, 0.3
 
 
 def take_all(folder: Path, only: Sequence[str] = ()) -> None:
@@ -72,13 +69,6 @@ def _take_office(browser: Any, folder: Path) -> None:
         finish_recording(world)
         _each(browser, world, folder, _take_screens)
         _take_away(browser, world, folder)
-
-
-def _take_film(browser: Any, folder: Path) -> None:
-    for _ in range(5):  # a busy machine may stop the robot in the middle of it
-        with _world("box") as world:
-            if _film(browser, world, folder / "ten-seconds.webp"):
-                return
 
 
 def _take_study(browser: Any, folder: Path) -> None:
@@ -198,57 +188,6 @@ def _take_away(browser: Any, world: World, folder: Path) -> None:
         page.wait_for_timeout(4000)
         _save(page.screenshot(), folder / f"away-{ending}.webp")
         proxy.close()
-
-
-def _film(browser: Any, world: World, path: Path) -> bool:
-    """Film ten seconds of the drive screen: taught, handed over, corrected. True if it went on
-    to the end."""
-    context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
-    page = open_page(context, world.address)
-    fingers, frames = Fingers(page), []
-
-    def take() -> float:
-        frames.append((time.monotonic(), page.screenshot(type="jpeg", quality=90)))
-        return frames[-1][0]
-
-    def roll(seconds: float) -> None:
-        ends_s = time.monotonic() + seconds
-        while take() < ends_s:
-            page.wait_for_timeout(100)
-
-    choose(page, world, Mode.TRAIN)
-    teach(world, fingers, 900, near_m=0.45)
-    ends_s = time.monotonic() + 3.0
-    teach(world, fingers, 10_000, near_m=0.45, until=lambda: take() > ends_s)
-    teach(world, fingers, 10_000, near_m=0.45, until=lambda: world.distance_m > 0.6)
-    choose(page, world, Mode.AUTONOMOUS)
-    roll(3.5)
-    fingers.press(pad("left"))
-    roll(1.5)
-    fingers.lift()
-    roll(2.0)
-    is_whole = world.mode is Mode.AUTONOMOUS
-    context.close()
-    if is_whole:
-        _save_film(frames, path)
-    return is_whole
-
-
-def _save_film(frames: list[tuple[float, bytes]], path: Path) -> None:
-    """Write a film with the times at which its pictures were taken; small enough for a README."""
-    from PIL import Image
-
-    pictures = [Image.open(io.BytesIO(data)).resize(_FILM_PX) for _, data in frames]
-    times_s = [at_s for at_s, _ in frames]
-    # Longer than that nothing was filmed: a cut.
-    spans_s = [min(b - a, _LONGEST_S) for a, b in itertools.pairwise(times_s)]
-    shown_ms = [round(1000 * span_s) for span_s in spans_s] + [800]
-    first, *others = pictures
-    first.save(
-        path, save_all=True, append_images=others, duration=shown_ms, loop=0, quality=60, method=4
-    )
-    assert path.stat().st_size < _FILM_BYTES, f"{path} has {path.stat().st_size} bytes"
-    print(path)
 
 
 def _take_pairing(browser: Any, folder: Path) -> None:
@@ -400,7 +339,7 @@ PARTS: dict[str, Callable[[Any, Path], None]] = {
     "office": _take_office,
     "pairing": _take_pairing,
     "class": _take_class,
-    "film": _take_film,
+    "film": take_film,
     "study": _take_study,
     "participants": _take_participants,
 }
