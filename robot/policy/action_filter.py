@@ -41,6 +41,9 @@ HELPLESS_S = 10.0
 """After so long beyond that it stands and asks,"""
 ASKING_S = 5.0
 """and if nobody takes the wheel, tries again after so long."""
+BEGUN_S = 0.075
+"""With contexts a move that has just begun goes on for so long. Until then most of the average
+are the votes of the context that it has left, which would end it at once, thirty times a second."""
 _BY_THE_CLOCK = 3.0
 """Turns that end by the clock have so many times their inertia until then, and as much against them
 afterwards: only votes that are all but unanimous weigh more."""
@@ -157,6 +160,7 @@ class ActionFilter:
         self._gives_up = gives_up
         self._asks_until_s = 0.0
         self._turns_since_s: float | None = None
+        self._begun: tuple[Action | None, float] = (None, 0.0)
 
     @classmethod
     def none(cls) -> Self:
@@ -222,7 +226,19 @@ class ActionFilter:
             self._ask(view.at_s)  # it was taught no other move
         hold = self._hold(under_way, view.at_s, timed_turn_s, 0.0 if in_context else 1.0)
         doubt = self._unknown.doubt(view.novelty, shares, under_way, view.at_s)
-        return self._commitment.choose(shares, under_way, futile, urge=urge, doubt=doubt, hold=hold)
+        if in_context and under_way is not futile and self._has_just_begun(under_way, view.at_s):
+            assert under_way is not None
+            return under_way
+        chosen = self._commitment.choose(
+            shares, under_way, futile, urge=urge, doubt=doubt, hold=hold
+        )
+        if chosen is not under_way:
+            self._begun = (chosen, view.at_s)
+        return chosen
+
+    def _has_just_begun(self, under_way: Action | None, at_s: float) -> bool:
+        move, since_s = self._begun
+        return under_way is not None and under_way is move and 0.0 <= at_s - since_s < BEGUN_S
 
     def _hold(
         self, under_way: Action | None, at_s: float, timed_s: float | None, usual: float
@@ -272,4 +288,5 @@ class ActionFilter:
         self._clock.reset()
         self._unknown.reset()
         self._turns_since_s = None
+        self._begun = (None, 0.0)
         self.needs_help = False

@@ -61,6 +61,25 @@ def test_driving_straight_yields_sooner_than_a_turn():
     assert commitment.choose({F: 1 - between, L: between}, F) is L
 
 
+@pytest.mark.parametrize("rate_hz", [8, 10, 15, 30, 60])
+def test_a_move_that_has_just_begun_is_judged_in_its_own_context(rate_hz):
+    """The unknown ahead begins the turn, with most votes for FORWARD still in the average."""
+    votes = {F: {F: 0.75, L: 0.2, R: 0.05}, L: {F: 0.1, L: 0.85, R: 0.05}}
+    actions, move, made, chance = ActionFilter(), F, [], np.random.default_rng(0)
+    for number in range(4 * rate_hz):
+        at_s = number / rate_hz
+        picture = chance.integers(0, 255, (30, 40)).astype(np.uint8)
+        view = View(picture=picture, at_s=at_s, bumped=False, novelty=1.0 if at_s < 3.0 else 1.7)
+        average = actions.average(votes[move], at_s)
+        move = actions.choose(
+            average, view, move, longest_debt_s=2.0, patience_s=0.5, in_context=True
+        )
+        made.append(move)
+    begun = made.index(L)
+    assert begun > 3 * rate_hz
+    assert set(made[begun:]) == {L}
+
+
 def test_standing_still_is_no_move_under_way():
     assert Commitment().choose({F: 0.4, L: 0.6}, Action.STOP) is L
 
