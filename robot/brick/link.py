@@ -81,11 +81,15 @@ class BrickLink:
     @property
     def fault(self) -> str | None:
         """What is wrong with the line, as a sentence; None if the brick answers."""
-        if self._lost is not None:
-            return f"the line to the brick at {self._address} is lost ({self._lost}); trying again"
+        lost = self._lost
+        if lost is not None:
+            return self._say_lost(lost)
         if self.clock.now_s() - self._received_s > SILENCE_S:
             return f"the brick at {self._address} does not answer; is it on, and in the network?"
         return None
+
+    def _say_lost(self, why: object) -> str:
+        return f"the line to the brick at {self._address} is lost ({why}); trying again"
 
     @property
     def camera_fault(self) -> str | None:
@@ -134,15 +138,14 @@ class BrickLink:
         Raises:
             HardwareError: If the line is lost; the brick stops by itself then.
         """
-        if self._lost is not None:
-            raise HardwareError(self.fault)
+        lost = self._lost  # the thread may join anew meanwhile
+        if lost is not None:
+            raise HardwareError(self._say_lost(lost))
         try:
             self._send(do, **rest)
         except OSError as error:
             self._hang_up()  # half a message may be on the way
-            raise HardwareError(
-                f"the line to the brick at {self._address} is lost ({error}); trying again"
-            ) from error
+            raise HardwareError(self._say_lost(error)) from error
 
     def keep_sent(self, key: str, do: str, **rest: Any) -> None:
         """Send a command that holds for the whole connection, and again after each new joining."""

@@ -226,19 +226,16 @@ class ActionFilter:
             self._ask(view.at_s)  # it was taught no other move
         hold = self._hold(under_way, view.at_s, timed_turn_s, 0.0 if in_context else 1.0)
         doubt = self._unknown.doubt(view.novelty, shares, under_way, view.at_s)
-        if in_context and under_way is not futile and self._has_just_begun(under_way, view.at_s):
-            assert under_way is not None
-            return under_way
+        begun, begun_s = self._begun
+        has_just_begun = begun is under_way and 0.0 <= view.at_s - begun_s < BEGUN_S
+        if in_context and begun is not None and has_just_begun and begun is not futile:
+            return begun
         chosen = self._commitment.choose(
             shares, under_way, futile, urge=urge, doubt=doubt, hold=hold
         )
         if chosen is not under_way:
             self._begun = (chosen, view.at_s)
         return chosen
-
-    def _has_just_begun(self, under_way: Action | None, at_s: float) -> bool:
-        move, since_s = self._begun
-        return under_way is not None and under_way is move and 0.0 <= at_s - since_s < BEGUN_S
 
     def _hold(
         self, under_way: Action | None, at_s: float, timed_s: float | None, usual: float

@@ -182,7 +182,7 @@ class VirtualAgent:
         self._is_cut = True
         for near in self._dialled:
             near.send = len  # type: ignore[method-assign,assignment]
-            near.recv = near.hear_nothing  # type: ignore[method-assign]
+        self.deafen()
 
     def deafen(self) -> None:
         """Let nothing of what the agent says arrive, as while the computer stands still."""

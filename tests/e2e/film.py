@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import itertools
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 from robot.types import Mode
 
 from .hand import Fingers, choose, pad, teach
-from .world import PHONE, World, open_page, running_world
+from .world import PHONE, World, open_page, passing_world
 
 _SIZE_PX, _MOST_BYTES, _LONGEST_S = (312, 675), 2_000_000, 0.3
 _TURNS_AT_M = (0.35, 0.3, 0.4, 0.35, 0.25, 0.35, 0.3, 0.4, 0.3)
@@ -23,7 +22,7 @@ _ASKED_SHARE = 0.1
 def take_film(browser: Any, folder: Path) -> None:
     """Write `ten-seconds.webp`. A busy machine may stop the robot meanwhile: it is begun again."""
     for _ in range(5):
-        with tempfile.TemporaryDirectory() as kept, running_world(Path(kept), world="box") as world:
+        with passing_world("box") as world:
             if _film(browser, world, folder / "ten-seconds.webp"):
                 return
 

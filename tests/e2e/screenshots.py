@@ -5,7 +5,6 @@ The world is simulated; no picture shows a real place.
 
 from __future__ import annotations
 
-import contextlib
 import io
 import sys
 import tempfile
@@ -32,8 +31,8 @@ from .world import (
     World,
     finish_recording,
     open_page,
+    passing_world,
     running_chromium,
-    running_world,
 )
 
 SMALL = {"width": 320, "height": 480}
@@ -62,7 +61,7 @@ def take_all(folder: Path, only: Sequence[str] = ()) -> None:
 
 
 def _take_office(browser: Any, folder: Path) -> None:
-    with _world("office") as world:
+    with passing_world("office") as world:
         _each(browser, world, folder, _take_hints, hints=True)
         _teach_first(browser, world)
         _each(browser, world, folder, _take_drive, looks=ALSO_DARK)
@@ -72,17 +71,11 @@ def _take_office(browser: Any, folder: Path) -> None:
 
 
 def _take_study(browser: Any, folder: Path) -> None:
-    with _world("box") as world:
+    with passing_world("box") as world:
         _hold_lesson(browser, world)
         _each(browser, world, folder, _take_result)
         httpx.delete(f"{world.address}/api/lesson")
         _each(browser, world, folder, _take_lesson)
-
-
-@contextlib.contextmanager
-def _world(name: str) -> Iterator[World]:
-    with tempfile.TemporaryDirectory() as kept, running_world(Path(kept), world=name) as world:
-        yield world
 
 
 def _each(
@@ -290,7 +283,7 @@ options = ["yes", "perhaps", "no"]
 
 def _take_participants(browser: Any, folder: Path) -> None:
     """A study with participants: the researcher's list, and what a participant meets."""
-    with _world("box") as world:
+    with passing_world("box") as world:
         conductor = world.services.conductor
         assert conductor is not None
         conductor.pace = 200.0

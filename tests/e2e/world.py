@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -121,6 +122,13 @@ def running_world(
     services = make_services(config, rig, name="Rover", events=events, persistence=persistence)
     with rig, persistence, served(create_app(services), config) as address:
         yield World(address, services)
+
+
+@contextlib.contextmanager
+def passing_world(name: str) -> Iterator[World]:
+    """Serve a simulated robot that keeps nothing after the block."""
+    with tempfile.TemporaryDirectory() as kept, running_world(Path(kept), world=name) as world:
+        yield world
 
 
 def find_chromium(*, whole: bool = False) -> str:
