@@ -7,17 +7,13 @@ are killed and frozen by their own tests.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import random
 import tempfile
-from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from unittest import mock
 
 from robot.brick.agent.ports import HardwareError
 from robot.brick.chassis import ChassisBody
@@ -38,9 +34,10 @@ from robot.errors import DriveError
 from robot.testing import VirtualClock
 from robot.testing.brick import FakeBrick
 from tests.brick.virtual_agent import VirtualAgent
+from tests.standins.double_motor import DoubleMotor
 from tests.standins.ev3_stock import StockFirmware
-from tests.standins.firmware_in_time import Box, RunningFirmware, RunningHub, RunningProgram
-from tests.standins.rclpy_node import WatchdogNode
+from tests.standins.firmware_in_time import RunningFirmware, RunningHub, RunningProgram
+from tests.standins.rosbridge_in_time import WatchedBridge
 
 FAULTS = ("link lost", "server killed", "server frozen")
 STANDS_S = 0.5
@@ -190,73 +187,6 @@ def _ev3_remote(seed: int) -> Iterator[TimedBody]:
         driver.disconnect()
 
 
-class WatchedBridge:
-    """A rosbridge with the watchdog behind it, and a base that never stops by itself."""
-
-    def __init__(self, clock: VirtualClock, seed: int) -> None:
-        self._clock, self._chance = clock, random.Random(seed)
-        self._to_robot, self._to_server = Box(clock), Box(clock)
-        self.slowest_s, self.lost_s = 0.05, float("inf")
-        self.is_moving = self._is_over = False
-        self._node = WatchdogNode(clock, self._say)
-        self._node.start()
-        self._threads = [
-            clock.start_thread(lambda: self._pass(self._to_robot, self._node.take), "to robot"),
-            clock.start_thread(lambda: self._pass(self._to_server, self._tell), "to server"),
-        ]
-        self._on_message: Callable[[str, Any], None] = lambda topic, message: None
-        self.trouble = ""
-
-    def open(self, *_: Any, on_message: Callable[[str, Any], None], **topics: Any) -> Any:
-        """Stand in for the class `RosBridge`."""
-        self._on_message = on_message
-        return self
-
-    @property
-    def silent_s(self) -> float:
-        return max(0.0, self._clock.now_s() - self.lost_s)
-
-    def publish(self, topic: str, message: Any, *_: Any) -> None:
-        """Without the zero that follows: a server that is gone sends none."""
-        self._send(self._to_robot, json.dumps(message).encode())
-
-    publish_for = publish
-
-    def close(self) -> None:
-        """There is nothing to close."""
-
-    def lose(self) -> None:
-        self.lost_s = min(self.lost_s, self._clock.now_s())
-
-    def regain(self) -> None:
-        self.lost_s = float("inf")
-
-    def end(self) -> None:
-        self._is_over = True
-        self._node.end()
-        for thread in self._threads:
-            thread.join()
-
-    def _send(self, box: Box, data: bytes) -> None:
-        if self.lost_s == float("inf"):
-            box.put(data, self._chance.uniform(0.0005, self.slowest_s))
-
-    def _say(self, topic: str, kind: str, message: Any) -> None:
-        if topic == "/cmd_vel":
-            self.is_moving = message["linear"]["x"] != 0.0 or message["angular"]["z"] != 0.0
-        else:
-            self._send(self._to_server, json.dumps(message).encode())
-
-    def _tell(self, message: Any) -> None:
-        self._on_message("/drivelesson/alive", message)
-
-    def _pass(self, box: Box, take: Callable[[Any], None]) -> None:
-        while not self._is_over:
-            data = box.take(0.1)
-            if data is not None:
-                take(json.loads(data))
-
-
 @contextmanager
 def _ros(seed: int) -> Iterator[TimedBody]:
     clock = VirtualClock(100.0)
@@ -297,68 +227,10 @@ def _ev3(seed: int) -> Iterator[TimedBody]:
         yield TimedBody(driver, clock, brick.is_moving, unplug_one)
 
 
-class _DoubleMotor:
-    """What LEGO's library and motor do; the real library is driven by tests of its own."""
-
-    BUTTON_STATE_PRESSED = 1
-
-    def __init__(self, clock: ManualClock, chance: random.Random) -> None:
-        self._clock, self._chance = clock, chance
-        self._coming: deque[tuple[float, float]] = deque()
-        self._noted_s = self._ends_s = 0.0
-        self.connected, self.is_lost = False, False
-        self.info_device = mock.Mock(batteryLevel=80)
-        self.button = mock.Mock(state=0)
-
-    def __getattr__(self, name: str) -> object:
-        assert name.startswith("MOVEMENT_DIRECTION_"), name
-        return name
-
-    def DoubleMotor(self) -> Any:  # noqa: N802 - LEGO's name
-        return self
-
-    def search(self, timeout: float, device_name: str | None) -> list[Any]:
-        return [self]
-
-    def set_notification_callback(self, note: Callable[[Any], None]) -> None:
-        self._note = note
-
-    def connect(self, found: Any, device_notification_delay: int) -> None:
-        self.connected = True
-
-    def movement_move_for_time(
-        self, ms: int, direction: str, speed: int, *, blocking: bool
-    ) -> None:
-        self._take(ms / 1000)
-
-    def movement_stop(self, *, blocking: bool) -> None:
-        self._take(0.0)
-
-    def disconnect(self) -> None:
-        self.connected = False
-
-    def _take(self, run_s: float) -> None:
-        if not self.is_lost:
-            self._coming.append((self._clock.now_s() + self._chance.uniform(0.001, 0.05), run_s))
-
-    def tick(self) -> None:
-        now_s = self._clock.now_s()
-        while self._coming and self._coming[0][0] <= now_s:
-            due_s, run_s = self._coming.popleft()
-            self._ends_s = due_s + run_s
-        if not self.is_lost and now_s - self._noted_s >= 0.1:
-            self._noted_s = now_s
-            self._note(None)
-
-    @property
-    def is_moving(self) -> bool:
-        return self._clock.now_s() < self._ends_s
-
-
 @contextmanager
 def _lego_education(seed: int) -> Iterator[TimedBody]:
     clock = ManualClock()
-    motor = _DoubleMotor(clock, random.Random(seed))
+    motor = DoubleMotor(clock, random.Random(seed))
     driver = LegoEducationDriver(LegoEducationOptions(), clock, library=motor)
 
     def lose() -> None:

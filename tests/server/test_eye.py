@@ -23,7 +23,8 @@ from server.clients.eye import encode_frame
 from server.protocol import parse_acknowledgement
 from server.security.access import Access, Refusal, Role
 
-from .virtual_server import VirtualServer, VirtualSocket, connect
+from .virtual_connections import VirtualSocket
+from .virtual_server import VirtualServer, connect
 
 WAIT_S = 20.0
 EYE_MS = 5_000_000.0

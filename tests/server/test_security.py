@@ -18,7 +18,8 @@ from server.security.certificates import make_certificates
 from server.security.pairing import Pairing, cookie_name
 
 from .live_robot import WEB
-from .virtual_server import VirtualPilot, VirtualServer, connect
+from .virtual_pilot import VirtualPilot
+from .virtual_server import VirtualServer, connect
 
 
 @pytest.fixture(scope="module")

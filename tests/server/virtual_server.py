@@ -12,12 +12,10 @@ import random
 from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any, Self, TypeVar
-from urllib.parse import unquote, urlsplit
+from urllib.parse import urlsplit
 
 import anyio.to_thread
 import httpx
-from websockets.exceptions import ConnectionClosedError, ConnectionClosedOK, InvalidStatus
-from websockets.frames import Close
 
 from robot.policy.registry import make_policy
 from robot.rig.rig import Rig
@@ -30,7 +28,9 @@ from server.persistence import Persistence
 from server.security.pairing import Pairing
 from server.services import make_services
 
-from .virtual import Pilot, Socket
+from .virtual import Socket
+from .virtual_connections import Body, Exchange, VirtualSocket
+from .virtual_pilot import VirtualPilot
 
 WEB = Path(__file__).resolve().parents[2] / "web"
 _T = TypeVar("_T")
@@ -184,7 +184,7 @@ class VirtualServer:
         if exchange.task.done() and exchange.status is None:
             exchange.task.result()
         return httpx.Response(
-            exchange.status or 500, headers=exchange.headers, stream=_Body(self, exchange)
+            exchange.status or 500, headers=exchange.headers, stream=Body(self, exchange)
         )
 
     def get_raw(self, path: str) -> httpx.Response:
@@ -194,195 +194,6 @@ class VirtualServer:
 
     async def _begin(self, request: httpx.Request, path: str | None) -> Exchange:
         return Exchange(self, request, path)
-
-
-class Exchange:
-    """One HTTP request and what has been answered so far."""
-
-    def __init__(self, server: VirtualServer, request: httpx.Request, raw_path: str | None) -> None:
-        self.status: int | None = None
-        self.headers: list[tuple[bytes, bytes]] = []
-        self.chunks: list[bytes] = []
-        self.is_over = False
-        self._incoming: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
-        assert isinstance(request.stream, httpx.SyncByteStream)
-        chunks = list(request.stream)
-        for number, chunk in enumerate(chunks or [b""]):
-            more = number < len(chunks) - 1
-            self._incoming.put_nowait({"type": "http.request", "body": chunk, "more_body": more})
-        whole = request.url.raw_path if raw_path is None else raw_path.encode()
-        path, _, query = whole.partition(b"?")
-        scope = {
-            "type": "http",
-            "asgi": {"version": "3.0", "spec_version": "2.3"},
-            "http_version": "1.1",
-            "method": request.method,
-            "scheme": request.url.scheme,
-            "path": unquote(path.decode("ascii")),
-            "raw_path": path,
-            "query_string": query,
-            "root_path": "",
-            "headers": [(name.lower(), value) for name, value in request.headers.raw],
-            "client": ("127.0.0.1", 50_000),
-            "server": ("127.0.0.1", server.port),
-            "extensions": {},
-        }
-        self.task = asyncio.ensure_future(server.app(scope, self._incoming.get, self._send))
-
-    async def _send(self, message: dict[str, Any]) -> None:
-        if message["type"] == "http.response.start":
-            self.status, self.headers = message["status"], list(message.get("headers", []))
-        else:
-            self.chunks.append(message.get("body", b""))
-            self.is_over = not message.get("more_body", False)
-
-    def hang_up(self) -> None:
-        self._incoming.put_nowait({"type": "http.disconnect"})
-
-
-class _Body(httpx.SyncByteStream):
-    def __init__(self, server: VirtualServer, exchange: Exchange) -> None:
-        self._server, self._exchange = server, exchange
-
-    def __iter__(self) -> Iterator[bytes]:
-        exchange = self._exchange
-        while True:
-            while exchange.chunks:
-                yield exchange.chunks.pop(0)
-            if exchange.is_over or exchange.task.done():
-                return
-            self._server.wait_until(
-                lambda: bool(exchange.chunks) or exchange.is_over or exchange.task.done(), 60.0
-            )
-
-    def close(self) -> None:
-        self._exchange.hang_up()
-        if not self._exchange.is_over:
-            with contextlib.suppress(Exception):
-                self._server.run(asyncio.wait_for(self._exchange.task, 1.0))
-        else:
-            self._server.wait_until(self._exchange.task.done, 60.0)
-
-
-class VirtualSocket:
-    """A websocket as the library `websockets` has it, to a virtual server."""
-
-    def __init__(self, server: VirtualServer, path: str, headers: dict[str, str]) -> None:
-        self._server = server
-        self._messages: list[str | bytes] = []
-
-        async def begin() -> Socket:
-            return server.connect(path, self._messages.append, headers)
-
-        self._socket = server.run(begin())
-        server.wait_until(lambda: self._socket.is_accepted or self._socket.is_closed)
-        if self._socket.refused_with is not None:
-            raise InvalidStatus(_Refused(self._socket.refused_with))  # type: ignore[arg-type]
-
-    @property
-    def close_code(self) -> int | None:
-        return self._socket.close_code
-
-    def send(self, message: str | bytes) -> None:
-        self._check_open()
-        self._socket.send(message)
-        self._server.forward(0)
-
-    def recv(self, timeout: float | None = 60.0) -> str | bytes:
-        try:
-            self._server.wait_until(
-                lambda: bool(self._messages) or self._socket.is_closed, timeout or 60.0
-            )
-        except AssertionError as error:
-            raise TimeoutError(str(error)) from error
-        if self._messages:
-            return self._messages.pop(0)
-        self._check_open()
-        raise AssertionError("unreachable")
-
-    def close(self) -> None:
-        if not self._socket.is_closed:
-            self._socket.close()
-            self._server.wait_until(self._socket.task.done)
-
-    def _check_open(self) -> None:
-        code = self._socket.close_code
-        if self._socket.is_closed:
-            kind = ConnectionClosedOK if code in (1000, 1001) else ConnectionClosedError
-            raise kind(Close(code or 1006, ""), None)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
-
-
-class _Refused:
-    def __init__(self, status_code: int) -> None:
-        self.status_code = status_code
-
-
-class VirtualPilot:
-    """The pilot of `virtual.py`, for a test that is no coroutine."""
-
-    def __init__(
-        self, server: VirtualServer, *, sees: bool = False, headers: dict[str, str] | None = None
-    ) -> None:
-        self._server = server
-
-        async def begin() -> Pilot:
-            return Pilot(server, sees=sees, headers=headers)
-
-        self.page = server.run(begin())
-        server.wait_until(lambda: bool(self.page.state.get("frame")), what="the first state")
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.page, name)
-
-    @property
-    def is_silent(self) -> bool:
-        return self.page.is_silent
-
-    @is_silent.setter
-    def is_silent(self, is_silent: bool) -> None:
-        self.page.is_silent = is_silent
-
-    def hold(self, held: str | None) -> None:
-        self._do(self.page.hold, held)
-
-    def mode(self, mode: str) -> None:
-        self._do(self.page.mode, mode)
-
-    def send(self, **message: Any) -> None:
-        self._do(self.page.send, **message)
-
-    def close(self) -> None:
-        if not self.page.has_ended:
-            self._do(self.page.close)
-
-    def vanish(self) -> None:
-        self._do(self.page.vanish)
-
-    def _do(self, action: Callable[..., None], *args: Any, **fields: Any) -> None:
-        async def act() -> None:
-            action(*args, **fields)
-
-        self._server.run(act())
-
-    def wait_for(
-        self, wanted: Callable[[dict[str, Any]], bool], within_s: float = 5.0
-    ) -> dict[str, Any]:
-        return self._server.run(self.page.wait_for(wanted, within_s))
-
-    def wait_for_state(self, within_s: float = 5.0, **fields: Any) -> dict[str, Any]:
-        return self._server.run(self.page.wait_for_state(within_s, **fields))
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
 
 
 @contextlib.contextmanager

@@ -24,7 +24,8 @@ from server.security.classroom import Classroom
 from server.security.pairing import Paired, Pairing, cookie_name
 from server.services import make_services
 from tests.server.virtual import ServedWorld, Socket
-from tests.server.virtual_server import WEB, Exchange, threads_of_the_pool_inline
+from tests.server.virtual_connections import Exchange
+from tests.server.virtual_server import WEB, threads_of_the_pool_inline
 
 _T = TypeVar("_T")
 KEY = ClassKey("k" * 40)

@@ -13,8 +13,8 @@ from robot.drivers.ros.driver import RosDriver, RosOptions
 from robot.errors import DriveError
 from robot.testing import VirtualClock
 from robot.types import Action
-from tests.faults.bodies import WatchedBridge
 from tests.standins.rclpy_node import WatchdogNode
+from tests.standins.rosbridge_in_time import WatchedBridge
 
 STANDS_S = 0.5
 

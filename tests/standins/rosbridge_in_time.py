@@ -1,0 +1,79 @@
+"""A rosbridge in virtual time, with our watchdog behind it; `rosbridge.py` serves a real socket."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Callable
+from typing import Any
+
+from robot.testing import VirtualClock
+from tests.standins.firmware_in_time import Box
+from tests.standins.rclpy_node import WatchdogNode
+
+
+class WatchedBridge:
+    """A rosbridge with the watchdog behind it, and a base that never stops by itself."""
+
+    def __init__(self, clock: VirtualClock, seed: int) -> None:
+        self._clock, self._chance = clock, random.Random(seed)
+        self._to_robot, self._to_server = Box(clock), Box(clock)
+        self.slowest_s, self.lost_s = 0.05, float("inf")
+        self.is_moving = self._is_over = False
+        self._node = WatchdogNode(clock, self._say)
+        self._node.start()
+        self._threads = [
+            clock.start_thread(lambda: self._pass(self._to_robot, self._node.take), "to robot"),
+            clock.start_thread(lambda: self._pass(self._to_server, self._tell), "to server"),
+        ]
+        self._on_message: Callable[[str, Any], None] = lambda topic, message: None
+        self.trouble = ""
+
+    def open(self, *_: Any, on_message: Callable[[str, Any], None], **topics: Any) -> Any:
+        """Stand in for the class `RosBridge`."""
+        self._on_message = on_message
+        return self
+
+    @property
+    def silent_s(self) -> float:
+        return max(0.0, self._clock.now_s() - self.lost_s)
+
+    def publish(self, topic: str, message: Any, *_: Any) -> None:
+        """Without the zero that follows: a server that is gone sends none."""
+        self._send(self._to_robot, json.dumps(message).encode())
+
+    publish_for = publish
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+    def lose(self) -> None:
+        self.lost_s = min(self.lost_s, self._clock.now_s())
+
+    def regain(self) -> None:
+        self.lost_s = float("inf")
+
+    def end(self) -> None:
+        self._is_over = True
+        self._node.end()
+        for thread in self._threads:
+            thread.join()
+
+    def _send(self, box: Box, data: bytes) -> None:
+        if self.lost_s == float("inf"):
+            box.put(data, self._chance.uniform(0.0005, self.slowest_s))
+
+    def _say(self, topic: str, kind: str, message: Any) -> None:
+        if topic == "/cmd_vel":
+            self.is_moving = message["linear"]["x"] != 0.0 or message["angular"]["z"] != 0.0
+        else:
+            self._send(self._to_server, json.dumps(message).encode())
+
+    def _tell(self, message: Any) -> None:
+        self._on_message("/drivelesson/alive", message)
+
+    def _pass(self, box: Box, take: Callable[[Any], None]) -> None:
+        while not self._is_over:
+            data = box.take(0.1)
+            if data is not None:
+                take(json.loads(data))
