@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import random
 from collections import Counter
 from typing import Any
 
 import pytest
 
 from robot.experiments.experiment import ExperimentSettings
-from robot.experiments.habits import LONG_S, RATES_HZ, WORLDS, Habits
+from robot.experiments.habits import LONG_S, RATES_HZ, WORLDS, Habits, median_difference
 from robot.experiments.ready import PILOTS, Ready
 from robot.experiments.task import Result, Task
 from robot.simulation.pilots.habits import HABITS
@@ -86,6 +87,26 @@ def test_the_gate_says_what_is_wrong() -> None:
     assert told["pushes over 1 s"] == 1
     results[0] = beside(figures(longest_push_s=7.0), figures(longest_push_s=6.0))  # so was taught
     assert gate(results, tasks)["pushes over 1 s"] == 0
+
+
+def test_the_gate_says_how_much_of_a_difference_is_chance() -> None:
+    draw = random.Random(1)
+    values = [draw.lognormvariate(0.0, 1.0) for _ in range(60)]
+    others = [draw.lognormvariate(0.0, 1.0) for _ in range(60)]
+    least, most = median_difference(values, others)
+    assert least < 0.0 < most < 1.0
+    far, farthest = median_difference([value + 1.0 for value in values], others)
+    assert (far, farthest) == pytest.approx((least + 1.0, most + 1.0))
+    assert median_difference([1.0], [0.5]) == (0.5, 0.5)
+
+    tasks = Habits().plan(ExperimentSettings())
+    results: list[Result] = [
+        beside(figures(ssd_alike=2.0 if task.params["rate_hz"] == 30.0 else 0.5), figures())
+        for task in tasks
+    ]
+    told = gate(results, tasks)
+    assert told["median SSD at 30 Hz"] == 2.0
+    assert told["its difference by chance"] == "+1.50 to +1.50"
 
 
 def test_the_quick_form_has_no_table_without_rows() -> None:
