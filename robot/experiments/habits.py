@@ -187,12 +187,12 @@ def _gate(tasks: Sequence[Task], results: Sequence[Result]) -> Table:
     if {10.0, 30.0} <= ssds.keys():
         slow, fast = statistics.median(ssds[10.0]), statistics.median(ssds[30.0])
         rows.append(("median SSD at 30 Hz", f"at most {slow:.2f} (10 Hz)", fast))
-        least, most = median_difference(ssds[30.0], ssds[10.0])
+        least, most = difference_by_chance(ssds[30.0], ssds[10.0])
         rows.append(("its difference by chance", "", f"{least:+.2f} to {most:+.2f}"))
     return Table(title="The gate", columns=("what", "asked", "measured"), rows=tuple(rows))
 
 
-def median_difference(values: Sequence[float], others: Sequence[float]) -> tuple[float, float]:
+def difference_by_chance(values: Sequence[float], others: Sequence[float]) -> tuple[float, float]:
     """Return where 90 % of the differences of the medians lie when all robots are drawn anew.
 
     A minute's SSD is half chance, so that medians of sixty robots differ by a fifth without cause.
@@ -203,7 +203,8 @@ def median_difference(values: Sequence[float], others: Sequence[float]) -> tuple
         - statistics.median(draw.choices(others, k=len(others)))
         for _ in range(_DRAWS)
     )
-    return differences[_DRAWS // 20], differences[-_DRAWS // 20]
+    rare = _DRAWS // 20
+    return differences[rare], differences[-rare]
 
 
 def _percent(drives: Sequence[_Drive], is_so: Callable[[dict[str, Any]], bool]) -> float:

@@ -29,8 +29,8 @@ _SIGNED = frozenset({"linear", "residual"})
 _EXAMPLES, _VIEWS = -1, -2
 """Sides that go with the number of examples, and of views of a place."""
 
-Shape = tuple[int | str, ...]
-Form = dict[str, tuple[str, tuple[Any, ...]]]
+Side = int | str
+Form = dict[str, tuple[str, tuple[Side, ...]]]
 """Arrays by name: dtype, and sides; `+k` is the number of nodes and k more."""
 
 
@@ -49,7 +49,7 @@ def describe_form(kind: str, moves: tuple[Action, ...], n_labels: int) -> Learne
     one, other = small.get_state(), large.get_state()
     arrays: Form = {}
     for name, array in one.arrays.items():
-        sides: list[Any] = []
+        sides: list[Side] = []
         for a, b in zip(array.shape, other.arrays[name].shape, strict=True):
             sides.append(a if a == b else f"+{a - _SMALL}")
         if name == "xs":
@@ -115,10 +115,7 @@ def check_arrays(
 
 
 def _form_of_its_age(form: Form, arrays: Mapping[str, NDArray[Any]]) -> tuple[Form, set[str]]:
-    """Return the form that a model of these arrays has, which may be an older one.
-
-    With it the names that need not be there.
-    """
+    """Return the form of a model of that age, and the names that need not be in it."""
     optional = {name for name in form if name.startswith("context")}
     if optional & arrays.keys():  # all of it is there, or nothing
         optional = set()
@@ -130,7 +127,7 @@ def _form_of_its_age(form: Form, arrays: Mapping[str, NDArray[Any]]) -> tuple[Fo
     return form, optional
 
 
-def _is_length(length: int, side: int | str, number: int, n_examples: int) -> bool:
+def _is_length(length: int, side: Side, number: int, n_examples: int) -> bool:
     if side == _VIEWS:
         return length <= MOST_VIEWS
     if side == _EXAMPLES:
@@ -139,12 +136,12 @@ def _is_length(length: int, side: int | str, number: int, n_examples: int) -> bo
 
 
 def _check_dtype(array: NDArray[Any], dtype: str, what: str) -> None:
-    """Check an array's dtype; int64 may stand where fewer bits are enough today."""
+    """Check an array's dtype; version 0.1 had int64 where fewer bits are enough today."""
     if array.dtype.str == dtype:
         return
     wanted = np.dtype(dtype)
     is_wider = array.dtype == np.int64 and wanted.kind in "iu" and wanted != np.uint8
-    demand(is_wider, f"{what} is of {array.dtype.str}, not of {dtype}")  # version 0.1 had int64
+    demand(is_wider, f"{what} is of {array.dtype.str}, not of {dtype}")
     most = int(array.max(initial=0))
     demand(most <= np.iinfo(wanted).max, f"{what} holds {most}")
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from robot.experiments.experiment import ExperimentSettings
-from robot.experiments.habits import LONG_S, RATES_HZ, WORLDS, Habits, median_difference
+from robot.experiments.habits import LONG_S, RATES_HZ, WORLDS, Habits, difference_by_chance
 from robot.experiments.ready import PILOTS, Ready
 from robot.experiments.task import Result, Task
 from robot.simulation.pilots.habits import HABITS
@@ -93,11 +93,11 @@ def test_the_gate_says_how_much_of_a_difference_is_chance() -> None:
     draw = random.Random(1)
     values = [draw.lognormvariate(0.0, 1.0) for _ in range(60)]
     others = [draw.lognormvariate(0.0, 1.0) for _ in range(60)]
-    least, most = median_difference(values, others)
+    least, most = difference_by_chance(values, others)
     assert least < 0.0 < most < 1.0
-    far, farthest = median_difference([value + 1.0 for value in values], others)
+    far, farthest = difference_by_chance([value + 1.0 for value in values], others)
     assert (far, farthest) == pytest.approx((least + 1.0, most + 1.0))
-    assert median_difference([1.0], [0.5]) == (0.5, 0.5)
+    assert difference_by_chance([1.0], [0.5]) == (0.5, 0.5)
 
     tasks = Habits().plan(ExperimentSettings())
     results: list[Result] = [
