@@ -16,6 +16,7 @@ from robot.learner.base import (
 )
 from robot.policy.action_filter import ActionFilter, View
 from robot.policy.calibration import Calibration
+from robot.policy.example_rate import ExampleRate
 from robot.policy.features import Features
 from robot.policy.gallery import Gallery, LearnedImage
 from robot.policy.light import LightAdaptation
@@ -24,7 +25,6 @@ from robot.policy.pilot_pace import PilotPace
 from robot.policy.running_votes import USUAL_STEP_S
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
 
-_THINNED_S = 0.099
 _DOUBT = 0.5
 """How fast confidence falls with novelty beyond 1: at 3 half of it is left."""
 _LEAST = 1e-6
@@ -76,7 +76,7 @@ class Policy:
         if learner.abilities.contexts and isinstance(learner, ContextualLearner):
             self._contextual = learner
         self._context = MoveContext()
-        self._last_learned: tuple[float, str] | None = None
+        self._rate = ExampleRate()
         self._now_s = 0.0
         self._gallery = Gallery(learner, features)
 
@@ -171,8 +171,8 @@ class Policy:
     ) -> None:
         """Learn one example.
 
-        Given times, examples less than a tenth of a second after the last are counted but not
-        learned, unless their label differs: they show almost nothing new.
+        Given times, at most ten examples a second are learned while the label stays the same; the
+        others are counted (`example_rate.py`).
 
         Args:
             x: The frame's vector.
@@ -186,7 +186,7 @@ class Policy:
         if label not in self.moves:
             raise ValueError(f"{label!r} is not one of the moves {', '.join(self.moves)}")
         label = Action(label)
-        if self._is_needed(label, at_s):
+        if self._rate.admits(label, at_s):
             self._calibrate(x, label, at_s)
             if self._contextual is None:
                 self.learner.learn_one(x, label)
@@ -207,14 +207,6 @@ class Policy:
         if self._calibration is not None:
             self._calibration.note(label, at_s, predict)
 
-    def _is_needed(self, label: Action, at_s: float | None) -> bool:
-        last, self._last_learned = self._last_learned, None
-        if at_s is None:
-            return True
-        is_needed = last is None or label != last[1] or not 0 <= at_s - last[0] < _THINNED_S
-        self._last_learned = (at_s, str(label)) if is_needed else last
-        return is_needed
-
     def reset(self) -> None:
         """Forget what belongs to one drive: a new drive begins."""
         self._action_filter.reset()
@@ -229,7 +221,7 @@ class Policy:
             "lessons": self._n_examples,
             "last_taught": self._gallery.get_state(),
             "name": self.name,
-            "last_learned": self._last_learned,
+            "last_learned": self._rate.get_state(),
         }
         if self._calibration is not None:
             params["calibration"] = self._calibration.get_state()
@@ -259,8 +251,7 @@ class Policy:
         kind, params = state.kind.removeprefix("policy:"), state.params["learner"]
         self.learner.set_state(replace(state, kind=kind, params=params))
         self._n_examples = int(state.params["lessons"])
-        last = state.params.get("last_learned")
-        self._last_learned = None if last is None else (float(last[0]), str(last[1]))
+        self._rate.set_state(state.params.get("last_learned"))
         self._pace = PilotPace()
         if "pace" in state.params:  # models of version 0.1 have none
             self._pace.set_state(state.params["pace"], state.arrays)

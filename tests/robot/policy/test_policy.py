@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import random
+
 import numpy as np
 import pytest
 
@@ -50,6 +52,17 @@ def test_a_touch_that_corrects_the_robot_teaches_more_than_the_same_in_a_lesson(
         policy.learn(x, R, 6.1, is_correction=is_correction)
         share[is_correction] = policy.propose(1, x, under_way=F).probabilities[R]
     assert share[True] > 1.5 * share[False]
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 11.0, 15.0, 30.0])
+def test_an_unsteady_camera_of_any_rate_teaches_ten_examples_a_second(rate_hz):
+    policy, dice = make_policy("default-64"), random.Random(0)
+    n_frames = round(4.0 * rate_hz)
+    for i in range(n_frames):
+        at_s = (i + dice.uniform(-0.1, 0.1)) / rate_hz
+        policy.learn(policy.extract(view(i)), F, at_s)
+    assert policy.n_seen == n_frames
+    assert policy.n_nodes == pytest.approx(40, abs=1), "each learned view is an image of its own"
 
 
 def test_proposes_nothing_before_the_first_lesson():

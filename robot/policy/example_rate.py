@@ -1,0 +1,51 @@
+"""Which examples are learned: at most ten a second, whatever the camera's rate.
+
+Frames closer together show almost nothing new. Each tenth of a second has room for one example, and
+one that comes a little early takes it. So an unsteady camera teaches as much as a steady one,
+and one with eleven frames a second as much as one with thirty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+ROOM_S = 0.1
+"""Each so many seconds have room for one example of the same label."""
+EARLY_S = 0.03
+"""By how much an example may come before its time: less than a frame at thirty a second, so that
+there every third frame is learned."""
+
+
+class ExampleRate:
+    """Follows the examples of one label; with another label it begins anew."""
+
+    def __init__(self) -> None:
+        self._label: str | None = None
+        self._room_from_s = 0.0
+
+    def admits(self, label: str, at_s: float | None) -> bool:
+        """Return whether to learn an example; call it once for each, in order.
+
+        Args:
+            label: Its label. The first of another label is always learned.
+            at_s: Its teaching time; None: it stands for itself and is learned.
+        """
+        since_s = None if at_s is None or label != self._label else at_s - self._room_from_s
+        if since_s is not None and -ROOM_S < since_s < ROOM_S - EARLY_S:
+            return False
+        self._label = None if at_s is None else str(label)
+        if since_s is not None and 0.0 < since_s < 2.0 * ROOM_S:
+            self._room_from_s += ROOM_S
+        elif at_s is not None:
+            self._room_from_s = at_s
+        return True
+
+    def get_state(self) -> tuple[float, str] | None:
+        """Return since when there was room for the last example, and its label, if there is one."""
+        return None if self._label is None else (self._room_from_s, self._label)
+
+    def set_state(self, values: Sequence[Any] | None) -> None:
+        """Restore what `get_state` returned."""
+        self._label = None if values is None else str(values[1])
+        self._room_from_s = 0.0 if values is None else float(values[0])
