@@ -11,15 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robot.clock import Clock
+from robot.control.agreement import Agreement
 from robot.control.labelling import Labeller
 from robot.control.state import Timing
 from robot.learner.base import Vector
-from robot.policy.history import HistoryEvent, Replaced, TrainingHistory
+from robot.policy.history import HistoryEvent, Replaced, TrainingHistory, Undone
 from robot.policy.policy import Policy
 from robot.types import Action, Example, Frame, PilotCommand, Prediction
 
-AGREEMENT_FRAMES = 100
-"""Over how many of the latest examples agreement is measured."""
 MEMORY_FRAMES = 64
 """How many of the newest frames can still be labelled: two seconds at 30 frames a second."""
 
@@ -41,6 +40,7 @@ class OnlineLearning:
         history: The training history: it teaches the policy, and can undo.
         frame: The newest frame that was processed.
         prediction: What the policy would do on that frame.
+        agreement: How often it would have done what the pilot did.
         timings: How long predicting and learning took, by name.
     """
 
@@ -50,10 +50,10 @@ class OnlineLearning:
         self.history = TrainingHistory(policy, self._events.append)
         self.frame: Frame | None = None
         self.prediction: Prediction | None = None
+        self.agreement = Agreement()
         self.timings = {"propose": Timing(), "learn": Timing()}
         self._labeller = Labeller()
         self._seen: dict[int, _Seen] = {}
-        self._agreed: deque[bool] = deque(maxlen=AGREEMENT_FRAMES)
         self._frame_times_s: deque[float] = deque(maxlen=30)
 
     def look(
@@ -131,18 +131,10 @@ class OnlineLearning:
         events = tuple(self._events)
         self._events.clear()
         if any(isinstance(event, Replaced) for event in events):
-            self._agreed.clear()  # another policy: the agreement of the one before does not apply
+            self.agreement.clear()
+        elif any(isinstance(event, Undone) for event in events):
+            self.agreement.drop_after(self.history.teaching_s)
         return events
-
-    @property
-    def agreement(self) -> float | None:
-        """Share of the latest examples that were predicted correctly; None before the first."""
-        return sum(self._agreed) / len(self._agreed) if self._agreed else None
-
-    @property
-    def agreement_frames(self) -> int:
-        """Over how many examples `agreement` is measured."""
-        return len(self._agreed)
 
     @property
     def frame_rate_hz(self) -> float:
@@ -155,10 +147,10 @@ class OnlineLearning:
     def _learn_one(self, frame_id: int, label: Action, is_intervention: bool) -> None:
         seen = self._seen[frame_id]
         example = Example(frame_id=frame_id, label=label, is_intervention=is_intervention)
-        self._agreed.append(seen.predicted is label)
         started_s = self._clock.now_s()
         self.history.teach(example, seen.x, seen.captured_s)
         self._note_time("learn", started_s)
+        self.agreement.add(self.history.teaching_s, is_right=seen.predicted is label)
 
     def _note_time(self, name: str, started_s: float) -> None:
         self.timings[name] = self.timings[name].plus(self._clock.now_s() - started_s)

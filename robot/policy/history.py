@@ -111,6 +111,11 @@ class TrainingHistory:
         return self.taught.total()
 
     @property
+    def teaching_s(self) -> float:
+        """Teaching time of the last example: pauses longer than half a second count as that."""
+        return self._teaching_s
+
+    @property
     def changes(self) -> int:
         """How often the learner was changed, in any way; it only grows.
 

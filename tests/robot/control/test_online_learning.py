@@ -58,7 +58,7 @@ def test_a_lesson_may_be_passed_over_and_is_then_gone(
     online_learning.learn([hold(frame.frame_id, 50.0)], is_intervention=False, may_learn=False)
     online_learning.learn([hold(frame.frame_id, 50.1)], is_intervention=False, may_learn=True)
     assert online_learning.history.n_examples == 0
-    assert online_learning.agreement is None
+    assert online_learning.agreement.share is None
 
 
 def test_it_remembers_only_the_newest_frames(
@@ -88,3 +88,23 @@ def test_the_frame_rate_is_that_of_the_camera(
         clock.advance(0.1)
         online_learning.look(camera.show(scene))
     assert online_learning.frame_rate_hz == pytest.approx(10.0)
+
+
+def test_what_is_undone_no_longer_counts_in_the_agreement(
+    online_learning: OnlineLearning, camera: BenchCamera, clock: ManualClock
+) -> None:
+    for scene in range(80):
+        clock.advance(0.1)
+        frame = camera.show(scene % 4)
+        online_learning.look(frame)
+        action = F if scene < 50 else Action.LEFT
+        command = hold(frame.frame_id, clock.now_s(), action)
+        online_learning.learn([command], is_intervention=False, may_learn=True)
+    assert (online_learning.agreement.share or 0.0) < 0.95
+    online_learning.history.undo(3.05)
+    online_learning.take_events()
+    assert online_learning.agreement.n_examples == online_learning.history.n_examples
+    assert online_learning.agreement.share == pytest.approx(1.0, abs=0.03), "all but the first"
+    online_learning.history.replace_policy(make_policy("published-8"))
+    online_learning.take_events()
+    assert online_learning.agreement.share is None
