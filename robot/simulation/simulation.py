@@ -28,7 +28,8 @@ class Noise:
     """How far the simulated world is from a perfect one: standard deviations."""
 
     wheel_share: float = 0.04
-    """Slip of each wheel, as a share of its speed, renewed every step."""
+    """Slip of each wheel, as a share of its speed, renewed fifty times a second: more in shorter
+    steps, so that the way is as uncertain at any frame rate."""
     sonar_m: float = 0.005
     pixel: float = 3.0
     """Noise of each pixel, of 255."""
@@ -141,8 +142,9 @@ class Simulation:
 
     def _step_once(self, dt_s: float) -> None:
         left_mps, right_mps = WHEELS_MPS[self.action]
-        if self.noise.wheel_share and (left_mps or right_mps):
-            slips = self._motion_rng.normal(1.0, self.noise.wheel_share, 2).tolist()
+        if self.noise.wheel_share and dt_s > 0.0 and (left_mps or right_mps):
+            share = self.noise.wheel_share * math.sqrt(_LONGEST_STEP_S / dt_s)
+            slips = self._motion_rng.normal(1.0, share, 2).tolist()
             left_mps, right_mps = left_mps * slips[0], right_mps * slips[1]
         if self.drift_share and self.action in (Action.FORWARD, Action.BACKWARD):
             self._drift_on(dt_s)

@@ -56,8 +56,8 @@ class SimulatedPilot:
         self._hand = HumanDelayModel(hand or HumanDelayConfig(), moves, seed)
         self._chance = random.Random(f"{seed} manners")
         self._coming: deque[tuple[Situation, Action | None]] = deque()
-        self._screen: Situation | None = None
-        self._looks_at_s = 0.0
+        self._screen: tuple[Situation, Action | None] | None = None
+        self._looks_at_s: float | None = None
         self._holds_since_s: float | None = None
         self._annoyed_since_s: float | None = None
         self._content_since_s: float | None = None
@@ -87,17 +87,32 @@ class SimulatedPilot:
         """
         half_s = self._hand.config.link_delay_s / 2
         while self._coming and self._coming[0][0].at_s + half_s <= now_s + _EPSILON_S:
-            situation, proposed = self._coming.popleft()
-            self._screen = situation
-            if now_s >= self._looks_at_s - _EPSILON_S:
-                self._looks_at_s = now_s + 1 / self._hand.config.looks_hz
-                self._hand.wish(self._judge(situation, proposed, now_s), now_s)
+            self._look_until(self._coming[0][0].at_s + half_s - 2 * _EPSILON_S)
+            self._screen = self._coming.popleft()
+            if self._looks_at_s is None:
+                self._looks_at_s = now_s
+        self._look_until(now_s)
         if self._screen is not None:
-            self._hand.send(self._screen.frame_id, now_s - self._screen.at_s, now_s)
+            situation, _ = self._screen
+            self._hand.send(situation.frame_id, now_s - situation.at_s, now_s)
         commands = self._hand.arrived(now_s)
         if self._hand.config.names_frame:
             return commands
         return [_renamed(command, newest_frame_id) for command in commands]
+
+    def _look_until(self, now_s: float) -> None:
+        """Look at the screen whenever it is time to, at the picture that is there at that time.
+
+        The times are the pilot's own: rounded up to those of pictures, who looks eight times a
+        second would look five times at ten pictures a second, and be another pilot than at thirty.
+        """
+        while self._screen is not None and self._looks_at_s is not None:
+            at_s = self._looks_at_s
+            if at_s > now_s + _EPSILON_S:
+                break
+            self._hand.wish(self._judge(*self._screen, at_s), at_s)
+            period_s = 1 / self._hand.config.looks_hz
+            self._looks_at_s = at_s + period_s if period_s else None  # None: at each picture
 
     def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:
         """Return the move to hold; None lets the robot drive, or leaves it standing."""

@@ -18,11 +18,14 @@ class Teacher(Protocol):
     """Protocol of a teacher; one can be loaded from a file of your own."""
 
     def choose(self, situation: Situation) -> Action:
-        """Return the move that this teacher makes; called once a frame, in order."""
+        """Return the move that this teacher makes; called at each look, in order.
+
+        Two looks may see the same picture, and some pictures are never looked at.
+        """
         ...
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Return True if the robot may do this; asked once a frame while the robot drives."""
+        """Return True if the robot may do this; asked at each look while the robot drives."""
         ...
 
 

@@ -56,3 +56,18 @@ def test_speed_scales() -> None:
         ways.append(np.hypot(simulation.pose.x_m - start.x_m, simulation.pose.y_m - start.y_m))
     assert ways[0] == pytest.approx(0.16)
     assert ways[1] == pytest.approx(0.08)
+
+
+def test_the_way_is_as_uncertain_at_any_frame_rate() -> None:
+    spread = []
+    for rate_hz in (10, 30, 200):
+        headings = []
+        for seed in range(150):
+            simulation = Simulation(load_world("office"), seed)
+            begun = simulation.pose.heading_rad
+            simulation.action = Action.FORWARD
+            for _ in range(rate_hz):
+                simulation.step(1 / rate_hz)
+            headings.append(simulation.pose.heading_rad - begun)
+        spread.append(float(np.std(headings)))
+    assert spread == pytest.approx([spread[0]] * 3, rel=0.25)

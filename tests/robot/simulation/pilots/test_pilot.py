@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from robot.simulation.pilots.hand import STEADY, HumanDelayConfig
 from robot.simulation.pilots.pilot import SimulatedPilot, TakeoverPolicy
 from robot.simulation.pilots.situation import Situation
@@ -101,3 +103,38 @@ def test_a_command_can_be_taken_to_mean_the_newest_frame() -> None:
         far.see(replace(situation(at_s=tick / 10), frame_id=tick), None)
         named += [command.frame_id for command in far.act(tick / 10, tick)]
     assert named == [4, 5]
+
+
+class Counting(Strict):
+    """Counts how often it is asked, and notes how old what it sees is."""
+
+    def __init__(self) -> None:
+        self.seen_s: list[float] = []
+
+    def choose(self, situation: Situation) -> Action:
+        self.seen_s.append(situation.at_s)
+        return L
+
+
+@pytest.mark.parametrize("rate_hz", [5, 10, 15, 30])
+@pytest.mark.parametrize("looks_hz", [5.0, 7.0, 8.0, 10.0])
+def test_it_looks_as_often_whatever_the_camera_s_rate(rate_hz: int, looks_hz: float) -> None:
+    teacher = Counting()
+    who = SimulatedPilot(teacher, (F, L), hand=HumanDelayConfig(looks_hz=looks_hz))
+    who.change_mode(Mode.TRAIN)
+    for tick in range(20 * rate_hz):
+        who.see(replace(situation(at_s=tick / rate_hz), frame_id=tick), L)
+        who.act(tick / rate_hz, tick)
+    assert len(teacher.seen_s) == pytest.approx(20 * looks_hz, abs=2)
+    ages_s = [i / looks_hz - at_s for i, at_s in enumerate(teacher.seen_s)]
+    assert all(-1e-3 <= age_s < 1 / rate_hz + 1e-3 for age_s in ages_s), "the picture of then"
+
+
+def test_a_program_looks_at_each_picture_once() -> None:
+    teacher = Counting()
+    who = SimulatedPilot(teacher, (F, L), hand=STEADY)
+    who.change_mode(Mode.TRAIN)
+    for tick in range(90):
+        who.see(replace(situation(at_s=tick / 30), frame_id=tick), L)
+        who.act(tick / 30, tick)
+    assert teacher.seen_s == [tick / 30 for tick in range(90)]
