@@ -25,7 +25,6 @@ from robot.simulation.pilots.pilot import SimulatedPilot
 from robot.simulation.pilots.situation import observe
 from robot.types import Action, DrivenBy, Mode, Pose
 
-REFERENCE_HZ = 10.0
 DRIFT_SHARE = 0.15
 """Drift of the wheels while a simulated pilot teaches. In a second of driving straight the heading
 changes by 17 degrees (standard deviation)."""
@@ -73,7 +72,13 @@ def run_habit(params: Mapping[str, Any]) -> Result:
     for phase, drive in drives.items():
         start = drive.moments[0].pose
         minutes = [
-            drive_by_hand(place, make_habit_pilot(habit, f"{name} {number}"), number, start)
+            drive_by_hand(
+                place,
+                make_habit_pilot(habit, f"{name} {number}"),
+                number,
+                start,
+                rate_hz=params["rate_hz"],
+            )
             for number in range(n_minutes)
         ]
         result[phase] = _beside_pilot(drive, minutes, taught, moves)
@@ -128,11 +133,15 @@ def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:
     return compare(taught, driven, (Action.FORWARD, Action.LEFT)).ssd
 
 
-def drive_by_hand(place: Place, pilot: SimulatedPilot, number: int, start: Pose) -> DriveLog:
+def drive_by_hand(
+    place: Place, pilot: SimulatedPilot, number: int, start: Pose, *, rate_hz: float
+) -> DriveLog:
     """Return a drive of a minute in which the pilot drives and the robot learns nothing.
 
     It starts where the robot's own minute did: in a minute neither sees all of a place, and from
-    another corner the difference would be that of the corners.
+    another corner the difference would be that of the corners. And at the lesson's frame rate: with
+    ten pictures a second a hand moves later than with thirty, and who follows a wall drives it
+    otherwise.
     """
     clock = ManualClock()
     driver = SimDriver(SimOptions(world=place.world, seed=place.seed + 1000 * number))
@@ -140,9 +149,9 @@ def drive_by_hand(place: Place, pilot: SimulatedPilot, number: int, start: Pose)
     driver.simulation.pose = start
     pilot.change_mode(Mode.TRAIN)
     log = DriveLog()
-    for frame_id in range(1, round(60.0 * REFERENCE_HZ) + 1):
-        clock.advance(1 / REFERENCE_HZ)
-        driver.advance(1 / REFERENCE_HZ)
+    for frame_id in range(1, round(60.0 * rate_hz) + 1):
+        clock.advance(1 / rate_hz)
+        driver.advance(1 / rate_hz)
         simulation, now_s = driver.simulation, clock.now_s()
         pilot.see(observe(simulation, frame_id, now_s), None)
         for command in pilot.act(now_s, frame_id):
