@@ -26,8 +26,7 @@ class Agreement:
         return self._n_right / len(self._examples) if self._examples else None
 
     def add(self, at_s: float, *, is_right: bool) -> None:
-        """Add an example of this teaching time, predicted before it was learned."""
-        self.drop_after(at_s)
+        """Add an example, predicted before it was learned; its teaching time never goes back."""
         self._examples.append((at_s, is_right))
         self._n_right += is_right
         while self._examples[0][0] <= at_s - WINDOW_S:

@@ -47,7 +47,7 @@ class OnlineLearning:
     def __init__(self, policy: Policy, clock: Clock) -> None:
         self._clock = clock
         self._events: list[HistoryEvent] = []
-        self.history = TrainingHistory(policy, self._events.append)
+        self.history = TrainingHistory(policy, self._note_event)
         self.frame: Frame | None = None
         self.prediction: Prediction | None = None
         self.agreement = Agreement()
@@ -130,10 +130,6 @@ class OnlineLearning:
         """Return and remove the latest changes of the learner, in order."""
         events = tuple(self._events)
         self._events.clear()
-        if any(isinstance(event, Replaced) for event in events):
-            self.agreement.clear()
-        elif any(isinstance(event, Undone) for event in events):
-            self.agreement.drop_after(self.history.teaching_s)
         return events
 
     @property
@@ -143,6 +139,13 @@ class OnlineLearning:
         if len(times_s) < 2 or times_s[-1] <= times_s[0]:
             return 0.0
         return (len(times_s) - 1) / (times_s[-1] - times_s[0])
+
+    def _note_event(self, event: HistoryEvent) -> None:
+        self._events.append(event)
+        if isinstance(event, Replaced):
+            self.agreement.clear()
+        elif isinstance(event, Undone):
+            self.agreement.drop_after(self.history.teaching_s)
 
     def _learn_one(self, frame_id: int, label: Action, is_intervention: bool) -> None:
         seen = self._seen[frame_id]

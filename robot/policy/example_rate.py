@@ -7,6 +7,7 @@ and one with eleven frames a second as much as one with thirty.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -31,14 +32,14 @@ class ExampleRate:
             label: Its label. The first of another label is always learned.
             at_s: Its teaching time; None: it stands for itself and is learned.
         """
-        since_s = None if at_s is None or label != self._label else at_s - self._room_from_s
-        if since_s is not None and -ROOM_S < since_s < ROOM_S - EARLY_S:
+        if at_s is None:
+            self._label = None
+            return True
+        since_s = at_s - self._room_from_s if label == self._label else math.inf
+        if -ROOM_S < since_s < ROOM_S - EARLY_S:
             return False
-        self._label = None if at_s is None else str(label)
-        if since_s is not None and 0.0 < since_s < 2.0 * ROOM_S:
-            self._room_from_s += ROOM_S
-        elif at_s is not None:
-            self._room_from_s = at_s
+        self._label = str(label)
+        self._room_from_s = self._room_from_s + ROOM_S if 0.0 < since_s < 2.0 * ROOM_S else at_s
         return True
 
     def get_state(self) -> tuple[float, str] | None:

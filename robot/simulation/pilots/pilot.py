@@ -86,12 +86,15 @@ class SimulatedPilot:
             newest_frame_id: The frame of a command that names none.
         """
         half_s = self._hand.config.link_delay_s / 2
-        while self._coming and self._coming[0][0].at_s + half_s <= now_s + _EPSILON_S:
-            self._look_until(self._coming[0][0].at_s + half_s - 2 * _EPSILON_S)
+        while self._coming:
+            arrives_s = self._coming[0][0].at_s + half_s
+            if arrives_s > now_s + _EPSILON_S:
+                break
+            self._look_until(arrives_s - _EPSILON_S)
             self._screen = self._coming.popleft()
             if self._looks_at_s is None:
                 self._looks_at_s = now_s
-        self._look_until(now_s)
+        self._look_until(now_s + _EPSILON_S)
         if self._screen is not None:
             situation, _ = self._screen
             self._hand.send(situation.frame_id, now_s - situation.at_s, now_s)
@@ -100,19 +103,17 @@ class SimulatedPilot:
             return commands
         return [_renamed(command, newest_frame_id) for command in commands]
 
-    def _look_until(self, now_s: float) -> None:
+    def _look_until(self, end_s: float) -> None:
         """Look at the screen whenever it is time to, at the picture that is there at that time.
 
         The times are the pilot's own: rounded up to those of pictures, who looks eight times a
         second would look five times at ten pictures a second, and be another pilot than at thirty.
         """
-        while self._screen is not None and self._looks_at_s is not None:
+        period_s = 1 / self._hand.config.looks_hz
+        while self._screen and self._looks_at_s is not None and self._looks_at_s <= end_s:
             at_s = self._looks_at_s
-            if at_s > now_s + _EPSILON_S:
-                break
             self._hand.wish(self._judge(*self._screen, at_s), at_s)
-            period_s = 1 / self._hand.config.looks_hz
-            self._looks_at_s = at_s + period_s if period_s else None  # None: at each picture
+            self._looks_at_s = at_s + period_s if period_s else None  # None: at the next picture
 
     def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:
         """Return the move to hold; None lets the robot drive, or leaves it standing."""

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import random
+from itertools import accumulate
 
 import pytest
 from hypothesis import given
@@ -10,14 +11,13 @@ from hypothesis import strategies as st
 from robot.policy.example_rate import ROOM_S, ExampleRate
 
 
-def learned(times_s, labels=None):
+def learned(times_s):
     rate = ExampleRate()
-    labels = labels or ["FORWARD"] * len(times_s)
-    return [at_s for at_s, label in zip(times_s, labels, strict=True) if rate.admits(label, at_s)]
+    return [at_s for at_s in times_s if rate.admits("FORWARD", at_s)]
 
 
 def times_of(gaps_s):
-    return [sum(gaps_s[:i]) for i in range(len(gaps_s))]
+    return list(accumulate(gaps_s[:-1], initial=0.0))
 
 
 def unsteady(rate_hz, jitter, seed, seconds=20.0):
