@@ -25,15 +25,19 @@ STARTS = 3
 """and how often each move in use has to have been begun: fewer are chance."""
 IN_USE_SHARE = 0.02
 """A move on fewer of the examples is a slip of the finger, not in use."""
-CLEAN_S = 30.0
+CLEAN_S = 45.0
 """The robot is ready when it has driven so long without anything going wrong,"""
-NOVEL_SHARE = 0.02
-"""with at most this share of views that it does not know."""
+NOVEL_SHARE = 0.015
+"""with at most this share of views that it hardly knows:"""
+HARDLY_KNOWN = 0.8
+"""those from this novelty on. Beyond 1 it asks; who comes near that in a trial asks later."""
 PUSHED_S = 0.3
 BEFORE_S, AFTER_S = 0.5, 0.15
 """A change of move was foreseen if the robot proposed it this long before or after the pilot."""
 _LONGEST_STEP_S, _PAUSE_S = 0.25, 0.5
 _GAPS, _CHANGES = 6, 40
+_FORGOTTEN_S = 2 * CLEAN_S
+"""After so long half of a trial is forgotten."""
 
 
 class Stage(StrEnum):
@@ -53,7 +57,7 @@ class GapKind(StrEnum):
     CORRECTED = "corrected"  # the pilot took the wheel here
     PUSHED = "pushed"  # it drove against something here
     HELPLESS = "helpless"  # it tried and got nowhere here
-    UNKNOWN_VIEW = "unknown_view"  # it does not know this view
+    UNKNOWN_VIEW = "unknown_view"  # it hardly knows this view
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,13 +158,13 @@ class Readiness:
             self._fail(GapKind.PUSHED, tick)
             return
         trial.clean_s += step_s
-        if prediction.is_novel:
+        if prediction.novelty >= HARDLY_KNOWN:
             trial.novel_s += step_s
             newest = self._gaps[-1] if self._gaps else None
             if newest is None or newest.kind is not GapKind.UNKNOWN_VIEW:
                 self._add(Gap(kind=GapKind.UNKNOWN_VIEW, instead=prediction.action), tick)
         # Old trials say little about the robot as it is now.
-        if trial.clean_s > 2 * CLEAN_S:
+        if trial.clean_s > _FORGOTTEN_S:
             trial.clean_s, trial.novel_s = trial.clean_s / 2, trial.novel_s / 2
 
     def _fail(self, kind: GapKind, tick: Tick, move: Action | None = None) -> None:
@@ -201,8 +205,13 @@ class Readiness:
         return self._trial.clean_s
 
     @property
+    def needed_s(self) -> float:
+        """For how long it has to: longer while too much of that time was on hardly known views."""
+        return min(max(CLEAN_S, self._trial.novel_s / NOVEL_SHARE), _FORGOTTEN_S)
+
+    @property
     def novel_share(self) -> float:
-        """Share of that time on views that it does not know."""
+        """Share of that time on views that it hardly knows."""
         return self._trial.novel_share
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from base64 import b64encode
 from collections import Counter
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 from fastapi import APIRouter, Depends, HTTPException, Request
 from numpy.typing import NDArray
 
-from robot.control.readiness import CLEAN_S, Readiness
+from robot.control.readiness import Readiness
 from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
 from robot.policy.image import to_small_grey
 from robot.storage.png import encode_png
@@ -72,7 +73,7 @@ def _describe_readiness(readiness: Readiness, has_pictures: bool) -> dict[str, A
     return {
         "stage": readiness.stage.value,
         "alone_s": round(readiness.clean_s, 1),
-        "alone_needed_s": CLEAN_S,
+        "alone_needed_s": math.ceil(readiness.needed_s),
         "unknown_share": round(readiness.novel_share, 3),
         **readiness.foreseen,
         "moves": [move.value for move in readiness.moves_in_use],

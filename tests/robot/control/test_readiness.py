@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from robot.control.readiness import CLEAN_S, STARTS, TAUGHT_S, GapKind, Readiness, Stage
+from robot.control.readiness import (
+    CLEAN_S,
+    HARDLY_KNOWN,
+    STARTS,
+    TAUGHT_S,
+    GapKind,
+    Readiness,
+    Stage,
+)
 from robot.control.state import Tick
 from robot.policy.history import Replaced, Taught
 from robot.types import (
@@ -149,14 +157,43 @@ def test_whatever_goes_wrong_begins_the_trial_anew_and_says_where(what, kind) ->
     assert drive.readiness.stage is Stage.READY
 
 
-def test_a_view_that_it_does_not_know_is_shown_and_keeps_it_from_ready() -> None:
+@pytest.mark.parametrize("novelty", [HARDLY_KNOWN, 1.0, 2.0])
+def test_a_view_that_it_hardly_knows_is_shown_and_keeps_it_from_ready(novelty) -> None:
     drive = taught()
-    for _ in range(10):
+    while drive.readiness.clean_s < CLEAN_S + 1:
         drive.alone(3)
-        drive.alone(0.5, novelty=2.0)
-    assert drive.readiness.clean_s >= CLEAN_S
+        drive.alone(0.5, novelty=novelty)
     assert drive.readiness.stage is Stage.TRY
     assert GapKind.UNKNOWN_VIEW in drive.kinds
+
+
+def test_views_that_it_knows_well_enough_do_not_keep_it_from_ready() -> None:
+    drive = taught()
+    drive.alone(CLEAN_S + 1, novelty=HARDLY_KNOWN - 0.01)
+    assert drive.readiness.stage is Stage.READY
+
+
+@pytest.mark.parametrize("rate_hz", [10, 15, 30])
+@pytest.mark.parametrize("unknown_s", [0.0, 0.5, 1.0, 1.5])
+def test_it_is_ready_just_when_it_has_driven_for_as_long_as_it_says(rate_hz, unknown_s) -> None:
+    drive = taught(rate_hz)
+    drive.alone(unknown_s, novelty=HARDLY_KNOWN)
+    while drive.readiness.stage is not Stage.READY:
+        assert drive.readiness.clean_s < drive.readiness.needed_s
+        drive.alone(1 / rate_hz)
+        assert drive.now_s < 1000.0
+    assert drive.readiness.clean_s >= drive.readiness.needed_s >= CLEAN_S
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 1.0])
+def test_what_it_says_it_has_to_drive_is_never_without_an_end(share) -> None:
+    drive = taught()
+    for _ in range(300):
+        drive.alone(1.0 - share)
+        drive.alone(share, novelty=2.0)
+        assert CLEAN_S <= drive.readiness.needed_s <= 2 * CLEAN_S
+        assert drive.readiness.clean_s < drive.readiness.needed_s + 1.0
+    assert drive.readiness.stage is Stage.TRY
 
 
 def test_a_change_that_the_robot_would_not_have_made_is_told_with_its_place() -> None:

@@ -148,7 +148,7 @@ export default {
   'gap.corrected': 'You corrected me: {move}, not {instead}.',
   'gap.pushed': 'I drove against something. Show me how to turn away.',
   'gap.helpless': 'I got nowhere. Show me the way out.',
-  'gap.unknown_view': 'I don’t know this view. Drive by and show me.',
+  'gap.unknown_view': 'I hardly know this view. Drive by and show me.',
   'gap.nothing': 'nothing',
   'gap.far': '{cm} cm before something.',
   'teaching.agreement': 'How often I agreed with you, before I learned',

@@ -148,7 +148,7 @@ export default {
   'gap.corrected': 'Me corregiste: {move}, no {instead}.',
   'gap.pushed': 'Choqué con algo. Enséñame a girar antes.',
   'gap.helpless': 'No llegué a nada. Enséñame la salida.',
-  'gap.unknown_view': 'No conozco esta vista. Pasa por aquí y enséñame.',
+  'gap.unknown_view': 'Apenas conozco esta vista. Pasa por aquí y enséñame.',
   'gap.nothing': 'nada',
   'gap.far': 'A {cm} cm de algo.',
   'teaching.agreement': 'Cuántas veces coincidí contigo, antes de aprender',

@@ -148,7 +148,7 @@ export default {
   'gap.corrected': '你纠正了我：是{move}，不是{instead}。',
   'gap.pushed': '我撞上了东西。请教我怎样转开。',
   'gap.helpless': '我走不出去。请教我出路。',
-  'gap.unknown_view': '我不认识这个画面。请开过去教我。',
+  'gap.unknown_view': '我几乎不认识这个画面。请开过去教我。',
   'gap.nothing': '什么也不做',
   'gap.far': '前方 {cm} 厘米处有东西。',
   'teaching.agreement': '学习之前，我与你一致的比例',
