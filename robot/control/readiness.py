@@ -89,6 +89,10 @@ class _Trial:
     def novel_share(self) -> float:
         return self.novel_s / self.clean_s if self.clean_s else 0.0
 
+    @property
+    def needed_s(self) -> float:
+        return max(CLEAN_S, self.novel_s / NOVEL_SHARE)
+
 
 class Readiness:
     """Follows one robot tick by tick; call `note` on the loop's thread."""
@@ -196,8 +200,7 @@ class Readiness:
         """What to do next."""
         if self._missing_to_try():
             return Stage.TEACH
-        is_ready = self.clean_s >= CLEAN_S and self.novel_share <= NOVEL_SHARE
-        return Stage.READY if is_ready else Stage.TRY
+        return Stage.READY if self._trial.clean_s >= self._trial.needed_s else Stage.TRY
 
     @property
     def clean_s(self) -> float:
@@ -207,7 +210,7 @@ class Readiness:
     @property
     def needed_s(self) -> float:
         """For how long it has to: longer while too much of that time was on hardly known views."""
-        return min(max(CLEAN_S, self._trial.novel_s / NOVEL_SHARE), _FORGOTTEN_S)
+        return min(self._trial.needed_s, _FORGOTTEN_S)
 
     @property
     def novel_share(self) -> float:
