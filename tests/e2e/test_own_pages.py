@@ -27,6 +27,7 @@ from .world import (
     remember,
     running_chromium,
     wait_for,
+    wait_until_free,
 )
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -113,7 +114,7 @@ def test_a_second_tab_watches_asks_and_takes_over_politely(
     assert world.action is Action.LEFT, "asking stops nobody"
     fingers.lift()
     phone.locator(".notice button").tap()
-    second.wait_for_selector("[data-mode=train]:not([disabled])")
+    wait_until_free(second)
     assert world.mode is Mode.STOPPED, "a change of hands stops the robot"
     second.locator("drive-pad .stop").tap()
     wait_for(lambda: world.rig.loop.state.emergency, "anybody may stop it")

@@ -241,10 +241,15 @@ def begin_anew(page: Any, world: World, viewport: dict[str, int]) -> None:
         page.evaluate("location.hash = 'drive'")
     else:
         _load(page, world.address)
-    page.wait_for_selector("mode-bar [data-mode=stopped][aria-checked=true]")
-    page.wait_for_selector("mode-bar [data-mode=train]:not([disabled])")
+    wait_until_free(page)
     if was_stopped:
         page.wait_for_timeout(600)  # STOP that is pressed twice in half a second was pressed once
+
+
+def wait_until_free(page: Any) -> None:
+    """Wait until the page shows that the robot is stopped, and that this page may start it."""
+    page.wait_for_selector("mode-bar [data-mode=stopped][aria-checked=true]")
+    page.wait_for_selector("mode-bar [data-mode=train]:not([disabled])")
 
 
 COUNT_FETCHES = """

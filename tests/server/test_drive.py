@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import json
 
+import pytest
+
 from robot.types import Action
 from server.protocol import encode_acknowledgement, parse_picture
 from tests.server.virtual_server import VirtualServer, connect
@@ -66,6 +68,26 @@ def test_a_wheel_that_is_left_goes_to_the_only_other_pilot_and_the_robot_stands(
         lost.vanish()
         back.wait_for_state(you_are_pilot=True, mode="stopped")
         assert server.driver.now is Action.STOP, "and nothing is replayed"
+
+
+@pytest.mark.parametrize("mode", ["train", "autonomous"])
+def test_a_wheel_that_is_given_stops_the_robot_before_it_obeys_another(
+    server: VirtualServer, mode: str
+) -> None:
+    with server.pilot() as giver, server.pilot() as taker:
+        giver.mode(mode)
+        giver.wait_for_state(mode=mode)
+        giver.hold("left")
+        server.wait_until(lambda: server.driver.now is Action.LEFT)
+        taker.send(type="take")
+        giver.wait_for(lambda m: m.get("name") == "wheel_asked")
+        assert server.driver.now is Action.LEFT, "asking stops nobody"
+        giver.send(type="yield")
+        taker.hold("forward")
+        taker.wait_for_state(you_are_pilot=True, mode="stopped")
+        server.forward(0.3)
+        assert server.driver.now is Action.STOP, "who takes over starts it"
+        assert Action.FORWARD not in {action for _, action in server.driver.changes}
 
 
 def test_refused_messages_are_answered_and_counted(server: VirtualServer) -> None:
