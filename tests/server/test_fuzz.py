@@ -153,7 +153,7 @@ def hostile_values_and_malformed_models_leave_memory_small(
     with own_process(folder) as server, httpx.Client(base_url=server.address, timeout=60) as page:
         begun_mb = peak_mb(server.process.pid)
         for learner in ("published-4", "default-6"):
-            for what, data in itertools.islice(malformed(learner), 0, None, 15):
+            for what, data in malformed(learner, every=15):
                 answers.append(page.put("/api/models/x/file", content=data).status_code)
                 assert answers[-1] == 422, what
         answers.append(page.put("/api/models/x/file", content=bytes(40_000_000)).status_code)

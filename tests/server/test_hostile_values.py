@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -125,7 +124,7 @@ def test_malformed_models_are_422_over_http(robot: Robot, learner: str) -> None:
     """A part of what tests/robot/models/test_checking.py generates, over the wire."""
     if learner.startswith("knn"):
         pytest.importorskip("sklearn", reason="kNN needs the extra `evaluate`")
-    for what, data in itertools.islice(malformed(learner), 0, None, 7):
+    for what, data in malformed(learner, every=7):
         answer = robot.client.put("/api/models/x/file", content=data)
         assert answer.status_code == 422 and answer.json()["detail"], what
     assert robot.client.put("/api/models/y/file", content=good(learner)).status_code == 201
