@@ -20,8 +20,9 @@ from typing import Any
 import httpx
 import pytest
 
+from robot.control.state import Tick
 from robot.experiments.study.session import SessionStep
-from robot.types import Mode
+from robot.types import Action, DrivenBy, Mode
 
 from .boxes import faults, speak_longer
 from .hand import Fingers, choose, drive_on, teach
@@ -102,7 +103,23 @@ class Person:
         session.pace = WAITING
         choose(self.page, self.world, Mode.TRAIN)
         fingers = Fingers(self.page)
-        teach(self.world, fingers, EXAMPLES, near_m=self.near_m)
+        driven: list[int] = []
+
+        def note(tick: Tick) -> None:
+            is_pilots = tick.decision.driven_by is DrivenBy.PILOT
+            if tick.frame is not None and is_pilots and tick.sent is not Action.STOP:
+                driven.append(tick.frame.frame_id)
+
+        stop_noting = self.world.rig.loop.subscribe(note)
+        teach(
+            self.world,
+            fingers,
+            100_000,
+            near_m=self.near_m,
+            # A touch labels the frame that was on the screen, and drives from the next one on.
+            until=lambda: min(self.world.lessons, len(driven)) >= EXAMPLES,
+        )
+        stop_noting()
         session.pace = FAST
         teach(
             self.world,
