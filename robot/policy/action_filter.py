@@ -3,7 +3,7 @@
 Every constant is a time or a share of votes, never a number of frames.
 
 1. Votes are averaged over time.
-2. A move under way goes on until another clearly exceeds it.
+2. A move under way goes on until another exceeds it clearly or, with contexts, for long enough.
 3. A straight move without effect is given up (`stall_detector.py`).
 4. A turn that has gone on for longer than the pilot's own longest loses votes, and its opposite is
    barred until it has been paid back by driving straight (`progress_clock.py`).
@@ -13,6 +13,7 @@ Every constant is a time or a share of votes, never a number of frames.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
@@ -20,7 +21,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.policy.progress_clock import ProgressClock
+from robot.policy.progress_clock import ProgressClock, passed_s
 from robot.policy.running_votes import IMAGES_KEPT, USUAL_STEP_S, VOTES_KEPT, RunningVotes
 from robot.policy.stall_detector import StallDetector
 from robot.policy.unknown_ahead import UnknownAhead
@@ -41,9 +42,11 @@ HELPLESS_S = 10.0
 """After so long beyond that it stands and asks,"""
 ASKING_S = 5.0
 """and if nobody takes the wheel, tries again after so long."""
-BEGUN_S = 0.075
-"""With contexts a move that has just begun goes on for so long. Until then most of the average
-are the votes of the context that it has left, which would end it at once, thirty times a second."""
+AHEAD_S = 0.075
+"""With contexts another move is made once it has been ahead for so long. Each frame stands for the
+time since the one before: one frame at ten a second, three at thirty. A camera that is three times
+as fast would otherwise give chance three times as many opportunities to end a move. And when a move
+begins, most of the averaged votes are those of the context that it has left."""
 _BY_THE_CLOCK = 3.0
 """Turns that end by the clock have so many times their inertia until then, and as much against them
 afterwards: only votes that are all but unanimous weigh more."""
@@ -74,6 +77,7 @@ class Commitment:
         self.straight_inertia = straight_inertia
         self.bars_opposite = bars_opposite
         self._turn: Action | None = None
+        self._ahead_s = 0.0
 
     def choose(
         self,
@@ -84,8 +88,9 @@ class Commitment:
         urge: float = 0.0,
         doubt: float = 0.0,
         hold: float = 1.0,
+        stands_for_s: float = math.inf,
     ) -> Action:
-        """Return the allowed action with most votes; the first on a tie.
+        """Return the allowed action with most votes, the first on a tie; or the one under way.
 
         Args:
             shares: The votes for each move.
@@ -95,6 +100,8 @@ class Commitment:
             urge: How much is subtracted from the votes of all turns.
             doubt: How much is subtracted from the votes of FORWARD.
             hold: How many times its inertia the move under way has.
+            stands_for_s: The time that this frame stands for. The move under way goes on until
+                others have been ahead for `AHEAD_S`; a futile one ends at once.
         """
         barred = OPPOSITE.get(self._turn) if self._turn is not None else None
         allowed = [action for action in shares if action is not barred] or list(shares)
@@ -109,6 +116,11 @@ class Commitment:
                 - (doubt if action is Action.FORWARD else 0.0)
             ),
         )
+        if under_way in shares and under_way is not futile and chosen is not under_way:
+            self._ahead_s += stands_for_s
+            if under_way is not None and self._ahead_s < AHEAD_S:
+                return under_way
+        self._ahead_s = 0.0
         if self.bars_opposite and chosen in TURNS:
             self._turn = chosen
         return chosen
@@ -160,7 +172,7 @@ class ActionFilter:
         self._gives_up = gives_up
         self._asks_until_s = 0.0
         self._turns_since_s: float | None = None
-        self._begun: tuple[Action | None, float] = (None, 0.0)
+        self._last_s: float | None = None
 
     @classmethod
     def none(cls) -> Self:
@@ -226,16 +238,17 @@ class ActionFilter:
             self._ask(view.at_s)  # it was taught no other move
         hold = self._hold(under_way, view.at_s, timed_turn_s, 0.0 if in_context else 1.0)
         doubt = self._unknown.doubt(view.novelty, shares, under_way, view.at_s)
-        begun, begun_s = self._begun
-        has_just_begun = begun is under_way and 0.0 <= view.at_s - begun_s < BEGUN_S
-        if in_context and begun is not None and has_just_begun and begun is not futile:
-            return begun
-        chosen = self._commitment.choose(
-            shares, under_way, futile, urge=urge, doubt=doubt, hold=hold
+        stands_for_s = passed_s(self._last_s, view.at_s) if in_context else math.inf
+        self._last_s = view.at_s
+        return self._commitment.choose(
+            shares,
+            under_way,
+            futile,
+            urge=urge,
+            doubt=doubt,
+            hold=hold,
+            stands_for_s=stands_for_s,
         )
-        if chosen is not under_way:
-            self._begun = (chosen, view.at_s)
-        return chosen
 
     def _hold(
         self, under_way: Action | None, at_s: float, timed_s: float | None, usual: float
@@ -285,5 +298,5 @@ class ActionFilter:
         self._clock.reset()
         self._unknown.reset()
         self._turns_since_s = None
-        self._begun = (None, 0.0)
+        self._last_s = None
         self.needs_help = False
