@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from robot.learner.classifier import GROUP_COST, LINEAR_SHARE, N_VOTERS, BSOCClassifier
 from robot.learner.context_ridge import ContextRidge
 from robot.learner.ridge import LinearPart, RecursiveRidge
-from robot.policy.action_filter import ActionFilter, Commitment
+from robot.policy.action_filter import ActionFilter
+from robot.policy.commitment import Commitment
 from robot.policy.features import Features, GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
 from robot.types import Action
