@@ -19,6 +19,9 @@ AHEAD_S = 0.075
 time since the one before: one frame at ten a second, three at thirty. A camera that is three times
 as fast would otherwise give chance three times as many opportunities to end a move. And when a move
 begins, most of the averaged votes are those of the context that it has left."""
+HEAD_START = 0.2
+"""On the way straight that wait would come on top of the average's, with a wall ahead. So a turn
+that has to wait begins to count while it has so many votes fewer than FORWARD."""
 
 
 class Commitment:
@@ -74,6 +77,8 @@ class Commitment:
         allowed = [action for action in shares if action is not barred] or list(shares)
         fruitful = [action for action in allowed if action is not futile and shares[action] > 0]
         inertia = hold * (self.turn_inertia if under_way in TURNS else self.straight_inertia)
+        if under_way is Action.FORWARD and stands_for_s < AHEAD_S:
+            urge -= HEAD_START
         chosen = max(
             fruitful or allowed,
             key=lambda action: (

@@ -57,7 +57,7 @@ def test_with_contexts_another_move_has_to_be_ahead_for_as_long_at_any_rate(
 ):
     """A single frame for another move is chance at thirty a second, and a tenth of one at ten."""
     rest = {F: 0.0, L: 0.0, R: 0.0, Action.BACKWARD: 0.0}
-    stay, leave = {**rest, doing: 0.6, other: 0.4}, {**rest, doing: 0.4, other: 0.6}
+    stay, leave = {**rest, doing: 0.65, other: 0.35}, {**rest, doing: 0.4, other: 0.6}
     for n_ahead in range(1, n_frames + 2):
         votes = [stay] * 4 + [leave] * n_ahead + [stay]
         made = drive_in_context(votes, doing, rate_hz)
@@ -66,7 +66,7 @@ def test_with_contexts_another_move_has_to_be_ahead_for_as_long_at_any_rate(
 
 
 def test_frames_ahead_with_another_between_them_do_not_add_up():
-    stay, leave = {F: 0.6, L: 0.4, R: 0.0}, {F: 0.4, L: 0.6, R: 0.0}
+    stay, leave = {F: 0.65, L: 0.35, R: 0.0}, {F: 0.4, L: 0.6, R: 0.0}
     assert set(drive_in_context([stay, leave, leave] * 20, F, 30)) == {F}
 
 
@@ -78,9 +78,34 @@ def test_two_moves_that_are_ahead_in_turn_end_a_third():
 
 def test_a_turn_that_was_not_made_bars_nothing():
     """LEFT was ahead for a frame; then RIGHT is, for long enough."""
-    stay, left = {F: 0.6, L: 0.4, R: 0.0}, {F: 0.4, L: 0.6, R: 0.0}
+    stay, left = {F: 0.65, L: 0.35, R: 0.0}, {F: 0.4, L: 0.6, R: 0.0}
     right = {F: 0.4, L: 0.0, R: 0.6}
     assert drive_in_context([stay, left, stay, right, right, right], F, 30)[-1] is R
+
+
+@pytest.mark.parametrize("rate_hz", [15, 24, 30, 60])
+@pytest.mark.parametrize("other", [L, R])
+def test_a_turn_before_a_wall_begins_no_later_than_at_ten_frames_a_second(rate_hz, other):
+    """The votes for it rise as the wall comes nearer, as fast as they do in a lesson."""
+
+    def votes(at_s):
+        share = min(max(1.5 * at_s, 0.0), 1.0)
+        return {F: 1.0 - share, L: 0.0, R: 0.0, other: share}
+
+    def begins_s(rate):
+        made = drive_in_context([votes(n / rate) for n in range(rate)], F, rate)
+        return made.index(other) / rate
+
+    ahead_s = 0.5 / 1.5
+    assert ahead_s - 1 / rate_hz <= begins_s(rate_hz) <= begins_s(10) + 1e-9
+    assert begins_s(10) == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("rate_hz", [10, 15, 30, 60])
+@pytest.mark.parametrize(("doing", "other"), [(F, Action.BACKWARD), (L, F), (Action.BACKWARD, F)])
+def test_only_a_turn_on_the_way_straight_has_a_head_start(rate_hz, doing, other):
+    behind = {F: 0.0, L: 0.0, R: 0.0, Action.BACKWARD: 0.0, doing: 0.55, other: 0.45}
+    assert set(drive_in_context([behind] * rate_hz, doing, rate_hz)) == {doing}
 
 
 def drive_in_context(votes, doing, rate_hz):
@@ -116,7 +141,7 @@ def test_a_turn_by_the_clock_ends_when_its_time_is_over_and_not_before(rate_hz, 
 
 @pytest.mark.parametrize(
     ("left", "timed_s", "expected"),
-    [(0.6, None, L), (0.6, 2.0, F), (0.85, 2.0, L)],
+    [(0.65, None, L), (0.65, 2.0, F), (0.85, 2.0, L)],
 )
 def test_who_turns_by_the_clock_begins_a_turn_only_on_a_clear_view(left, timed_s, expected):
     assert choose(ActionFilter(), {F: 1.0 - left, L: left}, F, 0.1, timed_s) is expected
@@ -136,7 +161,7 @@ def choose(actions, shares, doing, at_s, timed_s):
 
 def test_who_drives_into_the_unknown_turns_where_the_votes_are_close():
     """The same votes: FORWARD in known views, the better turn when novelty has risen."""
-    actions, votes, chosen = ActionFilter(), {F: 0.5, L: 0.1, R: 0.4}, []
+    actions, votes, chosen = ActionFilter(), {F: 0.6, L: 0.1, R: 0.3}, []
     rng = np.random.default_rng(0)
     for i in range(90):
         picture = rng.integers(0, 255, (30, 40), np.uint8)
