@@ -14,6 +14,17 @@ from pathlib import Path
 import httpx
 import pytest
 
+_ENDLESS = """
+[limits]
+messages_per_second = 1e12
+messages_burst = 1e12
+frames_per_second = 1e12
+refused_before_closing = 1_000_000_000
+requests_burst = 1e12
+requests_per_second = 1e12
+"""
+"""A fast machine asks more often than a pilot may: limits are tested in virtual time."""
+
 
 @dataclass
 class OwnProcess:
@@ -35,12 +46,14 @@ class OwnProcess:
 
 
 @contextlib.contextmanager
-def own_process(folder: Path, *options: str) -> Iterator[OwnProcess]:
-    """Serve the simulated robot on a free port while the block runs."""
+def own_process(folder: Path) -> Iterator[OwnProcess]:
+    """Serve the simulated robot on a free port, without limits, while the block runs."""
     pytest.importorskip("panda3d")
+    settings = folder.with_name(f"{folder.name}.toml")
+    settings.write_text(_ENDLESS)
     words = [sys.executable, "-m", "server", "--robot", "sim", "--port", "0"]
     process = subprocess.Popen(
-        [*words, "--data", str(folder), *options],
+        [*words, "--data", str(folder), "--config", str(settings)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
