@@ -21,10 +21,13 @@ TEACH_STEP_S, TRY_STEP_S = 10.0, 40.0
 def run_ready(params: Mapping[str, Any]) -> Result:
     """Teach, try and teach again as `Readiness` advises, then let it drive alone for a minute.
 
-    Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `drift`.
+    Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `in_time_s`, `drift`. The
+    result's `missing` is what the page says after `in_time_s`, or in the end.
     """
     habit = HABITS[params["habit"]]
     moves = (Action.FORWARD, *habit.turns)
+    limit_s = params["limit_s"]
+    in_time_s = params.get("in_time_s", limit_s)
     readiness = Readiness()
     started_s = time.perf_counter()
     with Trial(
@@ -36,8 +39,11 @@ def run_ready(params: Mapping[str, Any]) -> Result:
     ) as trial:
         trial.loop.subscribe(readiness.note)
         taught_s = tried_s = 0.0
+        missing: list[str] = []
         must_teach = True
-        while readiness.stage is not Stage.READY and taught_s + tried_s < params["limit_s"]:
+        while readiness.stage is not Stage.READY and taught_s + tried_s < limit_s:
+            if not missing and taught_s + tried_s >= in_time_s:
+                missing = _missing(readiness)
             if must_teach or readiness.stage is Stage.TEACH:
                 taught_s += trial.drive(Mode.TRAIN, TEACH_STEP_S).seconds
                 must_teach = False
@@ -47,7 +53,7 @@ def run_ready(params: Mapping[str, Any]) -> Result:
             ).seconds
             must_teach = readiness.novel_share > NOVEL_SHARE
         is_ready = readiness.stage is Stage.READY
-        missing = [gap.kind.value for gap in readiness.missing()]
+        missing = missing or _missing(readiness)
         agreement = trial.loop.state.agreement
         alone = trial.drive(Mode.AUTONOMOUS, 60.0, supervised=False)
         frames = trial.frames
@@ -64,3 +70,7 @@ def run_ready(params: Mapping[str, Any]) -> Result:
         "driven_m": driving.driven_m(alone),
         "timing": {"frames": frames, "frames_per_s": frames / (time.perf_counter() - started_s)},
     }
+
+
+def _missing(readiness: Readiness) -> list[str]:
+    return [gap.kind.value for gap in readiness.missing()]

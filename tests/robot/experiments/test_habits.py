@@ -157,6 +157,16 @@ def test_a_pilot_is_measured_where_the_robot_began_and_at_its_rate(rate_hz: floa
     assert math.dist((first.x_m, first.y_m), (start.x_m, start.y_m)) < 0.05
 
 
+_TRIED = {
+    "is_ready": True,
+    "taught_s": 60.0,
+    "agreement": 0.9,
+    "asking_share": 0.01,
+    "longest_push_s": 0.5,
+    "stuck": False,
+}
+
+
 def test_a_pilot_who_follows_the_advice_ends_ready_or_is_told_what_is_missing() -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
     from robot.experiments.ready_run import run_ready
@@ -168,8 +178,28 @@ def test_a_pilot_who_follows_the_advice_ends_ready_or_is_told_what_is_missing() 
             "rate_hz": 10.0,
             "seed": 1,
             "learner": "default-8",
+            "in_time_s": 50.0,
             "limit_s": 60.0,
         }
     )
     assert result["is_ready"] is not bool(result["missing"])
     assert result["taught_s"] >= 39.0
+
+
+def test_those_called_ready_late_stand_in_a_row_of_their_own() -> None:
+    settings = ExperimentSettings()
+    tasks = Ready().plan(settings)[:4]
+    runs: list[Result] = [
+        {**_TRIED, "tried_s": 180.0, "missing": []},
+        {**_TRIED, "tried_s": 180.1, "missing": ["corrected"]},
+        {**_TRIED, "tried_s": 480.0, "missing": ["corrected"], "asking_share": 0.06},
+        {**_TRIED, "tried_s": 1200.0, "missing": ["pushed"], "is_ready": False},
+    ]
+    [table] = Ready().tables(settings, tasks, runs)
+    told = table.columns.index("told what is missing")
+    too_often = table.columns.index("asked 5 % or more")
+    assert [(row[0], row[1], row[told], row[too_often]) for row in table.rows] == [
+        ("within four minutes", 2, 1, 0),
+        ("later", 1, 1, 1),
+        ("never", 1, 1, 0),
+    ]

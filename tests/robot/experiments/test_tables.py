@@ -51,7 +51,7 @@ def made_up(task: Task) -> dict[str, Any]:
         return {"before": {**minute, "teacher": minute}}
     if task.kind == "ready":
         tried = {"is_ready": True, "taught_s": 50.0, "tried_s": 40.0, "agreement": 0.9}
-        return {**tried, "asking_share": 0.01, "longest_push_s": 0.5, "stuck": False}
+        return {**tried, "missing": [], "asking_share": 0.01, "longest_push_s": 0.5, "stuck": False}
     if task.kind == "mind":
         views = {"blocked": 50, "right": 40, "left": 5, "turning": 90, "turning_right": 60}
         return {"first": views, "second": views, "alone": {"turns": 100, "right": 99}}
