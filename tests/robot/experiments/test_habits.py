@@ -167,7 +167,10 @@ _TRIED = {
 }
 
 
-def test_a_pilot_who_follows_the_advice_ends_ready_or_is_told_what_is_missing() -> None:
+@pytest.mark.parametrize(("limit_s", "in_time_s"), [(60.0, 60.0), (200.0, 40.0)])
+def test_a_pilot_is_told_what_is_missing_and_following_it_makes_him_ready(
+    limit_s: float, in_time_s: float
+) -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
     from robot.experiments.ready_run import run_ready
 
@@ -178,11 +181,12 @@ def test_a_pilot_who_follows_the_advice_ends_ready_or_is_told_what_is_missing() 
             "rate_hz": 10.0,
             "seed": 1,
             "learner": "default-8",
-            "in_time_s": 50.0,
-            "limit_s": 60.0,
+            "in_time_s": in_time_s,
+            "limit_s": limit_s,
         }
     )
-    assert result["is_ready"] is not bool(result["missing"])
+    assert result["missing"]
+    assert result["is_ready"] is (limit_s > in_time_s)
     assert result["taught_s"] >= 39.0
 
 
