@@ -167,9 +167,12 @@ _TRIED = {
 }
 
 
-@pytest.mark.parametrize(("limit_s", "in_time_s"), [(60.0, 60.0), (200.0, 40.0)])
+@pytest.mark.parametrize(
+    ("limit_s", "in_time_s", "is_ready", "is_told"),
+    [(60.0, 60.0, False, True), (200.0, 40.0, True, True), (200.0, 200.0, True, False)],
+)
 def test_a_pilot_is_told_what_is_missing_and_following_it_makes_him_ready(
-    limit_s: float, in_time_s: float
+    limit_s: float, in_time_s: float, is_ready: bool, is_told: bool
 ) -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
     from robot.experiments.ready_run import run_ready
@@ -185,8 +188,8 @@ def test_a_pilot_is_told_what_is_missing_and_following_it_makes_him_ready(
             "limit_s": limit_s,
         }
     )
-    assert result["missing"]
-    assert result["is_ready"] is (limit_s > in_time_s)
+    assert result["is_ready"] is is_ready
+    assert bool(result["missing"]) is is_told
     assert result["taught_s"] >= 39.0
 
 
