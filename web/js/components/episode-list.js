@@ -8,10 +8,12 @@ import { language, t } from '../i18n.js';
 
 /** @param {Home} home */
 export async function listEpisodes(home) {
-  const [answer, storage] = await Promise.all(['episodes', 'storage'].map((what) => ask('GET', `/api/${what}`).catch(() => null)));
-  if (!answer || !home.isConnected) return;
+  const turn = (home.listing += 1);
+  const [answer, storage] = await Promise.all([home.attempt(() => ask('GET', '/api/episodes')), ask('GET', '/api/storage').catch(() => null)]);
+  if (!answer) return;
   const seen = answer.episodes.filter((/** @type {any} */ episode) => episode.frames || answer.recording === episode.id);
-  const list = seen.map((/** @type {any} */ episode) => card(home, episode, answer.recording === episode.id));
+  const list = await Promise.all(seen.map((/** @type {any} */ episode) => card(home, episode, answer.recording === episode.id)));
+  if (!home.isConnected || turn !== home.listing) return;
   const part = /** @type {HTMLElement} */ (home.episodes);
   fill(part, h('h2', {}, t('episodes')), answer.fault ? h('p', { class: 'hint' }, answer.fault) : null,
     storage?.offered.length ? h('p', { class: 'hint' }, t('episodes.full', { names: storage.offered.map(title).join(', ') })) : null,
@@ -35,18 +37,20 @@ async function teachTogether(home, ...more) {
 }
 
 /** @param {Home} home @param {any} episode @param {boolean} isOn */
-function card(home, episode, isOn) {
+async function card(home, episode, isOn) {
   const path = `/api/episodes/${encodeURIComponent(episode.id)}`;
   const strip = h('div', { class: 'strip' });
   const tools = h('div', { class: 'stack' });
   const more = h('div', { class: 'stack' });
-  const show = (/** @type {boolean} */ isOpen) => {
+  const player = async () => (await import('./episode-player.js')).openPlayer(home, path, tools, () => teachTogether(home, episode.id));
+  /** Open it once all that it shows is there, so that no button in it moves afterwards. */
+  const show = async (/** @type {boolean} */ isOpen) => {
+    if (isOpen) {
+      await Promise.all([strip.children.length ? null : showStrip(home, path, strip),
+        isOn || tools.children.length ? null : player()]).catch(() => {});
+    }
     more.hidden = !isOpen;
     toggle.setAttribute('aria-expanded', String(isOpen));
-    if (isOpen && !strip.children.length) showStrip(home, path, strip);
-    if (isOpen && !isOn && !tools.children.length) {
-      import('./episode-player.js').then(({ openPlayer }) => openPlayer(home, path, tools, () => teachTogether(home, episode.id)));
-    }
   };
   const toggle = h('button', {
     type: 'button', class: 'quiet', 'aria-label': t('home.more', { name: title(episode) }),
@@ -59,7 +63,7 @@ function card(home, episode, isOn) {
     h('a', { class: 'button', href: `${path}/file`, download: '' }, t('download')),
     isOn ? null : h('button', { type: 'button', 'aria-pressed': String(episode.protected), onclick: () => change(home, path, { protected: !episode.protected }) }, t('episodes.protect')),
     isOn || episode.protected ? null : h('button', { type: 'button', onclick: () => remove(home, path, title(episode)) }, t('delete')))]);
-  show(home.openEpisode === episode.id);
+  await show(home.openEpisode === episode.id);
   const tags = [isOn ? 'episodes.on' : '', episode.protected ? 'episodes.protected' : ''].filter(Boolean);
   const tick = h('input', {
     type: 'checkbox', checked: home.ticked.has(episode.id), 'aria-label': t('again.tick', { name: title(episode) }),

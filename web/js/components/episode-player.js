@@ -23,7 +23,7 @@ const LEAST_MS = 80; // between two pictures while it plays: what a phone draws 
 /** @param {Home} home @param {string} path  of the episode @param {Element} place  filled with the tools @param {() => void} teach */
 export async function openPlayer(home, path, place, teach, at = 0) {
   const shown = await home.attempt(() => Promise.all([ask('GET', path), ask('GET', `${path}/timeline`)]));
-  if (!shown || !place.isConnected) return;
+  if (!shown || !home.isConnected) return;
   const [episode, { columns, is_estimate: isEstimate }] = /** @type {[any, {columns: Columns, is_estimate: boolean}]} */ (shown);
   const last = columns.frame.length - 1;
   if (last < 1) return;
@@ -39,7 +39,10 @@ export async function openPlayer(home, path, place, teach, at = 0) {
     await home.attempt(() => ask('POST', `${path}/split`, { frame: columns.frame[player.now] }));
     await home.listEpisodes();
   };
-  fill(place, player.build(),
+  const view = player.build();
+  await drawFromAbove(player.map, columns, isEstimate);
+  player.show(Math.min(at, last));
+  fill(place, view,
     h('div', { class: 'row' }, button(t('mend.keep'), () => edit('trim')), button(t('mend.delete'), () => edit('delete')),
       button(t('mend.split'), split)),
     h('div', { class: 'row', role: 'group', 'aria-label': t('mend.label') }, h('span', { class: 'hint' }, t('mend.label')),
@@ -50,8 +53,6 @@ export async function openPlayer(home, path, place, teach, at = 0) {
         : null,
       episode.redoable ? button(t('mend.redo'), () => change(() => ask('POST', `${path}/edits/redo`)), icon('redo')) : null),
     h('button', { type: 'button', class: 'primary', onclick: teach }, t('again.begin')));
-  player.show(Math.min(at, last));
-  drawFromAbove(player.map, columns, isEstimate);
 }
 
 class Player {

@@ -35,8 +35,8 @@ export class GalleryScreen extends Screen {
       this.order = order;
       this.arrange();
     }), this.grid, this.detail]);
-    this.every(REFRESH_MS, () => this.refresh());
     this.watch(['robot'], ({ robot }) => this.light(robot?.prediction?.node ?? null));
+    return this.every(REFRESH_MS, () => this.refresh());
   }
 
   async refresh() {

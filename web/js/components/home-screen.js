@@ -14,6 +14,8 @@ import { Screen } from './screen.js';
 export class HomeScreen extends Screen {
   again = h('div', { class: 'stack' });
   offer = h('div', { class: 'row' });
+  /** How often recordings were listed: of two lists that are under way only the newer is shown. */
+  listing = 0;
   /** @type {Set<string>} recordings to teach again from */
   ticked = new Set();
 
@@ -35,9 +37,7 @@ export class HomeScreen extends Screen {
         h('button', { type: 'button', onclick: () => file.click() }, t('home.upload')), file),
       this.again, this.episodes,
     ]);
-    this.refresh();
-    this.listEpisodes();
-    import('./teach-again.js').then(({ showTeaching }) => showTeaching(this));
+    return Promise.all([this.refresh(), this.listEpisodes(), import('./teach-again.js').then(({ showTeaching }) => showTeaching(this))]);
   }
 
   async listEpisodes() {

@@ -20,8 +20,7 @@ export class LessonScreen extends Screen {
     this.results = h('div', { class: 'stack' });
     append(this, [this.body, this.results]);
     this.watch(['lesson'], (state) => this.render(state.lesson));
-    this.page?.refreshLesson();
-    this.listResults();
+    return Promise.all([this.page?.refreshLesson(), this.listResults()]);
   }
 
   /** @param {import('../store.js').LessonState | null} lesson */
@@ -40,7 +39,7 @@ export class LessonScreen extends Screen {
   parts(lesson) {
     if (!lesson) return this.invitation();
     if (lesson.phase === 'question') return this.question();
-    if (lesson.result) return [...this.outcome(lesson.result), this.again()];
+    if (lesson.result) return [...this.outcome(lesson.result), this.again(), this.map(lesson.result.episodes ?? [])];
     return this.running(lesson);
   }
 
@@ -103,13 +102,12 @@ export class LessonScreen extends Screen {
       h('p', { class: 'lead' }, result.ssd === null ? t('lesson.no_profile') : t('lesson.ssd', { ssd: result.ssd.toFixed(2) })),
       h('div', { class: 'profiles' }, ...result.moves.map((/** @type {string} */ move) => profile(result, move))),
       h('p', { class: 'hint' }, t('lesson.profile_how')),
-      this.map(result.episodes ?? []),
       h('p', {}, t('lesson.facts', { n: count(result.lessons), i: count(result.interventions), a: result.answer })),
       h('a', { class: 'button', href: `/api/lesson/results/${result.id}.json`, download: '' }, t('lesson.download')),
     ];
   }
 
-  /** The world from above, with the way of the whole trial. @param {string[]} episodes */
+  /** The world from above, with the way of the whole trial: it comes late, so it is last. @param {string[]} episodes */
   map(episodes) {
     const place = h('figure', { class: 'panel chart map' });
     drawRecordings(place, episodes).catch(() => {}); // without its recordings there is no way to draw

@@ -3,27 +3,39 @@
 import { h } from '../dom.js';
 import { t } from '../i18n.js';
 
+const PATIENCE_MS = 2000;
+
 export class Screen extends HTMLElement {
-  /** @param {import('../page.js').Page} page */
-  start(page) {
+  /**
+   * Show the screen once it has what it asks for: what comes later would move a button away while a
+   * finger comes down on it. On a slow link it is shown as it is after a while.
+   * @param {import('../page.js').Page} page
+   */
+  async start(page) {
     this.page = page;
     /** @type {(() => void)[]} */
     this.endings = [];
-    this.build();
+    this.setAttribute('aria-busy', 'true');
+    const late = new Promise((patience) => setTimeout(patience, PATIENCE_MS));
+    await Promise.race([Promise.resolve(this.build()).catch(() => {}), late]);
+    this.removeAttribute('aria-busy');
   }
 
-  /** Subclasses fill the screen here. */
-  build() {}
+  /** Subclasses fill the screen here. @returns {unknown} a promise, if it asks the robot for something */
+  build() {
+    return undefined;
+  }
 
   disconnectedCallback() {
     for (const end of this.endings ?? []) end();
   }
 
-  /** Do something now and then while the screen is open. @param {() => void} act @param {number} ms */
+  /** Do something now and then while the screen is open; returns what it returned first. @param {() => unknown} act @param {number} ms */
   every(ms, act) {
-    act();
+    const first = act();
     const timer = setInterval(act, ms);
     this.endings?.push(() => clearInterval(timer));
+    return first;
   }
 
   /**

@@ -11,7 +11,7 @@ export class SettingsScreen extends Screen {
   build() {
     this.robot = h('div', { class: 'stack' });
     append(this, [this.robot, this.phone()]);
-    this.refresh();
+    return this.refresh();
   }
 
   async refresh() {

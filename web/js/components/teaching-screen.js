@@ -26,16 +26,16 @@ export class TeachingScreen extends Screen {
         h('a', { class: 'button', href: '#undo' }, icon('undo'), t('screen.undo')),
         h('a', { class: 'button', href: '#gallery' }, t('screen.gallery'))),
     ]);
-    this.every(2000, () => this.refreshIfTaught());
     this.watch(['robot'], ({ robot }) => robot && this.render(robot));
+    return this.every(2000, () => this.refreshIfTaught());
   }
 
   /** The curve grows with what is taught: without a new example there is nothing to ask for. */
-  refreshIfTaught() {
+  async refreshIfTaught() {
     const lessons = this.page?.store.state.robot?.lessons;
     if (this.drawn === lessons && lessons !== undefined) return;
     this.drawn = lessons;
-    this.refresh();
+    await this.refresh();
   }
 
   async refresh() {

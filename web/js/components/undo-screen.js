@@ -21,7 +21,7 @@ export class UndoScreen extends Screen {
       }),
       this.summary, this.strip, this.button,
     ]);
-    this.refresh();
+    return this.refresh();
   }
 
   async refresh() {

@@ -25,7 +25,7 @@ export class WhyScreen extends Screen {
     this.facts = h('ul');
     this.more = h('p', { class: 'hint' }, t('why.how'));
     append(this, [this.words, this.pair, this.more, this.facts, h('a', { class: 'button', href: '#gallery' }, t('screen.gallery'))]);
-    this.every(REFRESH_MS, () => this.refresh());
+    return this.every(REFRESH_MS, () => this.refresh());
   }
 
   async refresh() {

@@ -22,7 +22,10 @@ export class StudyScreen extends Screen {
 
   build() {
     append(this, [this.refusal, this.body]);
-    this.watch(['lesson'], () => this.refresh());
+    /** @type {Promise<void> | undefined} */
+    let shown;
+    this.watch(['lesson'], () => { shown = this.refresh(); });
+    return shown;
   }
 
   async refresh() {
