@@ -17,8 +17,11 @@ export class Screen extends HTMLElement {
     this.endings = [];
     this.setAttribute('aria-busy', 'true');
     const late = new Promise((patience) => setTimeout(patience, PATIENCE_MS));
-    await Promise.race([Promise.resolve(this.build()).catch(() => {}), late]);
-    this.removeAttribute('aria-busy');
+    try {
+      await Promise.race([this.build(), late]);
+    } finally {
+      this.removeAttribute('aria-busy');
+    }
   }
 
   /** Subclasses fill the screen here. @returns {unknown} a promise, if it asks the robot for something */
