@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from .recordings import put_recording
 from .world import (
     DESKTOP,
     PHONE,
@@ -117,6 +118,18 @@ def rovers_page(
 def rovers_phone(rovers_page: Callable[[dict[str, int]], Any]) -> Any:
     """The rover's page on a phone, shared by the tests of a file."""
     return rovers_page(PHONE)
+
+
+@pytest.fixture
+def shelf(rover: World) -> Iterator[World]:
+    """The rover, with one recording and no others; it learns nothing here."""
+    episodes = rover.persistence.episodes
+    put_recording(rover)
+    yield rover
+    for episode_id in episodes.ids():
+        if episodes.notes(episode_id).is_protected:
+            episodes.protect(episode_id, False)
+        episodes.delete(episode_id)
 
 
 @pytest.fixture

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import functools
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,31 +11,19 @@ import httpx
 import pytest
 
 from robot.exchange.drive import Drive, Shot, write_episode
-from robot.exchange.pictures import Picture
-from robot.simulation.simulation import Simulation
-from robot.simulation.world import load_world
-from robot.types import Action, Encoding, Mode, PilotCommand
+from robot.types import Action, Mode, PilotCommand
 
+from .recordings import FILMED, film_a_good_pilot, put_recording
 from .test_everyone import complaints
 from .world import World, finish_recording, settle
+
+FORWARD = Action.FORWARD
 
 
 @pytest.fixture
 def frame_rate_hz() -> float:
     """Many, so that short drives are long recordings."""
     return 30.0
-
-
-@pytest.fixture
-def shelf(rover: World) -> Iterator[World]:
-    """The rover, with one recording and no others; it learns nothing here."""
-    episodes = rover.persistence.episodes
-    put_recording(rover)
-    yield rover
-    for episode_id in episodes.ids():
-        if episodes.notes(episode_id).is_protected:
-            episodes.protect(episode_id, False)
-        episodes.delete(episode_id)
 
 
 def drive(world: World, examples: int) -> None:
@@ -133,23 +119,6 @@ def test_recordings_beyond_their_space_are_offered(
     assert len(episodes.ids()) == 1
 
 
-@functools.cache
-def film_a_good_pilot(frames: int) -> tuple[Shot, ...]:
-    """Film a simulated robot whose pilot turns left before a wall: ten pictures a second."""
-    simulation = Simulation(load_world("box"), seed=5)
-    held, shots = Action.FORWARD, []
-    for i in range(frames):
-        near = simulation.sense().distance_m or 0.0
-        held = Action.LEFT if near < (0.4 if held is FORWARD else 0.7) else FORWARD
-        pixels = simulation.render()
-        picture = Picture(data=pixels.tobytes(), encoding=Encoding.RGB, width=160, height=120)
-        shots.append(Shot(t_s=i / 10, picture=picture, label=held))
-        simulation.action = held
-        simulation.step(0.1)
-    simulation.close()
-    return tuple(shots)
-
-
 def spoil(film: tuple[Shot, ...]) -> tuple[list[Shot], list[tuple[int, int, Action]]]:
     """Put a fifth of the labels wrong, in two stretches; return also what would repair them:
     first and last index of each, and the right label, which is one and the same all through."""
@@ -170,24 +139,6 @@ def spoil(film: tuple[Shot, ...]) -> tuple[list[Shot], list[tuple[int, int, Acti
         for i in range(first, last + 1):
             shots[i] = replace(shots[i], label=Action.LEFT if right is FORWARD else FORWARD)
     return shots, repairs
-
-
-FORWARD, LEFT = Action.FORWARD, Action.LEFT
-
-
-FILMED = 70
-
-
-def put_recording(world: World) -> None:
-    """Have a recording without driving: no busy machine can make it shorter."""
-    store = world.persistence.episodes
-    film = Drive(
-        name="film",
-        source="simulation",
-        shots=list(film_a_good_pilot(FILMED)),
-        moves=(FORWARD, LEFT),
-    )
-    write_episode(film, store.new_path("2026-01-01_120000_000"))
 
 
 def open_recording(phone: Any) -> None:

@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from .test_mending import shelf  # noqa: F401
 from .world import World
 
 SCREENS = ("gallery", "why", "teaching", "undo", "lesson", "study", "home", "settings")
@@ -97,9 +96,7 @@ def test_a_screen_that_opens_moves_nothing_that_it_shows(
 
 @pytest.mark.parametrize("order", ["as asked", "last first"])
 def test_a_recording_opens_and_is_named_without_moving_a_button(
-    slow: Any,
-    shelf: World,  # noqa: F811
-    order: str,
+    slow: Any, shelf: World, order: str
 ) -> None:
     [episode_id] = shelf.persistence.episodes.ids()
     shelf.persistence.episodes.set_title(episode_id, "Kitchen")  # as high as the other name

@@ -45,12 +45,12 @@ async function card(home, episode, isOn) {
   const player = async () => (await import('./episode-player.js')).openPlayer(home, path, tools, () => teachTogether(home, episode.id));
   /** Open it once all that it shows is there, so that no button in it moves afterwards. */
   const show = async (/** @type {boolean} */ isOpen) => {
-    toggle.setAttribute('aria-busy', String(isOpen));
     if (isOpen) {
+      toggle.setAttribute('aria-busy', 'true');
       await home.attempt(() => Promise.all([strip.children.length ? null : showStrip(home, path, strip),
         isOn || tools.children.length ? null : player()]));
+      toggle.removeAttribute('aria-busy');
     }
-    toggle.removeAttribute('aria-busy');
     more.hidden = !isOpen;
     toggle.setAttribute('aria-expanded', String(isOpen));
   };
