@@ -72,7 +72,8 @@ types: $(VENV)/.dev
 mutate: $(VENV)/.dev ## Put faults into the modules on which safety rests, and see if tests notice
 	$(BIN)/python -m tests.mutation $(ARGS)
 
-docs: $(VENV)/.dev ## Write the references of the command line and of the faults anew, and draw the wiring
+docs: $(VENV)/.dev ## Write the program's numbers, command line and faults into the docs, and draw the wiring
+	$(BIN)/python -m tests.docs.values
 	$(BIN)/python -m tests.docs.command_line
 	$(BIN)/python -m tests.docs.wiring
 	$(BIN)/python -m tests.faults.page

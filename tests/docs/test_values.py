@@ -1,0 +1,72 @@
+"""The documents take the program's numbers from the program, so each stands in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from robot.driver import ACTION_TIMEOUT_S
+from tests.docs import values
+
+PAGES = values.pages()
+HISTORY = {"adr", "lab", "results"}
+"""Folders that tell what was once measured or decided."""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(values.ROOT)))
+def test_a_page_tells_the_numbers_as_they_are(page: Path) -> None:
+    text = page.read_text("utf-8")
+    assert values.fill(text) == text, "run: make docs"
+    # There it would begin a block of HTML, and end the paragraph.
+    assert not [line for line in text.splitlines() if line.startswith("<!--=")]
+    assert text.count("<!--=") == len(values.names(text)), "a mark that is not closed, or misspelt"
+
+
+def test_a_number_is_changed_in_one_place() -> None:
+    sources: Mapping[str, object] = {
+        "driver": SimpleNamespace(ACTION_TIMEOUT_S=0.7, SHARE=0.5, NAME="default-8")
+    }
+    mark = "<!--= driver.{} -->old<!--/-->".format
+    text = mark("ACTION_TIMEOUT_S") + mark("ACTION_TIMEOUT_S ms") + mark("ACTION_TIMEOUT_S bare")
+    changed = values.fill(text + mark("SHARE") + mark("NAME"), sources)
+    assert [part.split("<")[0] for part in changed.split("-->")[1::2]] == [
+        "0.7 s",
+        "700 ms",
+        "0.7",
+        "0.5",
+        "default-8",
+    ]
+    with pytest.raises(AttributeError, match="LOST_S"):
+        values.fill(mark("LOST_S"))
+
+
+def test_no_page_tells_the_dead_mans_time_by_heart() -> None:
+    told = {
+        str(page.relative_to(values.ROOT)): line
+        for page in PAGES
+        if not HISTORY & {*page.parts} and page.name not in ("CHANGELOG.md", "architecture.md")
+        for line in values.without(page.read_text("utf-8")).splitlines()
+        if f"{ACTION_TIMEOUT_S:g} s" in line or f"{1000 * ACTION_TIMEOUT_S:g} ms" in line
+    }
+    assert told == {}, "mark it: see tests/docs/values.py"
+
+
+def test_every_default_of_the_tables_is_the_programs() -> None:
+    told = values.names((values.ROOT / "docs/reference/configuration.md").read_text("utf-8"))
+    settings = {
+        f"{table}.{field.name}"
+        for table, source in values.SOURCES.items()
+        if is_dataclass(source)
+        for field in fields(source)
+    }
+    assert settings <= {*told} and "learner.nodes" in told
+
+
+def test_the_page_and_the_tutorial_tell_when_it_may_try_and_when_it_is_ready() -> None:
+    for name in ("tutorial.md", "howto/page.md"):
+        told = values.names((values.ROOT / "docs" / name).read_text("utf-8"))
+        assert {"readiness.TAUGHT_S", "readiness.CLEAN_S"} <= {*told}

@@ -1,0 +1,90 @@
+"""Writes the program's own numbers into the documents: `make docs`.
+
+A page marks such a number, in two comments that no reader sees:
+
+    within <!--= gate.pilot_timeout_s -->0.3 s<!--/--> the robot stands
+
+The name is that of a constant or of a setting below. One that ends in `_s` or `_S` is written in
+seconds, or in milliseconds after `ms`; `bare` leaves the unit out. So whoever changes a number
+changes it in the code, and runs one command.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from types import SimpleNamespace
+
+from robot import driver
+from robot.control import readiness
+from robot.control.camera_timing import CameraTimingConfig
+from robot.control.gate import GateConfig
+from robot.control.link_governor import LinkGovernorConfig
+from robot.policy.registry import MOST_NODES, make_policy
+from server.config import Limits
+
+ROOT = Path(__file__).parents[2]
+_MARK = re.compile(r"(<!--= ([\w.]+)(?: (ms|bare))? -->)(.*?)(<!--/-->)")
+_DEFAULT = inspect.signature(make_policy).parameters["name"].default
+
+SOURCES: Mapping[str, object] = {
+    "driver": driver,
+    "readiness": readiness,
+    "gate": GateConfig(),
+    "governor": LinkGovernorConfig(),
+    "patience": CameraTimingConfig(),
+    "limits": Limits(),
+    "learner": SimpleNamespace(
+        default=_DEFAULT, nodes=int(_DEFAULT.rpartition("-")[2]), most_nodes=MOST_NODES
+    ),
+    "ros": import_module("robot.drivers.ros.bridge"),
+    "ev3_stock": import_module("robot.brick.stock.lines"),
+    "lego_education": import_module("robot.drivers.lego_education"),
+}
+"""Where a page may take a number from."""
+
+
+def pages() -> list[Path]:
+    """Return every page that may have marks."""
+    return sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+
+
+def names(text: str) -> list[str]:
+    """Return what a page takes from the program."""
+    return [name for _, name, _, _, _ in _MARK.findall(text)]
+
+
+def fill(text: str, sources: Mapping[str, object] = SOURCES) -> str:
+    """Return a page with the numbers as they are.
+
+    Raises:
+        KeyError: If there is no such source.
+        AttributeError: If the source has no such constant.
+    """
+    return _MARK.sub(lambda mark: mark[1] + _written(mark[2], mark[3], sources) + mark[5], text)
+
+
+def without(text: str) -> str:
+    """Return what of a page is not the program's."""
+    return _MARK.sub("", text)
+
+
+def _written(name: str, form: str | None, sources: Mapping[str, object]) -> str:
+    source, _, attribute = name.partition(".")
+    value = getattr(sources[source], attribute)
+    if isinstance(value, str):
+        return value
+    if form == "ms":
+        return f"{1000 * value:g} ms"
+    unit = " s" if attribute.lower().endswith("_s") and form != "bare" else ""
+    return f"{value:.12g}{unit}"
+
+
+if __name__ == "__main__":
+    for page in pages():
+        text = page.read_text("utf-8")
+        if (new := fill(text)) != text:
+            page.write_text(new, "utf-8")
