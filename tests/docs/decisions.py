@@ -1,0 +1,91 @@
+"""Writes docs/adr/README.md, the index of the decisions, from their pages: `make docs`."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+FOLDER = Path(__file__).parents[2] / "docs/adr"
+INDEX = FOLDER / "README.md"
+_HEAD = re.compile(
+    r"# (?P<number>\d+)\. (?P<title>.+)\n\n"
+    r"Date: (?P<date>\d{4}-\d\d-\d\d)\. Status: (?P<status>accepted|superseded)(?P<rest>[^\n]*)\.\n"
+)
+_LINK = re.compile(r"\[(\d+)\]\(([\w.-]+\.md)\)")
+_TOP = """# Decisions
+
+Made from the pages by `make docs`; do not edit by hand.
+[The first page](0001-record-decisions.md) says
+what a decision is, and when it gets a new page.
+
+| number | decision | date | status |
+|---|---|---|---|
+"""
+_BOTTOM = """
+## Missing numbers
+
+None of them is a page that was taken away. Numbers were set aside in advance for work that went on
+side by side, and some of it needed no decision: 9, 11, 14, 15, 16, 22 and 23. Two were given up on
+the day they were given: 10 became 5, and 20 became 3 and 4. No number is given again, and the next
+page takes the next one.
+"""
+MISSING = {9, 10, 11, 14, 15, 16, 20, 22, 23}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decision:
+    """A page: what its first lines say."""
+
+    file: str
+    number: int
+    title: str
+    date: str
+    status: str
+    """`accepted`, or `superseded`, and by what, as the page's own second line has it."""
+    made_void_by: frozenset[int]
+    """By which pages it is superseded, or changed in a part."""
+    makes_void: frozenset[int]
+    """Which pages it supersedes, or changes in a part."""
+
+
+def read(file: Path) -> Decision:
+    """Return what a page says of itself.
+
+    Raises:
+        ValueError: If its first lines have another form.
+    """
+    head = _HEAD.match(file.read_text("utf-8"))
+    if head is None:
+        raise ValueError(
+            f"{file.name} must begin with '# N. Title', an empty line, and one line: "
+            "'Date: YYYY-MM-DD. Status: accepted.', where the status may go on with "
+            "', changed by [7](...)' or be 'superseded by [7](...)', and 'Changes [2](...).' or "
+            "'Supersedes [2](...).' may follow"
+        )
+    status, _, others = f"{head['status']}{head['rest']}.".partition(". ")
+    return Decision(
+        file=file.name,
+        number=int(head["number"]),
+        title=head["title"],
+        date=head["date"],
+        status=status.removesuffix("."),
+        made_void_by=frozenset(int(number) for number, _ in _LINK.findall(status)),
+        makes_void=frozenset(int(number) for number, _ in _LINK.findall(others)),
+    )
+
+
+def decisions() -> list[Decision]:
+    """Return all pages, by number."""
+    return [read(file) for file in sorted(FOLDER.glob("[0-9]*.md"))]
+
+
+def render() -> str:
+    """Return the whole index."""
+    found = decisions()
+    rows = [f"| {d.number} | [{d.title}]({d.file}) | {d.date} | {d.status} |\n" for d in found]
+    return _TOP + "".join(rows) + _BOTTOM
+
+
+if __name__ == "__main__":
+    INDEX.write_text(render(), encoding="utf-8")

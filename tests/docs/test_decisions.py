@@ -1,0 +1,58 @@
+"""Decisions take one screen, are listed, and say by what they are superseded."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.docs import decisions
+
+PAGES = sorted(decisions.FOLDER.glob("[0-9]*.md"))
+MOST_LINES, MOST_CHARACTERS = 60, 5000
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_decision_takes_one_screen(page: Path) -> None:
+    text = page.read_text("utf-8")
+    assert len(text.splitlines()) <= MOST_LINES
+    assert len(text) <= MOST_CHARACTERS, "figures go to docs/results, trials to docs/lab"
+    assert not re.search(r"^## (What was tried|Results?)", text, re.MULTILINE)
+
+
+def test_the_index_lists_them_as_they_are() -> None:
+    assert decisions.INDEX.read_text("utf-8") == decisions.render(), "run: make docs"
+
+
+def test_a_number_is_given_once_and_is_that_of_the_file() -> None:
+    found = decisions.decisions()
+    assert [d.number for d in found] == [int(d.file[:4]) for d in found]
+    numbers = [d.number for d in found]
+    wanted = [n for n in range(1, numbers[-1] + 1) if n not in decisions.MISSING]
+    assert numbers == wanted, "the next page takes the next number"
+
+
+def test_what_is_superseded_or_changed_says_by_what_and_the_other_way_round() -> None:
+    found = decisions.decisions()
+    told = {(d.number, other) for d in found for other in d.made_void_by}
+    claimed = {(other, d.number) for d in found for other in d.makes_void}
+    assert told == claimed
+    assert all("by [" in d.status for d in found if d.status.startswith("superseded"))
+
+
+def test_a_page_without_a_status_is_refused(tmp_path: Path) -> None:
+    page = tmp_path / "0099-perhaps.md"
+    page.write_text("# 99. Perhaps\n\n## Context\n")
+    with pytest.raises(ValueError, match=r"0099-perhaps\.md must begin with"):
+        decisions.read(page)
+    page.write_text(
+        "# 99. It is so\n\nDate: 2026-01-02. Status: superseded by [7](0007-x.md). "
+        "Supersedes [2](0002-y.md).\n"
+    )
+    read = decisions.read(page)
+    assert (read.status, read.made_void_by, read.makes_void) == (
+        "superseded by [7](0007-x.md)",
+        {7},
+        {2},
+    )
