@@ -75,6 +75,7 @@ mutate: $(VENV)/.dev ## Put faults into the modules on which safety rests, and s
 docs: $(VENV)/.dev ## Write the program's numbers, command line and faults into the docs, and draw the wiring
 	$(BIN)/python -m tests.docs.values
 	$(BIN)/python -m tests.docs.decisions
+	$(BIN)/python -m tests.docs.results
 	$(BIN)/python -m tests.docs.command_line
 	$(BIN)/python -m tests.docs.wiring
 	$(BIN)/python -m tests.faults.page

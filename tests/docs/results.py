@@ -1,0 +1,100 @@
+"""Writes docs/results/README.md from the JSON files beside it, one for each question.
+
+`make docs` writes the page. A run of experiments fills a question's figures in, with its command,
+commit and date, where the file says in which of the run's tables they stand (`take`):
+
+    drivelesson experiment mind --seeds 4 --json mind.json
+    python -m tests.docs.results mind.json drivelesson experiment mind --seeds 4
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import shlex
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from robot.experiments.catalogue import EXPERIMENTS
+from robot.experiments.experiment import ExperimentSettings
+from robot.experiments.tables import Table, format_cell
+from robot.experiments.task import Task
+
+FOLDER = Path(__file__).parents[2] / "docs/results"
+PAGE = FOLDER / "README.md"
+_TOP = """# Results
+
+Made from the JSON files here by `make docs`; do not edit by hand. Before you quote a figure:
+[how it is measured](../reference/experiments.md). What was before: [lab](../lab/earlier.md).
+Two cores of an AMD EPYC, of an Intel Xeon on 21 November; Python 3.11.7, numpy 2.4.6. Seeds from 0.
+"""
+
+
+def questions() -> dict[Path, dict[str, Any]]:
+    """Return each file of a question, in the order of the page."""
+    files = sorted(FOLDER.glob("[0-9]*.json"), key=lambda file: int(file.name.partition("-")[0]))
+    return {file: json.loads(file.read_text("utf-8")) for file in files}
+
+
+def render() -> str:
+    """Return the whole page."""
+    return "\n".join([_TOP, *(_section(question) for question in questions().values())])
+
+
+def _section(question: dict[str, Any]) -> str:
+    columns = ["", "asked", *question["columns"]]
+    rows = [[row["what"], row.get("asked", ""), *row["measured"]] for row in question["rows"]]
+    lines = [columns, ["---"] * len(columns), *rows]
+    runs = [f"`{run['command']}` ({run['commit']}, {run['date']})" for run in question["runs"]]
+    unit = question["unit"]
+    about = f"{unit[0].upper()}{unit[1:]}. {question['note']}".strip()
+    about += f"\nMeasured by {', '.join(runs)}."
+    table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return f"## {question['question']}\n\n{about}\n\n{table}\n"
+
+
+def filled(
+    question: dict[str, Any], tables: Sequence[Table], run: dict[str, str]
+) -> dict[str, Any]:
+    """Return a question with its figures from the tables of a run.
+
+    Raises:
+        KeyError: If the run has no such table, row or column: it says which.
+    """
+    cells = {
+        (table.title, str(row[0]), column): format_cell(cell)
+        for table in tables
+        for row in table.rows
+        for column, cell in zip(table.columns, row, strict=True)
+    }
+    rows = [
+        {**row, "measured": [cells[place[0], place[1], place[2]] for place in row["take"]]}
+        if "take" in row
+        else row
+        for row in question["rows"]
+    ]
+    return {**question, "rows": rows, "runs": [run]}
+
+
+def _take(file: Path, command: Sequence[str]) -> None:
+    seen = ["git", "-C", str(FOLDER), "rev-parse", "--short", "HEAD"]
+    commit = subprocess.run(seen, capture_output=True, text=True, check=True).stdout.strip()
+    date = datetime.date.fromtimestamp(file.stat().st_mtime).isoformat()
+    run = {"command": shlex.join(command), "commit": commit, "date": date}
+    for name, runs in json.loads(file.read_text("utf-8")).items():
+        tasks = [Task(kind=one["kind"], params=one["params"]) for one in runs]
+        results = [one["result"] for one in runs]
+        tables = EXPERIMENTS[name].tables(ExperimentSettings(), tasks, results)
+        for path, question in questions().items():
+            if question["experiment"] == name and all("take" in row for row in question["rows"]):
+                text = json.dumps(filled(question, tables, run), indent=1, ensure_ascii=False)
+                path.write_text(text + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:]:
+        _take(Path(sys.argv[1]), sys.argv[2:])
+    PAGE.write_text(render(), encoding="utf-8")

@@ -1,0 +1,73 @@
+"""The page of results is short, and what its JSON files say."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from robot.experiments.tables import Table
+from tests.docs import results
+
+SCHEMA = json.loads((results.FOLDER / "schema.json").read_text("utf-8"))
+QUESTIONS = results.questions()
+MOST_LINES = 90
+
+
+def test_the_page_is_made_from_the_files() -> None:
+    assert results.PAGE.read_text("utf-8") == results.render(), "run: make docs"
+
+
+def test_the_page_is_short_and_no_logbook() -> None:
+    text = results.PAGE.read_text("utf-8")
+    assert len(text.splitlines()) <= MOST_LINES
+    assert max(map(len, text.splitlines())) <= 500
+    assert len(re.findall(r"\b(?:before|until)\b", text.lower())) <= 5, "that is for docs/lab"
+
+
+@pytest.mark.parametrize("file", QUESTIONS, ids=lambda file: file.stem)
+def test_a_question_has_the_one_form(file: Path) -> None:
+    question = QUESTIONS[file]
+    Draft202012Validator(SCHEMA).validate(question)
+    widths = {len(row["measured"]) for row in question["rows"]}
+    widths |= {len(row["take"]) for row in question["rows"] if "take" in row}
+    assert widths == {len(question["columns"])}
+
+
+def _git(*words: str) -> str:
+    done = subprocess.run(
+        ["git", "-C", results.FOLDER, *words], capture_output=True, text=True, check=False
+    )
+    return done.stdout.strip()
+
+
+@pytest.mark.skipif(
+    _git("rev-parse", "--is-shallow-repository") != "false", reason="no whole history here"
+)
+@pytest.mark.parametrize("file", QUESTIONS, ids=lambda file: file.stem)
+def test_a_figure_is_of_a_commit_that_there_is_and_not_older(file: Path) -> None:
+    for run in QUESTIONS[file]["runs"]:
+        made = _git("log", "-1", "--format=%cs", run["commit"])
+        assert made and made <= run["date"], run
+
+
+def test_a_run_fills_in_what_it_measured() -> None:
+    question: dict[str, Any] = {
+        "rows": [
+            {"what": "box", "measured": ["old"], "take": [["SSD", "default-8", "median"]]},
+            {"what": "by hand", "measured": ["kept"]},
+        ],
+        "runs": [],
+    }
+    table = Table(title="SSD", columns=("who", "median"), rows=(("default-8", 0.254),))
+    run = {"command": "drivelesson experiment figure7", "commit": "1234567", "date": "2026-11-25"}
+    new = results.filled(question, [table], run)
+    assert [row["measured"] for row in new["rows"]] == [["0.25"], ["kept"]]
+    assert new["runs"] == [run]
+    with pytest.raises(KeyError, match="median"):
+        results.filled(question, [], run)
