@@ -33,23 +33,24 @@ suite: $(VENV)/.dev
 	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs root; says what it lacks)
-	DRIVELESSON_BRICK=1 $(BIN)/python -m pytest tests/brick/test_server_on_brick.py $(ARGS)
+	DRIVELESSON_BRICK=1 $(BIN)/python -m pytest tests/robot/bodies/ev3/test_server_on_brick.py $(ARGS)
 
 test-browsers: $(VENV)/.dev ## Drive the whole loop in Firefox and WebKit (says what it lacks)
 	DRIVELESSON_OTHER_BROWSERS=1 $(BIN)/python -m pytest tests/e2e/test_other_browsers.py $(ARGS)
 
 test-stalls: $(VENV)/.dev ## Test what waits for real on a computer that stands still now and then
 	$(BIN)/python -m tests.stalls -m realtime --numprocesses $(JOBS) --dist loadfile \
-	  --deselect tests/brick/test_server_on_brick.py $(ARGS)
+	  --deselect tests/robot/bodies/ev3/test_server_on_brick.py $(ARGS)
 
 # What may differ there: routes and models of requests, sockets, the start, arrays and pictures. What
 # runs in virtual time past the framework is the same code as in `make test`, and runs there alone.
 OLD_TESTS := $(addprefix tests/server/,board cli hosting security test_drive.py test_episodes.py \
   test_eye.py test_hostile_values.py test_identity.py test_models.py test_protocol.py \
-  test_real_server.py test_security.py test_study_sessions.py test_teaching_routes.py \
+  test_real_server.py test_security.py study/test_study_sessions.py test_teaching_routes.py \
   test_why_route.py test_world_routes.py) tests/contract/test_cameras.py \
-  tests/robot/drivers/pybricks tests/robot/drivers/remote tests/robot/drivers/ros \
-  tests/robot/drivers/lego_education tests/robot/cameras/test_mjpeg.py tests/brick/test_stock.py \
+  tests/robot/bodies/pybricks tests/robot/bodies/remote tests/robot/bodies/ros \
+  tests/robot/bodies/lego_education tests/robot/devices/cameras/test_mjpeg.py \
+  tests/robot/bodies/ev3/test_stock.py \
   tests/robot/learner/test_bsoc.py
 
 test-oldest: $(OLDEST)/.made ## Test the server on the versions of Debian 12

@@ -22,7 +22,7 @@ if (_Path(__file__).parent / "running").is_dir():  # a folder of Robot Framework
 
 def __getattr__(name: str) -> _Any:
     if name == "__version__":
-        from robot.installation import version
+        from robot.errors import version
 
         return version()
     raise AttributeError(f"module 'robot' has no attribute {name!r}")

@@ -23,7 +23,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 class Action(str):
     """What the motors are told, by name. All but STOP are moves: a learner learns moves.
 
-    Drivers declare moves of their own (`robot.moves`), so any name is one: a lower-case letter,
+    Drivers declare moves of their own (`robot.driver`), so any name is one: a lower-case letter,
     then up to 31 letters, digits or underscores. There is one object for each name, also after
     pickling and copying: `is` holds as `==` does.
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import mimetypes
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
-from typing import Literal
+from contextlib import AsyncExitStack, asynccontextmanager
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
@@ -17,12 +16,6 @@ from server.security.access import Access
 from server.security.guard import Guard
 from server.security.pairing import cookie_name
 from server.services import Services, keep_door
-
-
-async def _change(services: Services, verb: Literal["start", "stop"]) -> None:
-    """Start or stop the sessions of studies, which wait for loop and disk."""
-    if services.conductor is not None:
-        await run_in_threadpool(getattr(services.conductor, verb))
 
 
 def create_app(services: Services) -> FastAPI:
@@ -38,7 +31,8 @@ def create_app(services: Services) -> FastAPI:
     app = FastAPI(title="Drivelesson", docs_url=None, redoc_url=None)
     app.state.services = services
     keep_door(app, services.door, services.robot.clock)
-    for router in routers():
+    extensions = list(services.extensions.values())
+    for router in [*routers(), *(router for each in extensions for router in each.routers)]:
         app.include_router(router)
     app.mount("/", CompressedFiles(directory=config.web_folder, html=True), name="web")
 
@@ -46,12 +40,12 @@ def create_app(services: Services) -> FastAPI:
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         await services.hub.start()
         try:
-            with services.progress, services.study:
-                await _change(services, "start")
-                try:
+            with services.progress:
+                async with AsyncExitStack() as started:
+                    for extension in extensions:
+                        await run_in_threadpool(extension.start)
+                        started.push_async_callback(run_in_threadpool, extension.stop)
                     yield
-                finally:
-                    await _change(services, "stop")
         finally:
             await services.hub.stop()
 
@@ -62,7 +56,7 @@ def create_app(services: Services) -> FastAPI:
         allows_addresses=config.lan,
         sessions=services.pairing,
         cookie=cookie_name(config),
-        members=services.classroom,
+        members=next((each.members for each in extensions if each.members), None),
     )
     app.add_middleware(
         Guard,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from robot.errors import ConfigurationError
-from robot.storage.folder import default_root
+from robot.store.folder import default_root
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError
-from robot.storage.folder import check_name, write_whole
-from robot.storage.records import read_regular
+from robot.store.folder import check_name, write_whole
+from robot.store.records import read_regular
 
 log = logging.getLogger(__name__)
 

@@ -6,17 +6,17 @@ import logging
 from collections.abc import Mapping
 from typing import Any
 
-from robot.episodes.recorder import Recorder
-from robot.episodes.store import EpisodeStore
+from robot.devices.rig import Rig
+from robot.driver import describe
 from robot.errors import ConfigurationError
-from robot.models.autosave import Announce, Autosave, no_announcement
-from robot.models.journal import Journal
-from robot.models.replay import Recovered, newest_boot, recover
-from robot.models.store import ModelStore
-from robot.moves import describe
-from robot.rig.rig import Rig
-from robot.storage.folder import Storage
-from robot.storage.lock import FolderLock
+from robot.store.episodes.recorder import Recorder
+from robot.store.episodes.store import EpisodeStore
+from robot.store.folder import Storage
+from robot.store.lock import FolderLock
+from robot.store.models.autosave import Announce, Autosave, no_announcement
+from robot.store.models.journal import Journal
+from robot.store.models.replay import Recovered, newest_boot, recover
+from robot.store.models.store import ModelStore
 from robot.types import StartStop
 
 log = logging.getLogger(__name__)

@@ -9,13 +9,13 @@ from dataclasses import asdict
 from typing import Any
 
 from robot.clock import Clock
-from robot.episodes.comparison import Comparison, compare, count_steps
-from robot.episodes.store import EpisodeStore
-from robot.episodes.teaching import EditedEpisode, Report, learn_again, plan
 from robot.errors import ConfigurationError, RobotError
-from robot.models.model import Model, take_model
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
+from robot.store.episodes.comparison import Comparison, compare, count_steps
+from robot.store.episodes.store import EpisodeStore
+from robot.store.episodes.teaching import EditedEpisode, Report, learn_again, plan
+from robot.store.models.model import Model, take_model
 from robot.types import DEFAULT_MOVES
 
 _BREATH_S = 0.0005

@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection
 
 from robot.clock import Clock
-from robot.rig.rig import Rig
+from robot.devices.rig import Rig
 from server.clients.hub import Hub
 from server.config import Config
 from server.events import EventBus
+from server.extension import Extension, installed
 from server.identity import IdentityFile
 from server.persistence import Persistence
 from server.progress import Progress
 from server.retraining import Retraining
-from server.security.classroom import Classroom
 from server.security.door import Door
 from server.security.listener import connection_capacity
 from server.security.pairing import Pairing
-from server.study.conductor import Conductor
-from server.study.folder import StudyFolder
-from server.study.lesson import Study
+
+_E = TypeVar("_E", bound=Extension)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,13 +39,11 @@ class Services:
         hub: The clients, and who of them drives.
         progress: Learning curve and gallery of the model in use.
         retraining: Training again from recordings.
-        study: The guided study of one person.
-        conductor: Sessions of studies with participants; None where nothing is saved.
         persistence: Models and recordings; None where nothing is saved.
         pairing: The paired browsers; None admits every client that can reach the port.
-        classroom: The class that the robot belongs to, if any.
         door: Limits on connections that are not admitted yet.
         turned_away: How many requests the guard refused, by reason.
+        extensions: What the houses add, one of each kind.
     """
 
     config: Config
@@ -55,13 +53,17 @@ class Services:
     hub: Hub
     progress: Progress
     retraining: Retraining
-    study: Study
-    conductor: Conductor | None = None
     persistence: Persistence | None = None
     pairing: Pairing | None = None
-    classroom: Classroom | None = None
     door: Door
     turned_away: Counter[str] = field(default_factory=Counter)
+    extensions: dict[type[Extension], Extension] = field(default_factory=dict)
+
+    def extension(self, kind: type[_E]) -> _E:
+        """Return the part that a house added; KeyError if the house is not there."""
+        found = self.extensions[kind]
+        assert isinstance(found, kind)
+        return found
 
 
 def make_services(
@@ -73,7 +75,7 @@ def make_services(
     events: EventBus | None = None,
     persistence: Persistence | None = None,
     pairing: Pairing | None = None,
-    classroom: Classroom | None = None,
+    options: Mapping[str, Any] | None = None,
 ) -> Services:
     """Create the services for one robot. Nothing starts yet.
 
@@ -85,7 +87,7 @@ def make_services(
         events: The bus that `persistence` publishes to; a new one by default.
         persistence: Stores models and recordings; started and stopped by the caller.
         pairing: The paired browsers; None admits every client that can reach the port.
-        classroom: The class that the robot belongs to, if any.
+        options: Options of `drivelesson serve`, for the extensions.
     """
     events = events or EventBus()
     identity = identity or IdentityFile(None, name)
@@ -93,7 +95,7 @@ def make_services(
     def recording() -> str | None:
         return persistence.recording if persistence is not None else None
 
-    return Services(
+    services = Services(
         config=config,
         robot=robot,
         events=events,
@@ -101,21 +103,12 @@ def make_services(
         hub=Hub(config, robot, identity.now.name, events),
         progress=Progress(robot.loop, robot.clock, recording),
         retraining=Retraining(robot.clock),
-        study=Study(robot.loop, robot.clock, events.publish, recording),
-        conductor=None
-        if persistence is None
-        else Conductor(
-            robot,
-            StudyFolder(persistence.storage),
-            persistence.autosave,
-            events.publish,
-            recording,
-        ),
         persistence=persistence,
         pairing=pairing,
-        classroom=classroom,
         door=Door(config.limits, connection_capacity()),
     )
+    services.extensions.update({kind: kind(services, options or {}) for kind in installed()})
+    return services
 
 
 def keep_door(app: Any, door: Door, clock: Clock) -> None:

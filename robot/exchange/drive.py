@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from robot.clock import RealClock
-from robot.episodes.messages import COMMAND, LESSON, describe_command
-from robot.episodes.writer import EpisodeWriter, Run
+from robot.devices.pictures import Picture
+from robot.driver import CLASSIC, Move
 from robot.errors import RecordingError
-from robot.exchange.pictures import Picture
-from robot.models.events import describe_event
-from robot.moves import CLASSIC, Move
 from robot.policy.history import Taught
+from robot.store.episodes.messages import COMMAND, LESSON, describe_command
+from robot.store.episodes.writer import EpisodeWriter, Run
+from robot.store.models.events import describe_event
 from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand
 
 

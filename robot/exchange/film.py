@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from robot.episodes.editing import EpisodeFrame, moments
-from robot.episodes.edits import Notes
-from robot.episodes.episode import Episode
 from robot.errors import ConfigurationError, MissingExtraError, RecordingError
 from robot.policy.image import Pixels, to_rgb
+from robot.store.episodes.editing import EpisodeFrame, moments
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import Episode
 
 _SMALLEST_HEIGHT_PX = 480
 _BAR_PX = 56

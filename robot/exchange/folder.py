@@ -7,14 +7,14 @@ import math
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
-from robot.episodes.editing import moments
-from robot.episodes.edits import Notes
-from robot.episodes.episode import Episode
+from robot.devices.pictures import read_picture_file, write_picture
+from robot.driver import CLASSIC, Move, describe, from_text, names, point_of, to_text
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, moves_with, read_label
-from robot.exchange.pictures import read_picture_file, write_picture
 from robot.exchange.steering import DEFAULT_THRESHOLD, to_move
-from robot.moves import CLASSIC, Move, describe, from_text, names, point_of, to_text
+from robot.store.episodes.editing import moments
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import Episode
 from robot.types import Action
 
 TABLE, MOVES = "frames.csv", "moves.json"

@@ -23,10 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.episodes.editing import EpisodeFrame, moments
-from robot.episodes.edits import Notes
-from robot.episodes.episode import Episode
-from robot.episodes.messages import SENSORS
+from robot.driver import point_of
 from robot.errors import RecordingError
 from robot.exchange.film import frame_rate, require_av, write_film
 from robot.exchange.lerobot_stats import Columns, PictureSums, Stats, column_stats, joined_stats
@@ -37,8 +34,11 @@ from robot.exchange.lerobot_tables import (
     write_json,
     write_tasks,
 )
-from robot.moves import point_of
 from robot.policy.image import Pixels, to_rgb
+from robot.store.episodes.editing import EpisodeFrame, moments
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import Episode
+from robot.store.episodes.messages import SENSORS
 from robot.types import Action
 
 CAMERA = "observation.images.front"

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.devices.pictures import read_picture
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot
-from robot.exchange.pictures import read_picture
-from robot.storage.npz import read_arrays
+from robot.store.npz import read_arrays
 from robot.types import DEFAULT_MOVES, Action, Encoding, Frame
 
 WIDTH, HEIGHT = 160, 120

@@ -1,6 +1,6 @@
 """Steering angles of cars to moves, by a threshold.
 
-The reverse is `robot.moves.point_of`: the steering and throttle that the driver declared for each
+The reverse is `robot.driver.point_of`: the steering and throttle that the driver declared for each
 move."""
 
 from __future__ import annotations

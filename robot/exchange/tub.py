@@ -16,14 +16,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from robot.episodes.editing import moments
-from robot.episodes.edits import Notes
-from robot.episodes.episode import Episode
+from robot.devices.pictures import read_picture_file, write_picture
+from robot.driver import CLASSIC, Move, Point, point_of
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, moves_with
-from robot.exchange.pictures import read_picture_file, write_picture
 from robot.exchange.steering import DEFAULT_THRESHOLD, to_move
-from robot.moves import CLASSIC, Move, Point, point_of
+from robot.store.episodes.editing import moments
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import Episode
 from robot.types import Action
 
 _IMAGE, _ANGLE, _THROTTLE, _MODE = "cam/image_array", "user/angle", "user/throttle", "user/mode"

@@ -1,45 +1,44 @@
-"""Learners by name, each with its features and its action filter: `default-32`, `published-64`."""
+"""Learners by name, each with its features and its action filter: `default-32`, `published-64`.
+
+A kind of learner is an entry point of `drivelesson.learners`: a `Maker`.
+"""
 
 from __future__ import annotations
 
-import os
+import platform
 import re
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 
-from robot.errors import ConfigurationError, did_you_mean
-from robot.learner.bsoc import BSOC
-from robot.learner.classifier import GROUP_COST, BSOCClassifier
-from robot.learner.context_ridge import ContextRidge
-from robot.learner.integer_ridge import IntegerRidge
+from robot.errors import ConfigurationError, MissingExtraError, PluginError, did_you_mean
+from robot.learner.classifier import BSOCClassifier
 from robot.learner.places import BinaryFeatures, MultiPlace
-from robot.learner.ridge import RecursiveRidge
 from robot.policy.action_filter import ActionFilter
+from robot.policy.design import DEFAULT, Maker
 from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GradientFeatures, GreyFeatures
-from robot.policy.integer_features import IntegerGradientFeatures
 from robot.policy.policy import Policy
-from robot.policy.variants import DEFAULT, VARIANTS, Maker
 from robot.types import DEFAULT_MOVES, Action
 
+LEARNERS = "drivelesson.learners"
+VARIANTS = "drivelesson.variants"
+"""The default with one thing changed, for experiments: no list of learners shows them."""
+DEFAULT_NODES = 32
 MOST_NODES = 1024
 """A learner of more images is refused: its table of distances grows with their square."""
 
+make_default = DEFAULT.make
 
-def _published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+
+def make_published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    """Return the learner of the paper, as it was published; a `Maker`."""
     learner = BSOCClassifier.published(number, integer=integer)
     return Policy(
         name, number, learner, GreyFeatures(), moves=moves, action_filter=ActionFilter.none()
     )
 
 
-def _integer(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return the default's parts in whole numbers, the same bit for bit on every machine."""
-    features = IntegerGradientFeatures()
-    ridge = IntegerRidge(features.n_gradients)
-    nodes = BSOC(number, group_cost=GROUP_COST, integer=True, n_compared=features.n_compared)
-    learner = BSOCClassifier(number, linear=ridge, cluster=nodes)
-    return Policy(name, number, learner, features, moves=moves)
-
-
-def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+def make_multi_place(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    """Return one default learner a place; a `Maker`."""
     features = GradientFeatures()
     learner = MultiPlace(
         lambda: DEFAULT.make_learner(number, integer),
@@ -48,58 +47,21 @@ def _multi_place(number: int, name: str, moves: tuple[Action, ...], integer: boo
     return Policy(name, number, learner, features, moves=moves)
 
 
-def _eyes(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return the default's parts on what a frozen vision net sees; needs the extra `eyes`."""
-    from robot.policy.eyes.features import EyesFeatures
-
-    features = EyesFeatures()
-    linear = ContextRidge(lambda: RecursiveRidge(features.n_outputs, penalty=EyesFeatures.penalty))
-    learner = BSOCClassifier(
-        number,
-        linear=linear,
-        balance=EyesFeatures.balance,
-        novelty_margin=EyesFeatures.novelty_margin,
-    )
-    brighten = features.brightened
-    return Policy(name, number, learner, features, moves=moves, calibrates=True, brighten=brighten)
+@cache
+def _points() -> dict[str, EntryPoint]:
+    return {
+        point.name: point for group in (LEARNERS, VARIANTS) for point in entry_points(group=group)
+    }
 
 
-def _baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    from robot.policy import baselines
-
-    learner = baselines.make(split_name(name)[0], number)
-    return Policy(
-        name, number, learner, GreyFeatures(), moves=moves, action_filter=ActionFilter.none()
-    )
+def learner_kinds() -> list[str]:
+    """Return the kinds of learners that are installed, sorted, without the variants."""
+    return sorted(point.name for point in _points().values() if point.group == LEARNERS)
 
 
-def _rival(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return a baseline with the default's features and running average."""
-    from robot.policy import baselines
-
-    kind = split_name(name)[0].removeprefix("fair-")
-    return Policy(name, number, baselines.make(kind, number), GradientFeatures(), moves=moves)
-
-
-MAKERS: dict[str, Maker] = {
-    "default": DEFAULT.make,
-    "integer": _integer,
-    "published": _published,
-    "multi-place": _multi_place,
-    "eyes": _eyes,
-    "knn": _baseline,
-    "fair-knn": _rival,
-    "fair-trees": _rival,
-    "som": _baseline,
-    "gas": _baseline,
-    "alvinn": _baseline,
-    "sgd": _baseline,
-    "river": _baseline,
-    **VARIANTS,
-}
-"""Kinds of learners. The number is that of nodes; of neighbours for knn, of trees for fair-trees,
-of cells for som, of hidden units for alvinn, of no consequence for sgd and river. `fair`: on the
-default's features, with the default's average."""
+def is_learner_kind(kind: str) -> bool:
+    """True if there is such a kind of learner, or such a variant."""
+    return kind in _points()
 
 
 def make_policy(
@@ -120,14 +82,10 @@ def make_policy(
         MissingExtraError: If a library that it needs is not installed.
     """
     kind, number = split_name(name)
-    if kind not in MAKERS:
-        raise ConfigurationError(
-            f"unknown learner {name!r}{did_you_mean(kind, MAKERS)}; there are "
-            f"{', '.join(f'{kind}-NUMBER' for kind in MAKERS if kind not in VARIANTS)}"
-        )
+    maker = _load(kind, name)
     if integer is None:
-        integer = os.uname().machine.startswith("armv5")  # the EV3's processor
-    return MAKERS[kind](number, name, moves, integer)
+        integer = platform.machine().startswith("armv5")  # the EV3's processor
+    return maker(number, name, moves, integer)
 
 
 def split_name(name: str) -> tuple[str, int]:
@@ -141,6 +99,21 @@ def split_name(name: str) -> tuple[str, int]:
         raise ConfigurationError(
             f"a learner's name must be KIND-NUMBER, such as default-32, with a number from 1 to "
             f"{MOST_NODES}, not {name[:80]!r}; kinds: "
-            f"{', '.join(kind for kind in MAKERS if kind not in VARIANTS)}"
+            f"{', '.join(learner_kinds())}"
         )
     return match[1], int(match[2])
+
+
+def _load(kind: str, name: str) -> Maker:
+    if kind not in _points():
+        raise ConfigurationError(
+            f"unknown learner {name!r}{did_you_mean(kind, _points())}; there are "
+            f"{', '.join(f'{kind}-NUMBER' for kind in learner_kinds())}"
+        )
+    try:
+        maker: Maker = _points()[kind].load()
+    except MissingExtraError:
+        raise
+    except (ImportError, AttributeError) as error:
+        raise PluginError(f"the learner {kind!r} cannot be loaded: {error}") from error
+    return maker

@@ -5,9 +5,9 @@ from __future__ import annotations
 import threading
 
 from robot.camera import Camera
+from robot.devices.options import options_of
+from robot.devices.plugins import load_camera
 from robot.policy.image import to_grey, to_rgb
-from robot.rig.options import options_of
-from robot.rig.plugins import load_camera
 from robot.testing.cases import CameraCase
 from robot.types import Frame
 

@@ -12,11 +12,10 @@ from pathlib import Path
 import pytest
 
 from robot.clock import RealClock
-from robot.driver import ACTION_TIMEOUT_S
+from robot.devices.options import options_of
+from robot.devices.plugins import camera_names, load_driver
+from robot.driver import ACTION_TIMEOUT_S, CLASSIC, describe
 from robot.errors import DriveError, NotConnectedError
-from robot.moves import CLASSIC, describe
-from robot.rig.options import options_of
-from robot.rig.plugins import camera_names, load_driver
 from robot.testing.cases import DriverCase
 from robot.types import Action, Mode, Sensors
 

@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 
 from robot.clock import RealClock
+from robot.devices.options import make_options
+from robot.devices.plugins import load_camera, load_driver
 from robot.errors import RobotError
-from robot.rig.options import make_options
-from robot.rig.plugins import load_camera, load_driver
 from robot.testing.cases import CameraCase, DriverCase
 
 pytest.register_assert_rewrite("robot.testing.driver_contract", "robot.testing.camera_contract")

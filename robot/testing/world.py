@@ -9,9 +9,9 @@ from collections.abc import Callable
 from typing import Self
 
 from robot.control.loop import LoopConfig
+from robot.devices.rig import Rig
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.rig.rig import Rig
 from robot.testing.camera import FakeCamera
 from robot.testing.driver import FakeDriver
 from robot.testing.virtual_clock import VirtualClock

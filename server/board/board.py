@@ -9,10 +9,10 @@ from typing import Any
 
 from robot.clock import Clock
 from robot.errors import NotFoundError
+from server.board.class_key import ClassKey
 from server.board.robot_link import RobotLink
 from server.board.stopping import CONFIRM_S, Stopping
 from server.board.transport import RobotAddress, Transport, UnreachableError
-from server.security.class_key import ClassKey
 
 MOST_ROBOTS = 64
 PICTURE_EVERY_S = 1.0

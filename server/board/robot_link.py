@@ -15,6 +15,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from robot.clock import Clock
+from server.board.class_key import ClassKey
 from server.board.stopping import RobotStop
 from server.board.teacher_session import RefusedError, Status, TeacherSession, WrongClassError
 from server.board.transport import (
@@ -26,7 +27,6 @@ from server.board.transport import (
     UnreachableError,
 )
 from server.protocol import ProtocolError, encode_acknowledgement, parse_picture
-from server.security.class_key import ClassKey
 
 log = logging.getLogger(__name__)
 

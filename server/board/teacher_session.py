@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import Any
 
 from robot.errors import RobotError
+from server.board.class_key import ClassKey, new_nonce
 from server.board.transport import (
     HttpAnswer,
     RobotAddress,
@@ -15,7 +16,6 @@ from server.board.transport import (
     Transport,
     UnreachableError,
 )
-from server.security.class_key import ClassKey, new_nonce
 
 _LONGEST = 300
 """Letters that are read of a robot's sentence, number or proof."""

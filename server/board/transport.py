@@ -22,7 +22,7 @@ from urllib.parse import urlsplit
 from websockets.exceptions import WebSocketException
 
 from robot.errors import ConfigurationError, RobotError
-from server.security.class_key import endpoint
+from server.board.class_key import endpoint
 
 _T = TypeVar("_T")
 LARGEST_BYTES = 64_000_000

@@ -26,11 +26,12 @@ def run(args: argparse.Namespace) -> int:
 
 def _whole_parser() -> argparse.ArgumentParser:
     """Return one parser with every command in it, as shtab reads it."""
-    from server.cli.main import COMMANDS, make_parser
+    from server.cli.main import commands as all_commands
+    from server.cli.main import make_parser
 
     whole = argparse.ArgumentParser(prog="drivelesson")
     whole.add_argument("--version", action="store_true", help="print the version")
     commands = whole.add_subparsers()
-    for name, text in COMMANDS.items():
+    for name, text in all_commands().items():
         commands.add_parser(name, help=text, parents=[make_parser(name)], add_help=False)
     return whole

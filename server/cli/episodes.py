@@ -5,22 +5,24 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from datetime import datetime
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from robot.episodes.editing import EpisodeFrame, choose, moments, read_move
-from robot.episodes.edits import Edit, Notes, trim
-from robot.episodes.episode import Episode
-from robot.episodes.store import EpisodeStore
-from robot.episodes.summary import EpisodeSummary
 from robot.errors import ConfigurationError
-from robot.storage.folder import Storage, default_root
-from server.cli import exchange
-from server.cli.kept import EPISODE_HELP, add_data, find_episodes, find_id
+from robot.store.episodes.editing import EpisodeFrame, choose, moments, read_move
+from robot.store.episodes.edits import Edit, Notes, trim
+from robot.store.episodes.episode import Episode
+from robot.store.episodes.store import EpisodeStore
+from robot.store.episodes.summary import EpisodeSummary
+from robot.store.folder import Storage, default_root
+from server.cli.kept import EPISODE_HELP, EpisodeVerb, add_data, find_episodes, find_id
 from server.cli.parser import number
 
 _LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": "."}
 _AXIS = 96
+VERBS = "drivelesson.episode-commands"
+"""Entry points of further verbs: each an `EpisodeVerb`."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -44,8 +46,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     title.add_argument("title")
     _add(commands, "protect", protect, "never offer one for deletion")
     _add(commands, "unprotect", unprotect, "offer it again")
-    exchange.configure_export(_add(commands, "export", exchange.export_episodes, _EXPORT))
-    exchange.configure_import(_add(commands, "import", exchange.import_episode, _IMPORT))
+    for point in sorted(entry_points(group=VERBS), key=lambda point: point.name):
+        added: EpisodeVerb = point.load()
+        verbs_parser = commands.add_parser(point.name, help=added.help, description=added.help)
+        added.configure(verbs_parser)
+        verbs_parser.set_defaults(action=added.run)
+        add_data(verbs_parser)
     budget = _add(commands, "budget", show_budget, "what is kept, and what could go")
     budget.add_argument(
         "--gigabytes", type=number(least=0), default=None, help="space for episodes"
@@ -53,9 +59,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     _add(commands, "empty-trash", empty_trash, "delete for good what was deleted")
 
 
-_EXPORT = "write episodes for other programs"
-_IMPORT = "read a tub, a folder with CSV, or an npz"
-_ALONE = ("list", "restore", "export", "import", "budget", "empty-trash")
+_ALONE = ("list", "restore", "budget", "empty-trash")
 
 
 def _add(commands: Any, verb: str, action: Any, text: str) -> argparse.ArgumentParser:

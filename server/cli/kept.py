@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
-from robot.episodes.edits import read_notes
-from robot.episodes.episode import open_episode
-from robot.episodes.store import EpisodeStore
-from robot.episodes.teaching import EditedEpisode
 from robot.errors import NotFoundError
+from robot.store.episodes.edits import read_notes
+from robot.store.episodes.episode import open_episode
+from robot.store.episodes.store import EpisodeStore
+from robot.store.episodes.teaching import EditedEpisode
+from robot.store.folder import Storage
 
 EPISODE_HELP = "name, beginning of a name, file, or last"
+
+
+class EpisodeVerb(NamedTuple):
+    """A verb that a house adds to `drivelesson episodes`."""
+
+    help: str
+    configure: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace, EpisodeStore, Storage], None]
 
 
 def add_data(parser: argparse.ArgumentParser) -> None:

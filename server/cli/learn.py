@@ -9,15 +9,15 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from robot.episodes.episode import Episode
-from robot.episodes.store import EpisodeStore
-from robot.episodes.teaching import EditedEpisode, Report, learn_again, plan, same_nodes
 from robot.errors import ConfigurationError, MissingExtraError
-from robot.models.model import encode_model, take_model
-from robot.models.store import ModelStore
 from robot.policy.policy import Policy
 from robot.policy.registry import MOST_NODES, make_policy
-from robot.storage.folder import Storage, default_root, write_whole
+from robot.store.episodes.episode import Episode
+from robot.store.episodes.store import EpisodeStore
+from robot.store.episodes.teaching import EditedEpisode, Report, learn_again, plan, same_nodes
+from robot.store.folder import Storage, default_root, write_whole
+from robot.store.models.model import encode_model, take_model
+from robot.store.models.store import ModelStore
 from robot.types import DEFAULT_MOVES, Action
 from server.cli.kept import add_data, find_episodes
 from server.cli.parser import whole

@@ -3,32 +3,33 @@
 from __future__ import annotations
 
 import argparse
-import importlib
+import ast
+import importlib.util
 import sys
 from collections.abc import Sequence
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any
 
 from robot.errors import RobotError, did_you_mean
 from server.cli.parser import Parser
 from server.hosting.low_memory import leave_out_unused
 
-COMMANDS: dict[str, str] = {
-    "serve": "drive a robot from the browser",
-    "board": "see and stop all robots of a class on one page",
-    "evaluate": "compare learners on recorded footage",
-    "experiment": "repeat the paper's experiments in simulation",
-    "bench": "measure this machine",
-    "study": "plan a study with participants, and make its report",
-    "episodes": "see, edit, import and export recorded runs",
-    "learn": "learn again from recorded runs",
-    "new-driver": "write a package for a robot of your own",
-    "calibrate": "measure an EV3's speed and turning rate by driving",
-    "brick": "put the server, or an agent, on an EV3",
-    "completion": "print a script for the shell that completes commands with the tab key",
-}
-"""Name to one line of help. Each is a module of `server.cli` with `configure(parser)` and
-`run(args) -> int`, imported only when asked for: on an EV3 every import costs seconds. Where
-options depend on other options, `extend(parser, words)` declares those."""
+GROUP = "drivelesson.commands"
+FIRST = "serve"
+
+
+def commands() -> dict[str, str]:
+    """Return each command with one line of help, the one that is meant without a name first.
+
+    A command is an entry point of `drivelesson.commands`: a module with `configure(parser)` and
+    `run(args) -> int`. Where options depend on other options, `extend(parser, words)` declares
+    those. Modules are imported only when asked for, because on an EV3 every import costs seconds:
+    the line of help is read from the source, where it stands first.
+    """
+    names = sorted(_points(), key=lambda name: (name != FIRST, name))
+    return {name: _summary(name) for name in names}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -38,22 +39,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         _print_overview()
         return 0
     if words[:1] in (["-V"], ["--version"]):
-        from robot.installation import version
+        from robot.errors import version
 
         print(f"drivelesson {version()}")
         return 0
-    name = words.pop(0) if words and not words[0].startswith("-") else "serve"
-    if name not in COMMANDS:
-        hint = did_you_mean(name, COMMANDS)
+    name = words.pop(0) if words and not words[0].startswith("-") else FIRST
+    if name not in _points():
+        hint = did_you_mean(name, _points())
         print(
-            f"drivelesson: unknown command {name!r}{hint}; there are: {', '.join(COMMANDS)}",
+            f"drivelesson: unknown command {name!r}{hint}; there are: {', '.join(commands())}",
             file=sys.stderr,
         )
         return 2
     leave_out_unused()
     try:
         parser = make_parser(name, words)
-        return int(_module(name).run(parser.parse_args(words)))
+        return int(load_command(name).run(parser.parse_args(words)))
     except RobotError as error:
         print(f"drivelesson: {error}", file=sys.stderr)
         return 1
@@ -63,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def make_parser(name: str, words: Sequence[str] = ()) -> argparse.ArgumentParser:
     """Return the parser of one command; `words` choose the options that depend on others."""
-    module = _module(name)
+    module = load_command(name)
     parser = Parser(prog=f"drivelesson {name}", description=module.__doc__)
     module.configure(parser)
     if hasattr(module, "extend"):
@@ -71,13 +72,28 @@ def make_parser(name: str, words: Sequence[str] = ()) -> argparse.ArgumentParser
     return parser
 
 
-def _module(name: str) -> Any:
-    return importlib.import_module(f"server.cli.{name.replace('-', '_')}")
+@cache
+def _points() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=GROUP)}
+
+
+def load_command(name: str) -> Any:
+    """Return the module of a command; KeyError if there is none of that name."""
+    return _points()[name].load()
+
+
+def _summary(name: str) -> str:
+    """Return the first sentence of the command's docstring, without importing the command."""
+    spec = importlib.util.find_spec(_points()[name].module)
+    text = Path(spec.origin).read_text("utf-8") if spec and spec.origin else ""
+    docstring = ast.get_docstring(ast.parse(text)) or ""
+    line = docstring.split("\n\n")[0].replace("\n", " ").split(":")[0].rstrip(".")
+    return line[:1].lower() + line[1:]
 
 
 def _print_overview() -> None:
     print("usage: drivelesson [COMMAND] [OPTION ...]\n\nTeach a small robot to drive by example.\n")
-    for name, text in COMMANDS.items():
+    for name, text in commands().items():
         print(f"  {name:12} {text}")
     print(
         "\nWithout a command: serve --robot sim. Options of a command: drivelesson COMMAND --help"

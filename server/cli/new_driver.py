@@ -7,8 +7,8 @@ import re
 from importlib.resources import files
 from pathlib import Path
 
+from robot.devices.plugins import driver_names
 from robot.errors import ConfigurationError
-from robot.rig.plugins import driver_names
 
 _FILES = ("pyproject.toml", "drivelesson_mybot.py", "conftest.py")
 _NAME = re.compile(r"[a-z][a-z0-9]{1,20}")

@@ -17,15 +17,16 @@ from typing import TYPE_CHECKING, Any
 from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
+from robot.devices.options import Option, options_of
+from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.errors import ConfigurationError, MissingExtraError, RecordingError
 from robot.policy.registry import MOST_NODES
-from robot.rig.options import Option, options_of
-from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
-from robot.storage.folder import Storage, default_root
-from robot.storage.prepare import Prepared, prepare
+from robot.store.folder import Storage, default_root
+from robot.store.prepare import Prepared, prepare
 from server.cli.parser import host_name, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config, Limits
+from server.extension import installed
 from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address
 from server.hosting.logs import start_logging
 from server.hosting.network import host_names, lan_addresses, page_addresses
@@ -33,11 +34,10 @@ from server.security.access import Role
 
 if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
-    from robot.models.autosave import Autosave
-    from robot.rig.rig import Rig
+    from robot.devices.rig import Rig
+    from robot.store.models.autosave import Autosave
     from server.events import EventBus
     from server.security.certificates import Certificates
-    from server.security.classroom import Classroom
     from server.security.pairing import Pairing
 
 log = logging.getLogger(__name__)
@@ -83,6 +83,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="of simulated pictures (default: %(default)s)",
     )
     parser.add_argument("--config", type=Path, default=None, help="TOML file of settings")
+    for extension in installed():
+        extension.configure(parser)
     parser.add_argument("-v", "--verbose", action="store_true", help="log more")
 
 
@@ -101,13 +103,6 @@ def _add_network(parser: argparse.ArgumentParser) -> None:
         type=host_name,
         default="drivelesson",
         help="with --lan, answer to this name with .local behind it (default: %(default)s)",
-    )
-    group.add_argument(
-        "--class-key",
-        type=Path,
-        default=None,
-        metavar="FILE",
-        help="obey the board that has this key; drivelesson board makes it",
     )
 
 
@@ -135,7 +130,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until interrupted."""
-    from robot.rig.rig import build_rig
+    from robot.devices.rig import build_rig
     from server.app import create_app
     from server.events import EventBus
     from server.hosting.serving import open_socket, serve
@@ -164,7 +159,6 @@ def run(args: argparse.Namespace) -> int:
     certificates = _make_certificates(config) if config.tls else None
     addresses = page_addresses(config)
     pairing = _open_pairing(config, addresses[0], rig) if config.lan else None
-    classroom = _open_classroom(config, args.class_key)
     events = EventBus()
     options = {name: str(value) for name, value in vars(args).items() if _is_given(value)}
     identity = IdentityFile(config.data, args.name)
@@ -184,7 +178,7 @@ def run(args: argparse.Namespace) -> int:
         events=events,
         persistence=persistence,
         pairing=pairing,
-        classroom=classroom,
+        options=vars(args),
     )
     if pairing is None:
         rig.driver.announce(addresses[0])
@@ -289,15 +283,6 @@ def _open_pairing(config: Config, address: str, rig: Rig) -> Pairing:
             rig.driver.announce(pairing_address(address, token))
 
     return Pairing(config.limits.pairing_failures, file=config.data / "paired.json", on_token=show)
-
-
-def _open_classroom(config: Config, file: Path | None) -> Classroom | None:
-    if file is None:
-        return None
-    from server.security.class_key import read_class_key
-    from server.security.classroom import Classroom
-
-    return Classroom(read_class_key(file), config.data / "class.json")
 
 
 @contextlib.contextmanager

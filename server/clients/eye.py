@@ -13,8 +13,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
+from robot.devices.pictures import MAX_SIDE_PX, jpeg_size
 from robot.errors import RecordingError
-from robot.exchange.pictures import MAX_SIDE_PX, jpeg_size
 from server.protocol import ErrorCode, ProtocolError
 
 HEADER = struct.Struct("<BBHId")

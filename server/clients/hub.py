@@ -15,8 +15,8 @@ from collections import Counter
 from collections.abc import AsyncGenerator, Callable
 
 from robot.control.state import Tick
-from robot.moves import describe as describe_moves
-from robot.rig.rig import Rig
+from robot.devices.rig import Rig
+from robot.driver import describe as describe_moves
 from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.clients.client import Client

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 
-from robot.installation import install_command
+from robot.errors import install_command
 from server.security.access import Role
 
 

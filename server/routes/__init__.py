@@ -27,11 +27,8 @@ MODULES = (
     "retraining",
     "world",
     "settings",
-    "lesson",
-    "classroom",
-    "studies",
 )
-"""Modules of this package; a new one is registered here only."""
+"""Modules of this package; a new one is registered here only. Houses add theirs as extensions."""
 
 
 def routers() -> list[APIRouter]:

@@ -40,9 +40,9 @@ async def do(action: Callable[..., Any], *args: Any) -> Any:
 
 def require_no_session(request: Request) -> None:
     """Dependency of what changes the model in use: 409 while a participant's session is on."""
-    conductor = services_of(request).conductor
-    if conductor is not None and conductor.session is not None:
-        raise HTTPException(409, "A participant's session is on: leave it first.")
+    with refusals():
+        for extension in services_of(request).extensions.values():
+            extension.require_free_model()
 
 
 async def read_body(request: Request) -> dict[str, Any]:

@@ -9,14 +9,14 @@ from typing import Any
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from starlette.responses import FileResponse
 
-from robot.episodes.editing import EpisodeFrame, choose, moments, read_move
-from robot.episodes.edits import Edit, Notes, trim
-from robot.episodes.episode import Episode
-from robot.episodes.summary import EpisodeSummary
+from robot.driver import describe as describe_moves
 from robot.errors import ConfigurationError
-from robot.moves import describe as describe_moves
 from robot.policy.image import to_rgb
-from robot.storage.png import encode_png
+from robot.policy.png import encode_png
+from robot.store.episodes.editing import EpisodeFrame, choose, moments, read_move
+from robot.store.episodes.edits import Edit, Notes, trim
+from robot.store.episodes.episode import Episode
+from robot.store.episodes.summary import EpisodeSummary
 from robot.types import Encoding
 from server.routes.bodies import do, read_body, refusals, text_field
 from server.security.guard import require_pilot, require_viewer

@@ -8,7 +8,7 @@ from typing import Any
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
 from robot.policy.gallery import LearnedImage
-from robot.storage.png import encode_png
+from robot.policy.png import encode_png
 from server.progress import Progress
 from server.routes.bodies import read_body
 from server.security.guard import require_pilot, require_viewer

@@ -7,10 +7,10 @@ from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
-from robot.models.model import decode_model
-from robot.models.store import StoredModel
+from robot.policy.png import encode_png
 from robot.policy.registry import split_name
-from robot.storage.png import encode_png
+from robot.store.models.model import decode_model
+from robot.store.models.store import StoredModel
 from server.routes.bodies import do, read_body, refusals, require_no_session, text_field
 from server.security.guard import require_pilot, require_viewer
 from server.services import persistence_of

@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 
 from robot.clock import Clock, RealClock
 from robot.control.loop import ControlLoop
-from robot.moves import describe
+from robot.driver import describe
 from robot.policy.registry import make_policy, split_name
 from robot.types import Action, Encoding, Frame
 from server.identity import COLOURS

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from robot.control.readiness import Readiness
 from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
 from robot.policy.image import to_small_grey
-from robot.storage.png import encode_png
+from robot.policy.png import encode_png
 from robot.types import Frame
 from server.routes.bodies import read_body
 from server.security.guard import require_pilot, require_viewer

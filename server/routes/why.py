@@ -10,7 +10,7 @@ from fastapi import APIRouter, Depends, Request
 
 from robot.control.loop import ControlLoop
 from robot.policy.explanation import Explanation, explain
-from robot.storage.png import encode_png
+from robot.policy.png import encode_png
 from robot.types import Prediction
 from server.security.guard import require_viewer
 from server.services import services_of

@@ -10,7 +10,7 @@ from server.security.guard import require_viewer
 from server.services import services_of
 
 if TYPE_CHECKING:  # a server on a brick never imports the simulation
-    from robot.simulation.world import Obstacle, World
+    from robot.devices.simulation.world import Obstacle, World
 
 router = APIRouter()
 

@@ -79,7 +79,7 @@ class Sessions(Protocol):
 
 
 class Members(Protocol):
-    """Teachers and locks: `server.security.classroom.Classroom`."""
+    """Teachers and locks: `server.board.classroom.Classroom`."""
 
     def knows(self, authorization: str) -> bool:
         """True if the header carries the secret of a teacher's session."""

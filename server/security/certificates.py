@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robot.errors import ConfigurationError, MissingExtraError
-from robot.storage.folder import write_whole
+from robot.store.folder import write_whole
 
 if TYPE_CHECKING:
     from cryptography import x509

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot.storage.records import read_regular
+from robot.store.records import read_regular
 from server.config import Config
 from server.security.access import PAIRED, Refusal, Role
 from server.security.door import address_key

@@ -10,12 +10,12 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from robot.control.state import Tick
+from robot.devices.rig import Rig
 from robot.errors import ConfigurationError, RobotError
-from robot.experiments.study.events import StudyEvent
-from robot.experiments.study.plan import Condition
-from robot.experiments.study.session import SessionStep, StudySession, follow_log
-from robot.models.autosave import Autosave
-from robot.rig.rig import Rig
+from robot.store.models.autosave import Autosave
+from robot.study.events import StudyEvent
+from robot.study.plan import Condition
+from robot.study.session import SessionStep, StudySession, follow_log
 from robot.types import Mode, StartStop
 from server.study.event_log import EventLog
 from server.study.folder import StudyFolder, fingerprint

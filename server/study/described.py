@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from robot.experiments.study.session import SessionStep
-from robot.rig.rig import Rig
+from robot.devices.rig import Rig
+from robot.study.session import SessionStep
 from server.study.conductor import Conductor
 from server.study.folder import StudyFolder
 from server.study.lesson import name_of_world

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from robot.clock import Clock
-from robot.experiments.study.events import StudyEvent, whole_lines, write_events
+from robot.study.events import StudyEvent, whole_lines, write_events
 from robot.types import StartStop
 
 log = logging.getLogger(__name__)

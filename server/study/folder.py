@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
-from robot.experiments.study.archive import check_begun, pack
-from robot.experiments.study.events import StudyEvent, read_events
-from robot.experiments.study.plan import CODE, StudyPlan, parse_plan
-from robot.experiments.study.session import SessionStep, follow_log
-from robot.storage.folder import Storage, check_name, is_text, write_whole
+from robot.store.folder import Storage, check_name, is_text, write_whole
+from robot.study.archive import check_begun, pack
+from robot.study.events import StudyEvent, read_events
+from robot.study.plan import CODE, StudyPlan, parse_plan
+from robot.study.session import SessionStep, follow_log
 
 _PLAN, _ACTIVE = "plan.toml", "active.json"
 _LONGEST_NAME = 40

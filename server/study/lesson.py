@@ -14,8 +14,8 @@ from robot.clock import Clock
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
-from robot.experiments.protocol import TRIALS, Phase, StudyRun
-from robot.storage.folder import write_whole
+from robot.lab.protocol import TRIALS, Phase, StudyRun
+from robot.store.folder import write_whole
 from robot.types import Action, Mode, StartStop
 
 _RESULT = re.compile(r"\d{8}-\d{6}-trial-[1-3]")

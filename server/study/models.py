@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from robot.experiments.study.plan import Condition
-from robot.models.autosave import Autosave
-from robot.rig.rig import Rig
-from robot.storage.folder import write_whole
+from robot.devices.rig import Rig
+from robot.store.folder import write_whole
+from robot.store.models.autosave import Autosave
+from robot.study.plan import Condition
 from robot.types import Action, Mode
 from server.study.folder import SessionModel, StudyFolder
 

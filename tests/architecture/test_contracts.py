@@ -12,12 +12,15 @@ import pytest
 ROOT = Path(__file__).parents[2]
 BREACHES = {
     "a library in the learner": ("robot/learner/votes.py", "import cv2"),
-    "our own code in the learner": ("robot/learner/votes.py", "import robot.storage.png"),
+    "our own code in the learner": ("robot/learner/votes.py", "import robot.policy.png"),
     "up in robot": ("robot/policy/policy.py", "import robot.control.gate"),
-    "sideways in robot": ("robot/models/store.py", "import robot.rig.plugins"),
+    "sideways in robot": ("robot/store/models/store.py", "import robot.devices.plugins"),
     "up in server": ("server/clients/hub.py", "import server.routes.drive"),
     "from robot to server": ("robot/errors.py", "import server.protocol"),
-    "one driver to another": ("robot/drivers/sim.py", "import robot.drivers.replay"),
+    "from the core to a house": (
+        "robot/devices/simulation/driver.py",
+        "import robot.exchange.replay_driver",
+    ),
 }
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from robot.clock import ManualClock
 from robot.control.loop import ControlLoop
-from robot.drivers.sim import SimDriver, SimOptions
+from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.policy.registry import make_policy
 from tests.robot.bench_robot import BenchCamera
 
@@ -61,7 +61,7 @@ PASSES_BY = {
     "robot/control/online_learning.py": "look",
     "robot/policy/policy.py": "propose",
     "robot/control/gate.py": "select",
-    "robot/drivers/sim.py": "send_action",
+    "robot/devices/simulation/driver.py": "send_action",
 }
 """The function of each module by which a frame, or what was made of it, goes on."""
 

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot.episodes.edits import Notes
-from robot.episodes.episode import open_episode
-from robot.episodes.store import EpisodeStore
-from robot.episodes.teaching import learn_again
-from robot.models.checking import check_model
-from robot.models.model import decode_model, encode_model, take_model
-from robot.models.store import ModelStore
 from robot.policy.registry import make_policy
-from robot.storage.folder import Storage
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import open_episode
+from robot.store.episodes.store import EpisodeStore
+from robot.store.episodes.teaching import learn_again
+from robot.store.folder import Storage
+from robot.store.models.checking import check_model
+from robot.store.models.model import decode_model, encode_model, take_model
+from robot.store.models.store import ModelStore
 from robot.types import Action
 
 FILES = Path(__file__).parents[1] / "vectors/version-0.1"

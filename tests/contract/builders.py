@@ -24,30 +24,30 @@ import cv2
 import numpy as np
 import pytest
 
-from robot.cameras.ev3_remote import Ev3RemoteCamera
-from robot.cameras.mjpeg import MjpegCamera, MjpegOptions
-from robot.cameras.opencv import OpencvCamera, OpencvOptions
-from robot.cameras.phone import PhoneCamera, PhoneOptions
-from robot.cameras.picamera2 import Picamera2Camera, Picamera2Options
-from robot.cameras.replay import ReplayCamera, ReplayCameraOptions
-from robot.cameras.ros import RosCamera, RosCameraOptions
-from robot.cameras.sim import SimCamera, SimCameraOptions
-from robot.cameras.v4l2 import V4l2Camera
-from robot.capture.options import UsbCameraOptions
+from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
+from robot.bodies.ev3.fake_brick import FakeBrick
+from robot.bodies.ev3.remote_camera import Ev3RemoteCamera
+from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
+from robot.bodies.gpio.driver import GpioDriver, GpioOptions
+from robot.bodies.picamera2.camera import Picamera2Camera, Picamera2Options
+from robot.bodies.ros.camera import RosCamera, RosCameraOptions
+from robot.bodies.v4l2.camera import V4l2Camera
+from robot.bodies.v4l2.options import UsbCameraOptions
 from robot.clock import Clock, ManualClock, RealClock
-from robot.drivers.ev3 import Ev3Driver, Ev3Options
-from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
-from robot.drivers.gpio.driver import GpioDriver, GpioOptions
-from robot.drivers.replay import ReplayDriver
-from robot.drivers.sim import SimDriver, SimOptions
+from robot.devices.cameras.mjpeg import MjpegCamera, MjpegOptions
+from robot.devices.cameras.opencv import OpencvCamera, OpencvOptions
+from robot.devices.cameras.phone import PhoneCamera, PhoneOptions
+from robot.devices.simulation.camera import SimCamera, SimCameraOptions
+from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.errors import DriveError, NotConnectedError
+from robot.exchange.replay_camera import ReplayCamera, ReplayCameraOptions
+from robot.exchange.replay_driver import ReplayDriver
 from robot.testing import VirtualClock
-from robot.testing.brick import FakeBrick
 from robot.testing.cases import CameraCase, DriverCase
 from robot.types import Action
-from tests.brick.fake_video import DEVICE
-from tests.brick.virtual_agent import MadeUpCamera, VirtualAgent
 from tests.faults.bodies import BODIES, TimedBody
+from tests.robot.bodies.ev3.fake_video import DEVICE
+from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
 from tests.robot.footage import write_footage
 from tests.standins import picamera2
 
@@ -166,7 +166,9 @@ def ev3_remote_camera() -> Iterator[CameraCase]:
 @contextmanager
 def v4l2_camera() -> Iterator[CameraCase]:
     if "FAKE_VIDEO" not in os.environ:
-        pytest.skip("tests/brick/test_v4l2.py runs it in a process that sees a made-up camera")
+        pytest.skip(
+            "tests/robot/bodies/ev3/test_v4l2.py runs it in a process that sees a made-up camera"
+        )
     yield CameraCase(V4l2Camera(UsbCameraOptions(device=DEVICE), RealClock()))
 
 
@@ -282,7 +284,7 @@ def ros_camera() -> Iterator[CameraCase]:
                     jpeg = base64.b64encode(grey_jpeg(index)).decode()
                     self._tell("/camera/image_raw/compressed", {"format": "jpeg", "data": jpeg})
 
-    with mock.patch("robot.cameras.ros.RosBridge", Bridge):
+    with mock.patch("robot.bodies.ros.camera.RosBridge", Bridge):
         yield CameraCase(
             RosCamera(RosCameraOptions(address="base"), clock), frozen.set, frozen.clear
         )

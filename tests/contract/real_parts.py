@@ -9,17 +9,17 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
-from robot.cameras.mjpeg import MjpegCamera, MjpegOptions
-from robot.cameras.ros import RosCamera, RosCameraOptions
+from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
+from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
+from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
+from robot.bodies.remote.driver import RemoteOptions
+from robot.bodies.remote.udp import UdpDriver
+from robot.bodies.remote.ws import WsDriver
+from robot.bodies.ros.camera import RosCamera, RosCameraOptions
+from robot.bodies.ros.driver import RosDriver, RosOptions
 from robot.clock import RealClock
+from robot.devices.cameras.mjpeg import MjpegCamera, MjpegOptions
 from robot.driver import Driver
-from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
-from robot.drivers.lego_education import LegoEducationDriver, LegoEducationOptions
-from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
-from robot.drivers.remote.driver import RemoteOptions
-from robot.drivers.ros.driver import RosDriver, RosOptions
-from robot.drivers.udp import UdpDriver
-from robot.drivers.ws import WsDriver
 from robot.testing.camera_contract import CameraContract
 from robot.testing.cases import CameraCase, DriverCase
 from robot.testing.driver_contract import DriverContract

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from robot.rig.plugins import camera_names
+from robot.devices.plugins import camera_names
 from robot.testing.camera_contract import CameraContract
 from robot.testing.cases import CameraCase
 from tests.contract.builders import CAMERAS

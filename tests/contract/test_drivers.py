@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from robot.rig.plugins import driver_names
+from robot.devices.plugins import driver_names
 from robot.testing.cases import DriverCase
 from robot.testing.driver_contract import DriverContract
 from tests.contract.builders import DRIVERS

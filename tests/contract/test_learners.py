@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from robot.errors import MissingExtraError
+from robot.lab.variants import VARIANTS
 from robot.learner import Learner, State
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
-from robot.policy.registry import MAKERS, make_policy
+from robot.policy.registry import learner_kinds, make_policy
 from robot.types import Action, Encoding, Example, Frame
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
@@ -22,7 +23,7 @@ SLOW = ("alvinn", "river", "sgd")
 """Other people's learners, which take ten times as long for an example."""
 
 
-@pytest.fixture(params=sorted(MAKERS))
+@pytest.fixture(params=[*learner_kinds(), *VARIANTS])
 def kind(request: pytest.FixtureRequest) -> str:
     try:
         make_policy(f"{request.param}-{SIZE}")

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from unittest.mock import patch
 
-from robot.rig.options import Option, options_of
-from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
-from server.cli.main import COMMANDS
+from robot.devices.options import Option, options_of
+from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
+from server.cli.main import commands, load_command
 
 PAGE = Path(__file__).parents[2] / "docs/reference/command-line.md"
 _HEAD = """# The command line
@@ -33,10 +32,9 @@ def render() -> str:
 
 def _render() -> str:
     parts = [_HEAD]
-    for name, text in COMMANDS.items():
-        module = importlib.import_module(f"server.cli.{name.replace('-', '_')}")
+    for name, text in commands().items():
         parser = argparse.ArgumentParser(prog=f"drivelesson {name}")
-        module.configure(parser)
+        load_command(name).configure(parser)
         parts.append(f"## drivelesson {name}\n\n{text[0].upper()}{text[1:]}.\n")
         parts.extend(_options(parser))
     for kind, names, load in (

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from robot.rig.options import options_of
-from robot.rig.plugins import camera_names, driver_names, load_camera, load_driver
-from server.cli.bench import BENCHMARKS
-from server.cli.main import COMMANDS, make_parser
+from robot.devices.options import options_of
+from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
+from server.cli.main import commands, make_parser
+from server.lab.bench_command import BENCHMARKS
 
 ROOT = Path(__file__).parents[2]
 _CODE = re.compile(r"```[^\n]*\n(.*?)```|^( {4}[^\n]*)$|(?<!`)`([^`\n]+)`", re.DOTALL | re.M)
@@ -52,7 +52,7 @@ def _wrong_words(text: str) -> Iterator[str]:
     if not words or words[0] in ("COMMAND", "[COMMAND]", "NAME"):
         return
     command = words.pop(0) if not words[0].startswith("-") else "serve"
-    if command not in COMMANDS:
+    if command not in commands():
         yield f"drivelesson {command}"
         return
     known, verbs = _options_of(command)
@@ -89,7 +89,7 @@ def _options_of(command: str) -> tuple[set[str], set[str]]:
 
 @cache
 def _all_options() -> set[str]:
-    return set().union(*(_options_of(command)[0] for command in COMMANDS))
+    return set().union(*(_options_of(command)[0] for command in commands()))
 
 
 @cache

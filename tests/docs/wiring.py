@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from robot.cameras.ros import RosCameraOptions
-from robot.drivers.gpio.driver import GpioOptions
-from robot.drivers.ros.driver import RosOptions
+from robot.bodies.gpio.driver import GpioOptions
+from robot.bodies.ros.camera import RosCameraOptions
+from robot.bodies.ros.driver import RosOptions
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs/images"

@@ -10,21 +10,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robot.clock import RealClock
+from robot.devices.rig import Rig, build_rig
 from robot.policy.registry import make_policy
-from robot.rig.rig import Rig, build_rig
-from robot.storage.folder import Storage
+from robot.store.folder import Storage
 from server.app import create_app
-from server.bench.robot import NotingDriver, SteadyCamera
 from server.board.app import create_board_app
 from server.board.board import Board
+from server.board.class_key import ClassKey
+from server.board.classroom import Classroom
 from server.board.transport import NetworkTransport, RobotAddress
 from server.config import Config
 from server.hosting.serving import served
 from server.identity import COLOURS, IdentityFile
+from server.lab.bench.robot import NotingDriver, SteadyCamera
 from server.persistence import Persistence
 from server.security.certificates import make_certificates
-from server.security.class_key import ClassKey
-from server.security.classroom import Classroom
 from server.security.pairing import Pairing
 from server.services import Services, make_services
 
@@ -75,7 +75,7 @@ def running_class(
                 identity=identity,
                 persistence=persistence,
                 pairing=Pairing(10),
-                classroom=Classroom(KEY, data / "class.json"),
+                options={"classroom": Classroom(KEY, data / "class.json")},
             )
             stack.enter_context(rig)
             stack.enter_context(persistence)

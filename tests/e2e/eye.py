@@ -19,13 +19,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.cameras.phone import PhoneCamera, PhoneOptions
 from robot.clock import RealClock
-from robot.drivers.replay import ReplayDriver
+from robot.devices.cameras.phone import PhoneCamera, PhoneOptions
+from robot.devices.rig import Rig
 from robot.exchange.npz import load_recording
+from robot.exchange.replay_driver import ReplayDriver
 from robot.policy.image import to_rgb
 from robot.policy.registry import make_policy
-from robot.rig.rig import Rig
 from robot.types import Action, Frame
 from server.app import create_app
 from server.config import Config

@@ -1,7 +1,7 @@
 """Twelve scripted newcomers before the real page: python -m tests.e2e.newcomers
 
 Each opens the page for the first time, does what its sentences say, and drives by real touch events
-with the irregular hand of one of `robot/simulation/pilots/habits.py`. While the robot drives, it
+with the irregular hand of one of `robot/lab/simulated_pilots/habits.py`. While the robot drives, it
 corrects it as its habit does until it has read when the page wants to be touched; then only then.
 Asked: within four minutes of opening the page it has a robot that drives a minute by itself without
 pushing a wall. All runs in real time: a newcomer takes two to four minutes. `--habits regular,late`
@@ -20,10 +20,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from robot.experiments.habit_run import make_habit_pilot
-from robot.simulation.pilots.habits import HABITS
-from robot.simulation.pilots.situation import Situation, observe
-from robot.simulation.pilots.teachers import Teacher
+from robot.lab.habit_run import make_habit_pilot
+from robot.lab.simulated_pilots.habits import HABITS
+from robot.lab.simulated_pilots.situation import Situation, observe
+from robot.lab.simulated_pilots.teachers import Teacher
 from robot.types import Action, DrivenBy, Mode
 
 from .hand import Fingers, pad

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import functools
 
+from robot.devices.pictures import Picture
+from robot.devices.simulation.simulation import Simulation
+from robot.devices.simulation.world import load_world
 from robot.exchange.drive import Drive, Shot, write_episode
-from robot.exchange.pictures import Picture
-from robot.simulation.simulation import Simulation
-from robot.simulation.world import load_world
 from robot.types import Action, Encoding
 
 from .world import World

@@ -14,10 +14,11 @@ from typing import Any
 
 import httpx
 
-from robot.experiments.protocol import Phase
+from robot.lab.protocol import Phase
 from server.config import Config
 from server.security.pairing import Pairing
 from server.study.conductor import Conductor
+from server.study.extension import StudyExtension
 from tests.server.live_robot import WEB, live_server
 
 from .class_world import running_class
@@ -225,7 +226,7 @@ def _take_class(browser: Any, folder: Path) -> None:
 
 def _hold_lesson(browser: Any, world: World) -> None:
     """Trial 1, fifteen times as fast as it is."""
-    room = world.services.study
+    room = world.services.extension(StudyExtension).study
     room.pace = 15.0
     context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     page = open_page(context, world.address)
@@ -284,7 +285,7 @@ options = ["yes", "perhaps", "no"]
 def _take_participants(browser: Any, folder: Path) -> None:
     """A study with participants: the researcher's list, and what a participant meets."""
     with passing_world("box") as world:
-        conductor = world.services.conductor
+        conductor = world.services.extension(StudyExtension).conductor
         assert conductor is not None
         conductor.pace = 200.0
 

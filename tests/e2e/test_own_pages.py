@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from robot.drivers.sim import SimDriver
+from robot.devices.simulation.driver import SimDriver
 from robot.types import Action, Mode
 
 from .boxes import drive_faults

@@ -21,8 +21,9 @@ import httpx
 import pytest
 
 from robot.control.state import Tick
-from robot.experiments.study.session import SessionStep
+from robot.study.session import SessionStep
 from robot.types import Action, DrivenBy, Mode
+from server.study.extension import StudyExtension
 
 from .boxes import faults, speak_longer
 from .hand import Fingers, choose, drive_on, teach
@@ -77,8 +78,8 @@ class Person:
         self.code = f"P{number:02}"
         self.dice = random.Random(number)
         self.near_m = self.dice.uniform(0.25, 0.45)
-        assert world.services.conductor is not None
-        self.conductor = world.services.conductor
+        assert world.services.extension(StudyExtension).conductor is not None
+        self.conductor = world.services.extension(StudyExtension).conductor
         self.given: list[dict[str, Any]] = []
 
     def take_part(self) -> None:
@@ -185,7 +186,7 @@ class Person:
 def test_a_study_from_the_plan_to_the_same_tables_elsewhere(
     phone: Any, world: World, tmp_path: Path
 ) -> None:
-    assert world.services.conductor is not None
+    assert world.services.extension(StudyExtension).conductor is not None
     before = httpx.get(f"{world.address}/api/models").json()
     phone.evaluate("location.hash = 'study'")
     (tmp_path / "walk.toml").write_text(PLAN)
@@ -252,7 +253,7 @@ def test_every_screen_of_a_study_is_whole_and_open_to_everyone(
     chromium: Any, world: World, npm_modules: Path
 ) -> None:
     axe = (npm_modules / "axe-core" / "axe.min.js").read_text()
-    conductor = world.services.conductor
+    conductor = world.services.extension(StudyExtension).conductor
     assert conductor is not None
     conductor.pace = 100.0
     post(world, "/api/studies", name="elsewhere", trial=2)

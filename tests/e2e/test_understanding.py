@@ -10,8 +10,9 @@ import httpx
 import numpy as np
 import pytest
 
-from robot.experiments.protocol import Phase
+from robot.lab.protocol import Phase
 from robot.types import Action, Mode, Prediction
+from server.study.extension import StudyExtension
 
 from .hand import Fingers, choose, drive_on, hold_until, teach
 from .world import World, wait_for
@@ -116,7 +117,7 @@ def test_the_lesson_of_trial_1_from_start_to_result(
     phone.locator(".notice", has_text="tap Teach").wait_for()
 
     choose(phone, world, Mode.TRAIN)
-    lesson = world.services.study.lesson
+    lesson = world.services.extension(StudyExtension).study.lesson
     assert lesson is not None
     fingers = Fingers(phone)
     teach(world, fingers, 60)

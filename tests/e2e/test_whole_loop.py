@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from robot.drivers.replay import ReplayDriver
+from robot.exchange.replay_driver import ReplayDriver
 from robot.types import Action, DrivenBy, Mode
 
 from .hand import Fingers, choose, hold_until, pad, teach, turned_rad

@@ -17,8 +17,8 @@ from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
 from robot.control.loop import LoopConfig
-from robot.rig.rig import build_rig
-from robot.storage.folder import Storage
+from robot.devices.rig import build_rig
+from robot.store.folder import Storage
 from robot.types import Action, Mode, Pose
 from server.app import create_app
 from server.config import Config

@@ -15,25 +15,25 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot.brick.agent.ports import HardwareError
-from robot.brick.chassis import ChassisBody
-from robot.brick.stock.body import StockBody
+from robot.bodies.ev3.agent.ports import HardwareError
+from robot.bodies.ev3.chassis import ChassisBody
+from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
+from robot.bodies.ev3.fake_brick import FakeBrick
+from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
+from robot.bodies.ev3.stock.body import StockBody
+from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
+from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
+from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
+from robot.bodies.remote.driver import RemoteDriver, RemoteOptions
+from robot.bodies.remote.line import MessageLine
+from robot.bodies.remote.udp import UdpDriver
+from robot.bodies.remote.ws import WsDriver
+from robot.bodies.ros.driver import RosDriver, RosOptions
 from robot.clock import ManualClock
 from robot.driver import Driver
-from robot.drivers.ev3 import Ev3Driver, Ev3Options
-from robot.drivers.ev3_remote import Ev3RemoteDriver, Ev3RemoteOptions
-from robot.drivers.ev3_stock import Ev3StockDriver, Ev3StockOptions
-from robot.drivers.lego_education import LegoEducationDriver, LegoEducationOptions
-from robot.drivers.pybricks.driver import PybricksDriver, PybricksOptions
-from robot.drivers.remote.driver import RemoteDriver, RemoteOptions
-from robot.drivers.remote.line import MessageLine
-from robot.drivers.ros.driver import RosDriver, RosOptions
-from robot.drivers.udp import UdpDriver
-from robot.drivers.ws import WsDriver
 from robot.errors import DriveError
 from robot.testing import VirtualClock
-from robot.testing.brick import FakeBrick
-from tests.brick.virtual_agent import VirtualAgent
+from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
 from tests.standins.double_motor import DoubleMotor
 from tests.standins.ev3_stock import StockFirmware
 from tests.standins.firmware_in_time import RunningFirmware, RunningHub, RunningProgram
@@ -149,7 +149,7 @@ def _ev3_stock(seed: int) -> Iterator[TimedBody]:
 
 @contextmanager
 def _gpio(seed: int) -> Iterator[TimedBody]:
-    from robot.drivers.gpio.driver import GpioDriver, GpioOptions
+    from robot.bodies.gpio.driver import GpioDriver, GpioOptions
     from tests.standins.gpio import MockPins
 
     clock = ManualClock()

@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from robot.driver import ACTION_TIMEOUT_S
-from server.bench.link import ServerUnderTest
+from server.lab.bench.link import ServerUnderTest
 from tests.server.live_robot import Pilot
 from tests.server.own_process import own_process
 

@@ -56,8 +56,8 @@ def test_with_a_strangers_plugin_our_own_suite_passes(
     cases = (f"[{kind}" for kind in _OVER_SOCKETS)
     own = " and ".join(f"not {name}" for name in (*cases, "slow_body", "strict_type_check"))
     printed = environment.run(
-        "pytest -q -p no:cacheprovider tests/docs tests/robot/rig tests/contract/test_drivers.py "
-        f"tests/contract/test_cameras.py -k '{own}'",
+        "pytest -q -p no:cacheprovider tests/docs tests/robot/devices "
+        f"tests/contract/test_drivers.py tests/contract/test_cameras.py -k '{own}'",
         ROOT,
     )
     assert " passed" in printed and "failed" not in printed

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import robot
-from robot import installation
+from robot import errors
 from robot.errors import MissingExtraError
 
 ROOT = Path(__file__).parents[2]
@@ -28,11 +28,11 @@ def copy_of_packages(folder: Path) -> Path:
 
 
 def test_the_version_is_that_of_the_distribution() -> None:
-    assert robot.__version__ == installation.version() != "unknown"
+    assert robot.__version__ == errors.version() != "unknown"
 
 
 def test_in_a_clone_the_advice_installs_from_the_clone() -> None:
-    command = installation.install_command("ev3")
+    command = errors.install_command("ev3")
     assert command == f"{sys.executable} -m pip install --editable '{ROOT}[ev3]'"
 
 
@@ -50,10 +50,10 @@ def test_elsewhere_it_is_for_the_tool_that_installed_it(
     monkeypatch: pytest.MonkeyPatch, prefix: str, begins: str, source: str | None
 ) -> None:
     monkeypatch.setattr(sys, "prefix", prefix)
-    monkeypatch.setattr(installation, "_clone", lambda: None)
-    monkeypatch.setattr(installation, "_source", lambda: source)
+    monkeypatch.setattr(errors, "_clone", lambda: None)
+    monkeypatch.setattr(errors, "_source", lambda: source)
     wanted = "drivelesson[ev3]" + (f" @ {source}" if source else "")
-    command = installation.install_command("ev3")
+    command = errors.install_command("ev3")
     assert command.startswith(f"{begins}{wanted}'")
     assert command in str(MissingExtraError("driving", "ev3"))
 

@@ -9,13 +9,13 @@ import threading
 from pathlib import Path
 
 from robot.clock import RealClock
+from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
-from robot.rig.rig import Rig
 from server.app import create_app
-from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
 from server.hosting.logs import start_logging
 from server.hosting.serving import served
+from server.lab.bench.robot import NotingDriver, SteadyCamera
 from server.security.pairing import Pairing
 from server.services import make_services
 

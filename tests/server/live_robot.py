@@ -15,13 +15,13 @@ from typing import Any, Self
 from websockets.sync.client import ClientConnection, connect
 
 from robot.clock import RealClock
+from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
-from robot.rig.rig import Rig
-from robot.storage.folder import Storage
+from robot.store.folder import Storage
 from server.app import create_app
-from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
 from server.hosting.serving import served
+from server.lab.bench.robot import NotingDriver, SteadyCamera
 from server.persistence import Persistence
 from server.protocol import encode_acknowledgement, parse_picture
 from server.security.certificates import Certificates

@@ -12,16 +12,16 @@ from typing import Any
 
 import pytest
 
+from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
-from robot.rig.rig import Rig
-from robot.storage.folder import Storage
-from robot.storage.prepare import prepare
+from robot.store.folder import Storage
+from robot.store.prepare import prepare
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action, Example
 from server.identity import IdentityFile
 from server.persistence import Persistence
 from server.security.pairing import Pairing
-from tests.robot.episodes.drives import record_drive
+from tests.robot.store.episodes.drives import record_drive
 
 SEEDS = int(os.environ.get("DRIVELESSON_DAMAGE", "25"))
 KINDS = (

@@ -12,7 +12,7 @@ import pytest
 from robot.types import Action, Mode, PilotCommand
 from server.config import Config, Limits
 from server.persistence import Persistence
-from tests.robot.episodes.drives import record_drive
+from tests.robot.store.episodes.drives import record_drive
 
 from .live_robot import WEB
 from .virtual_server import VirtualServer

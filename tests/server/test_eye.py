@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from robot.cameras.phone import PhoneCamera, PhoneOptions
-from robot.drivers.replay import ReplayDriver
+from robot.devices.cameras.phone import PhoneCamera, PhoneOptions
+from robot.devices.rig import Rig
+from robot.exchange.replay_driver import ReplayDriver
 from robot.policy.registry import make_policy
-from robot.rig.rig import Rig
 from robot.testing import VirtualClock
 from server.clients.eye import encode_frame
 from server.protocol import parse_acknowledgement

@@ -22,7 +22,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from websockets.sync.client import ClientConnection, connect
 
 from server.protocol import encode_acknowledgement
-from tests.robot.models.test_checking import malformed
+from tests.robot.store.models.test_checking import malformed
 
 from .own_process import OwnProcess, own_process
 from .test_hostile_values import BODIES, PATHS, VALUES

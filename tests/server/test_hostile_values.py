@@ -11,11 +11,11 @@ from urllib.parse import quote
 import httpx
 import pytest
 
-from robot.storage.folder import Storage
+from robot.store.folder import Storage
 from server.config import Config, Limits
 from server.persistence import Persistence
-from tests.robot.episodes.drives import record_drive
-from tests.robot.models.test_checking import good, malformed
+from tests.robot.store.episodes.drives import record_drive
+from tests.robot.store.models.test_checking import good, malformed
 
 from .virtual_server import WEB, VirtualServer
 
@@ -121,7 +121,7 @@ def test_half_an_emoji_does_not_stop_the_saving(robot: Robot) -> None:
 
 @pytest.mark.parametrize("learner", ["published-4", "knn-3"])
 def test_malformed_models_are_422_over_http(robot: Robot, learner: str) -> None:
-    """A part of what tests/robot/models/test_checking.py generates, over the wire."""
+    """A part of what tests/robot/store/models/test_checking.py generates, over the wire."""
     if learner.startswith("knn"):
         pytest.importorskip("sklearn", reason="kNN needs the extra `evaluate`")
     for what, data in malformed(learner, every=7):

@@ -17,9 +17,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from robot.episodes.summary import read_summary
-from robot.models.store import ModelStore
-from robot.storage.folder import Storage
+from robot.store.episodes.summary import read_summary
+from robot.store.folder import Storage
+from robot.store.models.store import ModelStore
 
 from .live_robot import Pilot
 from .own_process import own_process

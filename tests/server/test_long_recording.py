@@ -13,10 +13,10 @@ from pathlib import Path
 import httpx
 import pytest
 
-from robot.models import journal
-from robot.storage.folder import Storage
-from tests.robot.episodes.long_recording import write_cut_recording
-from tests.robot.models.lives import Life
+from robot.store.folder import Storage
+from robot.store.models import journal
+from tests.robot.store.episodes.long_recording import write_cut_recording
+from tests.robot.store.models.lives import Life
 
 from .own_process import own_process
 

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from robot.clock import RealClock
+from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
-from robot.rig.rig import Rig
-from server.bench.robot import NotingDriver, SteadyCamera
 from server.config import Config
 from server.events import EventBus
+from server.lab.bench.robot import NotingDriver, SteadyCamera
 from server.services import Services, make_services
 
 SERVER = Path(__file__).parents[2] / "server"

@@ -12,8 +12,8 @@ import httpx
 import pytest
 
 from robot.control.readiness import CLEAN_S
-from robot.models.autosave import Autosave
 from robot.policy.registry import make_policy
+from robot.store.models.autosave import Autosave
 from robot.types import Action, DrivenBy, Example, Mode
 
 from .virtual_server import VirtualServer

@@ -58,7 +58,8 @@ class ServedWorld(VirtualRobot):
         await self.hub.start()
         self._stack.push_async_callback(self.hub.stop)
         self._stack.enter_context(self.services.progress)
-        self._stack.enter_context(self.services.study)
+        for extension in self.services.extensions.values():
+            self._stack.enter_context(extension)
         return self
 
     @functools.cached_property

@@ -17,9 +17,9 @@ from urllib.parse import urlsplit
 import anyio.to_thread
 import httpx
 
+from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
-from robot.rig.rig import Rig
-from robot.storage.folder import Storage
+from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver, Link, VirtualClock
 from robot.types import Mode
 from server.app import create_app

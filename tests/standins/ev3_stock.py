@@ -1,7 +1,7 @@
 """A brick with LEGO's firmware, played on this machine: beacon, unlock and direct commands.
 
 Its reader of bytecodes is its own: nothing is shared with the driver's codec. The foreign client
-`ev3-dc` checks it (tests/brick/test_ev3_dc.py), and then it checks our driver.
+`ev3-dc` checks it (tests/robot/bodies/ev3/test_ev3_dc.py), and then it checks our driver.
 """
 
 from __future__ import annotations

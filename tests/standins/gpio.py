@@ -7,10 +7,10 @@ from typing import Any, Self
 from gpiozero import Device
 from gpiozero.pins.mock import MockFactory, MockPWMPin
 
+from robot.bodies.gpio.keeper import make_wheels
+from robot.bodies.gpio.wheels import TimedWheels
+from robot.bodies.remote.plain import encode_plain_report
 from robot.clock import ManualClock
-from robot.drivers.gpio.keeper import make_wheels
-from robot.drivers.gpio.wheels import TimedWheels
-from robot.drivers.remote.plain import encode_plain_report
 
 MOTOR_PINS = (17, 18, 22, 23)
 

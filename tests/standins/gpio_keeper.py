@@ -13,7 +13,7 @@ from typing import Any
 from gpiozero import Device
 from gpiozero.pins.mock import MockFactory, MockPWMPin
 
-from robot.drivers.gpio import keeper
+from robot.bodies.gpio import keeper
 
 _notes = Path(sys.argv.pop(1)).open("a", buffering=1)  # noqa: SIM115 - as long as the process
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from http.client import HTTPConnection, HTTPException
 from typing import Any
 
-from robot.driver import ACTION_TIMEOUT_S, Driver
+from robot.driver import ACTION_TIMEOUT_S, Driver, Move
 from robot.errors import DriveError, NotConnectedError
-from robot.moves import Move
 from robot.types import Action, Sensors
 
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from robot.brick.agent.ports import HardwareError
-from robot.brick.chassis import ChassisDriver, ChassisOptions, wheel_speeds
+from robot.bodies.ev3.agent.ports import HardwareError
+from robot.bodies.ev3.chassis import ChassisDriver, ChassisOptions, wheel_speeds
 from robot.control.dead_reckoning import DeadReckoning
+from robot.devices.simulation.body import TRACK_M, WHEELS_MPS, move
 from robot.driver import ACTION_TIMEOUT_S, Driver
-from robot.simulation.body import TRACK_M, WHEELS_MPS, move
 from robot.testing import FakeDriver
 from robot.types import Action, Pose, Sensors
 
@@ -127,7 +127,7 @@ def test_a_chassis_counts_the_way_of_its_wheels(action: Action, reversed_motors:
 
 
 def test_motors_that_do_not_answer_cost_the_estimate_alone(monkeypatch: Any) -> None:
-    from robot.brick.agent.body import BrickBody
+    from robot.bodies.ev3.agent.body import BrickBody
 
     body = BrickBody("outB", "outC", "none", "none")
     monkeypatch.setattr(body.sensors, "read", lambda: {"distance_m": 0.5})

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot.cameras.sim import SimCamera, SimCameraOptions
 from robot.control.loop import ControlLoop
-from robot.drivers.sim import SimDriver, SimOptions
-from robot.episodes.recorder import Recorder
-from robot.episodes.writer_thread import RecorderConfig
+from robot.devices.simulation.camera import SimCamera, SimCameraOptions
+from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.learner.base import State
 from robot.policy.registry import make_policy
+from robot.store.episodes.recorder import Recorder
+from robot.store.episodes.writer_thread import RecorderConfig
 from robot.testing import VirtualClock
 from robot.types import Action, Mode, PilotCommand
 

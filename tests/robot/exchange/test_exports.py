@@ -10,12 +10,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from robot.episodes.edits import Edit, Notes
-from robot.episodes.episode import Episode, open_episode, taught_frames
 from robot.exchange.film import write_look
 from robot.exchange.lerobot import CAMERA, write_lerobot
 from robot.exchange.tub import write_tub
 from robot.policy.image import to_rgb
+from robot.store.episodes.edits import Edit, Notes
+from robot.store.episodes.episode import Episode, open_episode, taught_frames
 
 from .sim_drive import drive_in_simulator
 

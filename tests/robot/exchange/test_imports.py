@@ -14,15 +14,15 @@ import cv2
 import numpy as np
 import pytest
 
-from robot.episodes.edits import Notes
-from robot.episodes.episode import open_episode, taught_frames
-from robot.episodes.teaching import plan
+from robot.devices.pictures import read_picture
+from robot.driver import CLASSIC, point_of
 from robot.errors import RecordingError
 from robot.exchange.drive import write_episode
-from robot.exchange.pictures import read_picture
 from robot.exchange.sources import read_drive
 from robot.exchange.steering import to_move
-from robot.moves import CLASSIC, point_of
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import open_episode, taught_frames
+from robot.store.episodes.teaching import plan
 from robot.types import Action, Encoding
 
 RECORDINGS = Path(

@@ -9,16 +9,16 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from robot.episodes.edits import Notes
-from robot.episodes.episode import Episode, open_episode, taught_frames
+from robot.devices.pictures import Picture
+from robot.driver import Move, names, point_of
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, write_episode
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import write_lerobot
-from robot.exchange.pictures import Picture
 from robot.exchange.sources import read_drive
 from robot.exchange.tub import write_tub
-from robot.moves import Move, names, point_of
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import Episode, open_episode, taught_frames
 from robot.types import Action, Encoding
 
 STEERED = tuple(

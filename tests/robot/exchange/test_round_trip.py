@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot.episodes.edits import Notes
-from robot.episodes.episode import Episode, open_episode
-from robot.episodes.teaching import learn_again, same_nodes
 from robot.exchange.drive import write_episode
 from robot.exchange.folder import read_folder, write_folder
 from robot.exchange.sources import read_drive
 from robot.exchange.tub import write_tub
 from robot.learner.base import State
 from robot.policy.registry import make_policy
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import Episode, open_episode
+from robot.store.episodes.teaching import learn_again, same_nodes
 
 from .sim_drive import Driven, drive_in_simulator
 

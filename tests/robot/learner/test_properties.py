@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from robot.bodies.ev3.integer_ridge import IntegerRidge
 from robot.learner.bsoc import BSOC
 from robot.learner.classifier import GROUP_COST, BSOCClassifier
 from robot.learner.context_ridge import ContextRidge
-from robot.learner.integer_ridge import IntegerRidge
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import RecursiveRidge
 

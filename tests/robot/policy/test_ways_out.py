@@ -22,7 +22,7 @@ from robot.types import TURNS, Action
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 MOVES = (F, L, R)
 WHOLE_CIRCLE_S = 19.5
-"""What a turn about one wheel through 360 degrees takes (`robot.experiments.metrics.driving`)."""
+"""What a turn about one wheel through 360 degrees takes (`robot.lab.metrics.driving`)."""
 
 
 class Body:

@@ -14,13 +14,13 @@ import httpx
 from robot.testing import FakeCamera, LinkConditions, VirtualClock
 from server.app import create_app
 from server.board.board import Board
+from server.board.class_key import ClassKey, endpoint
+from server.board.classroom import Classroom
 from server.board.robot_link import RobotLink
 from server.board.teacher_session import Status
 from server.board.transport import HttpAnswer, RobotAddress, ServerPlace, UnreachableError
 from server.config import Config
 from server.security.access import Role
-from server.security.class_key import ClassKey, endpoint
-from server.security.classroom import Classroom
 from server.security.pairing import Paired, Pairing, cookie_name
 from server.services import make_services
 from tests.server.virtual import ServedWorld, Socket
@@ -45,7 +45,11 @@ class Pupil(ServedWorld):
         self.pairing = Pairing(10)
         self.classroom = Classroom(key) if key else None
         self.services = make_services(
-            config, self.rig, name=f"R{port}", pairing=self.pairing, classroom=self.classroom
+            config,
+            self.rig,
+            name=f"R{port}",
+            pairing=self.pairing,
+            options={"classroom": self.classroom},
         )
         self.hub = self.services.hub
         self.fault = "none"
@@ -66,7 +70,11 @@ class Pupil(ServedWorld):
         assert self.classroom is not None
         self.classroom = Classroom(KEY)
         services = make_services(
-            config, self.rig, name="Anew", pairing=self.pairing, classroom=self.classroom
+            config,
+            self.rig,
+            name="Anew",
+            pairing=self.pairing,
+            options={"classroom": self.classroom},
         )
         self.services = services
         self.__dict__["app"] = create_app(services)

@@ -6,8 +6,8 @@ import json
 import re
 from typing import Any
 
+from server.board.classroom import LOCKS
 from server.board.transport import RobotAddress, ServerPlace
-from server.security.classroom import LOCKS
 
 from .classroom_world import ClassWorld, Pupil, in_class
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from robot.episodes.store import EpisodeStore
-from robot.models.store import ModelStore
-from robot.storage.folder import Storage
+from robot.store.episodes.store import EpisodeStore
+from robot.store.folder import Storage
+from robot.store.models.store import ModelStore
 from server.__main__ import main
-from tests.robot.episodes.drives import record_drive
+from tests.robot.store.episodes.drives import record_drive
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import subprocess
 
 import pytest
 
-from robot.installation import version
-from server.cli.main import COMMANDS, main
+from robot.errors import version
+from server.cli.main import commands, main
 
 WRONG = [
     (["serv"], "unknown command 'serv' (did you mean 'serve'?)"),
@@ -52,7 +52,7 @@ def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
     said = capsys.readouterr().out
-    assert all(f"  {name} " in said for name in COMMANDS)
+    assert all(f"  {name} " in said for name in commands())
 
 
 def test_bash_completes_commands_options_and_choices(capsys: pytest.CaptureFixture[str]) -> None:

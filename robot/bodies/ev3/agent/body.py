@@ -1,0 +1,96 @@
+"""The body of the brick: motors, sensors, buttons, lights and screen, as one thing to open."""
+
+import os
+import time
+from typing import Any, Dict, List, Optional
+
+from robot.bodies.ev3.agent.console import Console
+from robot.bodies.ev3.agent.motors import MotorPair
+from robot.bodies.ev3.agent.ports import HardwareError
+from robot.bodies.ev3.agent.sensors import RobotSensors
+
+
+class BrickBody:
+    """The brick's body. `open` finds the devices; whatever fails raises HardwareError.
+
+    `clock` has the functions of Python's `time`.
+    """
+
+    def __init__(
+        self, left: str, right: str, ultrasonic: str, touch: str, root: str = "/", clock: Any = time
+    ) -> None:
+        self._root = root
+        self.motors = MotorPair(left, right, root, clock)
+        self.sensors = RobotSensors(ultrasonic, touch, root, clock)
+        self.console = Console(root)
+
+    def open(self) -> None:
+        """Find motors, sensors, battery and buttons, and make sure that nothing moves."""
+        use_devices_of(self._root)
+        try:
+            self.motors.open()
+            self.sensors.open()
+            self.console.open()
+        except HardwareError:
+            raise
+        except Exception as error:
+            raise HardwareError(
+                "the brick's devices cannot be used ({}); be root, or a member of the group "
+                "ev3dev".format(error)
+            ) from error
+
+    def top_speeds_dps(self) -> List[float]:
+        """How fast each wheel can turn, in degrees a second; left, right."""
+        return self.motors.top_speeds_dps()
+
+    def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
+        """Turn the wheels at so many degrees a second for at most `time_ms`."""
+        self.motors.run(left_dps, right_dps, time_ms)
+
+    def stop(self) -> None:
+        """Stop both motors. Never raises."""
+        self.motors.stop()
+
+    def positions(self) -> List[float]:
+        """How far each wheel has turned since it was opened, in degrees; left, right."""
+        return self.motors.positions()
+
+    def sense(self) -> Dict[str, Any]:
+        """Return distance_m, bumped, bumpers, battery_share (None for what is not there) and
+        wheels_deg, how far each wheel has turned."""
+        read = self.sensors.read()
+        try:
+            read["wheels_deg"] = self.motors.positions()
+        except HardwareError:  # said when the motors are asked to turn
+            read["wheels_deg"] = None
+        return read
+
+    def take_button(self) -> Optional[str]:
+        """Return "start" (the middle button) or "stop" (any other) if one was pressed."""
+        return self.console.take_button()
+
+    def show(self, mode: str, address: str) -> None:
+        """Show mode and address on screen and lights; what is not there is left out."""
+        self.console.show(mode, address)
+
+    def close(self) -> None:
+        """Stop the motors and let go of everything; idempotent."""
+        self.stop()
+        self.motors.close()
+        self.sensors.close()
+        self.console.close()
+
+
+def use_devices_of(root: str) -> None:
+    """Point python-ev3dev2 at a root folder.
+
+    Raises:
+        HardwareError: If it is not installed.
+    """
+    try:
+        import ev3dev2
+    except ImportError:
+        raise HardwareError(
+            "python-ev3dev2 is not installed; install it with: pip install 'drivelesson[ev3]'"
+        ) from None
+    ev3dev2.Device.DEVICE_ROOT_PATH = os.path.join(root, "sys/class")

@@ -1,0 +1,171 @@
+"""Connections to the agent: accepting them, authentication, and limits before it."""
+
+import json
+import os
+import socket
+import time
+from typing import Any, Dict, List, Optional, Tuple
+
+from robot.bodies.ev3.agent.wire import (
+    BEFORE_JOINING,
+    FROM_CONTROLLER,
+    PROTOCOL,
+    Seal,
+    Unpacker,
+    is_proof,
+    pack,
+    pack_json,
+    prove,
+)
+
+MAX_STRANGERS = 12
+"""Connections that have not joined yet; when more come, the oldest of the busiest address goes."""
+JOIN_S = 1.0
+"""Time limit of an unauthenticated connection to join."""
+ACCEPT_PAUSE_S = 0.2
+"""After an error of `accept` (no descriptors or memory left) none is accepted for so long."""
+LARGEST_OUTBOX = 1 << 20
+"""A controller that reads so little that more than this waits for it is dropped."""
+
+
+class Caller:
+    """One connection. It may command only once both sides have proved that they know the secret."""
+
+    def __init__(self, line: socket.socket, name: str, now_s: float) -> None:
+        self.line = line
+        self.name = name
+        self.since_s = now_s
+        self.received_s = now_s
+        self.has_joined = False
+        self.outbox = b""
+        self._nonce = os.urandom(16).hex()
+        self._unpacker = Unpacker(BEFORE_JOINING)
+        self._seal = None  # type: Optional[Seal]
+        self.send({"hello": PROTOCOL, "nonce": self._nonce})
+
+    def receive(self) -> None:
+        """Take in what has arrived; EOFError when the other side closed the connection."""
+        data = self.line.recv(65536 if self.has_joined else max(BEFORE_JOINING.values()))
+        if not data:
+            raise EOFError("it closed the connection")
+        self._unpacker.feed(data)
+
+    def next_message(self) -> Optional[Dict[str, Any]]:
+        """Return the next message that is whole, or None; ValueError on what is none."""
+        found = self._unpacker.next()
+        if found is None:
+            return None
+        message = json.loads(found[1].decode())
+        if not isinstance(message, dict):
+            raise ValueError("not a message of this protocol")
+        return message
+
+    def proves(self, message: Dict[str, Any], secret: str) -> bool:
+        """True if a message asks to join, and proves that its sender knows the secret."""
+        nonce = str(message.get("nonce"))
+        if message.get("do") != "join" or len(nonce) < 16:
+            return False
+        return is_proof(message.get("proof"), secret, "controller", self._nonce, nonce)
+
+    def welcome(self, nonce: str, secret: str) -> None:
+        """Prove that we know the secret, too; all later messages are sealed."""
+        self.send({"welcome": PROTOCOL, "proof": prove(secret, "agent", self._nonce, nonce)})
+        self._seal = Seal(secret, "agent", self._nonce, nonce)
+        seal = Seal(secret, "controller", self._nonce, nonce)
+        self._unpacker.expect_seal(seal, FROM_CONTROLLER)
+        self.has_joined = True
+
+    def send(self, message: Dict[str, Any]) -> None:
+        """Put a message into the outbox."""
+        self._queue(pack_json(message, self._seal))
+
+    def send_picture(self, body: bytes) -> None:
+        """Put a picture into the outbox."""
+        self._queue(pack(b"F", body, self._seal))
+
+    def _queue(self, data: bytes) -> None:
+        if len(self.outbox) + len(data) > LARGEST_OUTBOX:
+            raise EOFError("it does not read what it is sent")
+        self.outbox += data
+
+    def flush(self) -> None:
+        """Send what the line takes without waiting."""
+        if self.outbox:
+            try:
+                sent = self.line.send(self.outbox)
+            except BlockingIOError:
+                return
+            self.outbox = self.outbox[sent:]
+
+
+class CallerDoor:
+    """Accepts a bounded number of connections; a network error never ends it."""
+
+    def __init__(self, listener: socket.socket) -> None:
+        listener.setblocking(False)
+        # Bounds the kernel's buffer of an unauthenticated client; commands are small.
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 16384)
+        self.listener = listener
+        self.callers = []  # type: List[Caller]
+        self._closed_until_s = 0.0
+
+    def is_open(self, now_s: float) -> bool:
+        """False for a moment after an error of `accept`, which would otherwise repeat at once."""
+        return now_s >= self._closed_until_s
+
+    def accept(self, now_s: float) -> Tuple[Optional[Caller], str]:
+        """Accept one connection.
+
+        Returns:
+            The connection to close in its place, or None, and why.
+        """
+        try:
+            line, address = self.listener.accept()
+        except BlockingIOError:
+            return None, ""
+        except OSError as error:
+            self._closed_until_s = now_s + ACCEPT_PAUSE_S
+            return self._oldest_stranger(), "no room ({})".format(error.strerror)
+        try:
+            line.setblocking(False)
+            line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)
+        except OSError:
+            line.close()  # it was closed meanwhile
+            return None, ""
+        self.callers.append(Caller(line, address[0], now_s))
+        if sum(not caller.has_joined for caller in self.callers) > MAX_STRANGERS:
+            return self._oldest_stranger(), "others wait"
+        return None, ""
+
+    def _oldest_stranger(self) -> Optional[Caller]:
+        """Of the address with the most unauthenticated connections: a flood evicts itself."""
+        strangers = [caller for caller in self.callers if not caller.has_joined]
+        names = [caller.name for caller in strangers]
+        return max(strangers, key=lambda one: (names.count(one.name), -one.since_s), default=None)
+
+    def leave(self, caller: Caller) -> None:
+        """Close a caller's connection."""
+        self.callers.remove(caller)
+        caller.line.close()
+
+
+class LimitedLog:
+    """Prints at most so many lines a minute: clients cannot fill a small card."""
+
+    LINES_A_MINUTE = 20
+
+    def __init__(self) -> None:
+        self._minute = -1
+        self._lines = 0
+
+    def note(self, text: str) -> None:
+        """Print a line, unless there were too many."""
+        minute = int(time.monotonic() / 60)
+        if minute != self._minute:
+            if self._lines > self.LINES_A_MINUTE:
+                print("{} more lines".format(self._lines - self.LINES_A_MINUTE), flush=True)
+            self._minute, self._lines = minute, 0
+        self._lines += 1
+        if self._lines <= self.LINES_A_MINUTE:
+            print(text, flush=True)

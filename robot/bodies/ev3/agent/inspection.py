@@ -1,0 +1,75 @@
+"""What there is to know of a brick, for `drivelesson brick doctor`. Changes nothing."""
+
+import os
+import platform
+import time
+from typing import Any, Dict, List
+
+from robot.bodies.ev3.agent.ports import find_port, list_ports
+from robot.bodies.ev3.agent.release import RELEASE
+from robot.bodies.v4l2.device import CaptureError, describe_camera, list_cameras
+
+
+def inspect_brick(root: str, late: int) -> Dict[str, Any]:
+    """Return ports, battery, memory, card, cameras, clock and versions; None for what is unknown.
+
+    Args:
+        root: Folder that holds the brick's sys, proc and dev.
+        late: How many moves came too late to be carried out.
+    """
+    return {
+        "release": RELEASE,
+        "python": platform.python_version(),
+        "kernel": platform.release(),
+        "machine": platform.machine(),
+        "clock_s": time.time(),
+        "motors": list_ports(root, "tacho-motor"),
+        "sensors": list_ports(root, "lego-sensor"),
+        "battery_v": read_voltage(),
+        "memory_mb": read_memory_mb(root),
+        "card_mb": read_card_mb(root),
+        "cameras": find_cameras(),
+        "late_moves": late,
+    }
+
+
+def read_voltage() -> Any:
+    """Return the battery's voltage in volts, or None."""
+    battery = find_port("power_supply", "*ev3-battery")
+    if battery is None:
+        return None
+    try:
+        return float(battery.read("voltage_now")) / 1e6
+    except Exception:
+        return None
+    finally:
+        battery.close()
+
+
+def read_memory_mb(root: str) -> Any:
+    """Return how many MB programs can still have, or None."""
+    try:
+        with open(os.path.join(root, "proc/meminfo")) as file:
+            for line in file:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) / 1024.0
+    except OSError:
+        pass
+    return None
+
+
+def read_card_mb(root: str) -> float:
+    """Return how many MB are free on the card."""
+    card = os.statvfs(root)
+    return card.f_bavail * card.f_frsize / 1e6
+
+
+def find_cameras() -> List[Dict[str, Any]]:
+    """Return each camera's device and what it offers, or what is wrong with it."""
+    found = []
+    for path in list_cameras():
+        try:
+            found.append({"device": path, "offers": describe_camera(path)})
+        except CaptureError as error:
+            found.append({"device": path, "fault": str(error)})
+    return found

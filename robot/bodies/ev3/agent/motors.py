@@ -1,0 +1,157 @@
+"""Two tacho motors. Every move is timed: the kernel ends it even if this program dies."""
+
+import sys
+import time
+from typing import Any, List, Optional
+
+from robot.bodies.ev3.agent.ports import DevicePort, HardwareError, describe_ports, find_port
+
+RESET_ZERO = ("ramp_up_sp", "ramp_down_sp", "position")
+RESET_TRIES = 50
+
+
+class MotorPair:
+    """The left and the right motor, addressed by their ports. An unplugged one is found again.
+
+    `clock` has the functions of Python's `time`.
+    """
+
+    def __init__(self, left: str, right: str, root: str, clock: Any = time) -> None:
+        self._clock = clock
+        self._addresses = (left, right)
+        self._root = root
+        self._ports = []  # type: List[DevicePort]
+        self._counts_per_deg = []  # type: List[float]
+        self._top_counts = []  # type: List[int]
+        self._speeds = [None, None]  # type: List[Optional[int]]
+        self._time_ms = 0
+
+    def open(self) -> None:
+        """Find both motors and reset them.
+
+        Another program may have left ramps, a reversed polarity or a running motor behind; with
+        a ramp even `stop` takes its time. `reset` undoes them all, and comes before the rest.
+        """
+        self.close()  # the old ones, if any, were lost
+        try:
+            for side, address in zip(("left", "right"), self._addresses):
+                self._ports.append(self._find(side, address))
+        except HardwareError:
+            self.close()
+            raise
+        ports = self._ports
+        self._counts_per_deg = [float(motor.read("count_per_rot")) / 360.0 for motor in ports]
+        self._top_counts = [int(motor.read("max_speed")) for motor in ports]
+
+    def _find(self, side: str, address: str) -> DevicePort:
+        motor = find_port("tacho-motor", "motor*", address=address)
+        if motor is None:
+            raise HardwareError(
+                "no {} motor at port {}; plug it in there, or name its port with "
+                "--{}-port ({})".format(
+                    side, address, side, describe_ports(self._root, "tacho-motor")
+                )
+            )
+        try:
+            self._reset(motor)
+            motor.write("stop_action", "brake")
+            motor.write("command", "stop")
+        except Exception:
+            motor.close()
+            raise
+        return motor
+
+    def _reset(self, motor: DevicePort) -> None:
+        motor.write("command", "reset")
+        for _ in range(RESET_TRIES):
+            if all(int(motor.read(name)) == 0 for name in RESET_ZERO):
+                if motor.read("polarity") == "normal":
+                    return
+            self._clock.sleep(0.01)
+        raise HardwareError(
+            "the motor at {} keeps the settings of another program; end that program, or "
+            "restart the brick".format(motor.address)
+        )
+
+    def top_speeds_dps(self) -> List[float]:
+        """How fast each motor can turn, in degrees a second; left, right."""
+        return [top / count for top, count in zip(self._top_counts, self._counts_per_deg)]
+
+    def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
+        """Turn the wheels at so many degrees a second for at most `time_ms`."""
+        try:
+            if not self._ports:
+                self.open()
+            speeds = [
+                int(round(dps * count))
+                for dps, count in zip((left_dps, right_dps), self._counts_per_deg)
+            ]
+            self._check(speeds)
+            for index, speed in enumerate(speeds):
+                self._set(index, speed, time_ms)
+            self._time_ms = time_ms
+            for speed, motor in zip(speeds, self._ports):
+                motor.write("command", "run-timed" if speed else "stop")
+        except HardwareError:
+            self.stop()
+            raise
+        except Exception as error:
+            self.stop()
+            self.close()
+            raise HardwareError(
+                "the motors at {} and {} do not answer ({}); check their cables".format(
+                    self._addresses[0], self._addresses[1], error
+                )
+            ) from error
+
+    def _check(self, speeds: List[int]) -> None:
+        """The kernel refuses a speed above `max_speed` (EINVAL) without saying which."""
+        for address, speed, top in zip(self._addresses, speeds, self._top_counts):
+            if abs(speed) > top:
+                raise HardwareError(
+                    "the motor at {} turns at most {} counts a second, not {}; "
+                    "lower --forward-speed-mps or --turn-rate-deg-s".format(
+                        address, top, abs(speed)
+                    )
+                )
+
+    def _set(self, index: int, speed: int, time_ms: int) -> None:
+        """Write only what changed: each write costs a millisecond on the brick."""
+        motor = self._ports[index]
+        if time_ms != self._time_ms:
+            motor.write("time_sp", time_ms)
+        if speed != self._speeds[index]:
+            motor.write("speed_sp", speed)
+            self._speeds[index] = speed
+
+    def stop(self) -> None:
+        """Stop both motors, one even if the other is gone. Never raises."""
+        for motor in self._ports:
+            try:
+                motor.write("command", "stop")
+            except Exception as error:
+                print("cannot stop {}: {}".format(motor.address, error), file=sys.stderr)
+
+    def positions(self) -> List[float]:
+        """How far each wheel has turned since it was opened, in degrees; left, right."""
+        try:
+            return [
+                float(motor.read("position")) / count
+                for motor, count in zip(self._ports, self._counts_per_deg)
+            ]
+        except Exception as error:
+            raise HardwareError(
+                "the motors at {} and {} do not answer ({}); check their cables".format(
+                    self._addresses[0], self._addresses[1], error
+                )
+            ) from error
+
+    def states(self) -> List[str]:
+        """The kernel's state flags of each motor, as "running stalled"; left, right."""
+        return [str(motor.read("state")) for motor in self._ports]
+
+    def close(self) -> None:
+        """Let go of the devices; they are found again by the next `run`."""
+        for motor in self._ports:
+            motor.close()
+        self._ports, self._speeds, self._time_ms = [], [None, None], 0

@@ -1,0 +1,280 @@
+"""The agent: lends the brick's body and camera to one controller at a time."""
+
+import select
+import socket
+import time
+from typing import Any, Callable, Dict, List, Optional
+
+from robot.bodies.ev3.agent.body import BrickBody, use_devices_of
+from robot.bodies.ev3.agent.callers import JOIN_S, Caller, CallerDoor, LimitedLog
+from robot.bodies.ev3.agent.inspection import inspect_brick
+from robot.bodies.ev3.agent.ports import HardwareError
+from robot.bodies.ev3.agent.wire import ENCODINGS, PICTURE
+from robot.bodies.v4l2.device import VideoFrame
+from robot.bodies.v4l2.reader import CameraReader
+
+WATCHDOG_S = 0.5
+"""So long after the last command the motors are stopped, whatever was asked."""
+SILENCE_S = 1.5
+"""A controller that sends nothing for so long is gone, and another may come."""
+STALE_S = 0.4
+"""A move is not carried out if its sender had received our newest report longer ago than this: a
+report comes each 0.1 s, so it was held up on the way, here or there, for 0.3 s. Our clock alone."""
+REPORT_S = 0.1
+
+
+class Agent:
+    """Serves one controller at a time on one thread; nothing in it ever waits for the network.
+
+    `clock` has the functions of Python's `time`, and `ready` is its `select.select`.
+    """
+
+    def __init__(
+        self,
+        listener: socket.socket,
+        secret: str,
+        root: str = "/",
+        open_camera: Callable[..., Any] = CameraReader,
+        inspect: Callable[[str, int], Dict[str, Any]] = inspect_brick,
+        note: Optional[Callable[[str], None]] = None,
+        clock: Any = time,
+        ready: Callable[..., Any] = select.select,
+    ) -> None:
+        self._clock = clock
+        self._ready = ready
+        self._open_camera = open_camera
+        self._inspect = inspect
+        self._door = CallerDoor(listener)
+        self._secret = secret
+        self._root = root
+        self._note = note or LimitedLog().note
+        self._controller = None  # type: Optional[Caller]
+        self._body = None  # type: Optional[BrickBody]
+        self._reader = None  # type: Any
+        self._commanded_s = None  # type: Optional[float]
+        self._reported_s = 0.0
+        self._late = 0
+        self._frame_id = 0
+        self._is_frame_free = True
+        self._newest = None  # type: Optional[VideoFrame]
+        self._picture_age_s = None  # type: Optional[float]
+
+    def serve_forever(self) -> None:
+        """Serve until interrupted; the motors stand whenever this ends."""
+        try:
+            while True:
+                self.tick()
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Stop the motors and close all connections."""
+        self._release_controller()
+        for caller in list(self._door.callers):
+            self._door.leave(caller)
+        self._door.listener.close()
+
+    def tick(self) -> None:
+        """Wait at most 50 ms for something to do, and do it."""
+        callers = list(self._door.callers)
+        readers = [caller.line for caller in callers]  # type: List[Any]
+        if self._door.is_open(self._clock.monotonic()):
+            readers.append(self._door.listener)
+        if self._reader is not None and self._reader.video is not None:
+            readers.append(self._reader.video)
+        writers = [caller.line for caller in callers if caller.outbox]
+        readable, writable, _ = self._ready(readers, writers, [], 0.05)
+        now_s = self._clock.monotonic()
+        for caller in callers:
+            try:
+                if caller.line in readable:
+                    self._receive(caller, now_s)
+                caller.flush()
+            except Exception as error:  # top of the loop: whatever a caller sends, go on
+                self._drop(caller, "{}: {}".format(type(error).__name__, error))
+        if self._door.listener in readable:
+            leaving, why = self._door.accept(now_s)
+            if leaving is not None:
+                self._drop(leaving, why)
+        self._watch(now_s)
+        try:
+            self._send_picture(now_s)
+            self._report(now_s)
+        except EOFError as error:
+            if self._controller is not None:
+                self._drop(self._controller, str(error))
+
+    def _receive(self, caller: Caller, now_s: float) -> None:
+        caller.receive()
+        commands = []
+        while True:
+            message = caller.next_message()
+            if message is None:
+                break
+            if caller.has_joined:
+                commands.append(message)
+            else:
+                self._admit(caller, message)
+        moves = [command for command in commands if command["do"] in ("run", "stop")]
+        for command in commands:
+            if command["do"] not in ("run", "stop"):
+                self._obey(caller, command)
+            elif command is moves[-1]:  # of several that wait, only the last counts
+                self._move(caller, command, now_s)
+        caller.received_s = now_s
+
+    def _admit(self, caller: Caller, message: Dict[str, Any]) -> None:
+        if not caller.proves(message, self._secret):
+            self._refuse(caller, "wrong secret")
+        if self._controller is not None:
+            self._refuse(caller, "busy: {} has the robot".format(self._controller.name))
+        caller.welcome(str(message["nonce"]), self._secret)
+        self._controller = caller
+        self._is_frame_free, self._reported_s, self._late = True, 0.0, 0
+        self._note("{} has the robot".format(caller.name))
+
+    def _refuse(self, caller: Caller, why: str) -> None:
+        caller.send({"refused": why})
+        caller.flush()
+        raise EOFError(why)
+
+    def _obey(self, caller: Caller, command: Dict[str, Any]) -> None:
+        do = command["do"]
+        if do == "ping" and "id" in command:
+            caller.send({"pong": command["id"]})
+        elif do == "open":
+            self._open_body(caller, command)
+        elif do == "close":
+            self._close_body()
+        elif do == "video":
+            self._close_reader()
+            self._reader = self._open_camera(
+                command["device"],
+                command["width"],
+                command["height"],
+                command["rate"],
+                command["encoding"],
+            )
+        elif do == "blind":
+            self._close_reader()
+        elif do == "seen":
+            self._is_frame_free = True
+        elif do == "show" and self._body is not None:
+            self._body.show(command["mode"], command["address"])
+        elif do == "positions" and self._body is not None:
+            caller.send({"positions": self._body.positions()})
+        elif do == "states" and self._body is not None:
+            caller.send({"states": self._body.motors.states()})
+        elif do == "inspect":
+            use_devices_of(self._root)
+            caller.send({"inspected": self._inspect(self._root, self._late)})
+
+    def _open_body(self, caller: Caller, command: Dict[str, Any]) -> None:
+        self._close_body()
+        body = BrickBody(
+            command["left"],
+            command["right"],
+            command["ultrasonic"],
+            command["touch"],
+            self._root,
+            self._clock,
+        )
+        try:
+            body.open()
+        except HardwareError as error:
+            body.close()
+            caller.send({"failed": str(error)})
+            return
+        self._body = body
+        caller.send({"opened": {"top_speeds_dps": body.top_speeds_dps()}})
+
+    def _move(self, caller: Caller, command: Dict[str, Any], now_s: float) -> None:
+        body = self._body
+        if body is None:
+            return
+        if command["do"] == "stop":  # never too late
+            body.stop()
+            return
+        age_s = now_s - float(command["after"])
+        if not 0.0 <= age_s <= STALE_S:
+            self._late += 1
+            return
+        try:
+            time_ms = min(int(command["ms"]), int(WATCHDOG_S * 1000))
+            body.run(float(command["left"]), float(command["right"]), time_ms)
+            self._commanded_s = now_s
+        except HardwareError as error:
+            caller.send({"fault": str(error)})
+
+    def _watch(self, now_s: float) -> None:
+        """Stop the motors, and drop who has been silent for too long."""
+        if self._commanded_s is not None and now_s - self._commanded_s > WATCHDOG_S:
+            self._commanded_s = None
+            if self._body is not None:
+                self._body.stop()
+        for caller in list(self._door.callers):
+            if not caller.has_joined and now_s - caller.since_s > JOIN_S:
+                self._drop(caller, "it did not join")
+            elif caller.has_joined and now_s - caller.received_s > SILENCE_S:
+                self._drop(caller, "it fell silent")
+
+    def _send_picture(self, now_s: float) -> None:
+        """Send the newest picture if the last one has arrived; older ones are dropped."""
+        if self._reader is None or self._controller is None:
+            return
+        picture = self._reader.poll(now_s)
+        if picture is not None:
+            self._newest = picture
+            self._picture_age_s = round(max(0.0, time.monotonic() - picture.taken_s), 4)
+        video = self._reader.video
+        if self._newest is None or video is None or not self._is_frame_free:
+            return
+        self._frame_id += 1
+        head = PICTURE.pack(
+            self._frame_id,
+            self._newest.taken_s,
+            video.width,
+            video.height,
+            ENCODINGS.index(video.encoding),
+        )
+        self._controller.send_picture(head + self._newest.data)
+        self._is_frame_free, self._newest = False, None
+
+    def _report(self, now_s: float) -> None:
+        """Report sensors, buttons and faults to the controller, ten times a second."""
+        caller = self._controller
+        if caller is None or now_s - self._reported_s < REPORT_S or len(caller.outbox) > 65536:
+            return
+        self._reported_s = now_s
+        message = {"t": now_s}  # type: Dict[str, Any]
+        if self._body is not None:
+            try:
+                message.update(button=self._body.take_button(), sensors=self._body.sense())
+            except HardwareError as error:
+                message.update(fault=str(error))
+        if self._reader is not None:
+            message.update(camera_fault=self._reader.fault, picture_age_s=self._picture_age_s)
+        caller.send(message)
+
+    def _drop(self, caller: Caller, why: str) -> None:
+        self._note("{} left: {}".format(caller.name, why))
+        self._door.leave(caller)
+        if caller is self._controller:
+            self._release_controller()
+
+    def _release_controller(self) -> None:
+        self._controller = None
+        self._close_body()
+        self._close_reader()
+
+    def _close_body(self) -> None:
+        self._commanded_s = None
+        if self._body is not None:
+            self._body.close()
+            self._body = None
+
+    def _close_reader(self) -> None:
+        self._newest, self._picture_age_s = None, None
+        if self._reader is not None:
+            self._reader.close()
+            self._reader = None

@@ -1,0 +1,255 @@
+"""Two wheels and what they make of an action: shared by a brick here and a brick elsewhere."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol, TypeVar
+
+from robot.bodies.ev3.agent.ports import HardwareError
+from robot.driver import ACTION_TIMEOUT_S, CLASSIC, BodyButton, Driver
+from robot.errors import ConfigurationError, DriveError, NotConnectedError
+from robot.types import Action, Mode, Sensors
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChassisOptions:
+    """How the robot is built. The defaults are the paper's robot: forward turns both wheels at
+    360 degrees a second and makes 16 cm/s; a turn drives one wheel backward at 90."""
+
+    left_port: str = field(default="outB", metadata={"help": "port of the left motor"})
+    right_port: str = field(default="outC", metadata={"help": "port of the right motor"})
+    ultrasonic_port: str = field(
+        default="auto",
+        metadata={"help": "port of the ultrasonic sensor; auto takes one if it is there, or none"},
+    )
+    touch_port: str = field(
+        default="auto",
+        metadata={
+            "help": "ports of the bumpers (touch sensors) from left to right, as in4,in1; "
+            "auto takes all that are there, by port; or none"
+        },
+    )
+    wheel_diameter_m: float = field(
+        default=0.0509,
+        metadata={
+            "help": "wheel diameter in metres, as calibrate measures it",
+            "range": (0.005, 1.0),
+        },
+    )
+    track_m: float = field(
+        default=0.124,
+        metadata={"help": "distance between the wheels in metres", "range": (0.01, 2.0)},
+    )
+    forward_speed_mps: float = field(
+        default=0.16, metadata={"help": "straight speed in metres a second", "range": (0.005, 5.0)}
+    )
+    turn_rate_deg_s: float = field(
+        default=18.5, metadata={"help": "turning rate in degrees a second", "range": (0.5, 720.0)}
+    )
+    turn_by: str = field(
+        default="backward",
+        metadata={
+            "help": "a turn drives one wheel backward (as the paper's), one forward, or both",
+            "choices": ("backward", "forward", "both"),
+        },
+    )
+    reversed_motors: bool = field(
+        default=False, metadata={"help": "the motors are mounted the other way round"}
+    )
+
+    def __post_init__(self) -> None:
+        for name in ("wheel_diameter_m", "track_m", "forward_speed_mps", "turn_rate_deg_s"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise ConfigurationError(
+                    f"--{name.replace('_', '-')} must be more than 0, not {getattr(self, name)}"
+                )
+
+
+class ChassisBody(Protocol):
+    """What a chassis moves: the brick's own devices, or an agent's line to them."""
+
+    def open(self) -> None:
+        """Find the devices, and make sure that nothing moves."""
+
+    def top_speeds_dps(self) -> list[float]:
+        """How fast the left and the right wheel can turn, in degrees a second."""
+
+    def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
+        """Turn the wheels for at most `time_ms`."""
+
+    def stop(self) -> None:
+        """Stop the motors; never raises."""
+
+    def positions(self) -> list[float]:
+        """How far each wheel has turned, in degrees."""
+
+    def sense(self) -> dict[str, Any]:
+        """Return the fields of `Sensors` that a body knows."""
+
+    def take_button(self) -> str | None:
+        """Return the button that was pressed since the last call."""
+
+    def show(self, mode: str, address: str) -> None:
+        """Show mode and address; never raises."""
+
+    def close(self) -> None:
+        """Stop the motors and let go; idempotent."""
+
+
+def wheel_speeds(action: Action, options: ChassisOptions) -> tuple[float, float]:
+    """Return how fast the left and right wheel turn for an action, in degrees a second."""
+    degrees_per_m = 360 / (math.pi * options.wheel_diameter_m)
+    straight = options.forward_speed_mps * degrees_per_m
+    # One wheel alone turns the robot about the other one, on a circle of radius track_m.
+    turn = math.radians(options.turn_rate_deg_s) * options.track_m * degrees_per_m
+    left = {"backward": (-turn, 0.0), "forward": (0.0, turn), "both": (-turn / 2, turn / 2)}
+    speeds = {
+        Action.STOP: (0.0, 0.0),
+        Action.FORWARD: (straight, straight),
+        Action.BACKWARD: (-straight, -straight),
+        Action.LEFT: left[options.turn_by],
+        Action.RIGHT: left[options.turn_by][::-1],
+        Action.SPIN_LEFT: left["both"],
+        Action.SPIN_RIGHT: left["both"][::-1],
+    }[action]
+    sign = -1.0 if options.reversed_motors else 1.0
+    return sign * speeds[0], sign * speeds[1]
+
+
+class ChassisDriver(Driver):
+    """A driver over a `ChassisBody`, which subclasses choose."""
+
+    default_camera: ClassVar[str] = "v4l2"
+    declared_moves = tuple(CLASSIC.values())
+
+    def __init__(self, options: ChassisOptions) -> None:
+        self.options = options
+        self._body: ChassisBody | None = None
+        self._address = ""
+
+    @property
+    def track_m(self) -> float:  # type: ignore[override]
+        """Distance between the wheels."""
+        return self.options.track_m
+
+    def wheels_mps(self, action: Action) -> tuple[float, float]:
+        """Return how fast each wheel rolls forwards at full speed."""
+        left, right = wheel_speeds(action, self.options)
+        return self._rolled_m(left), self._rolled_m(right)
+
+    def _rolled_m(self, degrees: float) -> float:
+        """Return how far a wheel rolls forwards when its motor turns by so many degrees."""
+        sign = -1.0 if self.options.reversed_motors else 1.0
+        return sign * degrees / 360 * math.pi * self.options.wheel_diameter_m
+
+    @abstractmethod
+    def _make_body(self) -> ChassisBody:
+        """Return the body, not yet open."""
+
+    @property
+    def is_connected(self) -> bool:
+        """True between a successful `connect` and `disconnect`."""
+        return self._body is not None
+
+    def connect(self) -> None:
+        """Find motors and sensors, and make sure that nothing moves."""
+        if self._body is not None:
+            return
+        body = self._make_body()
+        try:
+            body.open()
+            self._check_speeds(body.top_speeds_dps())
+        except HardwareError as error:
+            body.close()
+            raise DriveError(str(error)) from error
+        except ConfigurationError:
+            body.close()
+            raise
+        self._body = body
+        self.show(Mode.STOPPED)
+
+    def _check_speeds(self, top_dps: Sequence[float]) -> None:
+        """Raise ConfigurationError if a move asks more of a motor than it can give."""
+        options = self.options
+        ports = (options.left_port, options.right_port)
+        for name, option, move in (
+            ("forward_speed_mps", options.forward_speed_mps, Action.FORWARD),
+            ("turn_rate_deg_s", options.turn_rate_deg_s, Action.LEFT),
+            ("turn_rate_deg_s", options.turn_rate_deg_s, Action.SPIN_LEFT),
+        ):
+            for port, asked, top in zip(ports, wheel_speeds(move, options), top_dps, strict=True):
+                if abs(asked) > top:
+                    most = math.floor(1000 * option * top / abs(asked)) / 1000
+                    raise ConfigurationError(
+                        f"--{name.replace('_', '-')} {option} asks the motor at {port} for "
+                        f"{abs(asked):.0f} degrees a second; it reaches {top:.0f} at most: "
+                        f"choose {most} or less"
+                    )
+
+    def disconnect(self) -> None:
+        """Stop the motors and let go of the brick."""
+        body, self._body = self._body, None
+        if body is not None:
+            body.close()
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        """Run the wheels for `ACTION_TIMEOUT_S` by `run-timed`: the kernel ends the move."""
+        body = self._connected()
+        self.check_action(action, speed_scale)
+        if action is Action.STOP:
+            _asked(body.stop)
+            return action
+        left, right = (speed_scale * speed for speed in wheel_speeds(action, self.options))
+        _asked(lambda: body.run(left, right, round(1000 * ACTION_TIMEOUT_S)))
+        return action
+
+    def sense(self) -> Sensors:
+        """Read distance, bumpers, battery and the wheels' counts."""
+        read = dict(_asked(self._connected().sense))
+        turned_deg = read.pop("wheels_deg", None)  # an agent of another release sends none
+        wheels_m = None
+        if turned_deg:
+            wheels_m = (self._rolled_m(turned_deg[0]), self._rolled_m(turned_deg[1]))
+        bumpers = tuple(read.pop("bumpers", None) or ())
+        return Sensors(**read, bumpers=bumpers, wheels_m=wheels_m)
+
+    def stop(self) -> None:
+        """Stop the motors now; does nothing on a driver that is not connected."""
+        if self._body is not None:
+            self._body.stop()
+
+    def wheel_positions_deg(self) -> Sequence[float]:
+        """How far the left and the right wheel have turned, as the motors count it."""
+        return _asked(self._connected().positions)
+
+    def take_button(self) -> BodyButton | None:
+        """Return the brick's button that was pressed since the last call."""
+        pressed = self._body.take_button() if self._body is not None else None
+        return BodyButton(pressed) if pressed else None
+
+    def announce(self, address: str) -> None:
+        """Have the brick's screen show where the page is."""
+        self._address = address
+
+    def show(self, mode: Mode) -> None:
+        """Show the mode on the brick's screen and lights."""
+        if self._body is not None:
+            self._body.show(mode.value, self._address)
+
+    def _connected(self) -> ChassisBody:
+        if self._body is None:
+            raise NotConnectedError(f"the robot {self.name!r} is not connected; call connect()")
+        return self._body
+
+
+def _asked(call: Callable[[], _T]) -> _T:
+    """Call the body; its error becomes the driver's."""
+    try:
+        return call()
+    except HardwareError as error:
+        raise DriveError(str(error)) from error

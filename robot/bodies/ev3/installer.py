@@ -1,0 +1,175 @@
+"""What is done on a brick over ssh: scripts for its shell, and the streams that feed them."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import subprocess
+import tarfile
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import IO
+
+from robot.bodies.ev3.archive import make_agent
+from robot.bodies.ev3.scripts import (
+    AGENT_SCRIPT,
+    AUTOSTART_SCRIPT,
+    INSTALL_SCRIPT,
+    KEEP_SCRIPT,
+    START_SCRIPT,
+    UNIT,
+)
+from robot.errors import ConfigurationError, DriveError
+
+Files = list[tuple[str, Path | bytes]]
+"""Names inside a tar, and what they are: a file or folder here, or bytes."""
+
+
+def run_on_brick(target: str, script: str, files: Iterable[tuple[str, Path | bytes]]) -> str:
+    """Run a script on the brick, with files as a tar on its standard input; return its output.
+
+    Raises:
+        DriveError: If ssh or the script fails; carries their last line.
+    """
+
+    def feed(stream: IO[bytes]) -> None:
+        write_tar(stream, files)
+
+    return _run(target, script, feed)
+
+
+def write_tar(stream: IO[bytes], files: Iterable[tuple[str, Path | bytes]]) -> None:
+    """Write files as a tar, all of them root's."""
+    with tarfile.open(fileobj=stream, mode="w|") as tar:
+        for name, content in files:
+            _add(tar, name, content)
+
+
+def _run(target: str, script: str, feed: Callable[[IO[bytes]], None]) -> str:
+    process = subprocess.Popen(
+        ["ssh", "-o", "ConnectTimeout=10", target, script],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
+    assert process.stdin is not None and process.stdout is not None
+    # If ssh ends early, its output below has the reason.
+    with suppress(BrokenPipeError), process.stdin as stream:
+        feed(stream)
+    with process.stdout as output:
+        output_text = output.read().decode(errors="replace").strip()
+    if process.wait() != 0:
+        last = output_text.splitlines()[-1:] or ["no output"]
+        raise DriveError(f"the brick at {target} could not be set up: {last[0]}")
+    return output_text
+
+
+def _add(tar: tarfile.TarFile, name: str, content: Path | bytes) -> None:
+    if isinstance(content, Path):
+        tar.add(content, name, filter=_as_root)
+        return
+    entry = tarfile.TarInfo(name)
+    entry.size, entry.mode = len(content), 0o600
+    tar.addfile(entry, io.BytesIO(content))
+
+
+def _as_root(entry: tarfile.TarInfo) -> tarfile.TarInfo:
+    entry.uid = entry.gid = 0
+    entry.uname = entry.gname = "root"
+    return entry
+
+
+def start_agent(target: str, secret: str, port: int) -> str:
+    """Copy the agent to a brick with the stock image and start it; idempotent."""
+    files: Files = [
+        ("agent.pyz", make_agent()),
+        ("keep-agent", KEEP_SCRIPT.replace("@PORT@", str(port)).encode()),
+        ("autostart", AUTOSTART_SCRIPT.encode()),
+        ("secret", secret.encode()),
+    ]
+    return run_on_brick(target, AGENT_SCRIPT, files)
+
+
+def start_with_the_brick(target: str) -> None:
+    """Have the brick start the agent whenever it starts; sudo may ask for the password.
+
+    Raises:
+        DriveError: If that fails.
+    """
+    sudo = "" if target.startswith("root@") else "sudo "
+    done = subprocess.run(
+        ["ssh", "-t", "-o", "ConnectTimeout=10", target, sudo + "sh drivelesson/autostart"],
+        check=False,
+    )
+    if done.returncode != 0:
+        raise DriveError(
+            f"the brick at {target} does not start the agent by itself; on the brick: "
+            "sudo sh drivelesson/autostart"
+        )
+
+
+def installed_packages(target: str) -> str:
+    """Return which userland a brick has; empty if none."""
+    return run_on_brick(
+        target, "cat >/dev/null; cat /opt/drivelesson/packages 2>/dev/null || true", []
+    )
+
+
+def server_files(program: Path, userland: Path | None, stamp: str, *, compiled: bool) -> Files:
+    """Return what `INSTALL_SCRIPT` receives: program, unit and, if it is new, the userland."""
+    files: Files = [
+        ("program", program),
+        ("start", START_SCRIPT.encode()),
+        ("drivelesson.service", UNIT.encode()),
+        ("packages", stamp.encode()),
+    ]
+    if userland is not None:
+        files.append(("root", userland))
+    if compiled:
+        files.append(("compiled", b""))
+    return files
+
+
+def install(target: str, files: Files) -> str:
+    """Put the server on a brick; idempotent."""
+    return run_on_brick(target, INSTALL_SCRIPT, files)
+
+
+def pack(file: Path, files: Files) -> None:
+    """Keep all that a brick needs in one file, its own script to install it first.
+
+    Raises:
+        ConfigurationError: If it cannot be written.
+    """
+    part = file.with_name(file.name + ".part")
+    try:
+        with part.open("wb") as stream:
+            write_tar(stream, [("install", INSTALL_SCRIPT.encode()), *files])
+        part.replace(file)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise ConfigurationError(f"cannot write {file}: {error.strerror}") from error
+
+
+def install_packed(target: str, file: Path) -> str:
+    """Put the server on a brick from a file that `pack` made, with the script that is in it.
+
+    Raises:
+        ConfigurationError: If it is no such file.
+    """
+    try:
+        with tarfile.open(file, "r:") as tar:
+            first = tar.next()
+            member = tar.extractfile(first) if first and first.name == "install" else None
+            script = member.read().decode() if member else ""
+    except (OSError, tarfile.TarError, ValueError) as error:
+        raise ConfigurationError(f"cannot read {file}: {error}") from error
+    if not script:
+        raise ConfigurationError(f"{file} was not made by: drivelesson brick pack FILE")
+
+    def feed(stream: IO[bytes]) -> None:
+        with file.open("rb") as packed:
+            shutil.copyfileobj(packed, stream, 1 << 20)
+
+    return _run(target, script, feed)

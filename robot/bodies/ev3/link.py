@@ -1,0 +1,280 @@
+"""The line to a brick that stands elsewhere: the other end of `robot.bodies.ev3.agent`.
+
+One thread owns the connection: it joins, receives, pings ten times a second, and joins again when
+the line was lost. Commands go out on the caller's thread and never wait for an answer.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from robot.bodies.ev3.agent.ports import HardwareError
+from robot.bodies.ev3.agent.wire import ENCODINGS, PICTURE
+from robot.bodies.ev3.handshake import PATIENCE_S, BrickConnection, dial, join
+from robot.clock import Clock, RealClock, Worker
+from robot.errors import ConfigurationError
+
+SILENCE_S = 0.4
+"""A brick that sends nothing for so long does not answer: it reports ten times a second, and its
+last move has ended by itself."""
+GONE_S = PATIENCE_S + 1.0
+"""A brick that is silent for longer than its body takes to open is joined anew: TCP would try
+a line that was lost for a minute only a minute later again."""
+PING_S = 0.1
+REJOIN_S = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RemotePicture:
+    """One frame from the brick; `taken_s` is on the link's clock."""
+
+    data: bytes
+    taken_s: float
+    width: int
+    height: int
+    encoding: str
+
+
+class BrickLink:
+    """A connection to one brick's agent, shared by its driver and its camera.
+
+    Args:
+        address: Host, or host:port.
+        secret: That it shares with the agent; else the one that is kept for this host.
+        clock: By which silence is judged.
+        dial: Opens the line.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        secret: str = "",
+        clock: Clock | None = None,
+        dial: Callable[[tuple[str, int]], socket.socket] = dial,
+    ) -> None:
+        self.clock = clock or RealClock()
+        self._dial = dial
+        self._address = address
+        self._secret = secret
+        self._users: set[str] = set()
+        self._connection: BrickConnection | None = None
+        self._sending = threading.Lock()
+        self._ending = threading.Event()
+        self._thread: Worker | None = None
+        self._answers: deque[dict[str, Any]] = deque()
+        self._answered = threading.Event()
+        self._standing: dict[str, dict[str, Any]] = {}
+        self._received_s = 0.0
+        self._offset_s: float | None = None
+        self._lost: str | None = None
+        self._report: dict[str, Any] = {}
+        self._buttons: list[str] = []
+        self.on_picture: Callable[[RemotePicture], None] | None = None
+
+    @property
+    def fault(self) -> str | None:
+        """What is wrong with the line, as a sentence; None if the brick answers."""
+        lost = self._lost
+        if lost is not None:
+            return self._say_lost(lost)
+        if self.clock.now_s() - self._received_s > SILENCE_S:
+            return f"the brick at {self._address} does not answer; is it on, and in the network?"
+        return None
+
+    def _say_lost(self, why: object) -> str:
+        return f"the line to the brick at {self._address} is lost ({why}); trying again"
+
+    @property
+    def camera_fault(self) -> str | None:
+        """What the agent reports of its camera."""
+        return self._report.get("camera_fault")
+
+    @property
+    def picture_age_s(self) -> float | None:
+        """How old the camera's last picture was when the brick had it; None: not known."""
+        age_s = self._report.get("picture_age_s")
+        return max(0.0, float(age_s)) if isinstance(age_s, int | float) else None
+
+    @property
+    def report_time_s(self) -> float | None:
+        """The brick's clock in the newest report; a move carries it to prove that it is fresh."""
+        return self._report.get("t")
+
+    def open(self, user: str) -> None:
+        """Join the agent, unless that is done; `user` keeps the line open until its `close`.
+
+        Raises:
+            HardwareError: If nobody answers, or the agent refuses.
+        """
+        if self._thread is None:
+            if not self._address:
+                raise HardwareError("which brick? name it with --brick ADDRESS")
+            self._connection = self._join()
+            self._ending.clear()
+            self._thread = self.clock.start_thread(self._run, "brick-link")
+        self._users.add(user)
+
+    def close(self, user: str) -> None:
+        """Close the connection when nobody uses it any more; idempotent."""
+        self._users.discard(user)
+        if self._users or self._thread is None:
+            return
+        self._ending.set()
+        self._hang_up()
+        self._thread.join(timeout=PATIENCE_S)
+        self._thread = None
+        self._standing.clear()
+
+    def send(self, do: str, **rest: Any) -> None:
+        """Send one command. A brick that is silent is asked, too: it may just have been held up.
+
+        Raises:
+            HardwareError: If the line is lost; the brick stops by itself then.
+        """
+        lost = self._lost  # the thread may join anew meanwhile
+        if lost is not None:
+            raise HardwareError(self._say_lost(lost))
+        try:
+            self._send(do, **rest)
+        except OSError as error:
+            self._hang_up()  # half a message may be on the way
+            raise HardwareError(self._say_lost(error)) from error
+
+    def keep_sent(self, key: str, do: str, **rest: Any) -> None:
+        """Send a command that holds for the whole connection, and again after each new joining."""
+        self._standing[key] = {"do": do, **rest}
+        self.send(do, **rest)
+
+    def forget(self, key: str) -> None:
+        """Stop repeating a command that was given to `keep_sent`."""
+        self._standing.pop(key, None)
+
+    def answer(self, name: str) -> Any:
+        """Wait for the answer to a question just asked.
+
+        Raises:
+            HardwareError: If the agent reports a failure, or nothing.
+        """
+        deadline_s = self.clock.now_s() + PATIENCE_S
+        while True:
+            if not self._answers:
+                self._answered.clear()
+            if not self._answers and not self.clock.wait(
+                self._answered, max(0.0, deadline_s - self.clock.now_s())
+            ):
+                raise HardwareError(f"the brick at {self._address} gives no answer")
+            message = self._answers.popleft()
+            if "failed" in message:
+                raise HardwareError(f"brick {self._address}: {message['failed']}")
+            if name in message:
+                return message[name]
+
+    def sensors(self) -> dict[str, Any]:
+        """Return what the brick last reported of its sensors, which is at most 0.4 s old."""
+        fault = self.fault or self._report.get("fault")
+        if fault is not None:
+            raise HardwareError(fault)
+        return dict(self._report.get("sensors") or {})
+
+    def take_button(self) -> str | None:
+        """Return the last button that was pressed since the last call."""
+        buttons, self._buttons = self._buttons, []
+        return "stop" if "stop" in buttons else buttons[-1] if buttons else None
+
+    def _join(self) -> BrickConnection:
+        connection = join(self._address, self._secret, self._dial)
+        connection.line.settimeout(PING_S)
+        self._offset_s, self._lost, self._report = None, None, {}
+        self._received_s = self.clock.now_s()
+        return connection
+
+    # The thread ---------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            connection = self._connection
+            try:
+                if connection is None:
+                    self._rejoin()
+                else:
+                    self._receive(connection)
+            except (OSError, ValueError, KeyError, HardwareError, ConfigurationError) as error:
+                self._lost = str(error)
+                self._hang_up()
+                self.clock.wait(self._ending, REJOIN_S)
+
+    def _rejoin(self) -> None:
+        self._connection = self._join()
+        for command in list(self._standing.values()):
+            self._send(**command)
+
+    def _receive(self, connection: BrickConnection) -> None:
+        """Take in messages until the line breaks, and ping meanwhile."""
+        pinged_s = 0.0
+        while not self._ending.is_set():
+            if self.clock.now_s() - pinged_s > PING_S:
+                pinged_s = self.clock.now_s()
+                self._send("ping")
+            try:
+                for kind, body in connection.receive():
+                    self._received_s = self.clock.now_s()
+                    if kind == b"J":
+                        self._take_message(json.loads(body))
+                    else:
+                        self._take_picture(body)
+            except TimeoutError:
+                if self.clock.now_s() - self._received_s > GONE_S:
+                    raise OSError(f"nothing came for {GONE_S:.0f} s") from None
+
+    def _take_message(self, message: dict[str, Any]) -> None:
+        if "t" in message:
+            self._measure_offset(message["t"])
+            self._report = message
+            if message.get("button"):
+                self._buttons.append(message["button"])
+        elif "fault" in message:
+            self._report = {**self._report, "fault": message["fault"]}
+        else:
+            self._answers.append(message)
+            self._answered.set()
+
+    def _measure_offset(self, sent_s: float) -> None:
+        """Learn how far the clocks are apart from the quickest message; 1 ms/s may drift."""
+        offset_s = self._received_s - sent_s
+        if self._offset_s is None:
+            self._offset_s = offset_s
+        self._offset_s = min(self._offset_s + 0.0001, offset_s)
+
+    def _take_picture(self, body: bytes) -> None:
+        frame_id, taken_s, width, height, encoding = PICTURE.unpack_from(body)
+        self._send("seen", frame=frame_id)
+        if self.on_picture is not None and self._offset_s is not None:
+            self.on_picture(
+                RemotePicture(
+                    data=body[PICTURE.size :],
+                    taken_s=min(taken_s + self._offset_s, self._received_s),
+                    width=width,
+                    height=height,
+                    encoding=ENCODINGS[encoding],
+                )
+            )
+
+    def _send(self, do: str, **rest: Any) -> None:
+        with self._sending:
+            if self._connection is None:
+                raise OSError("not connected")
+            self._connection.send({"do": do, **rest})
+
+    def _hang_up(self) -> None:
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            with contextlib.suppress(OSError):
+                connection.line.shutdown(socket.SHUT_RDWR)
+            connection.close()

@@ -1,0 +1,72 @@
+"""The body of a robot at the other end of a link."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+from robot.bodies.ev3.agent.ports import HardwareError
+from robot.bodies.ev3.link import BrickLink
+
+
+class RemoteBody:
+    """A body at the other end of a link, with the same methods as the brick's own."""
+
+    def __init__(self, link: BrickLink, **ports: str) -> None:
+        self._link = link
+        self._ports = ports
+        self._top_speeds_dps: list[float] = []
+
+    def open(self) -> None:
+        """Join the brick and have it find its motors and sensors."""
+        self._link.open("body")
+        self._link.keep_sent("body", "open", **self._ports)
+        opened = self._link.answer("opened")
+        self._top_speeds_dps = [float(dps) for dps in opened["top_speeds_dps"]]
+
+    def top_speeds_dps(self) -> list[float]:
+        """How fast each wheel can turn, in degrees a second."""
+        return self._top_speeds_dps
+
+    def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
+        """Turn the wheels for at most `time_ms`. The brick refuses an order that comes late.
+
+        Raises:
+            HardwareError: If the line is lost or the brick silent; it stops by itself then.
+        """
+        after_s, fault = self._link.report_time_s, self._link.fault
+        if after_s is None or fault is not None:
+            raise HardwareError(fault or "the brick has not reported yet")
+        self._link.send("run", left=left_dps, right=right_dps, ms=time_ms, after=after_s)
+
+    def stop(self) -> None:
+        """Stop the motors; if the line is lost the brick does so by itself."""
+        with contextlib.suppress(HardwareError):
+            self._link.send("stop")
+
+    def positions(self) -> list[float]:
+        """How far each wheel has turned, in degrees; asks the brick and waits."""
+        self._link.send("positions")
+        return [float(degrees) for degrees in self._link.answer("positions")]
+
+    def sense(self) -> dict[str, Any]:
+        """Return what the brick last reported."""
+        return self._link.sensors()
+
+    def take_button(self) -> str | None:
+        """Return the brick's button that was pressed."""
+        return self._link.take_button()
+
+    def show(self, mode: str, address: str) -> None:
+        """Show mode and address on the brick."""
+        with contextlib.suppress(HardwareError):
+            self._link.keep_sent("show", "show", mode=mode, address=address)
+
+    def close(self) -> None:
+        """Stop the motors and close the connection, unless the camera still uses it."""
+        self.stop()
+        self._link.forget("body")
+        self._link.forget("show")
+        with contextlib.suppress(HardwareError):
+            self._link.send("close")
+        self._link.close("body")

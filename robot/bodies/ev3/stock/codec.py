@@ -1,0 +1,127 @@
+"""Direct commands of LEGO's own EV3 firmware: the few that a robot on wheels needs. Pure.
+
+A message is its length without these two bytes, a count that the answer repeats, the kind, the
+sizes of the variables, then bytecodes; all little-endian. Numbers in bytecodes take one, two, three
+or five bytes. Source: LEGO, EV3 Communication and EV3 Firmware Developer Kits (2013).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robot.bodies.ev3.agent.ports import HardwareError
+
+MAX_MESSAGE = 1024
+_HEAD = struct.Struct("<HHBH")
+_ANSWER = struct.Struct("<HHB")
+_REPLY, _ERROR = 0x02, 0x04
+LARGE_MOTOR, MEDIUM_MOTOR, TOUCH, ULTRASONIC = 7, 8, 16, 30
+"""Types of devices as the firmware numbers them."""
+OUTPUTS = 0x10
+"""Motor ports are numbered from here where sensors are asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What came back: the count of the question, and its global variables."""
+
+    count: int
+    data: bytes
+
+
+def number(value: int) -> bytes:
+    """Encode a constant in as few bytes as it takes.
+
+    Raises:
+        ValueError: If it has more than 32 bits.
+    """
+    if -32 <= value < 32:
+        return bytes([value & 0x3F])
+    if -128 < value < 128:
+        return struct.pack("<Bb", 0x81, value)
+    if -32_768 < value < 32_768:
+        return struct.pack("<Bh", 0x82, value)
+    if -(2**31) < value < 2**31:
+        return struct.pack("<Bi", 0x83, value)
+    raise ValueError(f"a constant has 32 bits at most, not {value}")
+
+
+def result(index: int) -> bytes:
+    """Encode the place of a result among the global variables."""
+    return bytes([0x60 | index]) if index < 32 else bytes([0xE1, index])
+
+
+def command(count: int, codes: bytes, results: int = 0) -> bytes:
+    """Wrap bytecodes as a direct command that is answered, with `results` bytes of variables.
+
+    Raises:
+        ValueError: If it is longer than the firmware takes.
+    """
+    body = _HEAD.pack(_HEAD.size - 2 + len(codes), count, 0x00, results) + codes
+    if len(body) > MAX_MESSAGE:
+        raise ValueError(f"a direct command has {MAX_MESSAGE} bytes at most")
+    return body
+
+
+def parse_answer(message: bytes) -> Answer:
+    """Read an answer.
+
+    Raises:
+        HardwareError: If it is none, or says that the command failed.
+    """
+    if len(message) < _ANSWER.size:
+        raise HardwareError("the brick answers with something else than a reply")
+    length, count, kind = _ANSWER.unpack_from(message)
+    if kind == _ERROR:
+        raise HardwareError("the brick refused a command")
+    if kind != _REPLY or length + 2 != len(message):
+        raise HardwareError("the brick answers with something else than a reply")
+    return Answer(count, message[_ANSWER.size :])
+
+
+def timed_speed(ports: int, percent: int, milliseconds: int) -> bytes:
+    """Turn the motors (bit 0 is A) at a regulated speed; the firmware ends it, and brakes."""
+    return b"\xaf" + b"".join(map(number, (0, ports, percent, 0, milliseconds, 0, 1)))
+
+
+def stop(ports: int) -> bytes:
+    """Stop the motors, and brake."""
+    return b"\xa3" + b"".join(map(number, (0, ports, 1)))
+
+
+def reset(ports: int) -> bytes:
+    """Forget what another program left: counts, and a reversed direction."""
+    return b"\xa2" + number(0) + number(ports) + b"\xa7" + b"".join(map(number, (0, ports, 1)))
+
+
+def device_type(port: int, at: int) -> bytes:
+    """Ask what is at a port; two bytes from `at`: type and mode."""
+    return b"\x99" + number(0x05) + number(0) + number(port) + result(at) + result(at + 1)
+
+
+def sensor(port: int, kind: int, at: int) -> bytes:
+    """Read a sensor in its mode 0 in SI units; four bytes from `at`, a float."""
+    asked = b"".join(map(number, (0x1D, 0, port, kind, 0, 1)))
+    return b"\x99" + asked + result(at)
+
+
+def motor_count(port: int, at: int) -> bytes:
+    """Read how far a motor (0 is A) has turned, in degrees; four bytes from `at`, an integer."""
+    return b"\xb3" + number(0) + number(port) + result(at)
+
+
+def battery(at: int) -> bytes:
+    """Read the battery, in percent; one byte from `at`."""
+    return b"\x81" + number(0x12) + result(at)
+
+
+def light(pattern: int) -> bytes:
+    """Colour the buttons: 1 green, 2 red, 3 orange."""
+    return b"\x82" + number(0x1B) + number(pattern)
+
+
+def floats(data: bytes, count: int, at: int = 0) -> Sequence[float]:
+    """Return floats of an answer."""
+    return struct.unpack_from(f"<{count}f", data, at)

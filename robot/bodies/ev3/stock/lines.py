@@ -1,0 +1,215 @@
+"""Ways to a brick with LEGO's own firmware: Wi-Fi, Bluetooth and USB. One question, one answer."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import select
+import socket
+import struct
+from pathlib import Path
+from typing import Protocol
+
+from robot.bodies.ev3.agent.ports import HardwareError
+from robot.bodies.ev3.stock.codec import MAX_MESSAGE
+
+BEACON_PORT = 3015
+ANSWER_S = 0.4
+"""A brick answers within a few milliseconds by cable and Wi-Fi, within 50 by Bluetooth."""
+_BEACON_S = 8.0
+_CONNECT_S = 4.0
+_USB_ID = "0003:00000694:00000005"
+
+
+class BrickLine(Protocol):
+    """A line to one brick."""
+
+    def ask(self, message: bytes) -> bytes:
+        """Send a message and return the answer; raises HardwareError if none comes."""
+
+    def close(self) -> None:
+        """Let go; idempotent."""
+
+
+class SocketLine:
+    """A stream of messages, each with its length before it: Wi-Fi and Bluetooth.
+
+    An answer that comes too late would be taken for the next one's: so a line that missed one is
+    closed and has to be opened again.
+    """
+
+    def __init__(self, sock: socket.socket, name: str) -> None:
+        sock.settimeout(ANSWER_S)
+        self._socket: socket.socket | None = sock
+        self._name = name
+
+    def ask(self, message: bytes) -> bytes:
+        """Send and receive; see `BrickLine`."""
+        if self._socket is None:
+            raise HardwareError(f"the line to the brick ({self._name}) is closed")
+        try:
+            self._socket.sendall(message)
+            head = self._read(2)
+            return head + self._read(struct.unpack("<H", head)[0])
+        except (OSError, ValueError) as error:
+            self.close()
+            raise HardwareError(
+                f"the brick does not answer ({self._name}: {error}); is it on and in reach?"
+            ) from error
+
+    def _read(self, count: int) -> bytes:
+        if count > MAX_MESSAGE:
+            raise ValueError("an answer of a strange length")
+        data = b""
+        while len(data) < count and self._socket is not None:
+            part = self._socket.recv(count - len(data))
+            if not part:
+                raise ConnectionError("it hung up")
+            data += part
+        return data
+
+    def close(self) -> None:
+        """Let go; see `BrickLine`."""
+        sock, self._socket = self._socket, None
+        if sock is not None:
+            sock.close()
+
+
+class UsbLine:
+    """The cable, as Linux gives it: a HID device with reports of 1024 bytes."""
+
+    def __init__(self, path: Path) -> None:
+        self._name = str(path)
+        try:
+            self._file: int | None = os.open(path, os.O_RDWR | os.O_NONBLOCK)
+        except OSError as error:
+            raise HardwareError(
+                f"the brick at {path} cannot be opened: {error.strerror}; "
+                "docs/howto/ev3-stock.md says how a user is given the right"
+            ) from error
+
+    def ask(self, message: bytes) -> bytes:
+        """Send and receive; see `BrickLine`."""
+        if self._file is None:
+            raise HardwareError(f"the line to the brick ({self._name}) is closed")
+        try:
+            os.write(self._file, b"\0" + message.ljust(MAX_MESSAGE, b"\0"))
+            ready, _, _ = select.select([self._file], [], [], ANSWER_S)
+            if not ready:
+                raise TimeoutError("timed out")
+            report = os.read(self._file, MAX_MESSAGE)
+            return report[: 2 + int(struct.unpack_from("<H", report)[0])]
+        except (OSError, struct.error) as error:
+            self.close()
+            raise HardwareError(
+                f"the brick does not answer ({self._name}: {error}); is its cable plugged in?"
+            ) from error
+
+    def close(self) -> None:
+        """Let go; see `BrickLine`."""
+        file, self._file = self._file, None
+        if file is not None:
+            os.close(file)
+
+
+def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> BrickLine:
+    """Open the line to a brick.
+
+    Args:
+        kind: `wifi`, `bluetooth` or `usb`.
+        brick: Which, if there are several: its serial number, which is its Bluetooth address.
+        beacon_port: Where bricks on Wi-Fi announce themselves.
+
+    Raises:
+        HardwareError: If there is none; says what to look at.
+    """
+    wanted = brick.replace(":", "").lower()
+    if kind == "wifi":
+        return _open_wifi(wanted, beacon_port)
+    if kind == "bluetooth":
+        return _open_bluetooth(wanted)
+    return UsbLine(find_usb(wanted))
+
+
+def _open_wifi(wanted: str, beacon_port: int) -> BrickLine:
+    host, port, serial = _hear_beacon(wanted, beacon_port)
+    try:
+        sock = socket.create_connection((host, port), _CONNECT_S)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        sock.sendall(f"GET /target?sn={serial} VMTP1.0\r\nProtocol: EV3\r\n\r\n".encode())
+        if not sock.recv(64).startswith(b"Accept:EV340"):
+            sock.close()
+            raise HardwareError(f"what answers at {host}:{port} is no EV3, or busy with another")
+    except OSError as error:
+        raise HardwareError(f"the brick at {host} cannot be reached: {error}") from error
+    return SocketLine(sock, f"Wi-Fi, {host}")
+
+
+def _hear_beacon(wanted: str, beacon_port: int) -> tuple[str, int, str]:
+    """Wait for the brick's announcement, and answer it: until then it accepts nobody."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        sock.bind(("", beacon_port))
+        sock.settimeout(_BEACON_S)
+        with contextlib.suppress(TimeoutError):
+            for _ in range(100):
+                data, sender = sock.recvfrom(1024)
+                found = parse_beacon(data)
+                if found is not None and wanted in ("", found[0]):
+                    # To where it came from, and, as other clients do, to the port it names.
+                    sock.sendto(b"\0", sender)
+                    sock.sendto(b"\0", (sender[0], found[1]))
+                    return sender[0], found[1], found[0]
+    which = f"the brick {wanted}" if wanted else "no brick"
+    raise HardwareError(
+        f"{which} was not heard on Wi-Fi within {_BEACON_S:g} s; is its Wi-Fi on, and this "
+        f"computer in the same network (UDP port {beacon_port})?"
+    )
+
+
+def parse_beacon(data: bytes) -> tuple[str, int] | None:
+    """Return serial number and port of an announcement; None if it is none of an EV3."""
+    text = data.decode("ascii", "replace")
+    serial = re.search(r"Serial-Number:\s*([0-9A-Fa-f]{12})", text)
+    port = re.search(r"Port:\s*(\d{1,5})\b", text)
+    if serial is None or port is None or "EV3" not in text or not 0 < int(port[1]) < 65536:
+        return None
+    return serial[1].lower(), int(port[1])
+
+
+def _open_bluetooth(wanted: str) -> BrickLine:
+    if re.fullmatch(r"[0-9a-f]{12}", wanted) is None:
+        raise HardwareError(
+            "Bluetooth needs the brick's address, as --brick 00:16:53:3f:0c:1e; the brick shows "
+            "it under Settings, Brick Info, ID"
+        )
+    address = ":".join(wanted[i : i + 2] for i in range(0, 12, 2)).upper()
+    if not hasattr(socket, "AF_BLUETOOTH"):
+        raise HardwareError("this Python has no Bluetooth; use --line wifi or --line usb")
+    try:
+        sock = socket.socket(socket.AF_BLUETOOTH, socket.SOCK_STREAM, socket.BTPROTO_RFCOMM)
+        sock.settimeout(_CONNECT_S)
+        sock.connect((address, 1))
+    except OSError as error:
+        raise HardwareError(
+            f"the brick {address} cannot be reached by Bluetooth: {error}; is it paired and on?"
+        ) from error
+    return SocketLine(sock, f"Bluetooth, {address}")
+
+
+def find_usb(wanted: str = "", root: Path = Path("/sys/class/hidraw")) -> Path:
+    """Return the device of the brick at the cable.
+
+    Raises:
+        HardwareError: If there is none, or the one that is there is another.
+    """
+    for entry in sorted(root.glob("hidraw*")):
+        with contextlib.suppress(OSError):
+            told = (entry / "device/uevent").read_text()
+            if _USB_ID in told and wanted in told.replace(":", "").lower():
+                return Path("/dev") / entry.name
+    raise HardwareError(
+        "no EV3 with LEGO's firmware is at a USB cable; is it switched on? (--line usb works on "
+        "Linux; elsewhere use --line wifi)"
+    )

@@ -1,0 +1,163 @@
+"""A Raspberry Pi's camera module, by the library picamera2 of Raspberry Pi OS."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import threading
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self
+
+from robot.camera import Camera
+from robot.clock import Clock, Worker
+from robot.devices.freshness import Freshness
+from robot.driver import Driver
+from robot.errors import CameraError, ConfigurationError, MissingExtraError
+from robot.types import Encoding
+
+MAX_SIDE_PX, MAX_RATE_HZ = 1920, 120.0
+_WATCH_EVERY_S = 0.05
+_OLDEST_S = 2.0
+"""A stamp that says that a picture is older than this is none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picamera2Options:
+    """What the camera is asked for."""
+
+    width: int = field(
+        default=160, metadata={"help": "width of the picture in pixels", "range": (32, 1920)}
+    )
+    height: int = field(
+        default=120, metadata={"help": "height of the picture in pixels", "range": (24, 1920)}
+    )
+    frame_rate: int = field(default=30, metadata={"help": "pictures a second", "range": (1, 120)})
+    camera_number: int = field(
+        default=0, metadata={"help": "which camera module, from 0", "range": (0, 7)}
+    )
+    upside_down: bool = field(default=False, metadata={"help": "the camera hangs upside down"})
+
+    def __post_init__(self) -> None:
+        for name, low, high in (
+            ("width", 32, MAX_SIDE_PX),
+            ("height", 24, MAX_SIDE_PX),
+            ("frame_rate", 1, MAX_RATE_HZ),
+            ("camera_number", 0, 7),
+        ):
+            if not low <= getattr(self, name) <= high:
+                raise ConfigurationError(
+                    f"--{name.replace('_', '-')} must be from {low} to {high:.0f}, not "
+                    f"{getattr(self, name)}"
+                )
+
+
+class Picamera2Camera(Camera):
+    """Takes each picture on the library's own thread; another watches the time.
+
+    A picture is stamped with the sensor's time of exposure.
+    """
+
+    name: ClassVar[str] = "picamera2"
+    options_type: ClassVar[type[Any]] = Picamera2Options
+
+    def __init__(self, options: Picamera2Options, clock: Clock, library: Any = None) -> None:
+        super().__init__(clock)
+        self.options = options
+        self._library = library
+        self._device: Any = None
+        self._freshness = Freshness(clock.now_s())
+        self._ending = threading.Event()
+        self._thread: Worker | None = None
+
+    @classmethod
+    def for_driver(cls, driver: Driver, options: Picamera2Options, clock: Clock) -> Self:
+        """Build the camera; it goes with every driver."""
+        return cls(options, clock)
+
+    def start(self) -> None:
+        """Open the camera, and have the library give its pictures.
+
+        Raises:
+            CameraError: If there is no such camera, or another program uses it.
+            MissingExtraError: If picamera2 is not installed.
+        """
+        if self._device is not None:
+            return
+        options, library = self.options, self._library
+        if library is None:
+            try:
+                library = importlib.import_module("picamera2")
+            except ImportError as error:
+                raise MissingExtraError("the camera 'picamera2'", "gpio") from error
+        n_cameras = len(library.Picamera2.global_camera_info())
+        if options.camera_number >= n_cameras:
+            raise CameraError(
+                f"there is no camera module {options.camera_number} ({n_cameras} found); check its "
+                "ribbon cable, and `rpicam-hello --list-cameras`"
+            )
+        try:
+            device = library.Picamera2(options.camera_number)
+        except Exception as error:  # the library has no errors of its own
+            raise CameraError(
+                f"the camera module {options.camera_number} cannot be opened ({error}); does "
+                "another program use it?"
+            ) from error
+        self._device = device
+        try:
+            device.configure(
+                device.create_video_configuration(
+                    # The library names formats from the last byte on: this is red, green, blue.
+                    main={"size": (options.width, options.height), "format": "BGR888"},
+                    controls={"FrameRate": options.frame_rate},
+                    buffer_count=3,
+                )
+            )
+            device.pre_callback = self._take
+            self._ending.clear()
+            self._freshness = Freshness(self.clock.now_s())
+            device.start()
+        except Exception as error:
+            self.stop()
+            raise CameraError(
+                f"the camera module {options.camera_number} refuses {options.width}x"
+                f"{options.height} at {options.frame_rate} a second: {error}"
+            ) from error
+        self._thread = self.clock.start_thread(self._watch, "picamera2-watch")
+
+    def stop(self) -> None:
+        """Close the camera and end the watching thread."""
+        self._ending.set()
+        device, self._device = self._device, None
+        if device is not None:
+            device.pre_callback = None
+            with contextlib.suppress(Exception):
+                device.stop()
+            device.close()
+        if self._thread is not None:
+            self._thread.join(timeout=2.0)
+            self._thread = None
+
+    def _take(self, request: Any) -> None:
+        """Take one picture, on the library's thread."""
+        picture = request.make_array("main")
+        if self.options.upside_down:
+            picture = picture[::-1, ::-1]
+        data = picture.tobytes()
+        now_s = self.clock.now_s()
+        if not self._freshness.is_new(data, now_s):
+            return
+        stamp_ns = request.get_metadata().get("SensorTimestamp")
+        exposed_s = now_s if stamp_ns is None else self._on_clock(stamp_ns / 1e9)
+        self._publish(
+            data,
+            width=picture.shape[1],
+            height=picture.shape[0],
+            encoding=Encoding.RGB,
+            captured_s=exposed_s if 0 <= now_s - exposed_s <= _OLDEST_S else now_s,
+        )
+
+    def _watch(self) -> None:
+        while not self.clock.wait(self._ending, _WATCH_EVERY_S):
+            wrong = self._freshness.fault(self.clock.now_s())
+            if wrong is not None and self._fault is None:
+                self._report_fault(f"The camera module {wrong}; check its ribbon cable.")

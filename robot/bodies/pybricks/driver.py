@@ -1,0 +1,67 @@
+"""A LEGO hub with Pybricks, over Bluetooth LE: docs/examples/firmware/hub.py runs on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from robot.bodies.pybricks.hub_line import HubLine
+from robot.bodies.remote.driver import ReportingDriver
+from robot.bodies.remote.line import MessageLine
+from robot.bodies.remote.orders import BodyReport, parse_moves
+from robot.bodies.remote.plain import HELLO, encode_plain_order, parse_plain_report
+from robot.clock import Clock
+from robot.errors import MissingExtraError
+from robot.types import Action
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PybricksOptions:
+    """Which hub, and what its program can do."""
+
+    hub: str = field(
+        default="", metadata={"help": "the hub's name; needed if several are in reach"}
+    )
+    body_moves: str = field(
+        default="forward,left,right,backward",
+        metadata={"help": "what the body can do, as forward,left or fast:0:1 (steering:throttle)"},
+    )
+
+
+class PybricksDriver(ReportingDriver):
+    """Sends the names of moves to the program on the hub, whose firmware times each of them."""
+
+    name: ClassVar[str] = "pybricks"
+    options_type: ClassVar[type[Any]] = PybricksOptions
+    hello = HELLO
+    no_answer = "does docs/examples/firmware/hub.py run on it?"
+    no_obedience = "does it run docs/examples/firmware/hub.py of this version?"
+
+    def __init__(
+        self, options: PybricksOptions, clock: Clock | None = None, bluetooth: Any = None
+    ) -> None:
+        super().__init__(clock)
+        self.options = options
+        self.declared_moves = parse_moves(options.body_moves)
+        self._bluetooth = bluetooth
+
+    @property
+    def _where(self) -> str:
+        return f"the hub {self.options.hub!r}" if self.options.hub else "the hub"
+
+    def _open(self) -> MessageLine:
+        bluetooth = self._bluetooth
+        if bluetooth is None:
+            try:
+                import bleak as bluetooth
+            except ImportError as error:
+                raise MissingExtraError("the robot 'pybricks'", "pybricks") from error
+        return HubLine(bluetooth, self.options.hub, self._clock)
+
+    def _parse(self, data: bytes) -> BodyReport | None:
+        return parse_plain_report(data)
+
+    def _encode(
+        self, action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport
+    ) -> bytes:
+        return encode_plain_order(action, for_ms=for_ms, speed=speed, seq=seq, report=report)

@@ -1,0 +1,209 @@
+"""Robots that answer each order with a report; subclasses provide the transport and the wording."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from robot.bodies.remote.line import MessageLine, split_address
+from robot.bodies.remote.orders import BodyReport, encode_order, parse_moves, parse_report
+from robot.clock import Clock, RealClock
+from robot.driver import ACTION_TIMEOUT_S, Driver
+from robot.errors import DriveError, NotConnectedError
+from robot.types import Action, Sensors
+
+PORT = 4210
+REPLY_S = 0.15
+"""How long a report is waited for; one that is lost is no fault yet."""
+GONE_S = 0.5
+"""After so long without any report the robot counts as gone."""
+_CONNECT_S = 3.0
+_CONNECT_TRIES = 20
+"""A computer that stood still for a while has not asked often enough to call a robot silent."""
+
+
+class ReportingDriver(Driver):
+    """Sends orders that end by themselves, and takes the reports that answer them."""
+
+    default_camera: ClassVar[str] = "phone"
+    is_remote: ClassVar[bool] = True
+    hello: ClassVar[bytes] = b"{}"
+    """Asks for a report."""
+    no_answer: ClassVar[str] = "is it on, in the same network, and is this its address?"
+    no_obedience: ClassVar[str] = "is --secret the one that it knows?"
+    """Ends of the sentences about a robot that is silent at first, and about one that disobeys."""
+
+    def __init__(self, clock: Clock | None = None) -> None:
+        self._clock = clock or RealClock()
+        self._line: MessageLine | None = None
+        self._report: BodyReport | None = None
+        self._heard_s = 0.0
+        self._disobeyed = 0
+        self._seq = 0
+        self._trouble = ""
+
+    @property
+    @abstractmethod
+    def _where(self) -> str:
+        """The robot in a sentence, as `the robot at 192.168.4.1`."""
+
+    @abstractmethod
+    def _open(self) -> MessageLine:
+        """Open the line; raises OSError."""
+
+    @abstractmethod
+    def _encode(
+        self, action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport
+    ) -> bytes:
+        """Write one order."""
+
+    def _parse(self, data: bytes) -> BodyReport | None:
+        """Read one report; None if it is none."""
+        return parse_report(data)
+
+    @property
+    def is_connected(self) -> bool:
+        """True between `connect` and `disconnect`."""
+        return self._line is not None
+
+    def connect(self) -> None:
+        """Find the robot, and stop it."""
+        if self._line is not None:
+            return
+        try:
+            line = self._open()
+        except OSError as error:
+            raise DriveError(f"cannot reach {self._where}: {error}") from error
+        self._line, self._report, self._disobeyed = line, None, 0
+        end_s, tries = self._clock.now_s() + _CONNECT_S, 0
+        while self._report is None and (self._clock.now_s() < end_s or tries < _CONNECT_TRIES):
+            self._exchange(self.hello)
+            tries += 1
+        if self._report is None:
+            trouble = self._trouble
+            self.disconnect()
+            raise DriveError(f"{self._where} does not answer{trouble}; {self.no_answer}")
+        self.stop()
+
+    def disconnect(self) -> None:
+        """Stop the robot, and close the line."""
+        self.stop()
+        line, self._line = self._line, None
+        if line is not None:
+            line.close()
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        """Send an order that ends by itself; see `Driver`."""
+        self.check_action(action, speed_scale)
+        if self._line is None:
+            raise NotConnectedError(f"the robot {self.name!r} is not connected; call connect()")
+        self._order(action, speed_scale)
+        self._check_heard()
+        return action
+
+    def sense(self) -> Sensors:
+        """Return what the robot last reported; asks it where nothing was sent of late."""
+        if self._line is not None and self._clock.now_s() - self._heard_s > REPLY_S:
+            self._exchange(self.hello)
+            self._check_heard()
+        return self._report.sensors if self._report is not None else Sensors()
+
+    def stop(self) -> None:
+        """Have the robot stand; it does so by itself where the line is lost."""
+        if self._report is not None and self._line is not None:
+            self._order(Action.STOP, 1.0)
+
+    def _order(self, action: Action, speed_scale: float) -> None:
+        report = self._report
+        if report is None:
+            raise DriveError("the robot has not reported yet")
+        self._seq = max(self._seq, report.seq) + 1
+        heard_s = self._heard_s
+        self._exchange(
+            self._encode(
+                action,
+                for_ms=round(1000 * ACTION_TIMEOUT_S),
+                speed=speed_scale,
+                seq=self._seq,
+                report=report,
+            )
+        )
+        if self._heard_s > heard_s:  # an answer may be to an earlier order: it still goes on
+            is_obeyed = self._report is not None and self._report.seq > report.seq
+            self._disobeyed = 0 if is_obeyed else self._disobeyed + 1
+
+    def _exchange(self, message: bytes) -> None:
+        """Send, and take the newest report that comes in time; a failing line is reported later."""
+        line = self._line
+        if line is None:
+            return
+        try:
+            line.send(message)
+            data = line.receive(REPLY_S)
+            while data is not None:
+                self._take(data)
+                data = line.receive(0.0)
+        except OSError as error:  # also a refused datagram: nobody listens there
+            self._trouble = f" ({error})" if str(error) else ""
+            self._clock.sleep(REPLY_S / 10)
+
+    def _take(self, data: bytes) -> None:
+        report = self._parse(data)
+        if report is None:
+            return
+        if self._report is not None and report.nonce != self._report.nonce:
+            self._seq = 0  # it was switched off and on
+        self._report, self._heard_s, self._trouble = report, self._clock.now_s(), ""
+
+    def _check_heard(self) -> None:
+        silent_s = self._clock.now_s() - self._heard_s
+        if silent_s > GONE_S:
+            raise DriveError(
+                f"{self._where} has not answered for {silent_s:.1f} s{self._trouble}; "
+                "is it on and in reach?"
+            )
+        if self._disobeyed > 3:
+            raise DriveError(f"{self._where} answers but obeys no order; {self.no_obedience}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RemoteOptions:
+    """Where the robot is, and what it can do."""
+
+    address: str = field(default="", metadata={"help": "the robot's HOST, or HOST:PORT"})
+    secret: str = field(default="", metadata={"help": "secret that the robot knows, too"})
+    body_moves: str = field(
+        default="forward,left,right,backward",
+        metadata={"help": "what the body can do, as forward,left or fast:0:1 (steering:throttle)"},
+    )
+
+
+class RemoteDriver(ReportingDriver):
+    """A robot that uses the one-page protocol, at an address; subclasses provide the transport."""
+
+    options_type: ClassVar[type[Any]] = RemoteOptions
+
+    def __init__(self, options: RemoteOptions, clock: Clock | None = None) -> None:
+        super().__init__(clock)
+        self.options = options
+        self.declared_moves = parse_moves(options.body_moves)
+
+    @property
+    def _where(self) -> str:
+        return f"the robot at {self.options.address}"
+
+    def _open(self) -> MessageLine:
+        return self._open_address(*split_address(self.options.address, PORT))
+
+    @abstractmethod
+    def _open_address(self, host: str, port: int) -> MessageLine:
+        """Open the line; raises OSError."""
+
+    def _encode(
+        self, action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport
+    ) -> bytes:
+        secret = self.options.secret
+        return encode_order(
+            action, for_ms=for_ms, speed=speed, seq=seq, report=report, secret=secret
+        )

@@ -1,0 +1,106 @@
+"""The wire between Drivelesson and a robot of any kind: orders down, reports up. Pure."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from robot.driver import CLASSIC, Move
+from robot.errors import ConfigurationError
+from robot.types import Action, Sensors
+
+MAX_BYTES = 512
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyReport:
+    """What a robot says of itself: who it is since it was switched on, and what it senses.
+
+    `nonce` is new whenever the robot starts; `seq` is the last order that it obeyed, and `ms` what
+    its clock shows.
+    """
+
+    nonce: str
+    seq: int
+    ms: int
+    sensors: Sensors
+
+
+def encode_order(
+    action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport, secret: str
+) -> bytes:
+    """Write one order, signed so that it holds for this robot since this start, and once."""
+    order = {
+        "move": str(action),
+        "for_ms": for_ms,
+        "speed": round(speed, 4),
+        "seq": seq,
+        "seen_ms": report.ms,
+    }
+    text = json.dumps(order, separators=(",", ":")).encode()
+    mac = hmac.new(secret.encode(), report.nonce.encode() + text, hashlib.sha256)
+    return text + b"\t" + mac.hexdigest()[:16].encode()
+
+
+def parse_report(data: bytes) -> BodyReport | None:
+    """Read one report; None if it is none."""
+    try:
+        plain = json.loads(data[:MAX_BYTES])
+        nonce, seq, ms = plain["nonce"], plain["seq"], plain["ms"]
+        if not isinstance(nonce, str) or not _is_count(seq) or not _is_count(ms):
+            return None
+        return BodyReport(nonce=nonce, seq=seq, ms=ms, sensors=_sensors(plain))
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**53
+
+
+def _sensors(plain: Mapping[str, Any]) -> Sensors:
+    distance_m, bumped, battery = (plain.get(n) for n in ("distance_m", "bumped", "battery"))
+    return Sensors(
+        distance_m=_between(distance_m, 10.0),
+        bumped=bumped if isinstance(bumped, bool) else None,
+        battery_share=_between(battery, 1.0),
+    )
+
+
+def _between(value: Any, most: float) -> float | None:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number and math.isfinite(value) and 0 <= value <= most else None
+
+
+def parse_moves(text: str) -> tuple[Move, ...]:
+    """Read what a person says that a body can do: `forward,left,fast:0:1`.
+
+    A name alone is a move; behind it may stand its steering and throttle.
+
+    Raises:
+        ConfigurationError: If a move is none; says which.
+    """
+    moves = []
+    for part in text.split(","):
+        name, *numbers = part.strip().split(":")
+        try:
+            action = Action(name)
+            if numbers:
+                steering, throttle = map(float, numbers)
+                moves.append(
+                    Move(action, name.replace("_", " "), steering=steering, throttle=throttle)
+                )
+            else:
+                moves.append(CLASSIC.get(action) or Move(action, name.replace("_", " ")))
+        except ValueError as error:
+            raise ConfigurationError(
+                f"--body-moves: {part.strip()!r} is no move ({error}); as in forward,left,fast:0:1"
+            ) from error
+    if len({move.name for move in moves}) != len(moves):
+        raise ConfigurationError("--body-moves: a move is named twice")
+    return tuple(moves)

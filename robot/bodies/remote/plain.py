@@ -1,0 +1,86 @@
+"""Orders and reports as words of one line, for bodies with a line of their own. Pure.
+
+An order is `MOVE FOR_MS SPEED NUMBER SEEN_MS`, as `forward 400 1.0 7 81234`: the last is what the
+body's clock showed in its newest report. A report is `NUMBER MS DISTANCE BUMPER BATTERY`, as
+`7 81240 420 0 80`: the last order that was obeyed, the body's clock, millimetres, 0 or 1, percent;
+`-` where there is no sensor. `?` asks for a report.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container
+from dataclasses import dataclass
+
+from robot.bodies.remote.orders import BodyReport
+from robot.types import Action, Sensors
+
+HELLO = b"?"
+LATE_MS = 500
+"""So long after its `SEEN_MS` a move has ended; an order that comes later only stops."""
+LONGEST_MS = 500
+
+
+@dataclass(frozen=True, slots=True)
+class PlainOrder:
+    """One order, as a body of ours reads it."""
+
+    move: Action
+    for_ms: int
+    speed: float
+    seq: int
+    seen_ms: int
+
+
+def encode_plain_order(
+    action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport
+) -> bytes:
+    """Write one order, without the end of the line."""
+    return f"{action} {for_ms} {round(speed, 3)} {seq} {report.ms}".encode()
+
+
+def parse_plain_order(data: bytes, moves: Container[Action]) -> PlainOrder | None:
+    """Read one order; None if it is none, or none of this body's."""
+    try:
+        name, for_ms, speed, seq, seen_ms = data.decode("ascii").split()
+        order = PlainOrder(Action(name), int(for_ms), float(speed), int(seq), int(seen_ms))
+    except ValueError:
+        return None
+    is_known = order.move is Action.STOP or order.move in moves
+    is_sound = 0 < order.speed <= 1 and order.for_ms > 0 and order.seq > 0
+    return order if is_known and is_sound else None
+
+
+def encode_plain_report(report: BodyReport) -> bytes:
+    """Write one report, without the end of the line."""
+    sensors = report.sensors
+    distance = "-" if sensors.distance_m is None else round(1000 * sensors.distance_m)
+    bumped = "-" if sensors.bumped is None else int(sensors.bumped)
+    battery = "-" if sensors.battery_share is None else round(100 * sensors.battery_share)
+    return f"{report.seq} {report.ms} {distance} {bumped} {battery}".encode()
+
+
+def parse_plain_report(data: bytes) -> BodyReport | None:
+    """Read one report; None if it is none."""
+    words = data.split()
+    if len(words) != 5 or not (words[0].isdigit() and words[1].isdigit()):
+        return None
+    distance_mm, bumped, battery = (_number(word) for word in words[2:])
+    return BodyReport(
+        nonce="",
+        seq=int(words[0]),
+        ms=int(words[1]),
+        sensors=Sensors(
+            distance_m=None if distance_mm is None else min(distance_mm / 1000, 10.0),
+            bumped=None if bumped is None else bumped > 0,
+            battery_share=None if battery is None else min(battery / 100, 1.0),
+        ),
+    )
+
+
+def _number(word: bytes) -> float | None:
+    try:
+        value = float(word)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) and value >= 0 else None

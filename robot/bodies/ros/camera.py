@@ -1,0 +1,129 @@
+"""A ROS topic of compressed images, by rosbridge. The JPEGs stay as they are."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import importlib.util
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self
+
+from robot.bodies.remote.line import split_address
+from robot.bodies.ros.bridge import PORT, RosBridge
+from robot.bodies.ros.driver import is_topic
+from robot.camera import Camera
+from robot.clock import Clock, Worker
+from robot.devices.freshness import Freshness
+from robot.devices.pictures import MAX_SIDE_PX, jpeg_size
+from robot.driver import Driver
+from robot.errors import CameraError, ConfigurationError, MissingExtraError, RecordingError
+from robot.types import Encoding
+
+_IMAGE = "sensor_msgs/msg/CompressedImage"
+_WATCH_EVERY_S = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosCameraOptions:
+    """Where the pictures come from."""
+
+    address: str = field(default="", metadata={"help": "HOST of rosbridge, or HOST:PORT"})
+    image_topic: str = field(
+        default="/camera/image_raw/compressed",
+        metadata={"help": "topic of the pictures (sensor_msgs/CompressedImage, JPEG)"},
+    )
+
+    def __post_init__(self) -> None:
+        if not is_topic(self.image_topic):
+            raise ConfigurationError(
+                f"--image-topic must be a topic's name, as /camera/image_raw/compressed, not "
+                f"{self.image_topic!r}"
+            )
+
+
+class RosCamera(Camera):
+    """Takes the newest picture of a topic; a thread watches the time.
+
+    A picture is stamped when it came: the robot's clock is another one.
+    """
+
+    name: ClassVar[str] = "ros"
+    options_type: ClassVar[type[Any]] = RosCameraOptions
+
+    def __init__(self, options: RosCameraOptions, clock: Clock) -> None:
+        super().__init__(clock)
+        self.options = options
+        self._bridge: RosBridge | None = None
+        self._freshness = Freshness(clock.now_s())
+        self._reason = ""
+        self._ending = threading.Event()
+        self._thread: Worker | None = None
+
+    @classmethod
+    def for_driver(cls, driver: Driver, options: RosCameraOptions, clock: Clock) -> Self:
+        """Build the camera; it goes with every driver."""
+        return cls(options, clock)
+
+    def start(self) -> None:
+        """Subscribe to the topic.
+
+        Raises:
+            CameraError: If rosbridge cannot be reached. A topic that nobody publishes is a fault.
+            MissingExtraError: If the libraries that read JPEG are not installed.
+        """
+        if self._bridge is not None:
+            return
+        for library in ("cv2", "imagesize"):
+            if importlib.util.find_spec(library) is None:
+                raise MissingExtraError("the camera 'ros'", "camera")
+        host, port = split_address(self.options.address, PORT)
+        self._ending.clear()
+        self._freshness = Freshness(self.clock.now_s())
+        try:
+            self._bridge = RosBridge(
+                host,
+                port,
+                self.clock,
+                subscribed={self.options.image_topic: _IMAGE},
+                on_message=lambda _, message: self._take(message),
+            )
+        except OSError as error:
+            raise CameraError(
+                f"no rosbridge can be reached at {host}:{port} ({error}); is it running?"
+            ) from error
+        self._thread = self.clock.start_thread(self._watch, "ros-watch")
+
+    def stop(self) -> None:
+        """Unsubscribe, by closing the connection."""
+        self._ending.set()
+        bridge, self._bridge = self._bridge, None
+        if bridge is not None:
+            bridge.close()
+        if self._thread is not None:
+            self._thread.join(timeout=2.0)
+            self._thread = None
+
+    def _take(self, message: Mapping[str, Any]) -> None:
+        """Take one image, on the bridge's thread."""
+        now_s = self.clock.now_s()
+        try:
+            picture = base64.b64decode(message["data"], validate=True)
+            width, height = jpeg_size(picture)
+        except (KeyError, TypeError, ValueError, binascii.Error, RecordingError):
+            self._reason = f" (it sends {str(message.get('format', 'something'))[:20]!r}, no JPEG)"
+            return
+        if max(width, height) > MAX_SIDE_PX:
+            self._reason = f" (its pictures are {width}x{height}: too large)"
+        elif self._freshness.is_new(picture, now_s):
+            self._reason = ""
+            self._publish(
+                picture, width=width, height=height, encoding=Encoding.JPEG, captured_s=now_s
+            )
+
+    def _watch(self) -> None:
+        while not self.clock.wait(self._ending, _WATCH_EVERY_S):
+            wrong = self._freshness.fault(self.clock.now_s())
+            if wrong is not None and self._fault is None:
+                self._report_fault(f"The topic {self.options.image_topic} {wrong}{self._reason}.")

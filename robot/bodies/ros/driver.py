@@ -1,0 +1,258 @@
+"""A ROS 2 robot by rosbridge: velocities on one topic, what the learner would do on another."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from robot.bodies.remote.line import split_address
+from robot.bodies.remote.orders import parse_moves
+from robot.bodies.ros.bridge import GONE_S, PORT, Message, RosBridge
+from robot.clock import Clock, RealClock
+from robot.driver import ACTION_TIMEOUT_S, Driver
+from robot.errors import ConfigurationError, DriveError, NotConnectedError
+from robot.types import Action, Prediction, Sensors
+
+_TWIST, _STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+_TEXT, _HEADER = "std_msgs/msg/String", "std_msgs/msg/Header"
+_ORDERS, _ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"
+"""Topics of docs/examples/ros/watchdog.py: velocities to it, and its signs of life."""
+_FIRST_SIGN_S = 3.0
+_NO_WATCHDOG = "the robot's watchdog gives no sign of life; does watchdog.py run there?"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosOptions:
+    """Where rosbridge is, and how its robot moves."""
+
+    address: str = field(default="", metadata={"help": "HOST of rosbridge, or HOST:PORT"})
+    cmd_vel_topic: str = field(default="/cmd_vel", metadata={"help": "topic of the velocities"})
+    stamped: bool = field(
+        default=False, metadata={"help": "the robot takes TwistStamped instead of Twist"}
+    )
+    watchdog: bool = field(
+        default=False,
+        metadata={
+            "help": "the robot runs our watchdog.py, which takes the velocities and stops it"
+        },
+    )
+    linear_mps: float = field(
+        default=0.4,
+        metadata={
+            "help": "metres a second at full throttle; forward is half of it",
+            "range": (0.001, 5.0),
+        },
+    )
+    turn_rate_deg_s: float = field(
+        default=45.0, metadata={"help": "degrees a second at full steering", "range": (0.1, 720.0)}
+    )
+    body_moves: str = field(
+        default="forward,left,right,backward,spin_left,spin_right",
+        metadata={"help": "what the body can do, as forward,left or fast:0:1 (steering:throttle)"},
+    )
+    advice_topic: str = field(
+        default="",
+        metadata={"help": "topic for what the learner would do, as JSON text; empty: none"},
+    )
+
+    def __post_init__(self) -> None:
+        for name, most in (("linear_mps", 5.0), ("turn_rate_deg_s", 720.0)):
+            if not 0 < getattr(self, name) <= most:
+                raise ConfigurationError(
+                    f"--{name.replace('_', '-')} must be more than 0 and at most {most:.0f}, not "
+                    f"{getattr(self, name)}"
+                )
+        for name in ("cmd_vel_topic", "advice_topic"):
+            topic = getattr(self, name)
+            if (name == "cmd_vel_topic" or topic) and not is_topic(topic):
+                raise ConfigurationError(
+                    f"--{name.replace('_', '-')} must be a topic's name, as /cmd_vel, not {topic!r}"
+                )
+
+
+def is_topic(name: str) -> bool:
+    """Return whether this is the name of a topic."""
+    words = name.removeprefix("/").split("/")
+    return all(word.isidentifier() and word.isascii() for word in words)
+
+
+class RosDriver(Driver):
+    """Publishes a velocity for as long as a move lasts, then zero.
+
+    Nothing stops the robot if this program, its computer or the network fails, unless the robot's
+    own base ends a velocity that is not renewed: `cmd_vel` carries no duration. With `watchdog`
+    our node on the robot does: each order carries its newest sign of life, and ends soon after.
+
+    Args:
+        options: Where and how.
+        clock: By which silence is judged.
+        open_bridge: Connects to rosbridge.
+    """
+
+    name: ClassVar[str] = "ros"
+    default_camera: ClassVar[str] = "ros"
+    options_type: ClassVar[type[Any]] = RosOptions
+    is_remote: ClassVar[bool] = True
+
+    def __init__(
+        self,
+        options: RosOptions,
+        clock: Clock | None = None,
+        open_bridge: Callable[..., RosBridge] = RosBridge,
+    ) -> None:
+        self.options = options
+        self._open_bridge = open_bridge
+        self.declared_moves = parse_moves(options.body_moves)
+        without = [move.name for move in self.declared_moves if move.point is None]
+        if without:
+            raise ConfigurationError(
+                f"--body-moves: {without[0]!r} needs steering and throttle for a ROS robot, as in "
+                f"{without[0]}:0:1"
+            )
+        self._points = {move.name: move.point or (0.0, 0.0) for move in self.declared_moves}
+        self._clock = clock or RealClock()
+        self._bridge: RosBridge | None = None
+        self._is_stamped = options.stamped or options.watchdog
+        self._topic = _ORDERS if options.watchdog else options.cmd_vel_topic
+        self._sign: dict[str, Any] = {"sec": 0, "nanosec": 0}
+        self._signed_s = 0.0
+        self._has_signed = threading.Event()
+
+    @property
+    def is_connected(self) -> bool:
+        """True between `connect` and `disconnect`."""
+        return self._bridge is not None
+
+    @property
+    def takes_advice(self) -> bool:
+        """True if there is a topic for it."""
+        return bool(self.options.advice_topic)
+
+    def connect(self) -> None:
+        """Connect to rosbridge, and stop the robot."""
+        if self._bridge is not None:
+            return
+        options = self.options
+        host, port = split_address(options.address, PORT)
+        advertised = {self._topic: _STAMPED if self._is_stamped else _TWIST}
+        if options.advice_topic:
+            advertised[options.advice_topic] = _TEXT
+        try:
+            self._bridge = self._open_bridge(
+                host,
+                port,
+                self._clock,
+                advertised=advertised,
+                subscribed={_ALIVE: _HEADER} if options.watchdog else {},
+                on_message=self._take_sign,
+            )
+        except OSError as error:
+            raise DriveError(
+                f"no rosbridge can be reached at {host}:{port} ({error}); is it running? "
+                "ros2 launch rosbridge_server rosbridge_websocket_launch.xml"
+            ) from error
+        self._has_signed.clear()
+        if options.watchdog and not self._clock.wait(self._has_signed, _FIRST_SIGN_S):
+            self.disconnect()
+            raise DriveError(f"rosbridge at {host}:{port} is there, but {_NO_WATCHDOG}")
+        self.stop()
+
+    def disconnect(self) -> None:
+        """Stop the robot, and close the connection."""
+        self.stop()
+        bridge, self._bridge = self._bridge, None
+        if bridge is not None:
+            bridge.close()
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        """Publish the move's velocity, and zero after `ACTION_TIMEOUT_S`; see `Driver`."""
+        self.check_action(action, speed_scale)
+        bridge = self._connected()
+        topic = self._topic
+        try:
+            if action is Action.STOP:
+                bridge.publish(topic, self.velocity(0.0, 0.0))
+            else:
+                steering, throttle = self._points[action]
+                bridge.publish_for(
+                    topic,
+                    self.velocity(speed_scale * steering, speed_scale * throttle),
+                    self.velocity(0.0, 0.0),
+                    ACTION_TIMEOUT_S,
+                )
+        except OSError as error:
+            raise DriveError(f"rosbridge takes no velocity: {error or 'too slow'}") from error
+        self._check_heard(bridge)
+        return action
+
+    def sense(self) -> Sensors:
+        """Sense nothing but that the bridge is there."""
+        self._check_heard(self._connected())
+        return Sensors()
+
+    def stop(self) -> None:
+        """Publish zero, if the bridge is there."""
+        if self._bridge is not None:
+            try:
+                self._bridge.publish(self._topic, self.velocity(0.0, 0.0))
+            except OSError:
+                return  # the next request says so
+
+    def advise(self, prediction: Prediction) -> None:
+        """Publish what the learner would do; see `Driver`."""
+        bridge = self._bridge
+        if bridge is None or not self.takes_advice:
+            return
+        told = {
+            "move": None if prediction.action is None else str(prediction.action),
+            "confidence": round(prediction.confidence, 4),
+            "novel": prediction.is_novel,
+            "frame": prediction.frame_id,
+        }
+        bridge.publish_soon(self.options.advice_topic, {"data": json.dumps(told)})
+
+    def velocity(self, steering: float, throttle: float) -> dict[str, Any]:
+        """Return the message for a point of steering and throttle: metres and radians a second."""
+        turn = -steering * math.radians(self.options.turn_rate_deg_s)
+        twist = {
+            "linear": {"x": throttle * self.options.linear_mps, "y": 0.0, "z": 0.0},
+            "angular": {"x": 0.0, "y": 0.0, "z": turn + 0.0},
+        }
+        if not self._is_stamped:
+            return twist
+        if self.options.watchdog:
+            return {"header": {"stamp": self._sign, "frame_id": "base_link"}, "twist": twist}
+        seconds, rest = divmod(self._clock.wall_s(), 1.0)
+        stamp = {"sec": int(seconds), "nanosec": int(rest * 1e9)}
+        return {"header": {"stamp": stamp, "frame_id": "base_link"}, "twist": twist}
+
+    def _connected(self) -> RosBridge:
+        if self._bridge is None:
+            raise NotConnectedError(f"the robot {self.name!r} is not connected; call connect()")
+        return self._bridge
+
+    def _check_heard(self, bridge: RosBridge) -> None:
+        if bridge.silent_s > GONE_S:
+            raise DriveError(
+                f"rosbridge at {self.options.address} has not answered for {bridge.silent_s:.1f} s"
+                f"{bridge.trouble}; {self._stops}"
+            )
+        if self.options.watchdog and self._clock.now_s() - self._signed_s > GONE_S:
+            raise DriveError(_NO_WATCHDOG)
+
+    @property
+    def _stops(self) -> str:
+        if self.options.watchdog:
+            return "the watchdog on the robot stops it"
+        return "nothing stops its robot unless its base does"
+
+    def _take_sign(self, topic: str, message: Message) -> None:
+        """Take the watchdog's sign of life, on the bridge's thread."""
+        stamp = message.get("stamp")
+        if isinstance(stamp, dict) and all(isinstance(n, int) for n in stamp.values()):
+            self._sign, self._signed_s = dict(stamp), self._clock.now_s()
+            self._has_signed.set()

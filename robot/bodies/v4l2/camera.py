@@ -1,0 +1,96 @@
+"""A USB camera by the kernel's own interface: no OpenCV, and nothing decoded on the way."""
+
+from __future__ import annotations
+
+import importlib.util
+import select
+import threading
+import time
+from typing import Any, ClassVar, Self
+
+from robot.bodies.v4l2.options import UsbCameraOptions
+from robot.bodies.v4l2.reader import CameraReader
+from robot.camera import Camera
+from robot.clock import Clock
+from robot.driver import Driver
+from robot.errors import CameraError
+from robot.types import Encoding
+
+
+class V4l2Camera(Camera):
+    """Frames as the camera sends them, stamped by its kernel driver."""
+
+    name: ClassVar[str] = "v4l2"
+    options_type: ClassVar[type[Any]] = UsbCameraOptions
+
+    def __init__(self, options: UsbCameraOptions, clock: Clock) -> None:
+        super().__init__(clock)
+        self.options = options
+        self._ending = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @classmethod
+    def for_driver(cls, driver: Driver, options: UsbCameraOptions, clock: Clock) -> Self:
+        """Build the camera; it needs nothing of the driver."""
+        return cls(options, clock)
+
+    def start(self) -> None:
+        """Open the camera and take pictures on a thread.
+
+        Raises:
+            CameraError: If it cannot be opened.
+        """
+        if self._thread is not None:
+            return
+        options = self.options
+        reader = CameraReader(
+            options.device, options.width, options.height, options.frame_rate, options.encoding
+        )
+        reader.poll(time.monotonic())
+        if reader.video is None:
+            raise CameraError(reader.fault or "the camera cannot be opened")
+        if reader.video.encoding == "jpeg" and importlib.util.find_spec("cv2") is None:
+            path = reader.video.path
+            reader.close()
+            raise CameraError(
+                f"the camera {path} gives MJPEG alone, and nothing here can read it: on a brick "
+                "take a camera with YUYV (a Logitech C270 has it), or run the server on another "
+                "computer (drivelesson brick agent ADDRESS)"
+            )
+        self._ending.clear()
+        self._thread = threading.Thread(
+            target=self._watch, args=(reader,), name="v4l2-camera", daemon=True
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread and let go of the camera."""
+        if self._thread is not None:
+            self._ending.set()
+            self._thread.join(timeout=2.0)
+            self._thread = None
+
+    def _watch(self, reader: CameraReader) -> None:
+        try:
+            while not self._ending.is_set():
+                self._tick(reader)
+        finally:
+            reader.close()
+
+    def _tick(self, reader: CameraReader) -> None:
+        """Wait at most 50 ms for a picture; publish it, or report the fault."""
+        if reader.video is None:
+            self._ending.wait(0.05)
+        else:
+            select.select([reader.video], [], [], 0.05)
+        taken = reader.poll(time.monotonic())
+        if taken is not None and reader.video is not None:
+            self._publish(
+                taken.data,
+                width=reader.video.width,
+                height=reader.video.height,
+                encoding=Encoding(reader.video.encoding),
+                captured_s=self._on_clock(taken.taken_s),
+            )
+        elif reader.fault is not None and reader.fault != self._fault:
+            self._report_fault(reader.fault)

@@ -1,0 +1,241 @@
+"""One streaming camera, by the kernel's Video4Linux interface: ioctl and mmap, nothing else.
+
+Written for Python 3.5 and the standard library, since the agent on a brick carries it along.
+"""
+
+import fcntl
+import mmap
+import os
+import struct
+import time
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+
+from robot.bodies.v4l2.shrink import plan_shrinking, shrink_yuyv
+
+FMT = struct.Struct("@I0L200s")
+PIX = struct.Struct("=IIIIII")
+BUFFER = struct.Struct("@5Ill16s2IL3I0L")
+CAPTURE, MMAP = 1, 1
+FLAG_ERROR, FLAG_MONOTONIC, CLOCK_MASK = 0x40, 0x2000, 0xE000
+CAN_CAPTURE, CAN_STREAM, DEVICE_CAPS = 0x1, 0x04000000, 0x80000000
+FOURCC = {"yuyv": b"YUYV", "jpeg": b"MJPG"}
+N_BUFFERS = 2
+
+VideoFrame = NamedTuple("VideoFrame", [("data", bytes), ("taken_s", float)])
+"""The bytes as the camera gave them, and when, on this machine's monotonic clock."""
+
+
+def ioctl_number(way: int, number: int, size: int) -> int:
+    """Return the kernel's number of a video ioctl; way is 1 write, 2 read, 3 both."""
+    return way << 30 | size << 16 | ord("V") << 8 | number
+
+
+QUERYCAP = ioctl_number(2, 0, 104)
+ENUM_FMT = ioctl_number(3, 2, 64)
+S_FMT = ioctl_number(3, 5, FMT.size)
+REQBUFS = ioctl_number(3, 8, 20)
+QUERYBUF = ioctl_number(3, 9, BUFFER.size)
+QBUF = ioctl_number(3, 15, BUFFER.size)
+DQBUF = ioctl_number(3, 17, BUFFER.size)
+STREAMON = ioctl_number(1, 18, 4)
+STREAMOFF = ioctl_number(1, 19, 4)
+S_PARM = ioctl_number(3, 22, 204)
+ENUM_FRAMESIZES = ioctl_number(3, 74, 44)
+DISCRETE = 1
+
+
+class CaptureError(Exception):
+    """A camera is missing or refuses; the sentence says which and what to do."""
+
+
+class Video:
+    """One streaming camera. Ready to `read` when its `fileno` is readable."""
+
+    def __init__(self, device: str, width: int, height: int, rate: int, encoding: str) -> None:
+        self.path = first_camera() if device == "auto" else device
+        self._fd = self._open_device(self.path)
+        self._maps = []  # type: List[mmap.mmap]
+        try:
+            self._check_abilities()
+            self.encoding = self._choose_encoding(encoding)
+            self.width, self.height, self._stride = self._set_format(width, height)
+            self._shrinking = plan_shrinking(self.width, self.height, width, height)
+            self._n_rows = self.height
+            if self.encoding == "yuyv":
+                self.width, self.height = self._shrinking.width, self._shrinking.height
+            self._set_rate(rate)
+            self._map_buffers()
+            fcntl.ioctl(self._fd, STREAMON, struct.pack("i", CAPTURE))
+        except OSError as error:
+            self.close()
+            raise CaptureError(
+                "the camera {} refused: {}; unplug it and plug it in again".format(
+                    self.path, error.strerror
+                )
+            ) from error
+        except CaptureError:
+            self.close()
+            raise
+
+    @staticmethod
+    def _open_device(path: str) -> int:
+        try:
+            return os.open(path, os.O_RDWR | os.O_NONBLOCK)
+        except OSError as error:
+            raise CaptureError(
+                "no camera at {} ({}); plug it in, or name its device with --device".format(
+                    path, error.strerror
+                )
+            ) from error
+
+    def _check_abilities(self) -> None:
+        data = fcntl.ioctl(self._fd, QUERYCAP, bytes(104))
+        abilities, of_device = struct.unpack_from("=II", data, 84)
+        if abilities & DEVICE_CAPS:
+            abilities = of_device
+        if not (abilities & CAN_CAPTURE and abilities & CAN_STREAM):
+            raise CaptureError(
+                "{} is no camera that streams; name another with --device".format(self.path)
+            )
+
+    def _choose_encoding(self, wanted: str) -> str:
+        """YUYV where there is a choice: it needs no decoder here, and the page can show it."""
+        offered = _offered_codes(self._fd)
+        for name in ("yuyv", "jpeg") if wanted == "auto" else (wanted,):
+            if FOURCC[name] in offered:
+                return name
+        raise CaptureError(
+            "the camera {} gives no {}; it offers: {}".format(
+                self.path,
+                "YUYV or MJPEG" if wanted == "auto" else wanted,
+                ", ".join(code.decode("ascii", "replace") for code in offered) or "nothing",
+            )
+        )
+
+    def _set_format(self, width: int, height: int) -> Tuple[int, int, int]:
+        """Ask for a size; the camera answers with the nearest it has, and its bytes per row."""
+        code = struct.unpack("=I", FOURCC[self.encoding])[0]
+        wanted = PIX.pack(width, height, code, 1, 0, 0)
+        data = fcntl.ioctl(self._fd, S_FMT, FMT.pack(CAPTURE, wanted))
+        width, height, given, _, stride, _ = PIX.unpack_from(FMT.unpack(data)[1])
+        if given != code:
+            raise CaptureError("the camera {} changed its format".format(self.path))
+        return width, height, stride
+
+    def _set_rate(self, rate: int) -> None:
+        parm = struct.pack("=IIIII", CAPTURE, 0, 0, 1, rate) + bytes(184)
+        try:
+            fcntl.ioctl(self._fd, S_PARM, parm)
+        except OSError:
+            pass  # a camera with one fixed rate
+
+    def _buffer(self, index: int) -> bytearray:
+        zeros = bytes(16)
+        return bytearray(BUFFER.pack(index, CAPTURE, 0, 0, 0, 0, 0, zeros, 0, MMAP, 0, 0, 0, 0))
+
+    def _map_buffers(self) -> None:
+        data = fcntl.ioctl(self._fd, REQBUFS, struct.pack("=5I", N_BUFFERS, CAPTURE, MMAP, 0, 0))
+        for index in range(struct.unpack_from("=I", data)[0]):
+            buffer = self._buffer(index)
+            fcntl.ioctl(self._fd, QUERYBUF, buffer)
+            fields = BUFFER.unpack(buffer)
+            self._maps.append(
+                mmap.mmap(self._fd, fields[11], mmap.MAP_SHARED, offset=fields[10] & 0xFFFFFFFF)
+            )
+            fcntl.ioctl(self._fd, QBUF, buffer)
+
+    def fileno(self) -> int:
+        """The descriptor to wait on."""
+        return self._fd
+
+    def read(self) -> Optional[VideoFrame]:
+        """Return the newest waiting picture and drop older ones; None if none waits.
+
+        Raises:
+            OSError: If the camera is gone.
+        """
+        newest = None
+        while True:
+            buffer = self._buffer(0)
+            try:
+                fcntl.ioctl(self._fd, DQBUF, buffer)
+            except BlockingIOError:
+                return newest
+            fields = BUFFER.unpack(buffer)
+            if not fields[3] & FLAG_ERROR:
+                newest = self._take(fields) or newest
+            fcntl.ioctl(self._fd, QBUF, buffer)
+
+    def _take(self, fields: Tuple[Any, ...]) -> Optional[VideoFrame]:
+        index, used, flags = fields[0], fields[2], fields[3]
+        taken_s = fields[5] + fields[6] / 1e6
+        if flags & CLOCK_MASK != FLAG_MONOTONIC:
+            taken_s = time.monotonic()
+        data = self._maps[index][:used]
+        if self.encoding == "yuyv":
+            if len(data) < self._stride * self._n_rows:
+                return None  # a torn picture
+            data = shrink_yuyv(data, self._stride, self._shrinking)
+        return VideoFrame(data, taken_s) if data else None
+
+    def close(self) -> None:
+        """Stop streaming and let go of the device; idempotent."""
+        if self._fd >= 0:
+            try:
+                fcntl.ioctl(self._fd, STREAMOFF, struct.pack("i", CAPTURE))
+            except OSError:
+                pass  # it is gone
+            for picture in self._maps:
+                picture.close()
+            os.close(self._fd)
+            self._fd = -1
+
+
+def list_cameras() -> List[str]:
+    """Return the video devices that there are, by number."""
+    names = [name for name in os.listdir("/dev") if name.startswith("video")]
+    numbers = sorted(int(name[5:]) for name in names if name[5:].isdigit())
+    return ["/dev/video{}".format(number) for number in numbers]
+
+
+def first_camera() -> str:
+    """Return the first video device that there is; /dev/video0 if there is none."""
+    return (list_cameras() or ["/dev/video0"])[0]
+
+
+def describe_camera(path: str) -> Dict[str, List[str]]:
+    """Return what a camera offers: each encoding, as the camera names it, with its sizes.
+
+    Raises:
+        CaptureError: If it cannot be opened.
+    """
+    fd = Video._open_device(path)
+    try:
+        codes = _offered_codes(fd)
+        return {code.decode("ascii", "replace"): _offered_sizes(fd, code) for code in codes}
+    finally:
+        os.close(fd)
+
+
+def _offered_codes(fd: int) -> List[bytes]:
+    codes = []
+    for index in range(64):
+        try:
+            data = fcntl.ioctl(fd, ENUM_FMT, struct.pack("=II", index, CAPTURE) + bytes(56))
+        except OSError:
+            break
+        codes.append(data[44:48])
+    return codes
+
+
+def _offered_sizes(fd: int, code: bytes) -> List[str]:
+    sizes = []
+    for index in range(64):
+        try:
+            data = fcntl.ioctl(fd, ENUM_FRAMESIZES, struct.pack("=I", index) + code + bytes(36))
+        except OSError:
+            break
+        kind, width, height = struct.unpack_from("=III", data, 8)
+        if kind == DISCRETE:
+            sizes.append("{}x{}".format(width, height))
+    return sizes

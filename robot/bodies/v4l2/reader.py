@@ -1,0 +1,58 @@
+"""A camera that is looked after: opened, watched, and opened again when it was lost. Python 3.5."""
+
+from typing import Optional
+
+from robot.bodies.v4l2.device import CaptureError, Video, VideoFrame
+from robot.devices.freshness import REOPEN_S, Freshness
+
+
+class CameraReader:
+    """A camera that is looked after: opened, watched, and opened again when it was lost."""
+
+    def __init__(self, device: str, width: int, height: int, rate: int, encoding: str) -> None:
+        self._wanted = (device, width, height, rate, encoding)
+        self._freshness = Freshness(0.0)
+        self._next_try_s = 0.0
+        self.video = None  # type: Optional[Video]
+        self.fault = None  # type: Optional[str]
+
+    def poll(self, now_s: float) -> Optional[VideoFrame]:
+        """Return a new picture if there is one; never blocks, never raises. Sets `fault`."""
+        if self.video is None and now_s >= self._next_try_s:
+            self._reopen(now_s)
+        if self.video is None:
+            return None
+        try:
+            frame = self.video.read()
+        except OSError as error:
+            self._lose("was unplugged ({})".format(error.strerror), now_s)
+            return None
+        if frame is not None and self._freshness.is_new(frame.data, now_s):
+            self.fault = None
+            return frame
+        wrong = self._freshness.fault(now_s)
+        if wrong is not None:
+            self._lose(wrong, now_s)
+        return None
+
+    def _reopen(self, now_s: float) -> None:
+        self._next_try_s = now_s + REOPEN_S
+        try:
+            self.video = Video(*self._wanted)
+        except CaptureError as error:
+            self.fault = self.fault or "Camera: {}".format(error)
+        else:
+            before, self._freshness = self._freshness, Freshness(now_s)
+            self._freshness.continue_from(before)
+
+    def _lose(self, what: str, now_s: float) -> None:
+        path = self.video.path if self.video else self._wanted[0]
+        self.fault = "The camera {} {}; check its cable, it is picked up again.".format(path, what)
+        self.close()
+        self._next_try_s = now_s + REOPEN_S
+
+    def close(self) -> None:
+        """Let go of the camera; idempotent."""
+        if self.video is not None:
+            self.video.close()
+            self.video = None

@@ -1,0 +1,250 @@
+"""A driver on a thread of its own, for bodies that answer over a network.
+
+The control loop must never wait for a body: at 45 ms a request it would run at 10 Hz, drive at half
+speed and learn under half the examples. So the loop leaves its newest action in one slot, and a
+thread hands the body whatever is newest when the body is ready; what came between is never sent.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
+
+from robot.clock import Clock, Worker
+from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver, Move
+from robot.errors import DriveError, NotConnectedError
+from robot.types import Action, Mode, Prediction, Sensors
+
+SENSE_EVERY_S = 0.1
+"""How often the sensors are read while actions wait; with nothing to do, as often."""
+STALE_S = 0.25
+"""An action that waited longer is not sent any more: the loop that wanted it was held up."""
+SILENT_S = 0.5
+"""A request that takes longer is a fault. The body's own time limit has ended the move by then."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Order:
+    action: Action
+    speed_scale: float
+    queued_s: float
+
+
+class DriverThread(Driver):
+    """Wraps a driver that says `is_remote`; the loop's calls return at once.
+
+    A fault of the body is raised by the next call, and by every one until a request succeeds.
+    `step` does one request and is what the thread repeats; tests in virtual time call it
+    themselves and start no thread.
+
+    Args:
+        driver: The driver that may block.
+        clock: The loop's.
+        threaded: False for tests that call `step`.
+    """
+
+    name: ClassVar[str] = "driver-thread"
+    default_camera: ClassVar[str] = ""
+    options_type: ClassVar[type[Any]] = object
+
+    def __init__(self, driver: Driver, clock: Clock, *, threaded: bool = True) -> None:
+        self.driver = driver
+        self._clock = clock
+        self._threaded = threaded
+        self._lock = threading.Lock()
+        self._due = threading.Event()
+        self._thread: Worker | None = None
+        self._ending = False
+        self._order: _Order | None = None
+        self._must_stop = False
+        self._mode: Mode | None = None
+        self._sensors = Sensors()
+        self._sensed_s = -SENSE_EVERY_S
+        self._button: BodyButton | None = None
+        self._faults: dict[str, Exception] = {}
+        self._driven = Action.STOP
+        self._request_s: float | None = None
+
+    @property
+    def declared_moves(self) -> tuple[Move, ...]:  # type: ignore[override]
+        """What the body declares."""
+        return self.driver.declared_moves
+
+    @property
+    def moves(self) -> tuple[Action, ...]:
+        """What the body can do."""
+        return self.driver.moves
+
+    @property
+    def track_m(self) -> float | None:  # type: ignore[override]
+        """What the body says."""
+        return self.driver.track_m
+
+    def wheels_mps(self, action: Action) -> tuple[float, float] | None:
+        """Return what the body says."""
+        return self.driver.wheels_mps(action)
+
+    @property
+    def is_connected(self) -> bool:
+        """True if the body is connected."""
+        return self.driver.is_connected
+
+    @property
+    def takes_advice(self) -> bool:
+        """True if the body takes it."""
+        return self.driver.takes_advice
+
+    def advise(self, prediction: Prediction) -> None:
+        """Hand it on; it returns at once."""
+        self.driver.advise(prediction)
+
+    def announce(self, address: str) -> None:
+        """Hand on the page's address; called before `connect`, so on the caller's thread."""
+        self.driver.announce(address)
+
+    def connect(self) -> None:
+        """Connect the body, and begin to serve it; raises as the body does."""
+        self.driver.connect()
+        if self._thread is None and self._threaded:
+            self._ending = False
+            self._thread = self._clock.start_thread(self._run, "driver")
+
+    def disconnect(self) -> None:
+        """End the thread, stop the body and disconnect it; waits for a request under way."""
+        self._ending = True
+        self._due.set()
+        if self._thread is not None:
+            self._thread.join(timeout=4 * SILENT_S)
+            self._thread = None
+        with self._lock:
+            self._order, self._must_stop, self._request_s = None, False, None
+            self._sensors, self._button, self._mode = Sensors(), None, None
+            self._faults.clear()
+        self.driver.disconnect()
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        """Leave the action for the body; see `Driver`. It replaces one that still waits."""
+        self.driver.check_action(action, speed_scale)
+        if not self.driver.is_connected:
+            raise NotConnectedError(f"the robot {self.driver.name!r} is not connected")
+        with self._lock:
+            self._order = _Order(action, speed_scale, self._clock.now_s())
+        self._due.set()
+        self._raise_fault("drive")
+        return action
+
+    def sense(self) -> Sensors:
+        """Return what was read last, a tenth of a second ago or so."""
+        self._raise_fault("sense")
+        return self._sensors
+
+    def stop(self) -> None:
+        """Have the body stopped before anything else; what waits is dropped."""
+        with self._lock:
+            self._order, self._must_stop = None, True
+        self._due.set()
+        if self._thread is None and self._threaded:
+            self.driver.stop()
+
+    def take_button(self) -> BodyButton | None:
+        """Return what the body's button asked for when it was read last."""
+        with self._lock:
+            button, self._button = self._button, None
+        return button
+
+    def show(self, mode: Mode) -> None:
+        """Have the body show the mode."""
+        with self._lock:
+            self._mode = mode
+        self._due.set()
+
+    # On the thread -----------------------------------------------------------------------------
+
+    def step(self) -> bool:
+        """Do the one request that is most due: stop, drive, sense or show; False if none is."""
+        now_s = self._clock.now_s()
+        with self._lock:
+            request = self._choose(now_s)
+            self._request_s = None if request is None else now_s
+        if request is None:
+            return False
+        try:
+            request()
+        finally:
+            self._request_s = None
+        return True
+
+    def _choose(self, now_s: float) -> Callable[[], None] | None:
+        """Take what is most due out of its slot: to stop, then to sense or drive, then to show.
+
+        A new action goes before the sensors, once; the renewal of the last one goes after them.
+        """
+        order, since_s = self._order, now_s - self._sensed_s
+        is_new = order is not None and order.action is not self._driven
+        if self._must_stop:
+            self._must_stop = False
+            return self._stop
+        if since_s >= SENSE_EVERY_S and not (is_new and since_s < 2 * SENSE_EVERY_S):
+            return partial(self._sense, now_s)
+        if order is not None:
+            self._order = None
+            return partial(self._drive, order, now_s)
+        if self._mode is not None:
+            mode, self._mode = self._mode, None
+            return partial(self.driver.show, mode)
+        return None
+
+    def _stop(self) -> None:
+        with self._noting("drive"):
+            self._driven = Action.STOP
+            self.driver.stop()
+
+    def _drive(self, order: _Order, now_s: float) -> None:
+        with self._noting("drive"):
+            self._driven = order.action
+            if now_s - order.queued_s > STALE_S:
+                self.driver.stop()
+            else:
+                self.driver.send_action(order.action, speed_scale=order.speed_scale)
+
+    def _sense(self, now_s: float) -> None:
+        self._sensed_s = now_s
+        with self._noting("sense"):
+            self._sensors = self.driver.sense()
+            button = self.driver.take_button()
+            if button is not None:
+                self._button = button
+
+    @contextlib.contextmanager
+    def _noting(self, kind: str) -> Iterator[None]:
+        """Keep what goes wrong for the loop's thread, which raises it and stops."""
+        try:
+            yield
+            self._faults.pop(kind, None)
+        except Exception as error:
+            self._faults[kind] = error
+
+    def _run(self) -> None:
+        while not self._ending:
+            if not self.step():
+                self._clock.wait(self._due, SENSE_EVERY_S)
+                self._due.clear()
+        with contextlib.suppress(Exception):
+            self.driver.stop()
+
+    def _raise_fault(self, kind: str) -> None:
+        request_s = self._request_s
+        if request_s is not None and self._clock.now_s() - request_s > SILENT_S:
+            raise DriveError(
+                f"the robot {self.driver.name!r} does not answer; is it switched on and in reach?"
+            )
+        fault = self._faults.get(kind)
+        if fault is not None:
+            raise fault
+
+
+assert STALE_S < ACTION_TIMEOUT_S < SILENT_S

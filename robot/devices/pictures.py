@@ -1,0 +1,123 @@
+"""Picture files from other programs: checked before use; JPEG bytes are kept unchanged."""
+
+from __future__ import annotations
+
+import io
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robot.errors import MissingExtraError, RecordingError
+from robot.policy.image import to_rgb
+from robot.policy.png import encode_png
+from robot.types import Encoding, Frame
+
+MAX_FILE_BYTES = 32 * 2**20
+MAX_SIDE_PX = 4096
+_PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG = b"\xff\xd8\xff"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """One picture: a JPEG as it was, or the pixels of a PNG as RGB."""
+
+    encoding: Encoding
+    width: int
+    height: int
+    data: bytes
+
+
+def read_picture_file(folder: Path, name: str) -> Picture:
+    """Read a picture of a folder, by an untrusted name.
+
+    Raises:
+        RecordingError: If the name leads out of the folder, there is no such file, or it is no
+            picture of a sensible size.
+    """
+    path = folder / name
+    try:
+        if not path.resolve().is_relative_to(folder.resolve()):
+            raise RecordingError(f"{name[:80]!r} leads out of the folder {folder}")
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise RecordingError(f"the picture {path} is too large")
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:
+        if isinstance(error, RecordingError):
+            raise
+        raise RecordingError(f"the picture {name[:80]!r} cannot be read: {error}") from error
+    return read_picture(data, str(path))
+
+
+def read_picture(data: bytes, name: str) -> Picture:
+    """Check the bytes of a JPEG or PNG by decoding them once.
+
+    Raises:
+        RecordingError: If they are no picture, damaged, or larger than 4096 pixels a side.
+        MissingExtraError: If OpenCV is not installed.
+    """
+    size = _size(data)
+    if size is None:
+        raise RecordingError(f"{name} is not a picture (JPEG or PNG)")
+    width, height = size
+    if not (0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX):
+        raise RecordingError(
+            f"{name} claims to be {width}x{height} pixels, more than the {MAX_SIDE_PX} allowed"
+        )
+    pixels = _decode(data)
+    if pixels is None or pixels.shape != (height, width, 3):
+        raise RecordingError(f"{name} is a damaged picture")
+    if data.startswith(_JPEG):
+        return Picture(encoding=Encoding.JPEG, width=width, height=height, data=data)
+    return Picture(encoding=Encoding.RGB, width=width, height=height, data=pixels.tobytes())
+
+
+def write_picture(frame: Frame, folder: Path, stem: str) -> str:
+    """Write a frame as a file, without loss, and return its name: `.jpg` as it was, else `.png`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    is_jpeg = frame.encoding is Encoding.JPEG
+    name = f"{stem}.jpg" if is_jpeg else f"{stem}.png"
+    data = frame.data if is_jpeg else encode_png(to_rgb(frame), level=3)
+    (folder / name).write_bytes(data)
+    return name
+
+
+def _size(data: bytes) -> tuple[int, int] | None:
+    """Read width and height from the header, before anything is decoded."""
+    if not data.startswith((_PNG, _JPEG)):
+        return None
+    try:
+        import imagesize
+    except ImportError as error:
+        raise MissingExtraError("reading pictures", "camera") from error
+    try:
+        width, height = imagesize.get(io.BytesIO(data))
+    except (ValueError, struct.error):
+        return None
+    return (int(width), int(height)) if width > 0 and height > 0 else None
+
+
+def jpeg_size(data: bytes) -> tuple[int, int]:
+    """Return width and height of a JPEG, from its header; nothing is decoded.
+
+    Raises:
+        RecordingError: If it is none.
+    """
+    size = _size(data) if data.startswith(_JPEG) else None
+    if size is None:
+        raise RecordingError("not a JPEG")
+    return size
+
+
+def _decode(data: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]] | None:
+    try:
+        import cv2
+    except ImportError as error:
+        raise MissingExtraError("reading pictures", "camera") from error
+    try:
+        bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:
+        return None
+    return None if bgr is None else np.ascontiguousarray(bgr[:, :, ::-1]).astype(np.uint8)

@@ -1,0 +1,77 @@
+"""Drivers and cameras by name: found among the entry points, ours and other people's alike."""
+
+from __future__ import annotations
+
+import sys
+from importlib.metadata import entry_points
+from typing import Any
+
+import robot.driver
+from robot.camera import Camera
+from robot.driver import Driver
+from robot.errors import MissingExtraError, PluginError, did_you_mean
+
+DRIVERS = "drivelesson.drivers"
+CAMERAS = "drivelesson.cameras"
+OWN = "drivelesson"
+"""The distribution that this program is installed as."""
+
+sys.modules.setdefault("robot.moves", robot.driver)  # where plugins of version 0.2 look for moves
+
+
+def driver_names(*, own_only: bool = False) -> list[str]:
+    """Names of all installed drivers, sorted; `own_only`: of those that come with this program."""
+    return _names(DRIVERS, own_only)
+
+
+def camera_names(*, own_only: bool = False) -> list[str]:
+    """Names of all installed cameras, sorted; `own_only` as for `driver_names`."""
+    return _names(CAMERAS, own_only)
+
+
+def _names(group: str, own_only: bool) -> list[str]:
+    points = entry_points(group=group)
+    return sorted(
+        {point.name for point in points if not own_only or (point.dist and point.dist.name == OWN)}
+    )
+
+
+def load_driver(name: str) -> type[Driver]:
+    """Return the driver class of this name.
+
+    There is no fall-back: a robot that silently is not there is worse than an error.
+
+    Raises:
+        PluginError: If there is none, or it is not a driver.
+        MissingExtraError: If a library it needs is not installed.
+    """
+    found = _load(DRIVERS, name, "robot")
+    if not issubclass(found, Driver):
+        raise PluginError(f"the robot {name!r} is not a Driver: {found!r}")
+    return found
+
+
+def load_camera(name: str) -> type[Camera]:
+    """Return the camera class of this name; raises as `load_driver` does."""
+    found = _load(CAMERAS, name, "camera")
+    if not issubclass(found, Camera):
+        raise PluginError(f"the camera {name!r} is not a Camera: {found!r}")
+    return found
+
+
+def _load(group: str, name: str, kind: str) -> type[Any]:
+    points = {point.name: point for point in entry_points(group=group)}
+    if name not in points:
+        raise PluginError(
+            f"unknown {kind} {name!r}{did_you_mean(name, points)}; "
+            f"installed: {', '.join(sorted(points))}"
+        )
+    try:
+        found = points[name].load()
+    except MissingExtraError:
+        raise
+    except (ImportError, AttributeError) as error:
+        raise PluginError(f"the {kind} {name!r} cannot be loaded: {error}") from error
+    if not isinstance(found, type):
+        raise PluginError(f"the {kind} {name!r} is not a class: {found!r}")
+    return found

@@ -1,0 +1,98 @@
+"""A whole robot, put together by name: body, camera, policy and the loop between them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from typing import Any
+
+from robot.camera import Camera
+from robot.clock import Clock, RealClock
+from robot.control.loop import ControlLoop, LoopConfig
+from robot.control.state import Tick
+from robot.control.thread import LoopThread
+from robot.devices.driver_thread import DriverThread
+from robot.devices.options import make_options
+from robot.devices.plugins import load_camera, load_driver
+from robot.driver import Driver
+from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
+from robot.types import StartStop
+
+
+class Rig(StartStop):
+    """Owns the parts, and starts and stops them in the right order. A context manager."""
+
+    def __init__(
+        self,
+        driver: Driver,
+        camera: Camera,
+        policy: Policy,
+        clock: Clock | None = None,
+        config: LoopConfig | None = None,
+        wake: threading.Event | None = None,
+    ) -> None:
+        self.clock = clock or RealClock()
+        self.driver = driver
+        self.camera = camera
+        self.loop = ControlLoop(driver, camera, policy, self.clock, config, wake)
+        self._thread = LoopThread(self.loop, self.clock)
+        if driver.takes_advice:
+            self.loop.subscribe(self._advise)
+
+    def start(self) -> None:
+        """Connect the body, start the camera, and run the loop.
+
+        Raises:
+            RobotError: If the hardware is not there; whatever was started is stopped again.
+        """
+        try:
+            self.driver.connect()
+            self.camera.start()
+        except BaseException:
+            self.stop()
+            raise
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop the robot, end the loop, and let go of the hardware; idempotent."""
+        self._thread.stop()
+        self.camera.stop()
+        self.driver.disconnect()
+
+    def _advise(self, tick: Tick) -> None:
+        if tick.frame is not None and tick.prediction is not None:
+            self.driver.advise(tick.prediction)
+
+
+def build_rig(
+    robot: str,
+    *,
+    camera: str | None = None,
+    learner: str = "default-32",
+    moves: tuple[Any, ...] | None = None,
+    options: Mapping[str, Any] | None = None,
+    config: LoopConfig | None = None,
+) -> Rig:
+    """Put a robot together from names; nothing is opened before `start`.
+
+    Args:
+        robot: Name of a driver.
+        camera: Name of a camera; None for the one that the driver comes with.
+        learner: Name of a policy, such as `default-32`.
+        moves: What the robot may learn to do; None for the driver's `first_moves`.
+        options: Values for the options that driver and camera declare, by name.
+        config: The loop's limits.
+
+    Raises:
+        RobotError: If a name, an option or a library is missing; the message says which.
+    """
+    given = options or {}
+    clock = RealClock()
+    driver_type = load_driver(robot)
+    driver = driver_type(make_options(driver_type.options_type, given))
+    camera_type = load_camera(camera or driver_type.default_camera)
+    eye = camera_type.for_driver(driver, make_options(camera_type.options_type, given), clock)
+    policy = make_policy(learner, moves=moves or driver.first_moves)
+    body = DriverThread(driver, clock) if driver.is_remote else driver
+    return Rig(body, eye, policy, clock, config)

@@ -1,0 +1,223 @@
+"""The robot's body: how wheels move it, what it bumps into, and what its sonar measures. Pure.
+
+Speeds are the paper's: 16 cm/s forward; a turn drives one wheel backward at a quarter of that
+while the other stands, which turns the robot by 18.5 degrees a second about the standing wheel.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.devices.simulation.world import Obstacle, World
+from robot.types import Action, Pose
+
+FORWARD_MPS = 0.16
+TURNING_WHEEL_MPS = 0.04
+TRACK_M = TURNING_WHEEL_MPS / math.radians(18.5)
+RADIUS_M = 0.09
+"""The body is a disc as far as walls are concerned."""
+
+WHEELS_MPS: Mapping[Action, tuple[float, float]] = {
+    Action.STOP: (0.0, 0.0),
+    Action.FORWARD: (FORWARD_MPS, FORWARD_MPS),
+    Action.LEFT: (-TURNING_WHEEL_MPS, 0.0),
+    Action.RIGHT: (0.0, -TURNING_WHEEL_MPS),
+    Action.BACKWARD: (-FORWARD_MPS / 2, -FORWARD_MPS / 2),
+    Action.SPIN_LEFT: (-TURNING_WHEEL_MPS, TURNING_WHEEL_MPS),
+    Action.SPIN_RIGHT: (TURNING_WHEEL_MPS, -TURNING_WHEEL_MPS),
+}
+"""Speed of the left and the right wheel for each action."""
+
+SONAR_RANGE_M = 2.55
+SONAR_HALF_CONE_RAD = math.radians(12.5)
+_SONAR_RAYS = 7
+_BUMPER_HALF_ARC_RAD = math.radians(80)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contact:
+    """The body touches something; `bearing_rad` is where, relative to straight ahead."""
+
+    bearing_rad: float
+
+    @property
+    def presses_left(self) -> bool:
+        """True if it presses the left bump sensor."""
+        return -math.radians(10) <= self.bearing_rad <= _BUMPER_HALF_ARC_RAD
+
+    @property
+    def presses_right(self) -> bool:
+        """True if it presses the right bump sensor."""
+        return -_BUMPER_HALF_ARC_RAD <= self.bearing_rad <= math.radians(10)
+
+
+def move(pose: Pose, left_mps: float, right_mps: float, dt_s: float) -> Pose:
+    """Return where the wheels bring the robot in `dt_s`, walls aside: an arc of a circle."""
+    turn_rad = (right_mps - left_mps) / TRACK_M * dt_s
+    way_m = (left_mps + right_mps) / 2 * dt_s
+    middle_rad = pose.heading_rad + turn_rad / 2
+    return Pose(
+        x_m=pose.x_m + way_m * math.cos(middle_rad),
+        y_m=pose.y_m + way_m * math.sin(middle_rad),
+        heading_rad=_wrap(pose.heading_rad + turn_rad),
+    )
+
+
+def push_out(world: World, pose: Pose) -> tuple[Pose, list[Contact]]:
+    """Move the body out of whatever it has run into, so that it slides along; list the contacts."""
+    x_m, y_m = pose.x_m, pose.y_m
+    contacts: list[Contact] = []
+    for _ in range(3):  # in a corner, being pushed out of one wall may push into the other
+        normals = list(_overlaps(world, x_m, y_m))
+        if not normals:
+            break
+        for normal_x, normal_y, depth_m in normals:
+            x_m += normal_x * depth_m
+            y_m += normal_y * depth_m
+            bearing_rad = _wrap(math.atan2(-normal_y, -normal_x) - pose.heading_rad)
+            contacts.append(Contact(bearing_rad=bearing_rad))
+    return Pose(x_m=x_m, y_m=y_m, heading_rad=pose.heading_rad), contacts
+
+
+def sonar_m(world: World, pose: Pose) -> float:
+    """Return the distance to the nearest thing in the sonar's cone, from the body's front edge."""
+    nearest_m = SONAR_RANGE_M + RADIUS_M
+    for ray in range(_SONAR_RAYS):
+        offset_rad = SONAR_HALF_CONE_RAD * (2 * ray / (_SONAR_RAYS - 1) - 1)
+        nearest_m = min(nearest_m, _ray_m(world, pose, pose.heading_rad + offset_rad))
+    return max(nearest_m - RADIUS_M, 0.0)
+
+
+def ranges_m(world: World, pose: Pose, bearings_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the free way from the body's middle in many directions, relative to straight ahead."""
+    angles = pose.heading_rad + bearings_rad
+    steps_x, steps_y = np.cos(angles), np.sin(angles)
+    with np.errstate(divide="ignore"):  # along a wall the way to it is infinite
+        to_x = np.abs(np.where(steps_x > 0, world.width_m - pose.x_m, pose.x_m) / steps_x)
+        to_y = np.abs(np.where(steps_y > 0, world.depth_m - pose.y_m, pose.y_m) / steps_y)
+    ranges = np.minimum(to_x, to_y)
+    for obstacle in world.obstacles:
+        ranges = np.minimum(ranges, _ranges_to_m(obstacle, pose, steps_x, steps_y))
+    return ranges
+
+
+def _ranges_to_m(
+    obstacle: Obstacle, pose: Pose, steps_x: NDArray[np.float64], steps_y: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """As `_ray_to_obstacle_m`, for many rays at once."""
+    from_x, from_y = _into(obstacle, pose.x_m - obstacle.x_m, pose.y_m - obstacle.y_m)
+    cos, sin = math.cos(obstacle.heading_rad), math.sin(obstacle.heading_rad)
+    rays_x, rays_y = steps_x * cos + steps_y * sin, steps_y * cos - steps_x * sin
+    if obstacle.shape == "cylinder":
+        half = from_x * rays_x + from_y * rays_y
+        inside = half * half - (from_x**2 + from_y**2 - (obstacle.width_m / 2) ** 2)
+        enter = -half - np.sqrt(np.maximum(inside, 0.0))
+        return np.where((inside >= 0) & (enter >= 0), enter, np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sides_x = np.stack((-obstacle.width_m / 2 - from_x, obstacle.width_m / 2 - from_x))
+        sides_y = np.stack((-obstacle.depth_m / 2 - from_y, obstacle.depth_m / 2 - from_y))
+        x = np.sort(sides_x[:, None] / rays_x, axis=0)
+        y = np.sort(sides_y[:, None] / rays_y, axis=0)
+    enter = np.fmax(np.fmax(x[0], y[0]), 0.0)
+    leave = np.fmin(x[1], y[1])
+    return np.where(enter <= leave, enter, np.inf)
+
+
+def _overlaps(world: World, x_m: float, y_m: float) -> Iterator[tuple[float, float, float]]:
+    """Yield the unit normal and depth of each overlap of the disc at (x, y)."""
+    if x_m < RADIUS_M:
+        yield 1.0, 0.0, RADIUS_M - x_m
+    if x_m > world.width_m - RADIUS_M:
+        yield -1.0, 0.0, x_m - (world.width_m - RADIUS_M)
+    if y_m < RADIUS_M:
+        yield 0.0, 1.0, RADIUS_M - y_m
+    if y_m > world.depth_m - RADIUS_M:
+        yield 0.0, -1.0, y_m - (world.depth_m - RADIUS_M)
+    for obstacle in world.obstacles:
+        overlap = overlap_with(obstacle, x_m, y_m)
+        if overlap is not None:
+            yield overlap
+
+
+def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> tuple[float, float, float] | None:
+    """Return unit normal and depth of the body's overlap with one thing; None if there is none."""
+    along, across = _into(obstacle, x_m - obstacle.x_m, y_m - obstacle.y_m)
+    if obstacle.shape == "cylinder":
+        near_x = near_y = 0.0
+        reach_m = RADIUS_M + obstacle.width_m / 2
+    else:
+        near_x = _clamp(along, obstacle.width_m / 2)
+        near_y = _clamp(across, obstacle.depth_m / 2)
+        reach_m = RADIUS_M
+    gap_x, gap_y = along - near_x, across - near_y
+    gap_m = math.hypot(gap_x, gap_y)
+    if gap_m >= reach_m:
+        return None
+    if (
+        gap_m == 0.0
+    ):  # the centre is inside: leave by the way it came, which is away from the middle
+        gap_x, gap_y, gap_m = along or 1.0, across, math.hypot(along or 1.0, across)
+        reach_m = gap_m + RADIUS_M
+    normal_x, normal_y = _out_of(obstacle, gap_x / gap_m, gap_y / gap_m)
+    return normal_x, normal_y, reach_m - gap_m
+
+
+def _ray_m(world: World, pose: Pose, angle_rad: float) -> float:
+    """Return how far a ray from the robot's centre goes before it meets something."""
+    step_x, step_y = math.cos(angle_rad), math.sin(angle_rad)
+    far_m = math.inf
+    if step_x:
+        far_m = min(far_m, ((world.width_m if step_x > 0 else 0.0) - pose.x_m) / step_x)
+    if step_y:
+        far_m = min(far_m, ((world.depth_m if step_y > 0 else 0.0) - pose.y_m) / step_y)
+    for obstacle in world.obstacles:
+        far_m = min(far_m, _ray_to_obstacle_m(obstacle, pose, step_x, step_y))
+    return far_m
+
+
+def _ray_to_obstacle_m(obstacle: Obstacle, pose: Pose, step_x: float, step_y: float) -> float:
+    from_x, from_y = _into(obstacle, pose.x_m - obstacle.x_m, pose.y_m - obstacle.y_m)
+    ray_x, ray_y = _into(obstacle, step_x, step_y)
+    if obstacle.shape == "cylinder":
+        half = from_x * ray_x + from_y * ray_y
+        rest = from_x**2 + from_y**2 - (obstacle.width_m / 2) ** 2
+        root = half * half - rest
+        enter_m = -half - math.sqrt(root) if root >= 0 else math.inf
+        return enter_m if enter_m >= 0 else math.inf
+    enter_m, leave_m = 0.0, math.inf
+    for start, step, half in (
+        (from_x, ray_x, obstacle.width_m / 2),
+        (from_y, ray_y, obstacle.depth_m / 2),
+    ):
+        if abs(step) < 1e-12:
+            if abs(start) > half:
+                return math.inf
+            continue
+        first, second = sorted(((-half - start) / step, (half - start) / step))
+        enter_m, leave_m = max(enter_m, first), min(leave_m, second)
+    return enter_m if enter_m <= leave_m else math.inf
+
+
+def _into(obstacle: Obstacle, x: float, y: float) -> tuple[float, float]:
+    """Turn a vector of the room into the obstacle's own axes."""
+    cos, sin = math.cos(obstacle.heading_rad), math.sin(obstacle.heading_rad)
+    return x * cos + y * sin, y * cos - x * sin
+
+
+def _out_of(obstacle: Obstacle, x: float, y: float) -> tuple[float, float]:
+    cos, sin = math.cos(obstacle.heading_rad), math.sin(obstacle.heading_rad)
+    return x * cos - y * sin, x * sin + y * cos
+
+
+def _clamp(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value))
+
+
+def _wrap(angle_rad: float) -> float:
+    """Return the same angle between -pi and pi."""
+    return math.remainder(angle_rad, math.tau)

@@ -1,0 +1,88 @@
+"""The simulated robot: a driver like any other."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from robot.devices.simulation.simulation import Simulation
+from robot.devices.simulation.world import load_world
+from robot.driver import ACTION_TIMEOUT_S, CLASSIC, Driver
+from robot.errors import NotConnectedError
+from robot.types import Action, Sensors
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimOptions:
+    """What a person may choose."""
+
+    world: str = field(
+        default="box", metadata={"help": "a world's name, or the path of a TOML file"}
+    )
+    seed: int = field(
+        default=1, metadata={"help": "decides start, floor and noise", "range": (0, 2**32 - 1)}
+    )
+
+
+class SimDriver(Driver):
+    """Drives a `Simulation`. Time passes when somebody calls `advance`: the simulated camera,
+    on its thread, or an experiment."""
+
+    name: ClassVar[str] = "sim"
+    default_camera: ClassVar[str] = "sim"
+    options_type: ClassVar[type[Any]] = SimOptions
+
+    declared_moves = tuple(CLASSIC.values())
+
+    def __init__(self, options: SimOptions) -> None:
+        self.simulation = Simulation(load_world(options.world), options.seed)
+        self._lock = threading.Lock()
+        self._connected = False
+        self._left_s = 0.0
+
+    @property
+    def is_connected(self) -> bool:
+        """True between `connect` and `disconnect`."""
+        return self._connected
+
+    def connect(self) -> None:
+        """Get ready; there is nothing to open."""
+        self._connected = True
+
+    def disconnect(self) -> None:
+        """Stop."""
+        self.stop()
+        self._connected = False
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        """Move so for at most `ACTION_TIMEOUT_S` of simulated time; see `Driver`."""
+        self.check_action(action, speed_scale)
+        if not self._connected:
+            raise NotConnectedError("the simulated robot is not connected; call connect() first")
+        with self._lock:
+            self.simulation.action = action
+            self.simulation.speed_scale = speed_scale
+            self._left_s = ACTION_TIMEOUT_S
+        return action
+
+    def sense(self) -> Sensors:
+        """Read sonar, bumpers and the true pose."""
+        with self._lock:
+            return self.simulation.sense()
+
+    def stop(self) -> None:
+        """Stop now."""
+        with self._lock:
+            self.simulation.action = Action.STOP
+
+    def advance(self, dt_s: float) -> None:
+        """Let time pass in the world; an action that was not renewed in time ends."""
+        with self._lock:
+            moving_s = min(dt_s, self._left_s)
+            if moving_s > 0:
+                self.simulation.step(moving_s)
+            self._left_s -= moving_s
+            if dt_s > moving_s:
+                self.simulation.action = Action.STOP
+                self.simulation.step(dt_s - moving_s)

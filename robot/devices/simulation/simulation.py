@@ -1,0 +1,182 @@
+"""A simulated robot in a world: body, sensors, camera and chance, moved by `step`.
+
+It uses no clock and no thread. The driver and the camera of the simulator run it in real time;
+experiments step it as fast as they can. The same world, seed and actions give the same numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.devices.simulation.body import WHEELS_MPS, Contact, move, push_out, sonar_m
+from robot.devices.simulation.renderer import Renderer
+from robot.devices.simulation.things import move_things
+from robot.devices.simulation.world import World
+from robot.types import Action, Pose, Sensors
+
+_LONGEST_STEP_S = 0.02
+DRIFT_S = 1.0
+"""For about so long the wheels drift to one side."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """How far the simulated world is from a perfect one: standard deviations."""
+
+    wheel_share: float = 0.04
+    """Slip of each wheel, as a share of its speed, renewed fifty times a second: more in shorter
+    steps, so that the way is as uncertain at any frame rate."""
+    sonar_m: float = 0.005
+    pixel: float = 3.0
+    """Noise of each pixel, of 255."""
+
+
+NO_NOISE = Noise(wheel_share=0.0, sonar_m=0.0, pixel=0.0)
+
+
+class Simulation:
+    """One robot in one world.
+
+    Args:
+        world: Where it is.
+        seed: Decides start pose, floor pattern and noise.
+        noise: How imperfect it is.
+
+    Attributes:
+        drift_share: Standard deviation of a slow drift of the wheels on straight moves, as a share
+            of their speed: one turns faster, the other slower. 0: none.
+    """
+
+    def __init__(self, world: World, seed: int = 0, noise: Noise | None = None) -> None:
+        self.world = self._first_world = world
+        self.noise = noise or Noise()
+        self._seed = seed
+        self._motion_rng, self._sonar_rng, self._pixel_rng = (
+            np.random.default_rng((seed, stream)) for stream in range(3)
+        )
+        self._drift_rng = np.random.default_rng((seed, 4))
+        self._drift = 0.0
+        self.drift_share = 0.0
+        self._renderer: Renderer | None = None
+        self._grain: NDArray[np.int16] | None = None
+        self._contacts: list[Contact] = []
+        self.pose = self._start_pose()
+        self.action = Action.STOP
+        self.speed_scale = 1.0
+        self.time_s = 0.0
+
+    def step(self, dt_s: float) -> None:
+        """Advance by `dt_s` seconds with the current action."""
+        parts = max(1, math.ceil(dt_s / _LONGEST_STEP_S - 1e-9))
+        for _ in range(parts):
+            self._step_once(dt_s / parts)
+
+    def restart(self) -> None:
+        """Put robot and things back to their starts; the random state goes on, so starts vary."""
+        self.world = self._first_world
+        self._contacts = []
+        self.action = Action.STOP
+        self.pose = self._start_pose()
+
+    def sense(self) -> Sensors:
+        """Return what the sensors read: sonar with noise, bumpers, and the true pose."""
+        noise_m = float(self._sonar_rng.normal(0.0, self.noise.sonar_m))
+        return Sensors(
+            distance_m=max(0.0, sonar_m(self.world, self.pose) + noise_m),
+            bumped=self.bumped_left or self.bumped_right,
+            bumpers=(self.bumped_left, self.bumped_right),
+            pose=self.pose,
+        )
+
+    @property
+    def bumped_left(self) -> bool:
+        """True while the left bump sensor is pressed."""
+        return any(contact.presses_left for contact in self._contacts)
+
+    @property
+    def bumped_right(self) -> bool:
+        """True while the right bump sensor is pressed."""
+        return any(contact.presses_right for contact in self._contacts)
+
+    @property
+    def is_pushing(self) -> bool:
+        """True while the robot drives forward against something."""
+        return self.action is Action.FORWARD and (self.bumped_left or self.bumped_right)
+
+    @property
+    def is_touching(self) -> bool:
+        """True while the body touches anything, at any side."""
+        return bool(self._contacts)
+
+    def render(self) -> NDArray[np.uint8]:
+        """Return the camera's picture, shape (120, 160, 3), RGB; call it always on the same thread.
+
+        Raises:
+            MissingExtraError: If Panda3D is not installed.
+        """
+        if self._renderer is None:
+            self._renderer = Renderer(self.world, self._seed)
+        picture = self._renderer.render(self.pose, self.world.obstacles)
+        if self.noise.pixel:
+            picture = self._add_grain(picture)
+        return picture
+
+    def render_large(self) -> NDArray[np.uint8]:
+        """Return the last `render` at twice its size and without noise, for a person's eye.
+
+        Shape (240, 320, 3), RGB. Chance and what `render` returns do not depend on it.
+        """
+        if self._renderer is None:
+            raise RuntimeError("render_large shows what render saw: call that first")
+        return self._renderer.render_large()
+
+    def close(self) -> None:
+        """Close the renderer; call it on the thread that rendered."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _step_once(self, dt_s: float) -> None:
+        left_mps, right_mps = WHEELS_MPS[self.action]
+        if self.noise.wheel_share and dt_s > 0.0 and (left_mps or right_mps):
+            share = self.noise.wheel_share * math.sqrt(_LONGEST_STEP_S / dt_s)
+            slips = self._motion_rng.normal(1.0, share, 2).tolist()
+            left_mps, right_mps = left_mps * slips[0], right_mps * slips[1]
+        if self.drift_share and self.action in (Action.FORWARD, Action.BACKWARD):
+            self._drift_on(dt_s)
+            left_mps, right_mps = left_mps * (1 - self._drift), right_mps * (1 + self._drift)
+        scale = self.speed_scale
+        moved = move(self.pose, left_mps * scale, right_mps * scale, dt_s)
+        self.world = move_things(self.world, moved, dt_s)
+        self.pose, self._contacts = push_out(self.world, moved)
+        self.time_s += dt_s
+
+    def _drift_on(self, dt_s: float) -> None:
+        """Update the drift: an Ornstein-Uhlenbeck process of deviation `drift_share`."""
+        share = dt_s / DRIFT_S
+        step = self._drift_rng.normal(0.0, self.drift_share * math.sqrt(2 * share))
+        self._drift += float(step) - share * self._drift
+
+    def _start_pose(self) -> Pose:
+        start, world = self.world.start, self.world
+        shift = [float(part) for part in self._motion_rng.uniform(-1.0, 1.0, 3)]
+        return Pose(
+            x_m=start.x_m + world.start_spread_m * shift[0],
+            y_m=start.y_m + world.start_spread_m * shift[1],
+            heading_rad=start.heading_rad + world.start_spread_rad * shift[2],
+        )
+
+    def _add_grain(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        # One block of noise shifted by chance: as good to the eye, and far cheaper than drawing
+        # 57,600 normal numbers for each picture.
+        if self._grain is None:
+            rng = np.random.default_rng((self._seed, 3))
+            self._grain = rng.normal(0.0, self.noise.pixel, 4 * picture.size).astype(np.int16)
+        start = int(self._pixel_rng.integers(0, 3 * picture.size))
+        grain = self._grain[start : start + picture.size].reshape(picture.shape)
+        noisy: NDArray[np.uint8] = (picture + grain).clip(0, 255).astype(np.uint8)
+        return noisy

@@ -1,0 +1,28 @@
+"""All experiments by name."""
+
+from __future__ import annotations
+
+from robot.lab.ablation import Ablation
+from robot.lab.behaviours import Behaviours, MoreMoves
+from robot.lab.delay import Delay
+from robot.lab.experiment import Experiment
+from robot.lab.figure3 import Figure3
+from robot.lab.figure5 import Figure5
+from robot.lab.figure6 import Figure6
+from robot.lab.figure7 import Figure7
+from robot.lab.figure8 import Figure8
+from robot.lab.habits import Habits
+from robot.lab.mind import Mind
+from robot.lab.ready import Ready
+
+EXPERIMENTS: dict[str, Experiment] = {
+    experiment.name: experiment
+    for experiment in (
+        *(Figure3(), Figure5(), Figure6(), Figure7(), Figure8()),
+        *(Delay(), MoreMoves(), Behaviours(), Ablation(), Habits(), Ready(), Mind()),
+    )
+}
+"""In the order in which `all` runs them."""
+
+ALONE = frozenset({Figure5.name})
+"""Experiments that time the machine: their runs are made one after the other, here."""

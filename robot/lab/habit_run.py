@@ -1,0 +1,172 @@
+"""One robot taught by one kind of pilot, and how it then drives beside that pilot."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from robot.clock import ManualClock
+from robot.devices.simulation.driver import SimDriver, SimOptions
+from robot.lab.ideas import make_learner
+from robot.lab.metrics import driving
+from robot.lab.metrics.log import DriveLog, DriveSample
+from robot.lab.metrics.profile import (
+    behavior_profile,
+    compare,
+    move_shares,
+    rare_moves,
+)
+from robot.lab.simulated_pilots.habits import HABITS, Habit
+from robot.lab.simulated_pilots.pilot import SimulatedPilot
+from robot.lab.simulated_pilots.situation import observe
+from robot.lab.task import Result
+from robot.lab.trial import Place, Trial
+from robot.types import Action, DrivenBy, Mode, Pose
+
+DRIFT_SHARE = 0.15
+"""Drift of the wheels while a simulated pilot teaches. In a second of driving straight the heading
+changes by 17 degrees (standard deviation)."""
+
+
+def make_habit_pilot(habit: Habit, seed: str) -> SimulatedPilot:
+    """Return the whole pilot: teacher, human delays and takeover."""
+    return SimulatedPilot(
+        habit.teacher(habit.turns, seed),
+        (Action.FORWARD, *habit.turns),
+        hand=habit.hand,
+        takeover=habit.takeover,
+        seed=seed,
+    )
+
+
+def run_habit(params: Mapping[str, Any]) -> Result:
+    """Teach, drive alone, correct, drive alone again; and the pilot from where the robot began.
+
+    Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,
+    `reference_s`, `drift`.
+    """
+    habit = HABITS[params["habit"]]
+    moves = (Action.FORWARD, *habit.turns)
+    place = Place(world=params["world"], seed=params["seed"])
+    name = f"{params['habit']} {params['seed']}"
+    started_s = time.perf_counter()
+    with Trial(
+        place,
+        make_learner(params["learner"], moves),
+        make_habit_pilot(habit, name),
+        rate_hz=params["rate_hz"],
+        drift=params.get("drift", DRIFT_SHARE),
+    ) as trial:
+        alone_s = params.get("alone_s", 60.0)
+        taught = trial.drive(Mode.TRAIN, params["teach_s"])
+        drives = {"before": trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)}
+        if params.get("correct_s"):
+            trial.drive(Mode.AUTONOMOUS, params["correct_s"])
+            drives["after"] = trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)
+        frames, lessons = trial.frames, dict(trial.loop.state.taught)
+    seconds = time.perf_counter() - started_s
+    n_minutes = round(params.get("reference_s", 180.0) / 60.0)
+    result: Result = {}
+    for phase, drive in drives.items():
+        start = drive.moments[0].pose
+        minutes = [
+            drive_by_hand(
+                place,
+                make_habit_pilot(habit, f"{name} {number}"),
+                number,
+                start,
+                rate_hz=params["rate_hz"],
+            )
+            for number in range(n_minutes)
+        ]
+        result[phase] = _beside_pilot(drive, minutes, taught, moves)
+    result["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
+    result["timing"] = {"frames": frames, "frames_per_s": frames / seconds}
+    return result
+
+
+def _beside_pilot(
+    drive: DriveLog, minutes: list[DriveLog], taught: DriveLog, moves: tuple[Action, ...]
+) -> dict[str, Any]:
+    """Return the figures of a robot's minute, and those of its pilot's own minutes.
+
+    A push counts as the pilot's in the lesson, too: there the robot learned it.
+    """
+    pilot = DriveLog([moment for minute in minutes for moment in minute.moments])
+    each = [drive_figures(minute, pilot, moves) for minute in minutes]
+    teacher = {
+        key: statistics.fmean(float(figures[key]) for figures in each)
+        for key in ("driven_m", "covered_m2", "ssd", "ssd_frequent", "ssd_alike", "stuck")
+    }
+    teacher["longest_push_s"] = max(driving.longest_push_s(log) for log in (taught, *minutes))
+    return {**drive_figures(drive, pilot, moves), "teacher": teacher}
+
+
+def drive_figures(drive: DriveLog, teacher: DriveLog, moves: tuple[Action, ...]) -> dict[str, Any]:
+    """Return the figures of a minute's drive, beside all that its teacher drove."""
+    difference = compare(teacher.profile(), drive.profile(), moves)
+    rare = rare_moves(move_shares(teacher.actions()), move_shares(drive.actions()))
+    return {
+        "ssd": difference.ssd,
+        "ssd_frequent": sum(ssd for m, ssd in difference.per_move.items() if m not in rare),
+        "ssd_alike": _ssd_of_turns_alike(drive, teacher),
+        "stuck": driving.is_stuck(drive),
+        "longest_stay_s": driving.longest_stay_s(drive),
+        "longest_push_s": driving.longest_push_s(drive),
+        "asking_share": driving.asking_share(drive),
+        "driven_m": driving.driven_m(drive),
+        "covered_m2": driving.covered_m2(drive),
+    }
+
+
+def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:
+    """Return the SSD with left and right as one move: which side it is, is often chance."""
+    taught, driven = (
+        behavior_profile(
+            [Action.LEFT if action is Action.RIGHT else action for action in log.actions()],
+            [moment.distance_m for moment in log.moments],
+        )
+        for log in (teacher, drive)
+    )
+    return compare(taught, driven, (Action.FORWARD, Action.LEFT)).ssd
+
+
+def drive_by_hand(
+    place: Place, pilot: SimulatedPilot, number: int, start: Pose, *, rate_hz: float
+) -> DriveLog:
+    """Return a drive of a minute in which the pilot drives and the robot learns nothing.
+
+    It starts where the robot's own minute did: in a minute neither sees all of a place, and from
+    another corner the difference would be that of the corners. And at the lesson's frame rate: with
+    ten pictures a second a hand moves later than with thirty, and who follows a wall drives it
+    otherwise.
+    """
+    clock = ManualClock()
+    driver = SimDriver(SimOptions(world=place.world, seed=place.seed + 1000 * number))
+    driver.connect()
+    driver.simulation.pose = start
+    pilot.change_mode(Mode.TRAIN)
+    log = DriveLog()
+    for frame_id in range(1, round(60.0 * rate_hz) + 1):
+        clock.advance(1 / rate_hz)
+        driver.advance(1 / rate_hz)
+        simulation, now_s = driver.simulation, clock.now_s()
+        pilot.see(observe(simulation, frame_id, now_s), None)
+        for command in pilot.act(now_s, frame_id):
+            driver.send_action(command.held or Action.STOP)
+        sensors = driver.sense()
+        log.add(
+            DriveSample(
+                now_s=now_s,
+                action=simulation.action,
+                driven_by=DrivenBy.PILOT,
+                distance_m=sensors.distance_m or 0.0,
+                pose=sensors.pose or Pose(x_m=0.0, y_m=0.0, heading_rad=0.0),
+                is_touching=simulation.is_touching,
+                is_pushing=simulation.is_pushing,
+            )
+        )
+    driver.disconnect()
+    return log

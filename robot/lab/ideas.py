@@ -1,0 +1,103 @@
+"""Learners and teachers by name: a built-in one, an entry point, or `path.py:Name`."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from robot.errors import ConfigurationError
+from robot.lab.simulated_pilots.behaviours import Follower, Pusher, WallFollower
+from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS, SonarController, Teacher, Wanderer
+from robot.learner.base import Learner
+from robot.policy.features import GradientFeatures
+from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
+from robot.types import Action
+
+LEARNERS = "drivelesson.learners"
+TEACHERS = "drivelesson.teachers"
+_TEACHERS: dict[str, Callable[[], Teacher]] = {
+    "sonar": SonarController,
+    "wall": WallFollower,
+    "follow": Follower,
+    "push": Pusher,
+}
+
+
+def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
+    """Return a policy.
+
+    Args:
+        name: `default-32`, the name of an entry point, or `path.py:Name`, a class or function
+            that, called without arguments, returns a `Policy` or a `Learner` (which then gets the
+            default's features and action filter).
+        moves: What it may propose.
+
+    Raises:
+        ConfigurationError: If it is unknown, or returns neither; says which file and why.
+    """
+    made = _make_idea(name, LEARNERS)
+    if made is None:
+        return make_policy(name, moves=moves)
+    if isinstance(made, Policy):
+        made.moves = moves
+        return made
+    if isinstance(made, Learner):
+        return Policy(name, 0, made, GradientFeatures(), moves=moves)
+    raise ConfigurationError(f"{name} gives a {type(made).__name__}, neither Policy nor Learner")
+
+
+def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
+    """Return a teacher: a built-in one such as `sonar`, an entry point, or `path.py:Name`.
+
+    Raises:
+        ConfigurationError: If it is unknown, or is not a teacher.
+    """
+    made = _make_idea(name, TEACHERS)
+    if made is not None:
+        if not (hasattr(made, "choose") and hasattr(made, "tolerates")):
+            raise ConfigurationError(f"{name} is not a teacher: it needs `choose` and `tolerates`")
+        return made  # type: ignore[no-any-return]
+    if name in _TEACHERS:
+        return _TEACHERS[name]()
+    if name not in TEACHER_PARAMS:
+        raise ConfigurationError(
+            f"unknown teacher {name!r}; there are: "
+            f"{', '.join([*_TEACHERS, *TEACHER_PARAMS])}, or path.py:Name"
+        )
+    return Wanderer(
+        tuple(move for move in moves if move is not Action.FORWARD), TEACHER_PARAMS[name]
+    )
+
+
+def _make_idea(name: str, group: str) -> Any:
+    """Return what an entry point or a file makes, or None if the name is a built-in one."""
+    found = {point.name: point for point in entry_points(group=group)}
+    file, colon, attribute = name.rpartition(":")
+    try:
+        if name in found:
+            return found[name].load()()
+        if colon and file.endswith(".py"):
+            return getattr(_load_file(Path(file)), attribute)()
+    except Exception as error:  # a stranger's code: whatever it raises, say where
+        raise ConfigurationError(
+            f"the idea {name} cannot be used: {type(error).__name__}: {error}"
+        ) from error
+    return None
+
+
+def _load_file(path: Path) -> Any:
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    name = f"drivelesson_idea_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path} is not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module

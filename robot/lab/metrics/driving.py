@@ -1,0 +1,134 @@
+"""Measures of a drive: collisions, pushing, distance, floor covered, interventions, agreement."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from itertools import pairwise
+
+from robot.lab.metrics.log import DriveLog, DriveSample
+
+STAY_M, STUCK_S = 0.15, 20.0
+"""A robot is stuck that stays within so little for so long: a full turn about one wheel takes
+19.5 s."""
+CELL_M = 0.1
+"""Side of the squares in which covered floor is counted."""
+
+
+def first_collision_s(log: DriveLog) -> float | None:
+    """Return how long it took until the body first touched anything; None if it never did."""
+    for moment in log.moments:
+        if moment.is_touching:
+            return moment.now_s - log.moments[0].now_s
+    return None
+
+
+def collisions_per_minute(log: DriveLog) -> float:
+    """Return how often a minute the body touched something anew; a lasting contact counts once."""
+    touches = [moment.is_touching for moment in log.moments]
+    began = sum(now and not before for before, now in zip([False, *touches], touches, strict=False))
+    return _per_minute(began, log)
+
+
+def pushing_s_per_minute(log: DriveLog) -> float:
+    """Return how many seconds a minute the robot drove against something."""
+    return _per_minute(sum(seconds for moment, seconds in _spans(log) if moment.is_pushing), log)
+
+
+def longest_push_s(log: DriveLog) -> float:
+    """Return the longest time without a break for which the robot drove against something."""
+    longest_s = current_s = 0.0
+    for moment, seconds in _spans(log):
+        current_s = current_s + seconds if moment.is_pushing else 0.0
+        longest_s = max(longest_s, current_s)
+    return longest_s
+
+
+def driven_m(log: DriveLog) -> float:
+    """Return the distance driven, in metres."""
+    return sum(
+        math.hypot(b.pose.x_m - a.pose.x_m, b.pose.y_m - a.pose.y_m)
+        for a, b in pairwise(log.moments)
+    )
+
+
+def covered_m2(log: DriveLog) -> float:
+    """Return the floor that the robot's centre crossed, in squares of 10 cm."""
+    cells = {
+        (math.floor(moment.pose.x_m / CELL_M), math.floor(moment.pose.y_m / CELL_M))
+        for moment in log.moments
+    }
+    return len(cells) * CELL_M**2
+
+
+def longest_stay_s(log: DriveLog) -> float:
+    """Return the longest time for which the robot's centre stayed within a square of `STAY_M`."""
+    longest_s, start = 0.0, 0
+    xs = [moment.pose.x_m for moment in log.moments]
+    ys = [moment.pose.y_m for moment in log.moments]
+    low_x, high_x, low_y, high_y = (deque[int]() for _ in range(4))
+    for i, moment in enumerate(log.moments):
+        for ends, values, sign in (
+            (low_x, xs, 1),
+            (high_x, xs, -1),
+            (low_y, ys, 1),
+            (high_y, ys, -1),
+        ):
+            while ends and sign * values[ends[-1]] >= sign * values[i]:
+                ends.pop()
+            ends.append(i)
+        while xs[high_x[0]] - xs[low_x[0]] > STAY_M or ys[high_y[0]] - ys[low_y[0]] > STAY_M:
+            start += 1
+            for ends in (low_x, high_x, low_y, high_y):
+                if ends[0] < start:
+                    ends.popleft()
+        longest_s = max(longest_s, moment.now_s - log.moments[start].now_s)
+    return longest_s
+
+
+def is_stuck(log: DriveLog) -> bool:
+    """Return True if the robot stayed in one spot for `STUCK_S` or longer."""
+    return longest_stay_s(log) >= STUCK_S
+
+
+def interventions_per_minute(log: DriveLog) -> float:
+    """Return how often a minute the pilot took the wheel from the robot."""
+    held = [moment.is_intervention for moment in log.moments]
+    began = sum(now and not before for before, now in zip([False, *held], held, strict=False))
+    return _per_minute(began, log)
+
+
+def asking_share(log: DriveLog) -> float:
+    """Return the share of ticks with a view that the robot did not know."""
+    if not log.moments:
+        return 0.0
+    return sum(moment.asks_pilot for moment in log.moments) / len(log)
+
+
+def agreement(log: DriveLog) -> float | None:
+    """Return how often robot and teacher would have done the same, of the ticks with both."""
+    both = [
+        moment.proposed is moment.wanted
+        for moment in log.moments
+        if moment.proposed is not None and moment.wanted is not None
+    ]
+    return sum(both) / len(both) if both else None
+
+
+def mean_cycle_s(log: DriveLog) -> float:
+    """Return the mean time between two ticks."""
+    return log.seconds / len(log) if len(log) > 1 else 0.0
+
+
+def _per_minute(amount: float, log: DriveLog) -> float:
+    return 60 * amount / log.seconds if log.seconds else 0.0
+
+
+def _spans(log: DriveLog) -> Iterator[tuple[DriveSample, float]]:
+    """Yield each tick with the time until the next; the last one's is the mean."""
+    yield from (
+        (moment, following.now_s - moment.now_s) for moment, following in pairwise(log.moments)
+    )
+    if log.moments:
+        yield log.moments[-1], mean_cycle_s(log)

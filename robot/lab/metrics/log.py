@@ -1,0 +1,77 @@
+"""The log of a drive, tick by tick, as columns; all metrics are made from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robot.lab.metrics.profile import Profile, behavior_profile
+from robot.types import Action, DrivenBy, Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveSample:
+    """One tick of a drive. `distance_m` is what the sonar read before the action was chosen."""
+
+    now_s: float
+    action: Action
+    driven_by: DrivenBy
+    distance_m: float
+    pose: Pose
+    is_touching: bool = False
+    is_pushing: bool = False
+    asks_pilot: bool = False
+    is_intervention: bool = False
+    proposed: Action | None = None
+    wanted: Action | None = None
+    right_m: float | None = None
+    """From the body's middle to what is at its right."""
+    target_bearing_rad: float | None = None
+    target_m: float | None = None
+    target_gap_m: float | None = None
+    """Where the thing to follow or push is, and how far it is from a wall."""
+
+
+@dataclass(slots=True)
+class DriveLog:
+    """The moments of one drive, in time order."""
+
+    moments: list[DriveSample] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.moments)
+
+    def add(self, moment: DriveSample) -> None:
+        """Add one more tick."""
+        self.moments.append(moment)
+
+    @property
+    def seconds(self) -> float:
+        """How long the drive was, the last tick included."""
+        if len(self.moments) < 2:
+            return 0.0
+        span_s = self.moments[-1].now_s - self.moments[0].now_s
+        return span_s * len(self.moments) / (len(self.moments) - 1)
+
+    def driven_by(self, who: DrivenBy) -> DriveLog:
+        """Return the part in which `who` drove. Its ticks need not be consecutive."""
+        return DriveLog([moment for moment in self.moments if moment.driven_by is who])
+
+    def last(self, seconds: float) -> DriveLog:
+        """Return the last `seconds` of the drive."""
+        if not self.moments:
+            return DriveLog()
+        since_s = self.moments[-1].now_s - seconds + 1e-9
+        return DriveLog([moment for moment in self.moments if moment.now_s > since_s])
+
+    def actions(self) -> list[Action]:
+        """Return the action of each tick."""
+        return [moment.action for moment in self.moments]
+
+    def profile(self) -> Profile:
+        """Return the Behavior Profile of the drive."""
+        return behavior_profile(
+            [moment.action for moment in self.moments],
+            np.array([moment.distance_m for moment in self.moments]),
+        )

@@ -1,0 +1,116 @@
+"""All results in one self-contained HTML file: tables, plots, and how they were made."""
+
+from __future__ import annotations
+
+import contextlib
+import platform
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from robot.lab.experiment import Experiment, ExperimentSettings
+from robot.lab.plots import draw_svg
+from robot.lab.tables import Table, format_cell
+from robot.lab.task import Result, Task
+
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 75rem; margin: 2rem auto; padding: 0 1rem;
+       color: #1d2327; background: #fff }
+table { border-collapse: collapse; font-size: .85rem; margin: 1rem 0; display: block;
+        overflow-x: auto }
+th, td { padding: .25rem .6rem; border-bottom: 1px solid #d5dade; text-align: right }
+th { text-align: right; font-weight: 600; vertical-align: bottom }
+td:first-child, th:first-child { text-align: left }
+tr.paper { color: #5b6770; font-style: italic }
+figure { margin: 1rem 0 } figure svg { max-width: 100%; height: auto }
+pre { background: #f2f4f5; padding: .8rem; overflow-x: auto }
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """One experiment's part of the report."""
+
+    title: str
+    text: str
+    tables: Sequence[Table]
+    svgs: Sequence[str]
+
+
+def write_html(sections: Sequence[Section], command: str, notes: Sequence[str] = ()) -> str:
+    """Return the whole report as HTML.
+
+    Args:
+        sections: The experiments.
+        command: The command line that made it.
+        notes: Sentences for the top of the report.
+    """
+    parts = [
+        "<!doctype html><html lang=en><meta charset=utf-8>",
+        "<meta name=viewport content='width=device-width, initial-scale=1'>",
+        f"<title>Drivelesson: experiments</title><style>{_STYLE}</style>",
+        "<h1>The paper's experiments, repeated in simulation</h1>",
+        *(f"<p>{escape(note)}</p>" for note in notes),
+        f"<h2>How it was made</h2><pre>{escape(command)}</pre>",
+        f"<p>{escape('; '.join(machine()))}</p>",
+        *(html for section in sections for html in _section(section)),
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def machine() -> list[str]:
+    """Return what the figures were made on: processor, Python, and the relevant libraries."""
+    names = ("drivelesson", "numpy", "panda3d", "scikit-learn", "joblib")
+    return [
+        f"{platform.system()} {platform.machine()}, {processor()}",
+        f"Python {platform.python_version()}",
+        *(f"{name} {_version(name)}" for name in names),
+    ]
+
+
+def processor() -> str:
+    """Return the processor's name from Linux, else from Python."""
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or "unknown processor"
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "missing"
+
+
+def _section(section: Section) -> Iterator[str]:
+    yield f"<h2>{escape(section.title)}</h2><p>{escape(section.text)}</p>"
+    yield from (f"<figure>{svg}</figure>" for svg in section.svgs)
+    for table in section.tables:
+        yield f"<h3>{escape(table.title)}</h3><table><thead><tr>"
+        yield "".join(f"<th>{escape(column)}" for column in table.columns) + "</thead><tbody>"
+        for row in table.rows:
+            kind = " class=paper" if str(row[0]).startswith("paper") else ""
+            cells = "".join(f"<td>{escape(format_cell(cell))}" for cell in row)
+            yield f"<tr{kind}>{cells}"
+        yield "</tbody></table>"
+        if table.note:
+            yield f"<p>{escape(table.note)}</p>"
+
+
+def make_section(
+    experiment: Experiment,
+    settings: ExperimentSettings,
+    tasks: Sequence[Task],
+    results: Sequence[Result],
+) -> Section:
+    """Make tables and plots of an experiment's results."""
+    return Section(
+        title=experiment.title,
+        text=experiment.text,
+        tables=experiment.tables(settings, tasks, results),
+        svgs=[draw_svg(plot) for plot in experiment.plots(tasks, results)],
+    )

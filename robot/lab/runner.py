@@ -1,0 +1,94 @@
+"""Many independent tasks: side by side through joblib, here or on a Dask cluster."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from robot.errors import ConfigurationError, MissingExtraError
+from robot.lab.kinds import run_task
+from robot.lab.store import Store
+from robot.lab.task import Result, Task
+
+
+def run_all(
+    tasks: Sequence[Task],
+    store: Store,
+    *,
+    jobs: int = 2,
+    backend: str = "processes",
+    scheduler: str | None = None,
+    on_done: Callable[[Task], object] = lambda task: None,
+) -> list[Result]:
+    """Return the results of all tasks, in their order; tasks with a stored result are not run.
+
+    Args:
+        tasks: What to run.
+        store: Where each run is saved as soon as it is finished.
+        jobs: How many at a time on this machine; 1 runs them here, without other processes.
+        backend: `processes`, or `dask` for the cluster whose `scheduler` is named.
+        scheduler: Address of a Dask scheduler.
+        on_done: Called with each task when it is done.
+
+    Raises:
+        MissingExtraError: If joblib or dask is not installed.
+        ConfigurationError: If the cluster cannot be reached.
+    """
+    waiting: dict[str, Task] = {}
+    for task in tasks:
+        if store.get(task) is None:
+            waiting.setdefault(task.key(), task)
+        else:
+            on_done(task)
+    with _parallel(jobs, backend, scheduler) as parallel:
+        for key, result in parallel(waiting):
+            store.put(waiting[key], result)
+            on_done(waiting[key])
+    results = [store.get(task) for task in tasks]
+    return [result for result in results if result is not None]
+
+
+_Runs = Callable[[dict[str, Task]], Iterator[tuple[str, Result]]]
+
+
+@contextlib.contextmanager
+def _parallel(jobs: int, backend: str, scheduler: str | None) -> Iterator[_Runs]:
+    if backend == "processes" and jobs == 1:
+        yield lambda waiting: (_run_keyed(key, task) for key, task in waiting.items())
+        return
+    try:
+        import joblib
+    except ImportError as error:
+        raise MissingExtraError("running experiments side by side", "experiments") from error
+    with contextlib.ExitStack() as stack:
+        if backend == "dask":
+            stack.enter_context(_connected(scheduler))
+            stack.enter_context(joblib.parallel_config(backend="dask"))
+            jobs = -1
+
+        def runs(waiting: dict[str, Task]) -> Iterator[tuple[str, Result]]:
+            parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
+            yield from parallel(
+                joblib.delayed(_run_keyed)(key, task) for key, task in waiting.items()
+            )
+
+        yield runs
+
+
+def _run_keyed(key: str, task: Task) -> tuple[str, Result]:
+    return key, run_task(task)
+
+
+def _connected(scheduler: str | None) -> Any:
+    """Return a client of an existing cluster, to be used as a context manager."""
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise MissingExtraError("the backend dask", "dask") from error
+    if scheduler is None:
+        raise ConfigurationError("--backend dask needs --scheduler ADDRESS")
+    try:
+        return Client(scheduler, timeout=10)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ConfigurationError(f"no Dask scheduler answers at {scheduler}: {error}") from error

@@ -1,0 +1,146 @@
+"""Pilots who differ as people do: in regularity, speed, side, slips and aim.
+
+A `Habit` is a teacher, a model of human delays and a policy of taking over.
+`drivelesson experiment habits` teaches robots with all of them, so that results do not depend on
+one kind of pilot.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+from robot.lab.simulated_pilots.behaviours import WallFollower
+from robot.lab.simulated_pilots.hand import HumanDelayConfig
+from robot.lab.simulated_pilots.pilot import TakeoverPolicy
+from robot.lab.simulated_pilots.situation import Situation
+from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS, Teacher, TeacherParams, Wanderer
+from robot.types import Action
+
+BOTH = (Action.LEFT, Action.RIGHT)
+
+
+class Person(Wanderer):
+    """A wanderer as irregular as a person: no two turns begin or end alike.
+
+    Args:
+        turns: The turns it uses.
+        params: What it aims at.
+        irregularity: Deviation of each turn's beginning and end, as a share of its distance.
+        overshoot_s: How long it goes on turning when the way is free: mean of an exponential.
+        seed: Of its random numbers.
+    """
+
+    def __init__(
+        self,
+        turns: tuple[Action, ...],
+        params: TeacherParams,
+        *,
+        irregularity: float = 0.1,
+        overshoot_s: float = 0.1,
+        seed: str = "0",
+    ) -> None:
+        super().__init__(turns, params)
+        self._aim, self._irregularity, self._overshoot_s = params, irregularity, overshoot_s
+        self._chance = random.Random(f"{seed} person")
+        self._on_until_s: float | None = None
+
+    def choose(self, situation: Situation) -> Action:
+        """Return FORWARD or the turn under way, which goes on a little too long."""
+        turning = self._turning
+        wanted = super().choose(situation)
+        if turning is not None and wanted is Action.FORWARD:
+            if self._on_until_s is None:
+                extra_s = self._chance.expovariate(1.0) * self._overshoot_s
+                self._on_until_s = situation.at_s + min(extra_s, 4 * self._overshoot_s)
+            if situation.at_s < self._on_until_s:
+                self._turning = turning
+                return turning
+            self._vary()
+        self._on_until_s = None
+        return wanted
+
+    def _vary(self) -> None:
+        def about(value: float) -> float:
+            return value * min(max(self._chance.gauss(1.0, self._irregularity), 0.5), 1.8)
+
+        self.params = replace(
+            self._aim, turn_at_m=about(self._aim.turn_at_m), go_at_m=about(self._aim.go_at_m)
+        )
+
+
+class Bouncer(Wanderer):
+    """Drives until something is near, then turns to a random side for a random time."""
+
+    SHORTEST_S, LONGEST_S = 2.0, 8.0
+
+    def __init__(self, turns: tuple[Action, ...], params: TeacherParams, seed: str) -> None:
+        super().__init__(turns, params)
+        self._chance = random.Random(f"{seed} bouncer")
+        self._until_s = 0.0
+
+    def choose(self, situation: Situation) -> Action:
+        """Return FORWARD, or for some seconds a turn to a random side."""
+        is_near = situation.free_ahead_m < self.params.turn_at_m
+        if self._turning is None and is_near:
+            self._turning = self._chance.choice(list(self._turns.values()))
+            self._until_s = situation.at_s + self._chance.uniform(self.SHORTEST_S, self.LONGEST_S)
+        elif self._turning is not None and situation.at_s >= self._until_s and not is_near:
+            self._turning = None
+        return self._turning or Action.FORWARD
+
+
+Maker = Callable[[tuple[Action, ...], str], Teacher]
+"""From the turns and a seed to a teacher."""
+
+
+def _person(
+    params: TeacherParams = TEACHER_PARAMS["usual"],
+    irregularity: float = 0.1,
+    overshoot_s: float = 0.1,
+) -> Maker:
+    return lambda turns, seed: Person(
+        turns, params, irregularity=irregularity, overshoot_s=overshoot_s, seed=seed
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Habit:
+    """How one kind of pilot teaches."""
+
+    teacher: Maker = field(default_factory=_person)
+    hand: HumanDelayConfig = field(default_factory=HumanDelayConfig)
+    takeover: TakeoverPolicy = field(default_factory=TakeoverPolicy)
+    turns: tuple[Action, ...] = BOTH
+
+
+HABITS: Mapping[str, Habit] = {
+    "regular": Habit(teacher=_person(irregularity=0.03, overshoot_s=0.0)),
+    "early": Habit(teacher=_person(TEACHER_PARAMS["early"])),
+    "late": Habit(teacher=_person(TEACHER_PARAMS["late"])),
+    "left": Habit(turns=(Action.LEFT,)),
+    "right": Habit(turns=(Action.RIGHT,)),
+    "irregular": Habit(teacher=_person(irregularity=0.3, overshoot_s=0.3)),
+    "overshoots": Habit(teacher=_person(overshoot_s=1.0)),
+    "sloppy": Habit(
+        hand=HumanDelayConfig(reaction_s=0.3, tremors_per_min=20.0, tremor_s=0.3, looks_hz=7.0)
+    ),
+    "hesitant": Habit(
+        hand=HumanDelayConfig(reaction_s=0.25, pauses_per_min=8.0, pause_s=1.2, looks_hz=5.0)
+    ),
+    "slow": Habit(
+        teacher=_person(replace(TEACHER_PARAMS["usual"], turn_at_m=0.30)),
+        hand=HumanDelayConfig(reaction_s=0.35, lapses_per_min=3.0, looks_hz=5.0),
+    ),
+    "wall": Habit(
+        teacher=lambda turns, seed: WallFollower(),
+        hand=HumanDelayConfig(looks_hz=8.0),
+    ),
+    "bouncer": Habit(
+        teacher=lambda turns, seed: Bouncer(turns, TEACHER_PARAMS["usual"], seed),
+        hand=HumanDelayConfig(looks_hz=7.0),
+        takeover=TakeoverPolicy(lenience=0.8),
+    ),
+}
+"""Twelve pilots by name."""

@@ -1,0 +1,167 @@
+"""A whole simulated pilot: a screen, a teacher's judgement, and human delays."""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from dataclasses import dataclass
+
+from robot.lab.simulated_pilots.hand import HumanDelayConfig, HumanDelayModel
+from robot.lab.simulated_pilots.situation import Situation
+from robot.lab.simulated_pilots.teachers import Teacher
+from robot.types import Action, Mode, PilotCommand
+
+_EPSILON_S = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TakeoverPolicy:
+    """When a pilot takes the wheel from the robot, and when it gives it back."""
+
+    patience_s: float = 0.5
+    """Takes the wheel when the robot has done what is not tolerated for so long."""
+    shortest_hold_s: float = 0.8
+    contented_s: float = 0.5
+    """Gives it back when the robot has proposed for so long what the pilot does."""
+    longest_hold_s: float = 8.0
+    lenience: float = 0.5
+    """Share of incidents in which it lets the robot get stuck first and then shows the way out:
+    without such examples nothing ever shows the robot a wall from near."""
+    lenient_patience_s: float = 2.0
+
+
+class SimulatedPilot:
+    """Drives as a phone does: sees frames, holds directions, sends ten heartbeats a second.
+
+    Args:
+        teacher: Chooses the moves.
+        moves: The buttons of the pad.
+        hand: Its delays and errors.
+        takeover: When it corrects the robot.
+        seed: Of its random numbers.
+    """
+
+    def __init__(
+        self,
+        teacher: Teacher,
+        moves: tuple[Action, ...],
+        *,
+        hand: HumanDelayConfig | None = None,
+        takeover: TakeoverPolicy | None = None,
+        seed: str = "0",
+    ) -> None:
+        self.teacher = teacher
+        self.takeover = takeover or TakeoverPolicy()
+        self.mode = Mode.STOPPED
+        self._hand = HumanDelayModel(hand or HumanDelayConfig(), moves, seed)
+        self._chance = random.Random(f"{seed} manners")
+        self._coming: deque[tuple[Situation, Action | None]] = deque()
+        self._screen: tuple[Situation, Action | None] | None = None
+        self._looks_at_s: float | None = None
+        self._holds_since_s: float | None = None
+        self._annoyed_since_s: float | None = None
+        self._content_since_s: float | None = None
+        self._patience_s = self.takeover.patience_s
+
+    @property
+    def link_delay_s(self) -> float:
+        """Time from a picture to the command that answers it, without the pilot's own delay."""
+        return self._hand.config.link_delay_s
+
+    def change_mode(self, mode: Mode) -> None:
+        """Begin another phase, with the finger off the pad."""
+        self.mode = mode
+        self._hand.release()
+        self._holds_since_s = self._annoyed_since_s = self._content_since_s = None
+
+    def see(self, situation: Situation, proposed: Action | None) -> None:
+        """Send a frame to the screen, with what the page says the robot would do."""
+        self._coming.append((situation, proposed))
+
+    def act(self, now_s: float, newest_frame_id: int) -> list[PilotCommand]:
+        """Look at the frames on the screen; return the commands that have reached the robot.
+
+        Args:
+            now_s: The clock's time.
+            newest_frame_id: The frame of a command that names none.
+        """
+        half_s = self._hand.config.link_delay_s / 2
+        while self._coming:
+            arrives_s = self._coming[0][0].at_s + half_s
+            if arrives_s > now_s + _EPSILON_S:
+                break
+            self._look_until(arrives_s - _EPSILON_S)
+            self._screen = self._coming.popleft()
+            if self._looks_at_s is None:
+                self._looks_at_s = now_s
+        self._look_until(now_s + _EPSILON_S)
+        if self._screen is not None:
+            situation, _ = self._screen
+            self._hand.send(situation.frame_id, now_s - situation.at_s, now_s)
+        commands = self._hand.arrived(now_s)
+        if self._hand.config.names_frame:
+            return commands
+        return [_renamed(command, newest_frame_id) for command in commands]
+
+    def _look_until(self, end_s: float) -> None:
+        """Look at the screen whenever it is time to, at the picture that is there at that time.
+
+        The times are the pilot's own: rounded up to those of pictures, who looks eight times a
+        second would look five times at ten pictures a second, and be another pilot than at thirty.
+        """
+        period_s = 1 / self._hand.config.looks_hz
+        while self._screen and self._looks_at_s is not None and self._looks_at_s <= end_s:
+            at_s = self._looks_at_s
+            self._hand.wish(self._judge(*self._screen, at_s), at_s)
+            self._looks_at_s = at_s + period_s if period_s else None  # None: at the next picture
+
+    def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:
+        """Return the move to hold; None lets the robot drive, or leaves it standing."""
+        if self.mode is Mode.STOPPED:
+            return None
+        wanted = self.teacher.choose(situation)
+        if self.mode is Mode.TRAIN:
+            return wanted
+        if self._holds_since_s is None:
+            self._consider_taking(situation, now_s)
+        else:
+            self._consider_giving_back(wanted, proposed, now_s)
+        return wanted if self._holds_since_s is not None else None
+
+    def _consider_taking(self, situation: Situation, now_s: float) -> None:
+        if self.teacher.tolerates(situation, situation.doing):
+            self._annoyed_since_s = None
+            return
+        if self._annoyed_since_s is None:
+            self._annoyed_since_s = now_s
+            is_lenient = self._chance.random() < self.takeover.lenience
+            self._patience_s = (
+                self.takeover.lenient_patience_s if is_lenient else self.takeover.patience_s
+            )
+        if now_s - self._annoyed_since_s >= self._patience_s - _EPSILON_S:
+            self._holds_since_s, self._content_since_s = now_s, None
+
+    def _consider_giving_back(self, wanted: Action, proposed: Action | None, now_s: float) -> None:
+        assert self._holds_since_s is not None
+        if proposed is not wanted:
+            self._content_since_s = None
+        elif self._content_since_s is None:
+            self._content_since_s = now_s
+        held_s = now_s - self._holds_since_s
+        content_s = now_s - self._content_since_s if self._content_since_s is not None else 0.0
+        takeover = self.takeover
+        if held_s >= takeover.longest_hold_s or (
+            held_s >= takeover.shortest_hold_s and content_s >= takeover.contented_s - _EPSILON_S
+        ):
+            self._holds_since_s = self._annoyed_since_s = None
+
+
+def _renamed(command: PilotCommand, frame_id: int) -> PilotCommand:
+    return PilotCommand(
+        held=command.held,
+        frame_id=frame_id,
+        seq=command.seq,
+        received_s=command.received_s,
+        pilot=command.pilot,
+        frame_age_s=command.frame_age_s,
+    )

@@ -1,0 +1,169 @@
+"""Simulated teachers: what they want the robot to do.
+
+A teacher looks at a situation and chooses a move, and decides which moves of the robot it
+tolerates. Human delays and errors are in `hand.py`; when a pilot takes the wheel is in `pilot.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+from robot.lab.simulated_pilots.situation import Situation
+from robot.types import Action, Pose
+
+
+class Teacher(Protocol):
+    """Protocol of a teacher; one can be loaded from a file of your own."""
+
+    def choose(self, situation: Situation) -> Action:
+        """Return the move that this teacher makes; called at each look, in order.
+
+        Two looks may see the same picture, and some pictures are never looked at.
+        """
+        ...
+
+    def tolerates(self, situation: Situation, action: Action) -> bool:
+        """Return True if the robot may do this; asked at each look while the robot drives."""
+        ...
+
+
+class SonarController:
+    """The paper's self-training: sonar below 20 cm or bumped: left for two seconds, else forward.
+
+    Source: FLAIRS-30, 2017, section on self-training.
+    """
+
+    NEAR_M = 0.20
+    TURN_S = 2.0
+
+    def __init__(self) -> None:
+        self._turns_until_s = 0.0
+
+    def choose(self, situation: Situation) -> Action:
+        """Return LEFT for two seconds after each near reading, else FORWARD."""
+        if situation.at_s >= self._turns_until_s - 1e-9 and (
+            situation.distance_m < self.NEAR_M or situation.bumped
+        ):
+            self._turns_until_s = situation.at_s + self.TURN_S
+        return Action.LEFT if situation.at_s < self._turns_until_s - 1e-9 else Action.FORWARD
+
+    def tolerates(self, situation: Situation, action: Action) -> bool:
+        """Return True: this teacher never corrects."""
+        return True
+
+
+_SIDES = {
+    Action.LEFT: 1,
+    Action.SPIN_LEFT: 1,
+    Action.RIGHT: -1,
+    Action.SPIN_RIGHT: -1,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TeacherParams:
+    """How a teacher drives: the distances at which it turns and goes on."""
+
+    turn_at_m: float = 0.22
+    """Turns when there is less free way than this."""
+    go_at_m: float = 0.45
+    """Goes on when there is more than this."""
+    danger_m: float = 0.06
+    """Does not let the robot drive on with less than this."""
+    left_at: tuple[str, ...] = ()
+    right_at: tuple[str, ...] = ()
+    """Habits: always turns left or right at these; at anything else the shorter way."""
+
+
+class Wanderer:
+    """Drives where there is room: forward until something is near, then a turn until it is free.
+
+    Args:
+        turns: The turns it uses. With one alone it always turns that way; with two it chooses
+            the shorter turn, and stays with it until the way is free.
+        params: Its distances and margins.
+    """
+
+    LONG_TURN_S = 8.0
+    """After so long (150 degrees) in a narrow place it goes on as soon as it can at all."""
+    STUCK_S, STUCK_M = 13.0, 0.15
+    """It does not let the robot stay within so little for longer than a full turn-about takes."""
+
+    def __init__(
+        self,
+        turns: tuple[Action, ...] = (Action.LEFT, Action.RIGHT),
+        params: TeacherParams | None = None,
+    ) -> None:
+        self.params = params or TeacherParams()
+        self._turns = {_SIDES[turn]: turn for turn in turns}
+        self._turning: Action | None = None
+        self._turning_since_s = 0.0
+        self._anchor: Pose | None = None
+        self._anchored_s = 0.0
+
+    def choose(self, situation: Situation) -> Action:
+        """Return FORWARD or the turn under way."""
+        free_m = situation.free_ahead_m
+        if self._turning is None and free_m < self.params.turn_at_m:
+            self._turning = self._choose_turn(situation)
+            self._turning_since_s = situation.at_s
+        elif self._turning is not None and free_m > self._enough_m(situation.at_s):
+            self._turning = None
+        return self._turning or Action.FORWARD
+
+    def tolerates(self, situation: Situation, action: Action) -> bool:
+        """Reject driving on where it is tight, needless or wrong turns, and standing."""
+        if action is Action.STOP or self._is_stuck(situation):
+            return False
+        if action is Action.FORWARD:
+            return situation.free_ahead_m > self.params.danger_m and not situation.is_pushing
+        if self._turning is not None:
+            return action is self._turning
+        has_habit = situation.ahead in self.params.left_at + self.params.right_at
+        if has_habit and action is not self._choose_turn(situation):
+            return False
+        return situation.free_ahead_m < 1.3 * self.params.go_at_m
+
+    def _is_stuck(self, situation: Situation) -> bool:
+        pose = situation.pose
+        if self._anchor is None or (
+            math.hypot(pose.x_m - self._anchor.x_m, pose.y_m - self._anchor.y_m) > self.STUCK_M
+        ):
+            self._anchor, self._anchored_s = pose, situation.at_s
+        return situation.at_s - self._anchored_s > self.STUCK_S
+
+    def _enough_m(self, now_s: float) -> float:
+        if now_s - self._turning_since_s > self.LONG_TURN_S:
+            return self.params.turn_at_m + 0.05
+        return self.params.go_at_m
+
+    def _choose_turn(self, situation: Situation) -> Action:
+        """Follow the habit, if any; else choose the side on which less turning is needed."""
+        for side, habit in ((1, self.params.left_at), (-1, self.params.right_at)):
+            if situation.ahead in habit and side in self._turns:
+                return self._turns[side]
+        return self._turns[
+            min(
+                self._turns,
+                key=lambda side: (
+                    situation.turn_needed_rad(side, self.params.go_at_m),
+                    -situation.room_m(side),
+                ),
+            )
+        ]
+
+
+SHELVES = ("east wall", "west wall")
+WALLS = ("south wall", "north wall")
+"""Dark shelves stand along two walls of the office; the two others are light."""
+
+TEACHER_PARAMS: dict[str, TeacherParams] = {
+    "usual": TeacherParams(),
+    "early": TeacherParams(turn_at_m=0.35, go_at_m=0.55, danger_m=0.10),
+    "late": TeacherParams(turn_at_m=0.14, go_at_m=0.35, danger_m=0.04),
+    "wide": TeacherParams(go_at_m=1.0),
+    "habit": TeacherParams(left_at=WALLS, right_at=SHELVES),
+}
+"""Parameters of the simulated teachers, by name."""

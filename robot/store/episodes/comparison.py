@@ -1,0 +1,134 @@
+"""Compares two learners: one trained on the recordings as driven, one on the edited recordings.
+
+Both are evaluated on held-out frames: each recording is split into fifty stretches, and every fifth
+is held out. One learner is trained on the others with the original labels, one with the edited
+labels. The edited labels are the ground truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from robot.policy.policy import Policy
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.teaching import EditedEpisode, Step, learn_again, plan
+from robot.types import Action
+
+_STRETCHES = 50
+_HELD_OUT = range(2, _STRETCHES, 5)
+FEWEST_FRAMES = 50
+"""With fewer labelled frames nothing is held out: the result would mean little."""
+_SHOWN = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JudgedFrame:
+    """A held-out frame on which the two learners differ."""
+
+    episode_id: str
+    frame_id: int
+    label: Action
+    before: Action | None
+    after: Action | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """Accuracy of each learner on the held-out frames, and where they differ.
+
+    Attributes:
+        frames: How many frames were held out.
+        before: Accuracy of the learner without the edits.
+        after: Accuracy of the learner with the edits.
+        mended: Up to ten frames that only the learner with the edits gets right, evenly spread.
+        broken: Up to ten frames that only the learner without the edits gets right.
+    """
+
+    frames: int
+    before: float
+    after: float
+    mended: tuple[JudgedFrame, ...]
+    broken: tuple[JudgedFrame, ...]
+
+
+def compare(
+    episodes: Sequence[EditedEpisode],
+    new_policy: Callable[[], Policy],
+    on_step: Callable[[], None] = lambda: None,
+) -> Comparison | None:
+    """Train two learners, without and with the edits, and compare them.
+
+    Args:
+        episodes: Recordings, in order, each with its edits.
+        new_policy: Makes an empty learner.
+        on_step: Called for each frame that is learned or evaluated.
+
+    Returns:
+        The comparison; None if there are too few frames.
+    """
+    asked = _held_out(episodes)
+    if asked is None:
+        return None
+    spans = {(step.episode.id, step.frame_id) for step in asked}
+
+    def is_taught(step: Step) -> bool:
+        return (step.episode.id, step.frame_id) not in spans
+
+    unedited = [(episode, Notes()) for episode, _ in episodes]
+    before, after = new_policy(), new_policy()
+    learn_again(before, unedited, only=is_taught, on_step=on_step)
+    learn_again(after, episodes, only=is_taught, on_step=on_step)
+    differences, right_before, right_after = [], 0, 0
+    for step in asked:
+        assert step.label is not None
+        x = after.extract(step.episode.frame(step.frame_id))
+        was = before.propose(step.frame_id, x).action
+        now = after.propose(step.frame_id, x).action
+        right_before += was == step.label
+        right_after += now == step.label
+        if (was == step.label) != (now == step.label):
+            differences.append(
+                JudgedFrame(
+                    episode_id=step.episode.id,
+                    frame_id=step.frame_id,
+                    label=step.label,
+                    before=was,
+                    after=now,
+                )
+            )
+        on_step()
+    return Comparison(
+        frames=len(asked),
+        before=right_before / len(asked),
+        after=right_after / len(asked),
+        mended=_spread([d for d in differences if d.after == d.label]),
+        broken=_spread([d for d in differences if d.before == d.label]),
+    )
+
+
+def count_steps(episodes: Sequence[EditedEpisode]) -> int:
+    """Return how often `compare` will call `on_step`: about twice what there is to learn."""
+    asked = _held_out(episodes)
+    if asked is None:
+        return 0
+    unedited = [(episode, Notes()) for episode, _ in episodes]
+    return len(plan(unedited)) + len(plan(episodes)) - len(asked)
+
+
+def _held_out(episodes: Sequence[EditedEpisode]) -> list[Step] | None:
+    labelled = [s for s in plan(episodes) if s.label and s.frame_id in s.episode.frames]
+    if len(labelled) < FEWEST_FRAMES:
+        return None
+    found: list[Step] = []
+    for episode, _ in episodes:
+        own = [step for step in labelled if step.episode is episode]
+        for number in _HELD_OUT:
+            ends = [len(own) * n // _STRETCHES for n in (number, number + 1)]
+            found += own[ends[0] : ends[1]]
+    return found
+
+
+def _spread(found: list[JudgedFrame]) -> tuple[JudgedFrame, ...]:
+    step = max(1, -(-len(found) // _SHOWN))
+    return tuple(found[::step])

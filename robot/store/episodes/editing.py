@@ -1,0 +1,177 @@
+"""A recording as a person sees it: with its labels, and with the edits applied."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from robot.driver import CLASSIC
+from robot.errors import ConfigurationError
+from robot.learner.base import Vector
+from robot.policy.history import Taught, Undone
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import Episode, FrameEntry, taught_frames
+from robot.store.episodes.messages import CAMERA, DECISION, LESSON, PREDICTION, SENSORS
+from robot.store.episodes.scan import Message, scan
+from robot.store.episodes.teaching import Step, plan
+from robot.store.episodes.writer import MODEL_BEFORE, EpisodeWriter, Run
+from robot.store.models.events import describe_event
+from robot.types import Action, Example
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EpisodeFrame:
+    """One picture with what belongs to it. `at_s` counts from the recording's beginning."""
+
+    frame_id: int
+    at_s: float
+    label: Action | None
+    is_relabelled: bool
+    is_deleted: bool
+    is_intervention: bool = False
+    predicted: str | None = None
+    confidence: float | None = None
+    driven_by: str | None = None
+    sent: str | None = None
+    asks_pilot: bool = False
+    distance_m: float | None = None
+    bumped: bool = False
+    pose: tuple[float, float, float] | None = None
+    """x and y in metres, heading in radians."""
+    is_pose_estimate: bool = False
+    """True if the pose was reckoned from the wheels; in simulation it is the truth."""
+
+
+def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
+    """List the recording's pictures in order, each with label, prediction and driver."""
+    labels = taught_frames(episode)
+    corrected = {
+        entry.event.example.frame_id
+        for entry in episode.events
+        if isinstance(entry.event, Taught) and entry.event.example.is_intervention
+    }
+    predictions = {fields["frame"]: fields for _, fields in episode.messages.get(PREDICTION, [])}
+    decisions = episode.messages.get(DECISION, [])
+    sensed = episode.messages.get(SENSORS, [])
+    start_s, at, felt = episode.start_s, 0, 0
+    found = []
+    for entry in episode.frames.values():
+        while at < len(decisions) and decisions[at][0] < entry.captured_s:
+            at += 1
+        decision = decisions[at][1] if at < len(decisions) else {}
+        while felt < len(sensed) and sensed[felt][0] < entry.captured_s:
+            felt += 1
+        senses = sensed[felt][1] if felt < len(sensed) else {}
+        pose = senses.get("pose")
+        proposed = predictions.get(entry.frame_id, {})
+        relabel = notes.relabel(entry.frame_id)
+        found.append(
+            EpisodeFrame(
+                frame_id=entry.frame_id,
+                at_s=entry.captured_s - start_s,
+                label=relabel or labels.get(entry.frame_id),
+                is_relabelled=relabel is not None,
+                is_deleted=notes.is_deleted(entry.frame_id),
+                is_intervention=entry.frame_id in corrected and entry.frame_id in labels,
+                predicted=proposed.get("action"),
+                confidence=proposed.get("confidence"),
+                driven_by=decision.get("driven_by"),
+                sent=decision.get("sent"),
+                asks_pilot=bool(decision.get("asks_pilot")),
+                distance_m=senses.get("distance_m"),
+                bumped=bool(senses.get("bumped")),
+                pose=pose and (pose["x_m"], pose["y_m"], pose["heading_rad"]),
+                is_pose_estimate=bool(pose and pose.get("is_estimate")),
+            )
+        )
+    return found
+
+
+def read_move(label: object, episode: Episode) -> Action:
+    """Return the move that a person wants for some frames.
+
+    Raises:
+        ConfigurationError: If the recording knows no such move; the message lists the known ones.
+    """
+    known = tuple(dict.fromkeys((*episode.moves, *CLASSIC)))
+    if not isinstance(label, str) or label not in known:
+        raise ConfigurationError(f"unknown label {label!r}; known: {', '.join(known)}")
+    return Action(label)
+
+
+def kept_frames(episode: Episode, notes: Notes) -> list[FrameEntry]:
+    """List the pictures that were not deleted."""
+    return [e for e in episode.frames.values() if not notes.is_deleted(e.frame_id)]
+
+
+def choose(found: Sequence[EpisodeFrame], count: int) -> list[EpisodeFrame]:
+    """Choose `count` moments at even distances, for a strip."""
+    if len(found) <= count:
+        return list(found)
+    return [found[round(i * (len(found) - 1) / max(count - 1, 1))] for i in range(count)]
+
+
+def write_edited(episode: Episode, notes: Notes, file: BinaryIO) -> None:
+    """Write a copy of the recording with the edits applied.
+
+    Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
+    ids and predictions are unchanged.
+    """
+    before = episode.attachments.get(MODEL_BEFORE)
+    writer = EpisodeWriter(file, run_of(episode), before)
+    own = {e.event.example.frame_id for e in episode.events if isinstance(e.event, Taught)}
+    for record in scan(episode.path):
+        if not isinstance(record, Message) or record.topic == LESSON:
+            continue
+        if record.topic != CAMERA or not notes.is_deleted(record.sequence):
+            writer.write_copy(record)
+    _write_examples(writer, episode, plan([(episode, notes)]), own)
+    writer.close({"dropped_frames": "0", "lost_words": "0"})
+
+
+def _write_examples(
+    writer: EpisodeWriter, episode: Episode, steps: list[Step], own: set[int]
+) -> None:
+    now_s = episode.start_s
+    for step in steps:
+        if step.edit is not None:
+            writer.write_message(LESSON, now_s, describe_event(step.edit))
+            continue
+        assert step.label is not None
+        example = Example(
+            frame_id=step.frame_id, label=step.label, is_intervention=step.is_correction
+        )
+        entry = episode.frames.get(step.frame_id)
+        now_s = entry.captured_s if entry else now_s
+        taught = Taught(
+            example=example, x=_vector(step), at_s=-1.0 if step.at_s is None else step.at_s
+        )
+        writer.write_message(LESSON, now_s, describe_event(taught, with_vector=step.x is not None))
+    for late in episode.events:
+        if isinstance(late.event, Undone) and not own.issuperset(late.event.frame_ids):
+            writer.write_message(LESSON, late.now_s, describe_event(late.event))
+
+
+def _vector(step: Step) -> Vector:
+    return np.zeros(0) if step.x is None else step.x
+
+
+def run_of(episode: Episode, path: Path | None = None) -> Run:
+    """Return the metadata of the recording, for a copy of it."""
+    run: dict[str, Any] = episode.run
+    return Run(
+        episode_id=(path or episode.path).stem,
+        run_id=run.get("run", ""),
+        origin_ns=episode.origin_ns,
+        started_at_s=float(run.get("started_at_s", "0")),
+        robot=run.get("robot", ""),
+        learner=run.get("learner", ""),
+        moves=tuple(run.get("moves", "").split(",")),
+        declared_moves=episode.declared_moves,
+        options={"recorded_with": run.get("options", "")},
+        source=run.get("source", ""),
+    )

@@ -1,0 +1,158 @@
+"""Edits of a recording: a list in a file beside it. The recording itself is not changed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from robot.errors import ConfigurationError, RecordingError
+from robot.store.folder import write_whole
+from robot.store.records import read_regular
+from robot.types import Action
+
+FORMAT = 1
+_MOST_BYTES = 16 * 2**20
+Range = tuple[int, int]
+"""First and last frame id, both included."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Edit:
+    """One change: `delete` ranges of frames, or `relabel` them."""
+
+    verb: str
+    ranges: tuple[Range, ...]
+    label: Action | None = None
+
+    def __post_init__(self) -> None:
+        if self.verb not in ("delete", "relabel") or (self.verb == "relabel") == (not self.label):
+            raise ConfigurationError(f"unknown edit {self.verb!r}; known: delete, relabel")
+        if any(first > last for first, last in self.ranges):
+            raise ConfigurationError("a range of frames must not end before it begins")
+
+    def covers(self, frame_id: int) -> bool:
+        """True if the frame is in one of the ranges."""
+        return any(first <= frame_id <= last for first, last in self.ranges)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Notes:
+    """What is stored beside a recording: a title, protection from deletion, and the edits."""
+
+    title: str = ""
+    is_protected: bool = False
+    edits: tuple[Edit, ...] = field(default=())
+    undone: tuple[Edit, ...] = field(default=())
+    """Undone edits, the last one first: what redo applies again."""
+    is_recovered: bool = False
+    """The recording was cut short, and its examples were recovered into the model since."""
+
+    def with_edit(self, edit: Edit) -> Notes:
+        """Return the notes with one more edit."""
+        return replace(self, edits=(*self.edits, edit), undone=())
+
+    def without_last_edit(self) -> Notes:
+        """Return the notes without the last edit.
+
+        Raises:
+            ConfigurationError: If there is none.
+        """
+        if not self.edits:
+            raise ConfigurationError("there is nothing to undo")
+        return replace(self, edits=self.edits[:-1], undone=(self.edits[-1], *self.undone))
+
+    def with_last_undone(self) -> Notes:
+        """Return the notes with the edit that was undone last.
+
+        Raises:
+            ConfigurationError: If there is none.
+        """
+        if not self.undone:
+            raise ConfigurationError("there is nothing to redo")
+        return replace(self, edits=(*self.edits, self.undone[0]), undone=self.undone[1:])
+
+    def is_deleted(self, frame_id: int) -> bool:
+        """True if a person deleted this frame."""
+        return any(edit.verb == "delete" and edit.covers(frame_id) for edit in self.edits)
+
+    def relabel(self, frame_id: int) -> Action | None:
+        """Return the label that a person gave this frame last; None if nobody did."""
+        given = [e.label for e in self.edits if e.verb == "relabel" and e.covers(frame_id)]
+        return given[-1] if given else None
+
+
+def trim(frame_ids: Iterable[int], first: int, last: int) -> Edit:
+    """Return the edit that keeps only the frames from `first` to `last`."""
+    ids = sorted(frame_ids)
+    if first > last:
+        raise ConfigurationError("a range of frames must not end before it begins")
+    before = [i for i in ids if i < first]
+    after = [i for i in ids if i > last]
+    ranges = tuple((part[0], part[-1]) for part in (before, after) if part)
+    return Edit(verb="delete", ranges=ranges)
+
+
+def notes_path(episode: Path) -> Path:
+    """Return where the notes of a recording are: NAME.edits.json."""
+    return episode.with_suffix(".edits.json")
+
+
+def read_notes(episode: Path) -> Notes:
+    """Read the notes of a recording; there may be none.
+
+    Raises:
+        RecordingError: If they are damaged.
+    """
+    path = notes_path(episode)
+    try:
+        return _from_plain(json.loads(read_regular(path, _MOST_BYTES).decode()))
+    except FileNotFoundError:
+        return Notes()
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise RecordingError(
+            f"{path.name} is damaged: {error}; repair it or move it away"
+        ) from error
+
+
+def write_notes(episode: Path, notes: Notes) -> None:
+    """Write the notes of a recording, whole or not at all."""
+    plain = {
+        "format": FORMAT,
+        "title": notes.title,
+        "protected": notes.is_protected,
+        "recovered": notes.is_recovered,
+        "edits": [_to_plain(edit) for edit in notes.edits],
+        "undone": [_to_plain(edit) for edit in notes.undone],
+    }
+    write_whole(notes_path(episode), json.dumps(plain, indent=1, ensure_ascii=False).encode())
+
+
+def _from_plain(plain: Any) -> Notes:
+    if plain["format"] > FORMAT:
+        raise ValueError("it was written by a newer version of this program")
+    return Notes(
+        title=str(plain["title"]),
+        is_protected=bool(plain["protected"]),
+        is_recovered=bool(plain.get("recovered", False)),
+        edits=tuple(_edit_from_plain(edit) for edit in plain["edits"]),
+        undone=tuple(_edit_from_plain(edit) for edit in plain.get("undone", ())),
+    )
+
+
+def _to_plain(edit: Edit) -> dict[str, Any]:
+    return {
+        "verb": edit.verb,
+        "ranges": [list(between) for between in edit.ranges],
+        "label": edit.label,
+    }
+
+
+def _edit_from_plain(plain: Any) -> Edit:
+    return Edit(
+        verb=plain["verb"],
+        ranges=tuple((int(first), int(last)) for first, last in plain["ranges"]),
+        label=Action(plain["label"]) if plain["label"] else None,
+    )

@@ -1,0 +1,220 @@
+"""One recording, opened: an index in memory, pictures read from the file when asked for."""
+
+from __future__ import annotations
+
+import json
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from robot.driver import Move, from_text
+from robot.errors import RecordingError
+from robot.learner.base import Vector
+from robot.policy.history import HistoryEvent, Taught
+from robot.store.episodes.images import decode_image
+from robot.store.episodes.messages import (
+    CAMERA,
+    COMMAND,
+    DECISION,
+    LESSON,
+    MODE,
+    PREDICTION,
+    SENSORS,
+    Fields,
+)
+from robot.store.episodes.scan import Attachment, Cut, Message, Metadata, read_chunk, scan
+from robot.store.episodes.writer import FORMAT, MODEL_AFTER, MODEL_BEFORE, RUN
+from robot.store.models.events import read_event
+from robot.store.models.model import Model, decode_model
+from robot.types import Action, Frame
+
+_CHUNKS_KEPT = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameEntry:
+    """Where a picture is, and when it was taken, in seconds of the run's clock."""
+
+    frame_id: int
+    captured_s: float
+    schema: str
+    size: tuple[int, int]
+    place: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EventEntry:
+    """A change of the learner as it was recorded; `x` only where its picture was not."""
+
+    event: HistoryEvent
+    x: Vector | None
+    now_s: float
+
+
+@dataclass(slots=True, kw_only=True)
+class Episode:
+    """What a recording holds. Times are seconds of the run's clock."""
+
+    path: Path
+    run: dict[str, str] = field(default_factory=dict)
+    frames: dict[int, FrameEntry] = field(default_factory=dict)
+    events: list[EventEntry] = field(default_factory=list)
+    messages: dict[str, list[tuple[float, Fields]]] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+    damage: str | None = None
+    _chunks: OrderedDict[int, list[Any]] = field(default_factory=OrderedDict)
+
+    @property
+    def id(self) -> str:
+        """The recording's name: its file's, so that a copy has a name of its own."""
+        return self.path.stem
+
+    @property
+    def origin_ns(self) -> int:
+        """Nanoseconds since 1970 at which the run's clock showed 0."""
+        return int(self.run.get("origin_ns", "0"))
+
+    @property
+    def started_at_s(self) -> float:
+        """Seconds since 1970 at which the recording began; by the wall clock."""
+        started = float(self.run.get("started_at_s", "0"))
+        return started if started > 0 else self.origin_ns / 1e9 + self.start_s
+
+    @property
+    def moves(self) -> tuple[Action, ...]:
+        """What the robot could be taught."""
+        return tuple(Action(move) for move in self.run.get("moves", "").split(",") if move)
+
+    @property
+    def declared_moves(self) -> tuple[Move, ...]:
+        """The moves as the driver declared them; empty in recordings of older versions."""
+        return from_text(self.run.get("declared_moves", ""))
+
+    @property
+    def start_s(self) -> float:
+        """Time of the first picture or message."""
+        return min(self._ends(), default=0.0)
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the first picture or message to the last."""
+        return max(self._ends(), default=0.0) - self.start_s
+
+    def _ends(self) -> Iterator[float]:
+        entries = list(self.frames.values())
+        yield from (entry.captured_s for entry in entries[:1] + entries[-1:])
+        for received in self.messages.values():
+            yield from (now_s for now_s, _ in received[:1] + received[-1:])
+        yield from (entry.now_s for entry in self.events[:1] + self.events[-1:])
+
+    def frame(self, frame_id: int) -> Frame:
+        """Read one picture.
+
+        Raises:
+            RecordingError: If there is none, or it is damaged.
+        """
+        entry = self.frames.get(frame_id)
+        if entry is None:
+            raise RecordingError(f"the recording {self.id} has no frame {frame_id}")
+        offset, index = entry.place
+        if offset not in self._chunks:
+            self._chunks[offset] = read_chunk(self.path, offset)
+            while len(self._chunks) > _CHUNKS_KEPT:
+                self._chunks.popitem(last=False)
+        return _frame(entry, self._chunks[offset][index].data)
+
+    def model_before(self) -> Model | None:
+        """Return what the learner knew when the recording began; None if it is not known."""
+        return self._model(MODEL_BEFORE)
+
+    def model_after(self) -> Model | None:
+        """Return what the learner knew when the recording ended; None if it is not known."""
+        return self._model(MODEL_AFTER)
+
+    def _model(self, name: str) -> Model | None:
+        data = self.attachments.get(name)
+        return None if data is None else decode_model(data)
+
+
+def open_episode(path: Path) -> Episode:
+    """Read a recording's messages and the positions of its pictures; a cut file up to its end.
+
+    Raises:
+        RecordingError: If it is not a recording of this program, or of a newer format.
+        MissingExtraError: If the library `mcap` is not installed.
+        OSError: If the file cannot be read.
+    """
+    episode = Episode(path=path)
+    for record in scan(path):
+        try:
+            _take(episode, record)
+        except (RecordingError, ValueError, KeyError, TypeError, RecursionError) as error:
+            if not episode.run:
+                raise RecordingError(f"{path.name} cannot be read: {error}") from error
+            episode.damage = str(error)
+            break
+    if not episode.run:
+        raise RecordingError(f"{path.name} is not a recording of this program, or is empty")
+    episode.frames = dict(sorted(episode.frames.items()))
+    return episode
+
+
+def _take(episode: Episode, record: Message | Metadata | Attachment | Cut) -> None:
+    if isinstance(record, Message):
+        if episode.run:
+            _take_message(episode, record)
+    elif isinstance(record, Attachment):
+        episode.attachments[record.name] = record.data
+    elif isinstance(record, Cut):
+        episode.damage = record.reason
+    elif record.name == RUN:
+        if int(record.values["format"]) > FORMAT:
+            raise RecordingError("it was recorded by a newer version; update this program")
+        int(record.values["origin_ns"])
+        from_text(record.values.get("declared_moves", ""))
+        episode.run = record.values
+
+
+def _take_message(episode: Episode, message: Message) -> None:
+    now_s = (message.log_ns - episode.origin_ns) / 1e9
+    if message.topic == CAMERA:
+        size = message.channel_metadata
+        episode.frames[message.sequence] = FrameEntry(
+            frame_id=message.sequence,
+            captured_s=now_s,
+            schema=message.schema,
+            size=(int(size.get("width", "0")), int(size.get("height", "0"))),
+            place=message.place,
+        )
+    elif message.topic == LESSON:
+        event, x = read_event(json.loads(message.data))
+        episode.events.append(EventEntry(event=event, x=x, now_s=now_s))
+    elif message.topic in (COMMAND, DECISION, PREDICTION, SENSORS, MODE):
+        fields = json.loads(message.data)
+        if not isinstance(fields, dict):
+            raise RecordingError("a message has an unknown form")
+        episode.messages.setdefault(message.topic, []).append((now_s, fields))
+
+
+def _frame(entry: FrameEntry, data: bytes) -> Frame:
+    return decode_image(
+        entry.schema,
+        data,
+        frame_id=entry.frame_id,
+        captured_s=entry.captured_s,
+        size=entry.size,
+    )
+
+
+def taught_frames(episode: Episode) -> dict[int, Action]:
+    """Return the frames that were taught and not undone, with the label each was given last."""
+    taught: dict[int, Action] = {}
+    for entry in episode.events:
+        if isinstance(entry.event, Taught):
+            taught[entry.event.example.frame_id] = entry.event.example.label
+        else:
+            for frame_id in getattr(entry.event, "frame_ids", ()):
+                taught.pop(frame_id, None)
+    return taught

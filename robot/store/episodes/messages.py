@@ -1,0 +1,165 @@
+"""The messages of a recording besides its pictures: topics, schemas, and the fields of each.
+
+Times of messages are in MCAP's own log time; what is here needs none of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from robot.types import PilotCommand, Prediction, Sensors
+
+CAMERA = "/camera"
+COMMAND = "/command"
+DECISION = "/decision"
+PREDICTION = "/prediction"
+SENSORS = "/sensors"
+MODE = "/mode"
+LESSON = "/lesson"
+
+Fields = dict[str, Any]
+
+_TEXT = {"type": "string"}
+_MAYBE_TEXT = {"type": ["string", "null"]}
+_NUMBER = {"type": "number"}
+_MAYBE_NUMBER = {"type": ["number", "null"]}
+_COUNT = {"type": "integer", "minimum": 0}
+_MAYBE_COUNT = {"type": ["integer", "null"], "minimum": 0}
+_TRUTH = {"type": "boolean"}
+_MAYBE_TRUTH = {"type": ["boolean", "null"]}
+
+
+def _schema(title: str, required: Mapping[str, Any], **optional: Any) -> Fields:
+    return {
+        "title": f"drivelesson.{title}",
+        "type": "object",
+        "properties": {**required, **optional},
+        "required": list(required),
+    }
+
+
+SCHEMAS: dict[str, Fields] = {
+    COMMAND: _schema(
+        "Command",
+        {"held": _MAYBE_TEXT, "frame": _MAYBE_COUNT, "seq": _COUNT, "pilot": _TEXT},
+    ),
+    DECISION: _schema(
+        "Decision",
+        {
+            "action": _TEXT,
+            "sent": _TEXT,
+            "driven_by": _TEXT,
+            "mode": _TEXT,
+            "speed_scale": _NUMBER,
+            "stop_reason": _MAYBE_TEXT,
+            "asks_pilot": _TRUTH,
+            "cycle_ms": _NUMBER,
+        },
+    ),
+    PREDICTION: _schema(
+        "Prediction",
+        {
+            "frame": _COUNT,
+            "action": _MAYBE_TEXT,
+            "confidence": _NUMBER,
+            "novelty": _NUMBER,
+            "probabilities": {"type": "object", "additionalProperties": _NUMBER},
+            "node": _MAYBE_COUNT,
+            "distance": _NUMBER,
+        },
+    ),
+    SENSORS: _schema(
+        "Sensors",
+        {
+            "distance_m": _MAYBE_NUMBER,
+            "bumped": _MAYBE_TRUTH,
+            "battery": _MAYBE_NUMBER,
+            "pose": {
+                "type": ["object", "null"],
+                "properties": {
+                    "x_m": _NUMBER,
+                    "y_m": _NUMBER,
+                    "heading_rad": _NUMBER,
+                    "is_estimate": _TRUTH,
+                },
+            },
+        },
+    ),
+    MODE: _schema("Mode", {"mode": _TEXT, "stop_reason": _MAYBE_TEXT}),
+    LESSON: _schema(
+        "Lesson",
+        {"event": {"enum": ["taught", "edited", "undone", "replaced"]}},
+        frame=_COUNT,
+        label=_TEXT,
+        intervention=_TRUTH,
+        at_s=_NUMBER,
+        x={"type": ["object", "null"]},
+        verb=_TEXT,
+        node=_COUNT,
+        value={},
+        frames={"type": "array", "items": _COUNT},
+        learner=_TEXT,
+    ),
+}
+"""Topic to JSON schema. /camera is Foxglove's own (robot/store/episodes/images.py)."""
+
+
+def to_json(fields: Fields) -> bytes:
+    """Return the fields as JSON; they must not hold infinite numbers, which JSON cannot express."""
+    return json.dumps(fields, separators=(",", ":"), default=_plain).encode()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"cannot record a {type(value).__name__}")
+
+
+def _finite(number: float) -> float:
+    """Round to five digits: measurements are no more precise, and more would waste disk space."""
+    return float(f"{number:.5g}") if math.isfinite(number) else 1e300
+
+
+def describe_command(command: PilotCommand) -> Fields:
+    """Return the fields of a pilot command."""
+    return {
+        "held": command.held,
+        "frame": command.frame_id,
+        "seq": command.seq,
+        "pilot": command.pilot,
+    }
+
+
+def describe_prediction(prediction: Prediction) -> Fields:
+    """Return the fields of a prediction."""
+    return {
+        "frame": prediction.frame_id,
+        "action": prediction.action,
+        "confidence": _finite(prediction.confidence),
+        "novelty": _finite(prediction.novelty),
+        "probabilities": {a: _finite(p) for a, p in prediction.probabilities.items()},
+        "node": prediction.node,
+        "distance": _finite(prediction.distance),
+    }
+
+
+def describe_sensors(sensors: Sensors) -> Fields:
+    """Return the fields of the sensor readings."""
+    pose = sensors.pose
+    return {
+        "distance_m": None if sensors.distance_m is None else _finite(sensors.distance_m),
+        "bumped": sensors.bumped,
+        "battery": sensors.battery_share,
+        "pose": pose
+        and {
+            "x_m": _finite(pose.x_m),
+            "y_m": _finite(pose.y_m),
+            "heading_rad": _finite(pose.heading_rad),
+            **({"is_estimate": True} if pose.is_estimate else {}),
+        },
+    }

@@ -1,0 +1,291 @@
+"""Records each run while it is driven. The loop only queues; a thread of its own writes.
+
+A recording begins when the robot leaves `stopped`, or when something changes the learner; it ends
+after the robot has stood for ten seconds. What waits for the disk is bounded by count and by
+bytes: a slow disk costs pictures, which are counted, and never the loop's time or the memory. An
+example whose picture was dropped is recorded with its feature vector, so that none is lost.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from robot.control.loop import ControlLoop
+from robot.control.state import Tick
+from robot.driver import Move
+from robot.errors import MissingExtraError
+from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
+from robot.store.episodes.messages import (
+    COMMAND,
+    DECISION,
+    LESSON,
+    MODE,
+    PREDICTION,
+    SENSORS,
+    Fields,
+    describe_command,
+    describe_prediction,
+    describe_sensors,
+)
+from robot.store.episodes.scan import require_mcap
+from robot.store.episodes.writer import Run
+from robot.store.episodes.writer_thread import (
+    Close,
+    Open,
+    RecorderConfig,
+    WriteMessage,
+    WriterThread,
+)
+from robot.store.models.autosave import Announce, no_announcement
+from robot.store.models.events import describe_event
+from robot.store.models.model import Model, take_model
+from robot.types import Frame, Mode
+
+
+class Recorder:
+    """Records the runs of one loop.
+
+    Args:
+        loop: What is recorded.
+        folder: Where recordings go.
+        robot: The robot's name, for the file's metadata.
+        declared_moves: The moves as its driver declares them, for exports.
+        options: Configuration to write into the file.
+        announce: Called when recording begins, ends, stops because of a fault, or loses pictures.
+        config: The bounds.
+        open_file: Opens a new file for writing; tests give slow and failing ones.
+        wall_ns: Nanoseconds since 1970.
+    """
+
+    def __init__(
+        self,
+        loop: ControlLoop,
+        folder: Path,
+        *,
+        robot: str = "",
+        declared_moves: tuple[Move, ...] = (),
+        options: Mapping[str, Any] | None = None,
+        announce: Announce = no_announcement,
+        config: RecorderConfig | None = None,
+        open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
+        wall_ns: Callable[[], int] | None = None,
+    ) -> None:
+        self._loop = loop
+        self._robot = robot
+        self._declared_moves = declared_moves
+        self._options = dict(options or {})
+        self._config = config or RecorderConfig()
+        self._wall_ns = wall_ns or (lambda: round(1e9 * loop.clock.wall_s()))
+        self._run_id = secrets.token_hex(8)
+        self._disk = WriterThread(folder, self._config, open_file, announce, loop.clock)
+        self._unsubscribe: Callable[[], None] = lambda: None
+        self._base: Model | None = None
+        self._is_open = False
+        self._mode = Mode.STOPPED
+        self._moved_s = 0.0
+        self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)
+        self._kept: dict[int, None] = {}
+        self._taught: set[int] = set()
+
+    @property
+    def fault(self) -> str | None:
+        """Why nothing is recorded at present, as a sentence; None if all is well."""
+        return self._disk.fault
+
+    @property
+    def episode_id(self) -> str | None:
+        """The recording that is being written."""
+        return self._disk.episode_id
+
+    @property
+    def dropped_frames(self) -> int:
+        """Pictures that the disk was too slow for, since the start."""
+        return self._disk.lost.frames
+
+    def refuse(self, sentence: str) -> None:
+        """Record nothing; `fault` is this sentence."""
+        self._disk.refuse(sentence)
+
+    def start(self) -> None:
+        """Start recording. Without the library `mcap` recording is off, and `fault` says so."""
+        try:
+            require_mcap()
+        except MissingExtraError as error:
+            self._disk.refuse(str(error))
+            return
+        self._unsubscribe = self._loop.subscribe(self.note)
+        self._disk.start()
+
+    def stop(self) -> None:
+        """Finish the recording, best while the loop still runs; idempotent."""
+        if self._is_open:
+            with contextlib.suppress(TimeoutError):
+                self._loop.clock.result(self._loop.submit(self._end), 2.0)
+        self._unsubscribe()
+        self._disk.stop()
+
+    # On the loop's thread ----------------------------------------------------------------------
+
+    def _end(self) -> None:
+        """Finish between two ticks, so that the one under way is recorded, too."""
+        self._unsubscribe()
+        self.finish()
+
+    def note(self, tick: Tick) -> None:
+        """Queue what is to be recorded of one tick."""
+        if self._base is None and not self._is_open:
+            self._base = self._take()
+            return
+        mode, now_s = tick.decision.mode, tick.now_s
+        is_moving = mode is not Mode.STOPPED
+        began = is_moving and self._mode is Mode.STOPPED
+        self._moved_s = now_s if is_moving else self._moved_s
+        events = self._own_events(tick.history_events)
+        if began:
+            self._disk.try_again()
+        if not self._is_open and (is_moving or events):
+            self._open(now_s)
+        if self._is_open:
+            self._record(tick, events)
+        elif tick.frame is not None:
+            self._remember(tick.frame)
+        self._mode = mode
+        self._end_if_due(tick, events)
+
+    def finish(self) -> None:
+        """End the recording, on the loop's thread."""
+        if self._is_open:
+            self._base = self._take()
+            self._close(final=self._base)
+
+    def _own_events(self, events: tuple[HistoryEvent, ...]) -> tuple[HistoryEvent, ...]:
+        """Begin a new recording when another policy took over."""
+        if any(isinstance(event, Replaced) for event in events):
+            if self._is_open:
+                self._close(final=None)
+            self._base = self._take()
+            return ()
+        return events
+
+    def _open(self, now_s: float) -> None:
+        wall_ns = self._wall_ns()
+        state = self._loop.state
+        run = Run(
+            episode_id=make_id(wall_ns),
+            run_id=self._run_id,
+            origin_ns=wall_ns - round(now_s * 1e9),
+            started_at_s=wall_ns / 1e9,
+            robot=self._robot,
+            learner=state.learner,
+            moves=tuple(move.value for move in state.moves),
+            declared_moves=self._declared_moves,
+            options=self._options,
+        )
+        self._disk.put(Open(run=run, model=self._base, lost_before=self._disk.lost), 0)
+        self._is_open = True
+        self._kept.clear()
+        self._taught.clear()
+
+    def _record(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
+        now_s = tick.now_s
+        if tick.decision.mode is not self._mode:
+            self._record_mode(tick)
+        if tick.frame is not None:
+            if now_s - self._moved_s <= self._config.trail_s:
+                self._record_lead()
+                self._record_frame(tick)
+            else:
+                self._remember(tick.frame)
+        for command in tick.commands:
+            self._queue_message(COMMAND, now_s, describe_command(command))
+        if tick.decision.mode is not Mode.STOPPED:
+            self._record_decision(tick)
+        for event in events:
+            self._record_event(event, now_s)
+
+    def _record_mode(self, tick: Tick) -> None:
+        reason = tick.decision.stop_reason
+        self._queue_message(MODE, tick.now_s, {"mode": tick.decision.mode, "stop_reason": reason})
+
+    def _record_decision(self, tick: Tick) -> None:
+        decision = tick.decision
+        fields = {
+            "action": decision.action,
+            "sent": tick.sent,
+            "driven_by": decision.driven_by,
+            "mode": decision.mode,
+            "speed_scale": decision.speed_scale,
+            "stop_reason": decision.stop_reason,
+            "asks_pilot": decision.asks_pilot,
+            "cycle_ms": round(tick.cycle_s * 1000, 4),
+        }
+        self._queue_message(DECISION, tick.now_s, fields)
+
+    def _record_frame(self, tick: Tick) -> None:
+        assert tick.frame is not None
+        self._keep(tick.frame)
+        self._queue_message(SENSORS, tick.now_s, describe_sensors(tick.sensors))
+        if tick.prediction is not None and tick.prediction.frame_id == tick.frame.frame_id:
+            self._queue_message(PREDICTION, tick.now_s, describe_prediction(tick.prediction))
+
+    def _record_event(self, event: HistoryEvent, now_s: float) -> None:
+        is_lost = isinstance(event, Taught) and event.example.frame_id not in self._kept
+        if isinstance(event, Taught):
+            self._taught.add(event.example.frame_id)
+        self._queue_message(LESSON, now_s, describe_event(event, with_vector=is_lost))
+
+    def _record_lead(self) -> None:
+        """Write the pictures from just before: a command may label what was seen then."""
+        while self._lead:
+            self._keep(self._lead.popleft())
+
+    def _remember(self, frame: Frame) -> None:
+        self._lead.append(frame)
+        while sum(len(frame.data) for frame in self._lead) > self._config.lead_bytes:
+            self._lead.popleft()
+
+    def _keep(self, frame: Frame) -> None:
+        if frame.frame_id not in self._kept and self._disk.put(frame, len(frame.data)):
+            self._kept[frame.frame_id] = None
+            while len(self._kept) > 512:
+                del self._kept[next(iter(self._kept))]
+
+    def _queue_message(self, topic: str, now_s: float, fields: Fields) -> None:
+        self._disk.put(WriteMessage(topic=topic, now_s=now_s, fields=fields), 0)
+
+    def _end_if_due(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
+        """End after a pause, and where an undo reached back beyond this recording."""
+        if not self._is_open:
+            return
+        reached_back = any(
+            isinstance(event, Undone) and not self._taught.issuperset(event.frame_ids)
+            for event in events
+        )
+        is_pause = tick.now_s - self._moved_s >= self._config.pause_s and not events
+        if reached_back or is_pause:
+            self.finish()
+
+    def _close(self, final: Model | None) -> None:
+        self._disk.put(Close(model=final), 0)
+        self._is_open = False
+
+    def _take(self) -> Model:
+        history = self._loop.history
+        return take_model(
+            history.policy,
+            Counter(history.taught),
+            saved_at_s=self._loop.clock.wall_s(),
+            with_preview=False,
+        )
+
+
+def make_id(wall_ns: int) -> str:
+    """Name a recording by its time, in UTC, so that names sort by time."""
+    at = datetime.fromtimestamp(wall_ns / 1e9, UTC)
+    return f"{at:%Y-%m-%d_%H%M%S}_{wall_ns // 10**6 % 1000:03d}"

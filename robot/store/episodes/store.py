@@ -1,0 +1,237 @@
+"""The recordings of one robot: listed, opened, edited, deleted and restored."""
+
+from __future__ import annotations
+
+import shutil
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from robot.errors import ConfigurationError, NotFoundError
+from robot.store.episodes.editing import write_edited
+from robot.store.episodes.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
+from robot.store.episodes.episode import Episode, open_episode
+from robot.store.episodes.store_index import SummaryIndex
+from robot.store.episodes.summary import EpisodeSummary
+from robot.store.folder import Storage, check_name, free_name
+
+DEFAULT_BUDGET_BYTES = 8 * 2**30
+_OPEN_EPISODES = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Budget:
+    """How the space is used, and which episodes would bring it back within the budget."""
+
+    budget_bytes: int
+    used_bytes: int
+    offered: tuple[EpisodeSummary, ...]
+
+
+class EpisodeStore:
+    """Every file operation on episodes. Safe for several threads.
+
+    Args:
+        storage: The data folder.
+        recording: Returns the episode that is being written; it cannot be changed.
+        budget_bytes: Beyond this the oldest unprotected episodes are offered for deletion.
+    """
+
+    def __init__(
+        self,
+        storage: Storage,
+        recording: Callable[[], str | None] = lambda: None,
+        budget_bytes: int = DEFAULT_BUDGET_BYTES,
+    ) -> None:
+        self._storage = storage
+        self._recording = recording
+        self.budget_bytes = budget_bytes
+        self._lock = threading.RLock()
+        self._opened: OrderedDict[tuple[str, int, int], Episode] = OrderedDict()
+        self._index = SummaryIndex(storage.episodes, recording)
+
+    def ids(self) -> list[str]:
+        """Name the episodes, in the order of their names, the last first."""
+        return sorted(self._index.ids(), reverse=True)
+
+    def summaries(self) -> list[EpisodeSummary]:
+        """Describe all episodes, the newest first."""
+        with self._lock:
+            return self._index.summaries()
+
+    def summary(self, episode_id: str) -> EpisodeSummary:
+        """Describe one episode."""
+        path = self.path(episode_id)
+        with self._lock:
+            return self._index.get(path)
+
+    def path(self, episode_id: str) -> Path:
+        """Return the file of an episode.
+
+        Raises:
+            NotFoundError: If there is none of this name.
+        """
+        is_name = not episode_id.startswith(".") and not set(episode_id) & set("/\\\0")
+        path = self._storage.episodes / f"{episode_id}.mcap"
+        try:
+            if is_name and episode_id and path.is_file():
+                return path
+        except (OSError, ValueError):  # no file can have such a name
+            pass
+        raise NotFoundError(f"unknown episode {episode_id[:80]!r}")
+
+    def open(self, episode_id: str) -> Episode:
+        """Open an episode; the last two stay open.
+
+        Raises:
+            NotFoundError: If there is none of this name.
+            RecordingError: If nothing of it can be read.
+        """
+        path = self.path(episode_id)
+        key = _version(path)
+        with self._lock:
+            if key not in self._opened:
+                self._opened[key] = open_episode(path)
+                while len(self._opened) > _OPEN_EPISODES:
+                    self._opened.popitem(last=False)
+            self._opened.move_to_end(key)
+            return self._opened[key]
+
+    def notes(self, episode_id: str) -> Notes:
+        """Return the title, the protection and the edits of an episode."""
+        return read_notes(self.path(episode_id))
+
+    def edit(self, episode_id: str, edit: Edit) -> Notes:
+        """Add an edit to the list beside the episode."""
+        return self._change(episode_id, lambda notes: notes.with_edit(edit))
+
+    def undo_edit(self, episode_id: str) -> Notes:
+        """Undo the last edit."""
+        return self._change(episode_id, Notes.without_last_edit)
+
+    def redo_edit(self, episode_id: str) -> Notes:
+        """Redo the edit that was undone last."""
+        return self._change(episode_id, Notes.with_last_undone)
+
+    def set_title(self, episode_id: str, title: str) -> Notes:
+        """Give an episode a title."""
+        return self._change(episode_id, lambda notes: replace(notes, title=title.strip()[:200]))
+
+    def protect(self, episode_id: str, is_protected: bool) -> Notes:
+        """Protect an episode from deletion, or end the protection."""
+        return self._change(episode_id, lambda notes: replace(notes, is_protected=is_protected))
+
+    def _change(self, episode_id: str, change: Callable[[Notes], Notes]) -> Notes:
+        with self._lock:
+            path = self.path(episode_id)
+            notes = change(read_notes(path))
+            write_notes(path, notes)
+            return notes
+
+    def delete(self, episode_id: str) -> str:
+        """Move an episode to the trash; return the key for `restore`.
+
+        Raises:
+            ConfigurationError: If it is protected, or being recorded.
+        """
+        path = self._idle_path(episode_id)
+        if read_notes(path).is_protected:
+            raise ConfigurationError("this recording is protected; take the protection off first")
+        return self._storage.discard(path, notes_path(path))
+
+    def restore(self, key: str) -> str:
+        """Restore a deleted episode; return its name, a new one if the old one is in use."""
+        place = self._storage.discarded(key)
+        episodes = list(place.glob("*.mcap"))
+        if not episodes:
+            raise NotFoundError("that was not an episode")
+        name = free_name(episodes[0].stem, set(self.ids()))
+        notes = notes_path(episodes[0])
+        if notes.exists():
+            notes.rename(notes_path(self._storage.episodes / f"{name}.mcap"))
+        episodes[0].rename(self._storage.episodes / f"{name}.mcap")
+        shutil.rmtree(place, ignore_errors=True)
+        return name
+
+    def compact(self, episode_id: str) -> str:
+        """Apply the edits to the recording; the original goes to the trash.
+
+        Returns:
+            The key that restores the original.
+        """
+        with self._lock:
+            path = self._idle_path(episode_id)
+            notes = read_notes(path)
+            part = path.with_name(f".{path.stem}.part")
+            part.unlink(missing_ok=True)
+            try:
+                with part.open("xb") as file:
+                    write_edited(self.open(episode_id), notes, file)
+            except BaseException:
+                part.unlink(missing_ok=True)
+                raise
+            key = self._storage.discard(path, notes_path(path))
+            part.rename(path)
+            write_notes(path, replace(notes, edits=(), undone=()))
+            return key
+
+    def split(self, episode_id: str, frame_id: int) -> str:
+        """Make two recordings of one, the second beginning with this frame; return its name.
+
+        The first stays whole on the disk, with an edit that leaves out what is in the second.
+
+        Raises:
+            ConfigurationError: If one of the two would be empty.
+        """
+        with self._lock:
+            path = self._idle_path(episode_id)
+            notes, episode = read_notes(path), self.open(episode_id)
+            before = [i for i in episode.frames if i < frame_id and not notes.is_deleted(i)]
+            after = [i for i in episode.frames if i >= frame_id and not notes.is_deleted(i)]
+            if not before or not after:
+                raise ConfigurationError("there must be pictures on both sides of the cut")
+            new = self.new_path(f"{episode_id}-2")
+            part = new.with_name(f".{new.stem}.part")
+            part.unlink(missing_ok=True)
+            try:
+                with part.open("xb") as file:
+                    second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
+                    write_edited(episode, second, file)
+            except BaseException:
+                part.unlink(missing_ok=True)
+                raise
+            part.rename(new)
+            if notes.title:
+                write_notes(new, Notes(title=f"{notes.title} 2"))
+            write_notes(path, notes.with_edit(trim(episode.frames, before[0], before[-1])))
+            return new.stem
+
+    def new_path(self, name: str) -> Path:
+        """Return where a new episode of this name may be written."""
+        free = free_name(check_name(name), set(self.ids()))
+        return self._storage.episodes / f"{free}.mcap"
+
+    def budget(self) -> Budget:
+        """Return how much space is used; the program itself never deletes anything."""
+        summaries = self.summaries()
+        used = sum(summary.bytes for summary in summaries)
+        offered, excess = [], used - self.budget_bytes
+        for summary in reversed(summaries):
+            if excess <= 0:
+                break
+            if not summary.is_protected and summary.id != self._recording():
+                offered.append(summary)
+                excess -= summary.bytes
+        return Budget(budget_bytes=self.budget_bytes, used_bytes=used, offered=tuple(offered))
+
+    def _idle_path(self, episode_id: str) -> Path:
+        if episode_id == self._recording():
+            raise ConfigurationError("this episode is being recorded; stop the robot and wait")
+        return self.path(episode_id)
+
+
+def _version(path: Path) -> tuple[str, int, int]:
+    status = path.stat()
+    return path.name, status.st_size, status.st_mtime_ns

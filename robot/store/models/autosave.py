@@ -1,0 +1,339 @@
+"""Saves what the robot learns by itself, and loads it again at the next start.
+
+The loop's thread only marks that a save is due; a thread of its own copies the learner and writes
+it. A save is due after every change of mode, undo and edit, every ten seconds of teaching, and at
+the end. The journal holds what happened between two saves.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import Counter
+from collections.abc import Callable, Collection
+
+from robot.clock import Worker
+from robot.control.loop import ControlLoop
+from robot.control.state import Tick
+from robot.driver import CLASSIC
+from robot.errors import ConfigurationError, RobotError
+from robot.policy.history import Taught
+from robot.policy.registry import make_policy
+from robot.store.models.journal import Journal
+from robot.store.models.model import JournalPosition, Model, take_model, with_preview
+from robot.store.models.replay import Recovered
+from robot.store.models.store import ModelStore
+from robot.types import Action, Mode
+
+log = logging.getLogger(__name__)
+
+SAVE_EVERY_S = 10.0
+_LONGEST_PLACE = 200
+Announce = Callable[..., None]
+"""Called with an event: a name, and fields of its own."""
+
+
+def no_announcement(name: str, **fields: object) -> None:
+    """Announce nothing."""
+
+
+class Autosave:
+    """Owns which model is in use, and saves it.
+
+    Args:
+        loop: Whose learner is saved.
+        store: Where it is saved.
+        name: What a new model is called, before a person names it.
+        moves: The moves of the robot's body; a model with other moves is not loaded.
+        place: Where the robot is; empty if not known.
+        announce: Called with events for the page.
+        journal: Where every change is written at once; None for no journal.
+    """
+
+    def __init__(
+        self,
+        loop: ControlLoop,
+        store: ModelStore,
+        *,
+        name: str = "robot",
+        moves: Collection[Action] = tuple(CLASSIC),
+        place: str = "",
+        announce: Announce = no_announcement,
+        journal: Journal | None = None,
+    ) -> None:
+        self._loop = loop
+        self._clock = loop.clock
+        self.store = store
+        self._wanted_name = name
+        self._moves = frozenset(moves)
+        self._place = place
+        self.announce = announce
+        self._journal = journal
+        self._name: str | None = None
+        self._recovered_name: str | None = None
+        self._lock = self._clock.lock()
+        self._due = threading.Event()
+        self._ending = False
+        self._thread: Worker | None = None
+        self._unsubscribe: Callable[[], None] = lambda: None
+        self._mode = Mode.STOPPED
+        self._saved_changes = loop.history.changes
+        self._saved_s = 0.0
+
+    @property
+    def name(self) -> str | None:
+        """Name of the model in use; None until there is something to save."""
+        return self._name
+
+    @property
+    def has_unsaved(self) -> bool:
+        """Whether the learner was changed since it was last saved or loaded."""
+        return self._loop.history.changes != self._saved_changes
+
+    def start(self) -> None:
+        """Start saving."""
+        self._unsubscribe = self._loop.subscribe(self.note)
+        self._thread = self._clock.start_thread(self._run, "autosave")
+
+    def stop(self) -> None:
+        """Save once more and end; call it while the loop still runs. Idempotent."""
+        if self._thread is None:
+            return
+        self._unsubscribe()
+        self._ending = True
+        self._due.set()
+        self._thread.join(timeout=10.0)
+        self._thread = None
+        self.save_if_changed()
+
+    def note(self, tick: Tick) -> None:
+        """Process one tick, on the loop's thread."""
+        if self._journal is not None:
+            self._journal.note(tick, self._loop.history, self._name, self._place)
+        mode_changed = tick.decision.mode is not self._mode
+        self._mode = tick.decision.mode
+        is_more_than_teaching = not all(isinstance(e, Taught) for e in tick.history_events)
+        is_due = mode_changed or is_more_than_teaching or tick.now_s - self._saved_s >= SAVE_EVERY_S
+        if is_due and self.has_unsaved:
+            self._saved_s = tick.now_s
+            self._due.set()
+
+    def _run(self) -> None:
+        while not self._ending:
+            self._clock.wait(self._due)
+            self._due.clear()
+            self.save_if_changed()
+
+    def save_if_changed(self) -> None:
+        """Save if anything was learned since. Never raises: a failure is announced and retried."""
+        if not self.has_unsaved:
+            return
+        try:
+            with self._lock:  # another model may be on its way, and count as saved in a moment
+                if self.has_unsaved:
+                    self.save()
+        except Exception as error:  # whatever it is, the thread must go on
+            expected = isinstance(error, OSError | RobotError)
+            log.warning("the model was not saved: %s", error, exc_info=not expected)
+            self.announce("model_not_saved", detail=str(error) or type(error).__name__)
+
+    def save(self) -> str:
+        """Save the learner as it is now; return the model's name."""
+        with self._lock:
+            model, changes = self._take()
+            name = self._name or self.store.free_name(self._wanted_name)
+            self.store.save(name, model)
+            self._name = name
+            self._saved_changes = changes
+            if self.store.current != name:
+                self.store.current = name
+            self.announce("model_saved", model=name, lessons=model.summary.n_examples)
+            return name
+
+    def _take(self) -> tuple[Model, int]:
+        """Copy the learner between two ticks; return it with its count of changes."""
+
+        def take() -> tuple[Model, int]:
+            history = self._loop.history
+            model = take_model(
+                history.policy,
+                history.taught,
+                saved_at_s=self._clock.wall_s(),
+                place=self._place,
+                position=self._position(history.changes),
+                with_preview=False,
+            )
+            return model, history.changes
+
+        model, changes = self._clock.result(self._loop.submit(take), 10.0)
+        return with_preview(model), changes
+
+    def _position(self, change: int) -> JournalPosition | None:
+        return None if self._journal is None else self._journal.position(change)
+
+    def _save_first(self) -> None:
+        """Save what is in the robot before it is replaced.
+
+        Raises:
+            OSError: If the disk refuses: then nothing may be replaced.
+        """
+        if self.has_unsaved:
+            self.save()
+
+    def load_last(self, learner: str | None = None) -> str | None:
+        """Load the model used last, or the newest good one; None if there is none.
+
+        What is in the robot and could not be saved stays there.
+
+        Args:
+            learner: Load only a model of this learner; None for any.
+        """
+        if self.has_unsaved:
+            self.save_if_changed()
+            if self.has_unsaved:
+                return self._name
+        for name, model in self.store.good_models(then=self._recovered_name):
+            fits = learner in (None, model.summary.learner) and self._moves >= set(
+                model.summary.moves
+            )
+            if fits:
+                self._use(name, model)
+                return name
+        return None
+
+    def adopt(self, recovered: Recovered) -> None:
+        """Use the recovered model; save it at once if possible."""
+        with self._lock:
+            if recovered.is_saved:
+                self._recovered_name = recovered.name
+                return
+            if not self._moves >= set(recovered.model.summary.moves):
+                log.warning("the recovered model has moves that this robot does not have")
+                name = recovered.name or self.store.free_name(self._wanted_name)
+                self.store.save(name, recovered.model)
+                return
+            self._use(recovered.name, recovered.model)
+            self._saved_changes = -1
+            log.info("recovered changes=%d model=%s", recovered.replayed, recovered.name)
+            self.save_if_changed()
+
+    def load(self, name: str) -> None:
+        """Save the model in use, and go on with another.
+
+        Raises:
+            NotFoundError: If there is none of this name.
+            RecordingError: If it cannot be read.
+            ConfigurationError: If the robot is not stopped.
+            OSError: If the model in use cannot be saved: it then stays in use.
+        """
+        with self._lock:
+            self._save_first()
+            model = self.store.load(name)
+            impossible = set(model.summary.moves) - self._moves
+            if impossible:
+                moves = ", ".join(sorted(impossible))
+                raise ConfigurationError(
+                    f"the model {name!r} has moves that this robot does not have: {moves}"
+                )
+            self._use(name, model)
+
+    def begin(
+        self,
+        name: str | None = None,
+        learner: str | None = None,
+        place: str | None = None,
+        moves: tuple[Action, ...] | None = None,
+    ) -> str:
+        """Save the model in use, and begin an empty one; return its name.
+
+        Raises:
+            ConfigurationError: If the learner is unknown, or the robot is not stopped.
+            OSError: If the disk refuses: the model in use then stays in use.
+        """
+        with self._lock:
+            learner = learner or self._loop.state.learner
+            place = self._place if place is None else _checked_place(place)
+            policy = make_policy(learner, moves or self._loop.state.moves)
+            model = take_model(
+                policy,
+                Counter(),
+                saved_at_s=self._clock.wall_s(),
+                place=place,
+                position=self._position(self._loop.history.changes),
+            )
+            self._check_stopped()
+            self._save_first()
+            new_name = self.store.free_name(name or self._wanted_name)
+            self.store.save(new_name, model)
+            self._use(new_name, model)
+            return new_name
+
+    def _check_stopped(self) -> None:
+        if self._loop.mode is not Mode.STOPPED:
+            raise ConfigurationError("stop the robot before you change its model")
+
+    def _use(self, name: str | None, model: Model) -> None:
+        """Replace the model of the loop, between two ticks and only while the robot is stopped."""
+        policy, taught = model.to_policy(), Counter(model.summary.taught)
+
+        def replace() -> int:
+            self._check_stopped()
+            self._loop.history.replace_policy(policy, taught)
+            # On the loop's thread, so that the journal names the model that it has from here on.
+            self._name, self._place = name, model.summary.place
+            return self._loop.history.changes
+
+        self._saved_changes = self._clock.result(self._loop.submit(replace), 10.0)
+        if name is not None and name in self.store.names():
+            try:
+                self.store.current = name
+            except OSError as error:
+                log.warning("the name of the model in use was not saved: %s", error)
+        self.announce("model_loaded", model=name)
+
+    def rename(self, name: str, new_name: str) -> str:
+        """Rename a model, also the one in use."""
+        with self._lock:
+            kept = self.store.rename(name, new_name)
+            if self._name == name:
+                self._name = kept
+            return kept
+
+    def set_place(self, name: str, place: str) -> None:
+        """Set the place where a model was taught."""
+        with self._lock:
+            place = _checked_place(place)
+            if self._name == name:
+                before, self._place = self._place, place
+                try:
+                    self.save()
+                except BaseException:
+                    self._place = before
+                    raise
+            else:
+                self.store.set_place(name, place)
+
+    def delete(self, name: str) -> str:
+        """Delete a model; of the one in use the robot keeps what it knows, under a new name."""
+        with self._lock:
+            if self._name == name:
+                self._save_first()
+            key = self.store.delete(name)
+            if self._name == name:
+                self._name, self._saved_changes = None, self._loop.history.changes
+                if self._journal is not None:
+                    self._journal.note_saved(self._saved_changes)
+            return key
+
+
+def _checked_place(place: str) -> str:
+    """Return a place in the form in which it can be written.
+
+    Raises:
+        ConfigurationError: If it cannot be encoded as UTF-8.
+    """
+    try:
+        place.encode()
+    except UnicodeEncodeError as error:
+        raise ConfigurationError("a place must be valid Unicode text") from error
+    return place.strip()[:_LONGEST_PLACE]

@@ -1,0 +1,330 @@
+"""The journal: every change of the learner, numbered and on the disk within a quarter of a second.
+
+It is the source of truth (a write-ahead log); a model's file is a cache of it. Entries are numbered
+by the start of the program (a counter in the files' names) and the count of changes since; no clock
+is involved. A checkpoint holds the whole learner: one is written at the beginning, after every
+undo, and whenever another model is loaded, so that replay learns only what follows the last one.
+
+    journal/000007-02.a     second part of the seventh start, and its twin 000007-02.b
+
+Each part is two files of the same records (robot/store/records.py) and begins with a checkpoint;
+the part before the last stays too. Loop thread: `note`. Everything else: the journal's own thread.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import re
+import secrets
+import shutil
+import threading
+import zlib
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from robot.clock import Clock, RealClock, Worker
+from robot.control.state import Tick
+from robot.policy.history import Edited, HistoryEvent, Taught, TrainingHistory
+from robot.store.models.events import describe_event
+from robot.store.models.model import JournalPosition, Model, encode_model, take_model
+from robot.store.records import RecordWriter, open_new
+
+log = logging.getLogger(__name__)
+
+PART_BYTES = 4 * 2**20
+"""At this size a new part is begun, so that replay stays short."""
+WRITE_EVERY_S = 0.2
+_MOST_WAITING = 8192
+_TRY_AGAIN_S = 5.0
+_KEPT_PARTS = 2
+_SPARE_BYTES = 8 * 2**20
+_PART = re.compile(r"(\d{6,12})-(\d{2,9})\.([ab])", re.ASCII)
+HEAD = b"\n"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Entry:
+    change: int
+    event: HistoryEvent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Checkpoint:
+    change: int
+    model: Model
+    name: str | None
+    begins_part: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _AllSaved:
+    change: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Drive:
+    """A drive began after this change: some learners look for their place then."""
+
+    change: int
+
+
+_Item = _Entry | _Checkpoint | _AllSaved | _Drive
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, order=True)
+class Part:
+    """Where one part of the journal is."""
+
+    boot: int
+    number: int
+    folder: Path
+
+    @property
+    def paths(self) -> tuple[Path, Path]:
+        """Its two files."""
+        stem = f"{self.boot:06d}-{self.number:02d}"
+        return self.folder / f"{stem}.a", self.folder / f"{stem}.b"
+
+
+def list_parts(folder: Path) -> list[Part]:
+    """List the parts that have a file, oldest first; none if the folder cannot be read."""
+    try:
+        found = [_PART.fullmatch(path.name) for path in folder.iterdir()]
+    except OSError:
+        return []
+    return sorted(
+        {Part(boot=int(m[1]), number=int(m[2]), folder=folder) for m in found if m is not None}
+    )
+
+
+class Journal:
+    """Writes the journal of one start of the program.
+
+    Args:
+        folder: Where its files go; made if it is not there.
+        on_fault: Called once with a sentence when the journal cannot be written any more.
+        open_file: Opens a new file; tests give full disks.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        on_fault: Callable[[str], None] = lambda sentence: None,
+        open_file: Callable[[Path], BinaryIO] = open_new,
+        clock: Clock | None = None,
+    ) -> None:
+        self.run = secrets.token_hex(8)
+        self.boot = 0
+        self._folder = folder
+        self._on_fault = on_fault
+        self._open_file = open_file
+        self._clock = clock or RealClock()
+        self._lock = threading.Lock()
+        self._queue: deque[_Item] = deque()
+        self._wake = threading.Event()
+        self._ending = threading.Event()
+        self._thread: Worker | None = None
+        self._writer: RecordWriter | None = None
+        self._part = 0
+        self._needs_checkpoint = True
+        self._begins_part = True
+        self._try_again_s = 0.0
+        self._fault: str | None = None
+        self._drives = 0
+
+    @property
+    def fault(self) -> str | None:
+        """Why nothing is written at present; None if all is well."""
+        return self._fault
+
+    def position(self, change: int) -> JournalPosition:
+        """Return the position of a change of this run."""
+        return JournalPosition(run=self.run, boot=self.boot, change=change)
+
+    def start(self, after: int = 0) -> None:
+        """Start writing.
+
+        Args:
+            after: The number of an earlier start, if one is known from elsewhere.
+        """
+        self.open_boot(after)
+        self._ending.clear()
+        self._thread = self._clock.start_thread(self._run, "journal")
+
+    def open_boot(self, after: int = 0) -> None:
+        """Take the next number; `write_waiting` may then be called on any one thread."""
+        self.boot = max([after, *(part.boot for part in list_parts(self._folder))]) + 1
+
+    def stop(self) -> None:
+        """Write what is queued, and end; idempotent."""
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            self._ending.set()
+            self._wake.set()
+            thread.join(timeout=10.0)
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+
+    # Called on the loop's thread ---------------------------------------------------------------
+
+    def note(self, tick: Tick, history: TrainingHistory, name: str | None, place: str = "") -> None:
+        """Queue the changes of the learner in one tick.
+
+        Args:
+            tick: The tick.
+            history: The learner, as it is after the tick.
+            name: What the model in use is called.
+            place: Where it was taught.
+        """
+        events = tick.history_events
+        drives, self._drives = self._drives, history.drives
+        if drives != history.drives and not self._needs_checkpoint:
+            self._put(_Drive(change=history.changes - len(events)))
+        if not events:
+            if not self._needs_checkpoint or self._try_again_s == 0.0:
+                return
+            if tick.now_s < self._try_again_s:
+                return
+        is_whole = all(isinstance(event, Taught | Edited) for event in events)
+        if self._needs_checkpoint or not is_whole:
+            if self._needs_checkpoint and tick.now_s < self._try_again_s:
+                return
+            self._try_again_s = tick.now_s + _TRY_AGAIN_S
+            self._put_checkpoint(history, name, place)
+            return
+        first = history.changes - len(events) + 1
+        for change, event in enumerate(events, start=first):
+            self._put(_Entry(change=change, event=event))
+
+    def _put_checkpoint(self, history: TrainingHistory, name: str | None, place: str) -> None:
+        model = take_model(
+            history.policy,
+            Counter(history.taught),
+            saved_at_s=0.0,
+            place=place,
+            position=self.position(history.changes),
+            with_preview=False,
+        )
+        begins_part = self._begins_part
+        self._needs_checkpoint = self._begins_part = False
+        self._put(
+            _Checkpoint(change=history.changes, model=model, name=name, begins_part=begins_part)
+        )
+
+    def _put(self, item: _Item) -> None:
+        with self._lock:
+            if len(self._queue) >= _MOST_WAITING:
+                self._queue.clear()
+                self._needs_checkpoint = self._begins_part = True
+                return
+            self._queue.append(item)
+        self._wake.set()
+
+    # Called on any thread ------------------------------------------------------------------------
+
+    def note_saved(self, change: int) -> None:
+        """Record that everything up to this change is saved: recovery does not need it."""
+        self._put(_AllSaved(change=change))
+
+    # On the journal's thread ---------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            self._clock.wait(self._wake)
+            self._clock.wait(self._ending, WRITE_EVERY_S)
+            self._wake.clear()
+            self.write_waiting()
+        self.write_waiting()
+
+    def write_waiting(self) -> None:
+        """Write what is queued. Never raises: a failure is reported, and writing is tried again."""
+        with self._lock:
+            items = list(self._queue)
+            self._queue.clear()
+        if not items:
+            return
+        try:
+            self._write(items)
+        except Exception as error:  # top of the thread: whatever it is, the robot drives on
+            self._give_up(error)
+        else:
+            if self._fault is not None:
+                log.info("the journal is written again")
+                self._fault = None
+
+    def _write(self, items: list[_Item]) -> None:
+        waiting: list[bytes] = []
+        for item in items:
+            if isinstance(item, _Checkpoint) and item.begins_part:
+                waiting = []  # the checkpoint holds what came before it
+                self._begin_part()
+            if self._writer is None and isinstance(item, _AllSaved | _Drive):
+                continue  # nothing was changed in this run
+            if self._writer is None:
+                raise OSError("a part of the journal is missing")
+            waiting.append(_encode(item))
+        if self._writer is not None:
+            self._writer.write(waiting)
+            self._remove_old_parts()
+            if self._writer.written_bytes > PART_BYTES:
+                self._begins_part = True
+                self._needs_checkpoint = True
+                self._try_again_s = 0.0
+
+    def _begin_part(self) -> None:
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+        self._folder.mkdir(parents=True, exist_ok=True)
+        if shutil.disk_usage(self._folder).free < _SPARE_BYTES:
+            raise OSError(28, "the disk is full")
+        self._part += 1
+        part = Part(boot=self.boot, number=self._part, folder=self._folder)
+        self._writer = RecordWriter(part.paths, self._open_file)
+        begin = {"kind": "begin", "run": self.run, "boot": self.boot}
+        self._writer.write([json.dumps(begin).encode() + HEAD])
+
+    def _remove_old_parts(self) -> None:
+        for part in list_parts(self._folder)[:-_KEPT_PARTS]:
+            for path in part.paths:
+                with contextlib.suppress(OSError):
+                    path.unlink()
+
+    def _give_up(self, error: Exception) -> None:
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+        self._needs_checkpoint = self._begins_part = True
+        if self._fault is None:
+            sentence = getattr(error, "strerror", None) or str(error) or type(error).__name__
+            self._fault = str(sentence)
+            log.warning("the journal is not written: %s", error)
+            self._on_fault(self._fault)
+
+
+def _encode(item: _Item) -> bytes:
+    """Return a record: a line of JSON, and what belongs to it, packed."""
+    head: dict[str, Any] = {"change": item.change}
+    if isinstance(item, _AllSaved):
+        return json.dumps({"kind": "saved", **head}).encode() + HEAD
+    if isinstance(item, _Drive):
+        return json.dumps({"kind": "drive", **head}).encode() + HEAD
+    if isinstance(item, _Checkpoint):
+        head = {"kind": "checkpoint", **head, "name": item.name}
+        body = encode_model(item.model)
+    else:
+        body = json.dumps(describe_event(item.event, with_vector=True), default=_plain).encode()
+        head = {"kind": "event", **head}
+    return json.dumps(head).encode() + HEAD + zlib.compress(body, 1)
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "item"):
+        return value.item()
+    raise TypeError(f"cannot keep a {type(value).__name__}")

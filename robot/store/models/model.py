@@ -1,0 +1,307 @@
+"""A model: all that a policy learned, with a summary of it; serialized to bytes and back.
+
+The file is a NumPy `.npz`: `meta.npy` is JSON text as bytes, `preview.npy` a small picture, and
+`state.NAME.npy` are the learner's arrays. No pickles. A SHA-256 over everything is in the meta.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.errors import RecordingError
+from robot.learner.base import State
+from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
+from robot.store.npz import read_arrays, view_arrays, write_arrays
+from robot.types import Action
+
+FORMAT = 1
+MAX_BYTES = 256 * 2**20
+"""A model that claims to be larger is refused before anything of it is unpacked."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JournalPosition:
+    """The last journal entry that a model includes: which start of the program, and which change.
+
+    `run` is a random name of that start and `boot` its number; `change` counts the changes of the
+    learner since then. No clock is involved.
+    """
+
+    run: str
+    boot: int
+    change: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelSummary:
+    """What a list of models shows. `saved_at_s` is wall-clock time, seconds since 1970.
+
+    `position` is what the model includes of the journal; None if it did not come of one.
+    """
+
+    learner: str
+    moves: tuple[Action, ...]
+    taught: Mapping[Action, int]
+    n_nodes: int
+    saved_at_s: float
+    place: str = ""
+    position: JournalPosition | None = None
+
+    @property
+    def n_examples(self) -> int:
+        """How many frames were taught in all."""
+        return sum(self.taught.values())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Model:
+    """The state of a policy, without the policy; the preview is its most used image."""
+
+    summary: ModelSummary
+    state: State
+    preview: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((1, 1), np.uint8))
+
+    def to_policy(self) -> Policy:
+        """Build the policy with this state.
+
+        Raises:
+            RecordingError: If the learner is unknown, or the state does not match it.
+        """
+        try:
+            policy = make_policy(self.summary.learner, self.summary.moves)
+            policy.set_state(self.state)
+        except (ValueError, KeyError, TypeError, IndexError) as error:
+            raise RecordingError(
+                f"the model of the learner {self.summary.learner!r} does not fit this program: "
+                f"{error}"
+            ) from error
+        return policy
+
+
+def take_model(
+    policy: Policy,
+    taught: Counter[Action],
+    *,
+    saved_at_s: float,
+    place: str = "",
+    position: JournalPosition | None = None,
+    with_preview: bool = True,
+) -> Model:
+    """Copy the state of a policy. Call it on the thread that the policy belongs to."""
+    summary = ModelSummary(
+        learner=policy.name,
+        moves=tuple(policy.moves),
+        taught={action: count for action, count in taught.items() if count},
+        n_nodes=policy.n_nodes,
+        saved_at_s=saved_at_s,
+        place=place,
+        position=position,
+    )
+    preview = _preview(policy) if with_preview else np.zeros((1, 1), np.uint8)
+    return Model(summary=summary, state=policy.get_state(), preview=preview)
+
+
+def with_preview(model: Model) -> Model:
+    """Return the model with its preview; slow, so not for the loop's thread."""
+    return replace(model, preview=_preview(model.to_policy()))
+
+
+def _preview(policy: Policy) -> NDArray[np.uint8]:
+    nodes = policy.learner.nodes()
+    if not nodes:
+        return np.zeros((1, 1), np.uint8)
+    return policy.features.thumbnail(max(nodes, key=lambda node: node.frames).image)
+
+
+def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
+    """Return the model as the bytes of an `.npz` file; small but slower to make if `is_packed`."""
+    arrays = {f"state.{name}": array for name, array in model.state.arrays.items()}
+    arrays["preview"] = model.preview
+    summary = model.summary
+    meta: dict[str, Any] = {
+        "format": FORMAT,
+        "learner": summary.learner,
+        "moves": [move.value for move in summary.moves],
+        "taught": {action.value: count for action, count in summary.taught.items()},
+        "n_nodes": summary.n_nodes,
+        "saved_at_s": summary.saved_at_s,
+        "place": summary.place,
+        "journal": asdict(summary.position) if summary.position else None,
+        "state": {
+            "kind": model.state.kind,
+            "params": model.state.params,
+            "labels": [str(label) for label in model.state.labels],
+        },
+    }
+    meta["sha256"] = _checksum(meta, arrays)
+    text = json.dumps(meta, ensure_ascii=False, default=_plain).encode()
+    return write_arrays({"meta": np.frombuffer(text, np.uint8), **arrays}, is_packed=is_packed)
+
+
+def decode_model(data: bytes, *, is_view: bool = False) -> Model:
+    """Read a model from the bytes of its file.
+
+    Args:
+        data: The file.
+        is_view: Copy nothing: the arrays are read-only views of `data`.
+
+    Raises:
+        RecordingError: If it is damaged, hostile, or of a newer format; says which.
+    """
+    arrays = _view(data) if is_view else _unpack(data)
+    meta = _read_meta(arrays.pop("meta", None))
+    if meta.get("sha256") != _checksum(meta, arrays):
+        raise RecordingError("the model is damaged: its checksum does not match")
+    try:
+        described = meta["state"]
+        if not isinstance(described["labels"], list):
+            raise ValueError("its labels are not a list")
+        state = State(
+            kind=str(described["kind"]),
+            params=dict(described["params"]),
+            arrays={
+                n.removeprefix("state."): a for n, a in arrays.items() if n.startswith("state.")
+            },
+            labels=[_label(str(label)) for label in described["labels"]],
+        )
+    except (KeyError, ValueError, TypeError, AttributeError) as error:
+        raise RecordingError(f"the model's description is damaged: {str(error)[:200]}") from error
+    preview = arrays.get("preview", np.zeros((1, 1), np.uint8))
+    return Model(summary=_summary(meta), state=state, preview=preview)
+
+
+def decode_summary(data: bytes) -> ModelSummary:
+    """Read only the summary; raises as `decode_model` does, but checks no arrays."""
+    return _summary(_read_meta(_unpack(data, only="meta").get("meta")))
+
+
+def stamp(model: Model, *, saved_at_s: float, place: str | None = None) -> Model:
+    """Return the same model with another time, and another place if one is given."""
+    summary = replace(model.summary, saved_at_s=saved_at_s)
+    return replace(model, summary=summary if place is None else replace(summary, place=place))
+
+
+_LATER = ("touched", "novelty", "runs", "contrary", "pace_picture")
+"""Arrays that models of version 0.1 do not have."""
+
+
+def same_nodes(a: State, b: State) -> bool:
+    """True if two learners hold the same, bit for bit: every array and every label."""
+    return (
+        a.kind == b.kind
+        and [str(label) for label in a.labels] == [str(label) for label in b.labels]
+        and all(name.endswith(_LATER) for name in a.arrays.keys() ^ b.arrays.keys())
+        and all(
+            a.arrays[name].dtype == b.arrays[name].dtype
+            and a.arrays[name].shape == b.arrays[name].shape
+            and np.array_equal(
+                a.arrays[name], b.arrays[name], equal_nan=b.arrays[name].dtype.kind == "f"
+            )
+            for name in a.arrays.keys() & b.arrays.keys()
+        )
+    )
+
+
+def _label(text: str) -> str:
+    """Labels of moves come back as what they were, so that a state equals the one it was."""
+    try:
+        return Action(text)
+    except ValueError:
+        return text
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    raise TypeError(f"a {type(value).__name__} is not allowed in a model's parameters")
+
+
+def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Hash the meta (but for the hash itself) and every array with its name, type and shape."""
+    plain = {key: value for key, value in meta.items() if key != "sha256"}
+    digest = hashlib.sha256(json.dumps(plain, sort_keys=True, default=_plain).encode())
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        digest.update(f"{name} {array.dtype.str} {arrays[name].shape}".encode())
+        digest.update(array.reshape(-1).view(np.uint8).data if array.size else b"")
+    return digest.hexdigest()
+
+
+def _unpack(data: bytes, only: str | None = None) -> dict[str, NDArray[Any]]:
+    try:
+        return read_arrays(io.BytesIO(data), max_bytes=MAX_BYTES, only=only)
+    except RecordingError as error:
+        raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
+
+
+def _view(data: bytes) -> dict[str, NDArray[Any]]:
+    try:
+        return view_arrays(data, max_bytes=MAX_BYTES)
+    except RecordingError as error:
+        raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
+
+
+def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
+    try:
+        if raw is None or raw.dtype != np.uint8:
+            raise ValueError("it has no metadata")
+        meta = json.loads(raw.tobytes())
+        if not isinstance(meta["format"], int) or not isinstance(meta["state"]["params"], dict):
+            raise ValueError("its metadata have an unknown form")
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
+    if meta["format"] < 1:
+        raise RecordingError("this is not a model, or a damaged one: its format is below 1")
+    if meta["format"] > FORMAT:
+        raise RecordingError(
+            f"this model has format {meta['format']}; this program reads up to {FORMAT}: update it"
+        )
+    return dict(meta)
+
+
+def _summary(meta: dict[str, Any]) -> ModelSummary:
+    try:
+        return ModelSummary(
+            learner=_text(meta["learner"]),
+            moves=tuple(Action(move) for move in meta["moves"]),
+            taught={Action(action): _count(count) for action, count in meta["taught"].items()},
+            n_nodes=_count(meta["n_nodes"]),
+            saved_at_s=float(meta["saved_at_s"]),
+            place=_text(meta["place"])[:200],
+            position=_position(meta.get("journal")),
+        )
+    except (KeyError, ValueError, TypeError, AttributeError, OverflowError) as error:
+        raise RecordingError(f"the model's description is damaged: {str(error)[:200]}") from error
+
+
+def _text(value: Any) -> str:
+    """Return a text that can be shown and sent; raises ValueError for half a character."""
+    text = str(value)
+    text.encode()
+    return text
+
+
+def _count(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise ValueError(f"{str(value)[:20]!r} is not a count")
+    return value
+
+
+def _position(plain: Any) -> JournalPosition | None:
+    if plain is None:
+        return None
+    return JournalPosition(
+        run=_text(plain["run"]), boot=_count(plain["boot"]), change=_count(plain["change"])
+    )

@@ -1,0 +1,289 @@
+"""The models of one robot, by name: each a folder of versions, so that one is always valid."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot.clock import RealClock
+from robot.errors import ConfigurationError, NotFoundError, RecordingError
+from robot.store.folder import (
+    Storage,
+    check_name,
+    free_name,
+    is_text,
+    set_aside,
+    size_of,
+    write_whole,
+)
+from robot.store.models.checking import check_model
+from robot.store.models.model import (
+    MAX_BYTES,
+    Model,
+    ModelSummary,
+    decode_model,
+    decode_summary,
+    encode_model,
+    stamp,
+)
+from robot.store.records import read_regular
+
+_MACHINE = RealClock()
+
+log = logging.getLogger(__name__)
+
+KEEP_VERSIONS = 3
+"""How many versions of a model are kept: the newest may be damaged."""
+_DAMAGED = ".damaged"
+_VERSION = re.compile(r"\d{1,9}\.npz", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredModel:
+    """One model of the list; `summary` is None where no version can be read."""
+
+    name: str
+    summary: ModelSummary | None
+    bytes: int
+    is_current: bool
+    damaged: tuple[str, ...]
+
+
+class ModelStore:
+    """Every file operation on models. Safe for one writer and any number of readers.
+
+    Args:
+        storage: The data folder.
+        wall_s: Seconds since 1970, for the time at which a model is saved.
+    """
+
+    def __init__(self, storage: Storage, wall_s: Callable[[], float] = _MACHINE.wall_s) -> None:
+        self._storage = storage
+        self._wall_s = wall_s
+        self._marker = storage.models / "current.txt"
+
+    def names(self) -> list[str]:
+        """List the models' names, sorted."""
+        return sorted(
+            (entry.name for entry in self._entries() if _is_folder(entry)), key=str.casefold
+        )
+
+    def _entries(self) -> list[os.DirEntry[str]]:
+        """List what stands in the folder under names that are text."""
+        try:
+            with os.scandir(self._storage.models) as entries:
+                return [entry for entry in entries if is_text(entry.name)]
+        except OSError as error:
+            log.warning("the folder of models cannot be read: %s", error)
+            return []
+
+    def saved(self) -> list[StoredModel]:
+        """List all models, the one saved last first."""
+        current = self.current
+        saved = [self._look_at(name, name == current) for name in self.names()]
+        return sorted(saved, key=lambda s: -s.summary.saved_at_s if s.summary else 0.0)
+
+    def _look_at(self, name: str, is_current: bool) -> StoredModel:
+        versions = self._versions(name)
+        summary = None
+        for version in reversed(versions):
+            with contextlib.suppress(RecordingError, OSError):
+                summary = decode_summary(_read(version))
+                break
+        return StoredModel(
+            name=name,
+            summary=summary,
+            bytes=size_of(versions[-1]) if versions else 0,
+            is_current=is_current,
+            damaged=tuple(n for n in self._files(name) if n.endswith(_DAMAGED)),
+        )
+
+    @property
+    def current(self) -> str | None:
+        """Name of the model that the robot used last, and uses at the next start."""
+        with contextlib.suppress(OSError, UnicodeDecodeError):
+            name = read_regular(self._marker, 4096).decode().strip()
+            if self._has(name):
+                return name
+        return None
+
+    @current.setter
+    def current(self, name: str) -> None:
+        write_whole(self._marker, name.encode())
+
+    def save(self, name: str, model: Model) -> Path:
+        """Write the model as the newest version under this name.
+
+        Raises:
+            ConfigurationError: If the name cannot be one.
+            OSError: If the disk refuses; the versions before are untouched.
+        """
+        name = check_name(name)
+        versions = self._versions(name)
+        number = int(versions[-1].stem) + 1 if versions else 1
+        path = self._storage.models / name / f"{number:05d}.npz"
+        write_whole(path, encode_model(stamp(model, saved_at_s=self._wall_s())))
+        for old in versions[: -(KEEP_VERSIONS - 1)]:
+            with contextlib.suppress(OSError):
+                old.unlink()
+        return path
+
+    def load(self, name: str) -> Model:
+        """Read the newest valid version; damaged ones are renamed and stay on disk.
+
+        Raises:
+            NotFoundError: If there is no such model.
+            RecordingError: If no version of it is valid.
+        """
+        for version in reversed(self._versions(self._check(name))):
+            try:
+                model = decode_model(_read(version))
+                model.to_policy()
+            except RecordingError as error:
+                aside = set_aside(version, _DAMAGED)
+                log.warning("model %s: %s set aside as %s: %s", name, version.name, aside, error)
+            else:
+                return model
+        raise RecordingError(
+            f"no version of the model {name!r} can be read; the damaged ones are still in "
+            f"{self._storage.models / name}"
+        )
+
+    def sound_versions(self, name: str) -> Iterator[Model]:
+        """Yield the versions of a model that can be read, the newest first; only reads."""
+        for version in reversed(self._versions(name)):
+            with contextlib.suppress(RecordingError, OSError):
+                yield decode_model(_read(version))
+
+    def good_models(self, then: str | None = None) -> Iterator[tuple[str, Model]]:
+        """Yield all readable models: the one used last, `then`, and the others, newest first.
+
+        Newest by journal position, and by time saved where there is none.
+        """
+        first = [name for name in (self.current, then) if name is not None]
+        for name in dict.fromkeys(first):
+            with contextlib.suppress(RecordingError, NotFoundError):
+                yield name, self.load(name)
+        for other in sorted(self.saved(), key=_age_of, reverse=True):
+            if other.name not in first:
+                with contextlib.suppress(RecordingError, NotFoundError):
+                    yield other.name, self.load(other.name)
+
+    def read_file(self, name: str) -> bytes:
+        """Return the newest version's bytes, for a download."""
+        versions = self._versions(self._check(name))
+        if not versions:
+            raise RecordingError(f"the model {name!r} has no readable version")
+        return _read(versions[-1])
+
+    def add_file(self, name: str, data: bytes) -> str:
+        """Save an uploaded model under this name or one like it; return the name.
+
+        Raises:
+            RecordingError: If the bytes are not a model that this program can use.
+        """
+        check_model(decode_model(data, is_view=True))
+        name = self.free_name(name)
+        write_whole(self._storage.models / name / "00001.npz", data)
+        return name
+
+    def free_name(self, wanted: str) -> str:
+        """Return a name like `wanted` that no model has."""
+        return free_name(check_name(wanted), {entry.name for entry in self._entries()})
+
+    def rename(self, name: str, new_name: str) -> str:
+        """Give a model another name; return the name as it was saved."""
+        was_current = self.current == self._check(name)
+        new_name = check_name(new_name)
+        others = {other.casefold() for other in self.names() if other != name}
+        if new_name.casefold() in others:
+            raise ConfigurationError(f"there is already a model {new_name!r}")
+        (self._storage.models / name).rename(self._storage.models / new_name)
+        if was_current:
+            self.current = new_name
+        return new_name
+
+    def set_place(self, name: str, place: str) -> None:
+        """Set the place where a model was taught."""
+        model = self.load(name)
+        self.save(
+            name, stamp(model, saved_at_s=model.summary.saved_at_s, place=place.strip()[:200])
+        )
+
+    def copy(self, name: str, new_name: str | None = None) -> str:
+        """Copy a model; return the copy's name."""
+        data = self.read_file(name)
+        return self.add_file(new_name or name, data)
+
+    def delete(self, name: str) -> str:
+        """Move a model to the trash; return the key for `restore`."""
+        return self._storage.discard(self._storage.models / self._check(name))
+
+    def restore(self, key: str) -> str:
+        """Restore a deleted model; return its name, a new one if the old one is in use."""
+        place = self._storage.discarded(key)
+        folder = next((path for path in place.iterdir() if path.is_dir()), None)
+        if folder is None:
+            raise NotFoundError("that was not a model")
+        name = self.free_name(folder.name)
+        folder.rename(self._storage.models / name)
+        shutil.rmtree(place, ignore_errors=True)
+        return name
+
+    def _check(self, name: str) -> str:
+        if not self._has(name):
+            raise NotFoundError(f"unknown model {name[:80]!r}")
+        return name
+
+    def _has(self, name: str) -> bool:
+        return name in self.names()
+
+    def _files(self, name: str) -> list[str]:
+        """List what stands in a model's folder; nothing if it cannot be read."""
+        try:
+            paths = (self._storage.models / name).iterdir()
+            return sorted(path.name for path in paths if is_text(path.name))
+        except OSError:
+            return []
+
+    def _versions(self, name: str) -> list[Path]:
+        """List the versions, the oldest first, whatever stands in their places."""
+        numbered = [(int(n[:-4]), n) for n in self._files(name) if _VERSION.fullmatch(n)]
+        return [self._storage.models / name / n for _, n in sorted(numbered)]
+
+
+def _age_of(stored: StoredModel) -> tuple[int, int, float]:
+    summary = stored.summary
+    if summary is None:
+        return -1, 0, 0.0
+    position = summary.position
+    return (
+        (position.boot if position else 0),
+        (position.change if position else 0),
+        summary.saved_at_s,
+    )
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir(follow_symlinks=False)
+    except OSError:
+        return False
+
+
+def _read(path: Path) -> bytes:
+    """Return a version's bytes.
+
+    Raises:
+        RecordingError: If the file cannot be read.
+    """
+    try:
+        return read_regular(path, MAX_BYTES)
+    except OSError as error:
+        raise RecordingError(f"{path.name} cannot be read: {error}") from error

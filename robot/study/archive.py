@@ -1,0 +1,210 @@
+"""A study's data in one zip, and all tables and figures made again from it, on any machine.
+
+Nothing is computed anywhere else: the server packs what `rebuild` returns, and
+`drivelesson study report` compares what it rebuilds with what was packed.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from robot.errors import ConfigurationError, RecordingError
+from robot.lab.metrics.profile import THRESHOLDS_M, Profile
+from robot.lab.tables import Table, format_cell
+from robot.study import figures
+from robot.study.events import StudyEvent, read_events
+from robot.study.plan import CODE, PhaseKind, StudyPlan, parse_plan
+from robot.study.rows import ConditionLog, Row, condition_logs, rows_of
+from robot.study.tables import (
+    make_tables,
+    measures,
+    rows_as_csv,
+    table_as_csv,
+    values_of,
+)
+from robot.types import Action, DrivenBy
+
+PLAN, EVENTS = "plan.toml", "events/"
+_LARGEST_ZIP_MB = 2000
+_ABOUT = """\
+A study made with Drivelesson.
+
+plan.toml    the plan
+events/      one event log a session: all that the rest is made of
+phases.csv   one row a participant and phase
+tables/      what the report shows, as CSV
+figures/     what the report shows, as SVG
+report.html  the report
+
+Everything but plan.toml and events/ can be made again from those two:
+drivelesson study report THIS.zip --out FOLDER
+The columns are described in docs/reference/study.md of Drivelesson.
+"""
+
+
+def rebuild(plan_text: str, logs: Mapping[str, bytes]) -> dict[str, str]:
+    """Return every table, figure and the report, by path.
+
+    Args:
+        plan_text: The plan, as TOML.
+        logs: Event logs by participant.
+
+    Raises:
+        ConfigurationError, RecordingError: If plan or logs cannot be read.
+    """
+    plan = parse_plan(plan_text, PLAN)
+    found = [log for code in sorted(logs) for log in _conditions(plan, code, logs[code])]
+    rows = [row for log in found for row in rows_of(plan, log)]
+    tables = make_tables(plan, rows)
+    drawn = _draw(plan, rows, found)
+    return {
+        "phases.csv": rows_as_csv(plan, rows),
+        **{f"tables/{name}.csv": table_as_csv(table) for name, table in tables.items()},
+        **{f"figures/{name}.svg": svg for name, svg in drawn.items()},
+        "report.html": _report(plan, len(logs), tables, drawn),
+    }
+
+
+def _conditions(plan: StudyPlan, code: str, log: bytes) -> list[ConditionLog]:
+    events = read_events(log, f"{EVENTS}{code}.csv")
+    return condition_logs(plan, code, check_begun(code, events))
+
+
+def check_begun(code: str, events: list[StudyEvent]) -> list[StudyEvent]:
+    """Return a session's events.
+
+    Raises:
+        RecordingError: If its log does not begin with its beginning.
+    """
+    if not events or events[0].event != "session_begun" or not events[0].value.isdecimal():
+        raise RecordingError(f"{EVENTS}{code}.csv does not begin with the event session_begun")
+    return events
+
+
+def _draw(plan: StudyPlan, rows: list[Row], logs: list[ConditionLog]) -> dict[str, str]:
+    drawn = {}
+    for measure in measures(plan):
+        columns = {c.name: values_of(rows, c.name, measure) for c in plan.conditions}
+        if any(columns.values()):
+            name = f"{measure[0]}: {measure[1]}"
+            drawn["-".join(measure)] = figures.strips(name, columns, joined=plan.is_within)
+    for condition in plan.conditions:
+        mine = [log for log in logs if log.condition is condition]
+        pilots = [log.profile(DrivenBy.PILOT, PhaseKind.TEACH) for log in mine]
+        robots = [log.profile(DrivenBy.ROBOT, PhaseKind.ALONE) for log in mine]
+        for move in condition.moves:
+            pilot, robot = _mean(pilots, move), _mean(robots, move)
+            if pilot or robot:
+                title = f"Behavior Profile, {condition.name}: {move}"
+                step_m = float(THRESHOLDS_M[1])
+                drawn[f"profile-{condition.name}-{move}"] = figures.curves(
+                    title, pilot, robot, step_m
+                )
+    return drawn
+
+
+def _mean(profiles: Sequence[Profile], move: Action) -> list[float]:
+    """Return the mean share at each threshold, of those who made the move; [] if nobody did."""
+    made = [profile[move] for profile in profiles if move in profile]
+    return [float(share) for share in np.mean(made, axis=0)] if made else []
+
+
+def _report(
+    plan: StudyPlan, n_sessions: int, tables: Mapping[str, Table], drawn: Mapping[str, str]
+) -> str:
+    parts = [
+        "<!doctype html><html lang='en'><meta charset='utf-8'>",
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>",
+        f"<title>{escape(plan.title)}</title><style>body{{font:16px/1.5 system-ui,sans-serif;"
+        "max-width:75rem;margin:2rem auto;padding:0 1rem}table{border-collapse:collapse;"
+        "display:block;overflow-x:auto}td,th{padding:.2rem .6rem;border-bottom:1px solid #ccc;"
+        "text-align:left}figure{display:inline-block;margin:.5rem}</style>",
+        f"<h1>{escape(plan.title)}</h1>",
+        f"<p>{n_sessions} sessions of {plan.participants} planned.</p>",
+    ]
+    for table in tables.values():
+        head = "".join(f"<th scope='col'>{escape(column)}</th>" for column in table.columns)
+        parts.append(f"<h2>{escape(table.title)}</h2><table><thead><tr>{head}</tr></thead><tbody>")
+        for row in table.rows:
+            cells = "".join(f"<td>{escape(format_cell(cell))}</td>" for cell in row)
+            parts.append(f"<tr>{cells}</tr>")
+        parts.append(f"</tbody></table><p>{escape(table.note)}</p>")
+    parts += [f"<figure>{svg}</figure>" for svg in drawn.values()]
+    return "\n".join(parts) + "\n"
+
+
+def pack(plan_text: str, logs: Mapping[str, bytes]) -> bytes:
+    """Return the zip: plan, event logs, and all that is made of them."""
+    import zipfile
+
+    files: dict[str, bytes] = {
+        "README.txt": _ABOUT.encode(),
+        PLAN: plan_text.encode(),
+        **{f"{EVENTS}{code}.csv": logs[code] for code in sorted(logs)},
+        **{path: text.encode() for path, text in rebuild(plan_text, logs).items()},
+    }
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path, content in files.items():
+            archive.writestr(zipfile.ZipInfo(path, (2000, 1, 1, 0, 0, 0)), content, 8)
+    return data.getvalue()
+
+
+def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
+    """Return the plan, the logs by participant, and the packed tables and figures by path.
+
+    Raises:
+        ConfigurationError: If the file is not such a zip.
+    """
+    import zipfile
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(info.file_size for info in archive.infolist()) > _LARGEST_ZIP_MB * 1_000_000:
+                raise ConfigurationError(f"{path} unpacks to more than {_LARGEST_ZIP_MB} MB")
+            files = {name: archive.read(name) for name in archive.namelist()}
+    except (OSError, zipfile.BadZipFile, RuntimeError, NotImplementedError) as error:
+        raise ConfigurationError(f"{path} cannot be read as a zip: {error}") from error
+    if PLAN not in files:
+        raise ConfigurationError(f"{path} is no study: {PLAN} is missing in it")
+    try:
+        plan_text = files.pop(PLAN).decode()
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{path}: {PLAN} is not UTF-8") from error
+    logs = {
+        name.removeprefix(EVENTS).removesuffix(".csv"): files.pop(name)
+        for name in list(files)
+        if name.startswith(EVENTS)
+    }
+    strange = [code for code in logs if not CODE.fullmatch(code)]
+    if strange:
+        raise ConfigurationError(f"{path}: {EVENTS}{strange[0][:40]} is not named by a code")
+    files.pop("README.txt", None)
+    return plan_text, logs, files
+
+
+def report(zip_file: Path, out: Path) -> tuple[list[str], list[str]]:
+    """Rebuild all tables and figures of a zip in a folder.
+
+    Returns:
+        The paths that came out as they were packed, and those that did not.
+
+    Raises:
+        ConfigurationError, RecordingError: If the zip is no study, or the folder cannot be written.
+    """
+    plan_text, logs, packed = unpack(zip_file)
+    made = rebuild(plan_text, logs)
+    try:
+        for path, text in made.items():
+            (out / path).parent.mkdir(parents=True, exist_ok=True)
+            (out / path).write_bytes(text.encode())
+    except OSError as error:
+        raise ConfigurationError(f"cannot write to {out}: {error}; choose another --out") from error
+    same = [path for path, text in made.items() if packed.get(path) == text.encode()]
+    other = sorted({*made, *packed} - set(same))
+    return same, other

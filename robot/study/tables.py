@@ -1,0 +1,150 @@
+"""The tables of a study's report, made of its rows. Pure; every number is exact to its digits."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import statistics
+from collections.abc import Iterator, Sequence
+
+from robot.lab.tables import Cell, Table
+from robot.study.plan import PhaseKind, StudyPlan
+from robot.study.questions import SCORES
+from robot.study.rows import QUESTIONS, Row, columns
+
+_DIGITS = 6
+_OF_KIND = {
+    PhaseKind.TEACH: ("examples", "agreement", "stops"),
+    PhaseKind.CORRECT: ("interventions", "examples", "ssd", "stops"),
+    PhaseKind.ALONE: ("ssd", "interventions", "stops"),
+}
+Measure = tuple[str, str]
+"""A phase and a column."""
+
+
+def measures(plan: StudyPlan) -> list[Measure]:
+    """Return what is compared between the conditions."""
+    driven = [
+        (phase.name, column)
+        for phase in plan.conditions[0].phases
+        for column in _OF_KIND[phase.kind]
+    ]
+    asked = {question.name for question in plan.questions}
+    scored = [(QUESTIONS, name) for name in SCORES if any(q.startswith(name[:3]) for q in asked)]
+    scales = [(QUESTIONS, q.name) for q in plan.questions if q.kind == "scale"]
+    return [*driven, *scored, *scales]
+
+
+def values_of(rows: Sequence[Row], condition: str, measure: Measure) -> dict[str, float]:
+    """Return one measure by participant, of complete phases only."""
+    phase, column = measure
+    return {
+        str(row["participant"]): float(value)
+        for row in rows
+        if row["condition"] == condition and row["phase"] == phase and row["is_complete"]
+        if (value := row.get(column)) is not None and not isinstance(value, str)
+    }
+
+
+def make_tables(plan: StudyPlan, rows: Sequence[Row]) -> dict[str, Table]:
+    """Return all tables by the names of their files."""
+    tables = {
+        "conditions": _conditions(plan, rows),
+        "order": _order(plan, rows),
+        "answers": _answers(plan, rows),
+    }
+    if plan.is_within and len(plan.conditions) > 1:
+        tables["differences"] = _differences(plan, rows)
+    return tables
+
+
+def _conditions(plan: StudyPlan, rows: Sequence[Row]) -> Table:
+    lines: list[tuple[Cell, ...]] = []
+    for measure in measures(plan):
+        for condition in plan.conditions:
+            values = list(values_of(rows, condition.name, measure).values())
+            lines.append((*measure, condition.name, *_summary(values)))
+    head = ("phase", "measure", "condition", "n", "mean", "sd", "median", "least", "most")
+    return Table(title="The conditions", columns=head, rows=tuple(lines))
+
+
+def _summary(values: Sequence[float]) -> tuple[Cell, ...]:
+    if not values:
+        return (0, None, None, None, None, None)
+    spread = _round(statistics.stdev(values)) if len(values) > 1 else None
+    middle = (_round(statistics.fmean(values)), spread, _round(statistics.median(values)))
+    return (len(values), *middle, _round(min(values)), _round(max(values)))
+
+
+def _differences(plan: StudyPlan, rows: Sequence[Row]) -> Table:
+    lines: list[tuple[Cell, ...]] = []
+    for measure in measures(plan):
+        for first, second in itertools.combinations(plan.conditions, 2):
+            one = values_of(rows, first.name, measure)
+            other = values_of(rows, second.name, measure)
+            found = [other[code] - one[code] for code in sorted(one.keys() & other.keys())]
+            n, mean, spread, *_ = _summary(found)
+            signs = (sum(d > 0 for d in found), sum(d < 0 for d in found))
+            lines.append((*measure, first.name, second.name, n, mean, spread, *signs))
+    head = ("phase", "measure", "condition", "minus_from", "n", "mean", "sd", "higher", "lower")
+    return Table(
+        title="Differences within participants",
+        columns=head,
+        rows=tuple(lines),
+        note="The second condition minus the first, for participants who completed both.",
+    )
+
+
+def _order(plan: StudyPlan, rows: Sequence[Row]) -> Table:
+    met = {(str(r["participant"]), r["position"], r["condition"]) for r in rows}
+    positions = range(1, len(plan.order(0)) + 1)
+    lines: tuple[tuple[Cell, ...], ...] = tuple(
+        (c.name, *(sum(m[1:] == (position, c.name) for m in met) for position in positions))
+        for c in plan.conditions
+    )
+    head = ("condition", *(f"position_{position}" for position in positions))
+    return Table(title="How many participants met each condition when", columns=head, rows=lines)
+
+
+def _answers(plan: StudyPlan, rows: Sequence[Row]) -> Table:
+    return Table(
+        title="How often each answer was given",
+        columns=("question", "condition", "answer", "n"),
+        rows=tuple(_count_answers(plan, rows)),
+        note="A choice is the number of its option. Free texts are in phases.csv alone.",
+    )
+
+
+def _count_answers(plan: StudyPlan, rows: Sequence[Row]) -> Iterator[tuple[Cell, ...]]:
+    for question in plan.questions:
+        if question.kind == "text":
+            continue
+        for condition in plan.conditions:
+            given = values_of(rows, condition.name, (QUESTIONS, question.name))
+            for answer in sorted(set(given.values())):
+                n = sum(value == answer for value in given.values())
+                yield question.name, condition.name, int(answer), n
+
+
+def _round(value: float) -> float:
+    return round(value, _DIGITS)
+
+
+def rows_as_csv(plan: StudyPlan, rows: Sequence[Row]) -> str:
+    """Return all rows as CSV."""
+    head = columns(plan)
+    return _as_csv(head, [[row.get(column) for column in head] for row in rows])
+
+
+def table_as_csv(table: Table) -> str:
+    """Return a table as CSV."""
+    return _as_csv(table.columns, table.rows)
+
+
+def _as_csv(head: Sequence[str], lines: Sequence[Sequence[Cell]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(["" if cell is None else cell for cell in line] for line in lines)
+    return text.getvalue()

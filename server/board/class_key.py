@@ -1,0 +1,102 @@
+"""The key that a teacher's board shares with the robots of a class, and what it proves.
+
+Each side proves that it knows the key without showing it. What is proved contains both sides'
+random numbers and the robot's address as each side sees it, so that an impostor with another
+address can neither repeat a proof nor pass it on. Pure, but for the key's file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+import re
+import secrets
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from robot.errors import ConfigurationError
+from robot.store.records import read_regular
+
+SHORTEST = 32
+"""Letters of a key; whoever records a handshake can try keys offline."""
+_NONCE = re.compile(r"[0-9a-f]{32}")
+
+
+@dataclass(frozen=True, slots=True)
+class ClassKey:
+    """The secret of one class."""
+
+    secret: str = field(repr=False)
+
+    def __post_init__(self) -> None:
+        if len(self.secret) < SHORTEST or not self.secret.isascii():
+            raise ConfigurationError(
+                f"a class key has at least {SHORTEST} letters and digits; drivelesson board makes "
+                "one where there is none"
+            )
+
+    def prove(self, who: str, board_nonce: str, robot_nonce: str, endpoint: str) -> str:
+        """Return the proof of one side.
+
+        Args:
+            who: `robot` or `board`: neither can use the other's proof.
+            board_nonce: The board's random number.
+            robot_nonce: The robot's, which it made for this one.
+            endpoint: The robot's address and port: `192.168.1.5:8000`.
+        """
+        text = "\n".join(["drivelesson class 1", who, board_nonce, robot_nonce, endpoint])
+        return hmac.new(self.secret.encode(), text.encode(), hashlib.sha256).hexdigest()
+
+    def accepts(self, proof: str, who: str, board_nonce: str, robot_nonce: str, at: str) -> bool:
+        """True if that is the other side's proof."""
+        wanted = self.prove(who, board_nonce, robot_nonce, at)
+        return hmac.compare_digest(wanted.encode(), proof.encode("utf-8", "replace"))
+
+
+def new_nonce() -> str:
+    """Return a random number for one handshake."""
+    return secrets.token_hex(16)
+
+
+def is_nonce(text: object) -> bool:
+    """True for what `new_nonce` returns."""
+    return isinstance(text, str) and _NONCE.fullmatch(text) is not None
+
+
+def endpoint(address: str, port: int) -> str:
+    """Write an address and port as proofs contain them, without an interface's name."""
+    return f"{address.partition('%')[0].removeprefix('::ffff:').lower()}:{port}"
+
+
+def read_class_key(file: Path) -> ClassKey:
+    """Read a key.
+
+    Raises:
+        ConfigurationError: If there is none, or it is no key.
+    """
+    try:
+        text = read_regular(file, 4096).decode("ascii").strip()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigurationError(
+            f"cannot read the class key {file}: {reason}; copy it from the teacher's machine"
+        ) from error
+    return ClassKey(text)
+
+
+def keep_class_key(file: Path) -> ClassKey:
+    """Read a key; make one where there is none, readable by its owner alone.
+
+    Raises:
+        ConfigurationError: If it cannot be read or written.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with os.fdopen(os.open(file, os.O_CREAT | os.O_WRONLY | os.O_EXCL, 0o600), "w") as out:
+            out.write(secrets.token_urlsafe(32) + "\n")
+    except FileExistsError:
+        pass
+    except OSError as error:
+        raise ConfigurationError(f"cannot write a class key {file}: {error.strerror}") from error
+    return read_class_key(file)

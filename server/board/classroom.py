@@ -1,0 +1,150 @@
+"""A robot as a member of a class: who is its teacher, and what its pupils may change.
+
+There is one only where the robot was given the class's key. The teacher's board proves that it
+knows the key and gets a session of its own, which no browser holds: it travels in a header that a
+page of another site cannot set. Locks are kept on the robot and enforced by its guard. Pure, but
+for the locks' file; the time is an argument.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import logging
+import secrets
+from collections import OrderedDict
+from pathlib import Path
+
+from robot.errors import ConfigurationError
+from robot.store.folder import write_whole
+from robot.store.records import read_regular
+from server.board.class_key import ClassKey, is_nonce
+
+log = logging.getLogger(__name__)
+
+LOCKS: dict[str, tuple[str, ...]] = {
+    "settings": ("/api/settings",),
+    "models": ("/api/models", "/api/retraining", "/api/lesson", "/api/study"),
+    "gallery": ("/api/gallery",),
+    "recordings": ("/api/episodes",),
+}
+"""What a teacher can lock, and the addresses below which nothing may then be changed."""
+_READS = ("GET", "HEAD", None)
+_SESSIONS = 8
+_CHALLENGE_S = 10.0
+_USED = 64
+
+
+class Classroom:
+    """The teacher's sessions and the locks of one robot.
+
+    Args:
+        key: The class's key.
+        file: Where the locks are saved; None keeps them in memory only.
+    """
+
+    def __init__(self, key: ClassKey, file: Path | None = None) -> None:
+        self._key = key
+        self._file = file
+        self._own_secret = secrets.token_bytes(32)
+        self._sessions: OrderedDict[str, None] = OrderedDict()
+        self._used: OrderedDict[str, None] = OrderedDict()
+        self.locks = _load(file)
+
+    # The handshake -----------------------------------------------------------------------------
+
+    def challenge(self, board_nonce: object, endpoint: str, now_s: float) -> tuple[str, str]:
+        """Return a random number for the board, and the proof that this robot knows the key.
+
+        Nothing is kept: whoever asks a thousand times costs no memory and evicts nobody.
+
+        Raises:
+            ConfigurationError: If `board_nonce` is none.
+        """
+        if not is_nonce(board_nonce):
+            raise ConfigurationError("'nonce' must be 32 hexadecimal digits")
+        assert isinstance(board_nonce, str)
+        opened = f"{round(now_s * 1000):x}.{secrets.token_hex(16)}"
+        nonce = f"{opened}.{self._seal(opened, board_nonce)}"
+        return nonce, self._key.prove("robot", board_nonce, nonce, endpoint)
+
+    def admit(
+        self, board_nonce: object, nonce: object, proof: object, endpoint: str, now_s: float
+    ) -> str | None:
+        """Return the secret of a new session if the board knows the key, else None."""
+        if not (is_nonce(board_nonce) and isinstance(nonce, str) and isinstance(proof, str)):
+            return None
+        assert isinstance(board_nonce, str)
+        if not self._is_ours(nonce, board_nonce, now_s) or nonce in self._used:
+            return None
+        if not self._key.accepts(proof, "board", board_nonce, nonce, endpoint):
+            log.warning("class join refused")
+            return None
+        self._used[nonce] = None
+        while len(self._used) > _USED:
+            self._used.popitem(last=False)
+        secret = secrets.token_urlsafe(32)
+        self._sessions[_hash(secret)] = None
+        while len(self._sessions) > _SESSIONS:
+            self._sessions.popitem(last=False)
+        log.info("class joined")
+        return secret
+
+    def knows(self, authorization: str) -> bool:
+        """True if the header `authorization` carries the secret of a session."""
+        kind, _, secret = authorization.partition(" ")
+        return kind == "Bearer" and _hash(secret) in self._sessions
+
+    def _is_ours(self, nonce: str, board_nonce: str, now_s: float) -> bool:
+        opened, _, seal = nonce.rpartition(".")
+        wanted = self._seal(opened, board_nonce)
+        if not hmac.compare_digest(wanted.encode(), seal.encode("utf-8", "replace")):
+            return False
+        return 0 <= now_s - int(opened.partition(".")[0], 16) / 1000 + 0.001 <= _CHALLENGE_S
+
+    def _seal(self, opened: str, board_nonce: str) -> str:
+        text = f"{opened} {board_nonce}".encode("utf-8", "replace")
+        return hmac.new(self._own_secret, text, hashlib.sha256).hexdigest()[:32]
+
+    # Locks -------------------------------------------------------------------------------------
+
+    def lock(self, names: object) -> None:
+        """Lock these and unlock all others.
+
+        Raises:
+            ConfigurationError: If one is unknown.
+            OSError: If it cannot be saved; then nothing is changed.
+        """
+        if not isinstance(names, list) or not all(name in LOCKS for name in map(str, names)):
+            raise ConfigurationError(f"'locks' must be a list of some of {', '.join(LOCKS)}")
+        locks = frozenset(map(str, names))
+        if self._file is not None:
+            write_whole(self._file, json.dumps({"locks": sorted(locks)}).encode())
+        self.locks = locks
+
+    def is_locked(self, path: str, method: str | None) -> bool:
+        """True if only the teacher may send this request."""
+        return method not in _READS and any(
+            path == prefix or path.startswith(prefix + "/")
+            for name in self.locks
+            for prefix in LOCKS[name]
+        )
+
+
+def _load(file: Path | None) -> frozenset[str]:
+    """Read the locks; where the file is damaged all is locked, and the teacher can unlock it."""
+    if file is None:
+        return frozenset()
+    try:
+        names = json.loads(read_regular(file, 1 << 16))["locks"]
+        return frozenset(str(name) for name in names) & frozenset(LOCKS)
+    except FileNotFoundError:
+        return frozenset()
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        log.warning("locks unreadable, all is locked file=%s error=%r", file, str(error))
+        return frozenset(LOCKS)
+
+
+def _hash(secret: str) -> str:
+    return hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()

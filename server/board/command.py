@@ -1,0 +1,84 @@
+"""Show all robots of a class on one page: pictures, STOP for all, QR codes, locks, models."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import dataclasses
+from pathlib import Path
+
+from robot.clock import RealClock
+from robot.store.folder import default_root
+from server.cli.parser import number, whole
+
+_NETWORK = "network"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "--robots",
+        default=_NETWORK,
+        metavar="LIST",
+        help="HOST:PORT,... or a file of such lines (default: all that the network announces)",
+    )
+    parser.add_argument(
+        "--class-key",
+        type=Path,
+        default=default_root() / "class.key",
+        metavar="FILE",
+        help="made if it is not there; the robots need a copy (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--port", type=whole(0, 65535), default=8080, help="port (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--pictures",
+        type=number(above=0, most=10),
+        default=1.0,
+        metavar="HZ",
+        help="pictures a second of each robot (default: %(default)s)",
+    )
+    parser.add_argument("-v", "--verbose", action="store_true", help="log more")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve the board until interrupted."""
+    from server.board.app import create_board_app
+    from server.board.board import Board
+    from server.board.class_key import keep_class_key
+    from server.board.discovery import browsing, read_list
+    from server.board.transport import NetworkTransport, RobotAddress
+    from server.config import Config
+    from server.hosting.logs import start_logging
+    from server.hosting.serving import open_socket, serve
+
+    start_logging(verbose=args.verbose)
+    listed = [] if args.robots == _NETWORK else read_list(args.robots)
+    key = keep_class_key(args.class_key)
+    config = Config(port=args.port)
+    listener = open_socket(config.host, config.port)
+    config = dataclasses.replace(config, port=listener.getsockname()[1])
+    clock = RealClock()
+    board = Board(key, NetworkTransport(), clock, 1 / args.pictures)
+    with contextlib.ExitStack() as stack:
+
+        def begin() -> None:
+            """Add the robots; on the event loop."""
+            for address in listed:
+                board.add(address)
+            if not listed:
+                event_loop = asyncio.get_running_loop()
+
+                def found(address: RobotAddress) -> None:  # on zeroconf's thread
+                    with contextlib.suppress(RuntimeError):  # the board has just ended
+                        event_loop.call_soon_threadsafe(board.add, address)
+
+                stack.enter_context(browsing(found))
+
+        print(f"The board is ready: open http://{config.host}:{config.port}", flush=True)
+        print(f"Start each robot with: --lan --class-key {args.class_key.name}", flush=True)
+        print(f"and a copy of {args.class_key.resolve()}", flush=True)
+        serve(create_board_app(config, board, clock, begin), listener)
+    return 0

@@ -1,0 +1,92 @@
+"""`/api/class`: what the teacher's board asks of a robot. See docs/reference/http.md."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Depends, HTTPException, Request
+
+from server.board.class_key import endpoint
+from server.board.classroom import LOCKS, Classroom
+from server.identity import COLOURS
+from server.routes.bodies import do, read_body, refusals
+from server.security.access import Role
+from server.security.certificates import certificate_fingerprint
+from server.security.guard import require_teacher
+from server.services import services_of
+
+router = APIRouter(prefix="/api/class")
+TEACHER = Depends(require_teacher)
+
+
+@router.post("/hello", responses={404: {}, 409: {}})
+async def hello(request: Request) -> dict[str, str]:
+    """Begin the handshake, {nonce}: this robot proves first that it knows the key."""
+    body, now_s = await read_body(request), services_of(request).robot.clock.now_s()
+    with refusals():
+        nonce, proof = _classroom(request).challenge(body.get("nonce"), _own(request), now_s)
+    return {"nonce": nonce, "proof": proof}
+
+
+@router.post("/join", responses={403: {}, 404: {}})
+async def join(request: Request) -> dict[str, str]:
+    """End it, {board_nonce, nonce, proof}: a session for the board."""
+    body, now_s = await read_body(request), services_of(request).robot.clock.now_s()
+    given = (body.get("board_nonce"), body.get("nonce"), body.get("proof"))
+    secret = _classroom(request).admit(*given, _own(request), now_s)
+    if secret is None:
+        raise HTTPException(403, "This robot has another class key.")
+    return {"secret": secret}
+
+
+@router.get("", dependencies=[TEACHER])
+async def describe_class(request: Request) -> dict[str, Any]:
+    """Return name, colour, locks and the model in use."""
+    services = services_of(request)
+    identity, persistence = services.identity.now, services.persistence
+    return {
+        "name": identity.name,
+        "colour": identity.colour,
+        "colours": list(COLOURS),
+        "locks": sorted(_classroom(request).locks),
+        "lockable": list(LOCKS),
+        "model": persistence.autosave.name if persistence is not None else None,
+        "tls": services.config.tls,
+        "needs_pairing": services.pairing is not None,
+    }
+
+
+@router.put("/locks", dependencies=[TEACHER])
+async def lock(request: Request) -> dict[str, Any]:
+    """Lock what pupils may not change, {locks: [name, ...]}, and unlock the rest."""
+    body, classroom = await read_body(request), _classroom(request)
+    await do(classroom.lock, body.get("locks"))
+    services_of(request).events.publish("locked", locks=sorted(classroom.locks))
+    return {"locks": sorted(classroom.locks)}
+
+
+@router.post("/invitation", dependencies=[TEACHER])
+async def invite(request: Request) -> dict[str, Any]:
+    """Return a token for the QR code on the board; null where no pairing is needed."""
+    services = services_of(request)
+    if services.pairing is None:
+        return {"token": None, "valid_s": None}
+    token, valid_s = services.pairing.invite(Role.PILOT, services.robot.clock.now_s())
+    return {"token": token, "valid_s": valid_s}
+
+
+def _classroom(request: Request) -> Classroom:
+    from server.board.extension import ClassroomExtension  # which has these routes
+
+    classroom = services_of(request).extension(ClassroomExtension).classroom
+    if classroom is None:
+        raise HTTPException(404, "This robot is in no class: start it with --class-key FILE.")
+    return classroom
+
+
+def _own(request: Request) -> str:
+    """Return this robot's address as its own socket has it; no header can change that."""
+    address, port = request.scope.get("server") or ("", 0)
+    own = endpoint(str(address), int(port or 0))
+    config = services_of(request).config
+    return f"{own} {certificate_fingerprint(config.data / 'tls')}" if config.tls else own

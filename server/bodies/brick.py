@@ -1,0 +1,177 @@
+"""Put the server, or only the agent, on a Lego Mindstorms EV3, over ssh; examine one."""
+
+from __future__ import annotations
+
+import argparse
+import secrets
+import shutil
+from pathlib import Path
+
+import server
+from robot.bodies.ev3 import installer
+from robot.bodies.ev3.agent.wire import PORT
+from robot.bodies.ev3.bundle import make_bundle
+from robot.bodies.ev3.handshake import secret_path
+from robot.bodies.ev3.rootfs import (
+    DEFAULT_RELEASE,
+    PYTHON_VERSIONS,
+    build_userland,
+    precompile,
+    userland_stamp,
+)
+from robot.bodies.ev3.scripts import AGENT_SCRIPT, INSTALL_SCRIPT
+from robot.errors import ConfigurationError
+from robot.store.folder import default_root
+from server.bodies.doctor import examine_brick
+from server.cli.parser import whole
+from server.config import Config
+
+PYTHON_FOLDERS = ("usr/lib/python3.*", "usr/lib/python3/dist-packages")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare what can be done, and where."""
+    parser.add_argument(
+        "what",
+        choices=("agent", "install", "pack", "doctor"),
+        help="put agent or server on the brick, pack the server into a file, or examine a brick",
+    )
+    parser.add_argument(
+        "address",
+        nargs="?",
+        help="the brick: robot@ev3dev.local, root@... to install; to pack, the file to make",
+    )
+    parser.add_argument(
+        "--port", type=whole(1, 65535), default=PORT, help="the agent's port (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--keep",
+        type=Path,
+        default=default_root() / "brick",
+        help="folder where the brick's Debian is kept (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--release",
+        default=DEFAULT_RELEASE,
+        choices=tuple(PYTHON_VERSIONS),
+        help="Debian release for the brick (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--mirror", default="", help="address of a Debian mirror; else this machine's own"
+    )
+    parser.add_argument(
+        "--from", dest="packed", type=Path, help="install from a file that pack made"
+    )
+    parser.add_argument(
+        "--autostart",
+        action="store_true",
+        help="have the brick start the agent whenever it starts (asks for the brick's password)",
+    )
+    parser.add_argument(
+        "--fake", action="store_true", help="let the doctor examine a brick made of files"
+    )
+    parser.add_argument(
+        "--yes", action="store_true", help="let the doctor turn the wheels without asking"
+    )
+    parser.add_argument(
+        "--script", action="store_true", help="only print what would run on the brick"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it, or print the script."""
+    if args.what == "doctor":
+        return examine_brick(args)
+    if args.script:
+        print(AGENT_SCRIPT if args.what == "agent" else INSTALL_SCRIPT)
+        return 0
+    if not args.address:
+        raise ConfigurationError(
+            "which file? drivelesson brick pack FILE"
+            if args.what == "pack"
+            else f"which brick? drivelesson brick {args.what} ADDRESS"
+        )
+    if args.what == "pack":
+        return _pack(args)
+    if shutil.which("ssh") is None:
+        raise ConfigurationError(
+            "ssh is not installed; on Debian and Ubuntu: apt install openssh-client"
+        )
+    return _start_agent(args) if args.what == "agent" else _install(args)
+
+
+def _start_agent(args: argparse.Namespace) -> int:
+    target = args.address if "@" in args.address else f"robot@{args.address}"
+    host = target.partition("@")[2]
+    secret = _shared_secret(host)
+    print(installer.start_agent(target, secret, args.port))
+    if args.autostart:
+        installer.start_with_the_brick(target)
+    print(
+        f"Drive with: drivelesson serve --robot ev3-remote --brick {host}"
+        + (f":{args.port}" if args.port != PORT else "")
+    )
+    return 0
+
+
+def _shared_secret(host: str) -> str:
+    """Return the secret that this machine shares with a brick; make one at the first time."""
+    file = secret_path(host)
+    if not file.exists():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch(mode=0o600)
+        file.write_text(secrets.token_urlsafe(16) + "\n")
+    return file.read_text().strip()
+
+
+def _install(args: argparse.Namespace) -> int:
+    target = args.address if "@" in args.address else f"root@{args.address}"
+    if args.packed is not None:
+        print("copying, which takes some minutes over Wi-Fi ...", flush=True)
+        print(installer.install_packed(target, args.packed))
+        return 0
+    is_there = installer.installed_packages(target) == userland_stamp(args.release)
+    files = _build(args, with_userland=not is_there)
+    print("copying, which takes some minutes over Wi-Fi ...", flush=True)
+    print(installer.install(target, files))
+    return 0
+
+
+def _pack(args: argparse.Namespace) -> int:
+    file = Path(args.address)
+    installer.pack(file, _build(args, with_userland=True))
+    print(
+        f"packed {file} ({file.stat().st_size / 1e6:.0f} MB); install it, now or in years, with\n"
+        f"  drivelesson brick install root@ADDRESS --from {file}\n"
+        "or without Drivelesson:\n"
+        f'  ssh root@ADDRESS "$(tar -xOf {file} install)" <{file}'
+    )
+    return 0
+
+
+def _build(args: argparse.Namespace, *, with_userland: bool) -> installer.Files:
+    """Make what goes onto a brick; return it."""
+    args.keep.mkdir(parents=True, exist_ok=True)
+    userland = args.keep / f"root-{args.release}"
+    compiled = _make_userland(userland, args) if with_userland else True
+    program = args.keep / "program/opt/drivelesson"
+    print("packing the program ...", flush=True)
+    make_bundle(program, Path(server.__path__[0]), Config().web_folder)
+    ahead = precompile(args.keep / "program", ("opt/drivelesson",), args.release)
+    return installer.server_files(
+        program,
+        userland if with_userland else None,
+        userland_stamp(args.release),
+        compiled=compiled and ahead,
+    )
+
+
+def _make_userland(folder: Path, args: argparse.Namespace) -> bool:
+    """Build the brick's Debian unless that was done; return whether it is compiled ahead."""
+    stamp, wanted = folder.with_name(folder.name + ".packages"), userland_stamp(args.release)
+    if not (stamp.is_file() and stamp.read_text() == wanted):
+        print("building the brick's Debian, which takes a minute ...", flush=True)
+        shutil.rmtree(folder, ignore_errors=True)
+        build_userland(folder, args.release, args.mirror)
+        stamp.write_text(wanted)
+    return precompile(folder, PYTHON_FOLDERS, args.release)

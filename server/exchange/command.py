@@ -1,0 +1,120 @@
+"""Episodes in and out: the verbs `import` and `export` of `drivelesson episodes`."""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from robot.errors import ConfigurationError, MissingExtraError
+from robot.exchange.film import check_suffix
+from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
+from robot.store.episodes.store import EpisodeStore
+from robot.store.episodes.teaching import EditedEpisode
+from robot.store.folder import Storage
+from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_episodes
+from server.cli.parser import whole
+
+EXPORTS = ("tub", "lerobot", "folder", "film")
+
+
+def configure_export(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `export`."""
+    parser.add_argument("episodes", nargs="+", metavar="EPISODE", help=EPISODE_HELP)
+    parser.add_argument("--as", dest="form", required=True, choices=EXPORTS)
+    parser.add_argument("--out", type=Path, default=None, help="new folder or file")
+    parser.add_argument(
+        "--fps", type=whole(1, 240), default=None, help="pictures a second, of films"
+    )
+    parser.add_argument("--all", action="store_true", help="tub: also pictures nobody taught")
+
+
+def configure_import(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `import`."""
+    parser.add_argument("path", type=Path)
+    parser.add_argument("--name", default=None, help="name of the episode")
+    parser.add_argument(
+        "--threshold",
+        type=float,
+        default=DEFAULT_THRESHOLD,
+        help="steering beyond it is a turn, 0 to 1 (default: %(default)s)",
+    )
+
+
+def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+    """Import a drive of another program as an episode."""
+    from robot.exchange.drive import write_episode
+    from robot.exchange.sources import read_drive
+
+    drive = read_drive(args.path, check_threshold(args.threshold))
+    path = store.new_path(args.name or drive.name)
+    with _progress(None, "picture") as bar:
+        count = write_episode(drive, path, on_shot=bar.update)
+    print(f"{path.stem}: {count} pictures from {args.path} ({drive.source})")
+
+
+def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+    """Write episodes for other programs."""
+    episodes = find_episodes(store, args.episodes)
+    if len(episodes) > 1 and args.form != "lerobot":
+        raise ConfigurationError(f"--as {args.form} takes one episode at a time")
+    out = args.out or _free_path(storage.exports, episodes[0][0].id, args.form)
+    if args.form == "film":
+        check_suffix(out)
+    if out.exists():
+        raise ConfigurationError(f"{out} exists already; choose another with --out")
+    total = sum(len(episode.frames) for episode, _ in episodes)
+    try:
+        with _progress(total, "picture") as bar:
+            made = _export(args, episodes, out, bar.update)
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {out}: {error}") from error
+    print(f"{out}: {made}")
+
+
+def _export(
+    args: argparse.Namespace, episodes: list[EditedEpisode], out: Path, tick: Callable[[], None]
+) -> str:
+    episode, notes = episodes[0]
+    if args.form == "lerobot":
+        from robot.exchange.lerobot import write_lerobot
+
+        return f"{write_lerobot(episodes, out, fps=args.fps, on_frame=tick)} LeRobot episodes"
+    if args.form == "tub":
+        from robot.exchange.tub import write_tub
+
+        records = write_tub(episode, notes, out, taught_only=not args.all, on_frame=tick)
+        return f"{records} records"
+    if args.form == "folder":
+        from robot.exchange.folder import write_folder
+
+        return f"{write_folder(episode, notes, out, on_frame=tick)} pictures"
+    from robot.exchange.film import write_look
+
+    return f"{write_look(episode, notes, out, fps=args.fps, on_frame=tick)} pictures"
+
+
+def _free_path(folder: Path, episode_id: str, form: str) -> Path:
+    ending = ".mp4" if form == "film" else ""
+    for number in itertools.count(1):
+        name = re.sub(r"\s+", "-", f"{episode_id}-{form}")
+        path = folder / f"{name}{'' if number == 1 else f'-{number}'}{ending}"
+        if not path.exists():
+            return path
+    raise AssertionError
+
+
+def _progress(total: int | None, unit: str) -> Any:
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise MissingExtraError("the command episodes", "episodes") from error
+    return tqdm(total=total, unit=unit, file=sys.stderr)
+
+
+EXPORT = EpisodeVerb("write episodes for other programs", configure_export, export_episodes)
+IMPORT = EpisodeVerb("read a tub, a folder with CSV, or an npz", configure_import, import_episode)

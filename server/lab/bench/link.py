@@ -1,0 +1,338 @@
+"""Frames and commands over loopback, beside servers as one writes them first."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import itertools
+import json
+import math
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from robot.errors import ConfigurationError
+from robot.testing.link import LinkConditions
+from server.cli.parser import number
+from server.lab.bench.proxy import Proxy
+from server.lab.bench.subject import KINDS
+from server.lab.bench.viewers import Watched, watch
+
+SLOW_LINE = 62_500.0  # 500 kbit/s
+_SETTLE_S = 0.7
+_COMMANDS, _COMMAND_EVERY_S = 100, 0.047
+_SLOW_VIEWERS, _ALL_VIEWERS = 4, 16
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("--viewers", default="1,4,16", help="numbers of viewers (%(default)s)")
+    parser.add_argument(
+        "--seconds", type=number(above=0), default=5.0, help="for each (%(default)s)"
+    )
+    parser.add_argument(
+        "--slow-seconds",
+        type=number(least=0),
+        default=60.0,
+        help="behind a slow line (%(default)s; 0: skip)",
+    )
+    parser.add_argument(
+        "--rate", type=number(above=0), default=30.0, help="frames a second (%(default)s)"
+    )
+    parser.add_argument(
+        "--json", nargs="?", const="-", default=None, metavar="FILE", help="write the figures"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, and print a table or JSON."""
+    try:
+        counts = [int(count) for count in args.viewers.split(",")]
+    except ValueError as error:
+        raise ConfigurationError(f"--viewers expects numbers, not {args.viewers!r}") from error
+    result = asyncio.run(_measure_all(counts, args.seconds, args.slow_seconds, args.rate))
+    if args.json == "-":
+        print(json.dumps(result, indent=1))
+        return 0
+    if args.json:
+        Path(args.json).write_text(json.dumps(result, indent=1) + "\n")
+    print(_table(result))
+    return 0
+
+
+async def _measure_all(
+    counts: Sequence[int], seconds: float, slow_seconds: float, rate_hz: float
+) -> dict[str, Any]:
+    result: dict[str, Any] = {"rate_hz": rate_hz, "servers": []}
+    for count in counts:
+        for kind in KINDS:
+            _progress(f"{kind}, {count} viewers")
+            result["servers"].append(await _measure_viewers(kind, count, seconds, rate_hz))
+    _progress("commands")
+    result["commands"] = await _measure_commands(max(counts), rate_hz)
+    if slow_seconds:
+        result["slow"] = [
+            await _measure_slow(width, height, slow_seconds, rate_hz)
+            for width, height in ((160, 120), (640, 480))
+        ]
+    return result
+
+
+class ServerUnderTest:
+    """A server in a process of its own."""
+
+    def __init__(self, kind: str, rate_hz: float, width: int = 160, height: int = 120) -> None:
+        words = [sys.executable, "-m", "server.lab.bench.subject", kind]
+        words += ["--rate", str(rate_hz), "--width", str(width), "--height", str(height)]
+        self._process = subprocess.Popen(
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        self.port = int(self._line())
+
+    @property
+    def pid(self) -> int:
+        """The process's number."""
+        return self._process.pid
+
+    def ask(self, word: str = "") -> dict[str, Any]:
+        """Return what the server has noted by now; the word `forget` is for `subject`."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{word}\n")
+        self._process.stdin.flush()
+        notes: dict[str, Any] = json.loads(self._line())
+        return notes
+
+    def _line(self) -> str:
+        assert self._process.stdout is not None
+        return self._process.stdout.readline()
+
+    def __enter__(self) -> ServerUnderTest:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._process.communicate(timeout=60)
+
+
+async def _cpu_share(subject: ServerUnderTest, seconds: float) -> float:
+    """Share of one core that the serving thread uses."""
+    before, start_s = subject.ask(), time.monotonic()
+    await asyncio.sleep(seconds)
+    used_s = subject.ask()["serving_s"] - before["serving_s"]
+    return float(used_s / (time.monotonic() - start_s))
+
+
+async def _measure_viewers(kind: str, count: int, seconds: float, rate_hz: float) -> dict[str, Any]:
+    with ServerUnderTest(kind, rate_hz) as subject:
+        await asyncio.sleep(_SETTLE_S)
+        idle = await _cpu_share(subject, min(seconds, 2.0))
+        async with _watching(kind, [subject.port] * count) as viewers:
+            await asyncio.sleep(_SETTLE_S)
+            before, start_s = subject.ask(), time.monotonic()
+            await asyncio.sleep(seconds)
+            after, lasted_s = subject.ask(), time.monotonic() - start_s
+            ages_s = [age for viewer in viewers for age in viewer.since(start_s)]
+        await asyncio.sleep(_SETTLE_S)
+        idle_after = await _cpu_share(subject, min(seconds, 2.0))
+    serving_s = after["serving_s"] - before["serving_s"]
+    process_s = after["process_s"] - before["process_s"]
+    measured = {
+        "server": kind,
+        "viewers": count,
+        "frames_per_second": round(len(ages_s) / lasted_s / count, 2),
+        "latency_ms": _percentiles(ages_s),
+        "cpu_us_per_frame": round(
+            1e6 * (serving_s - min(idle, idle_after) * lasted_s) / len(ages_s), 1
+        ),
+        "process_cpu_us_per_frame": round(1e6 * process_s / len(ages_s), 1),
+        "serving_cpu_share": round(serving_s / lasted_s, 4),
+        "serving_cpu_share_idle_before": round(idle, 4),
+        "serving_cpu_share_idle_after": round(idle_after, 4),
+    }
+    return measured | _loop_figures(before, after, lasted_s)
+
+
+def _loop_figures(before: dict[str, Any], after: dict[str, Any], lasted_s: float) -> dict[str, Any]:
+    if "frames" not in after:
+        return {}
+    return {
+        "loop_hz": round((after["frames"] - before["frames"]) / lasted_s, 2),
+        "late_cycles": after["late_cycles"] - before["late_cycles"],
+    }
+
+
+async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
+    """Time each change of what is held from the wire to the body."""
+    from websockets.asyncio.client import connect
+
+    with ServerUnderTest("drivelesson", rate_hz) as subject:
+        async with (
+            _watching("drivelesson", [subject.port] * count),
+            connect(f"ws://127.0.0.1:{subject.port}/ws/drive", compression=None) as pilot,
+        ):
+            seen: dict[str, int] = {}
+            reading = asyncio.create_task(_read_all(pilot, seen))
+            await asyncio.sleep(_SETTLE_S)
+            seqs = itertools.count(1)
+            while subject.ask()["mode"] != "train":  # a start on an old picture is refused
+                start = {"type": "mode", "mode": "train", "seq": next(seqs), **seen}
+                await pilot.send(json.dumps(start))
+                await asyncio.sleep(0.1)
+            sent: list[tuple[float, str]] = []
+            for number in range(_COMMANDS):
+                held = ("forward", "left")[number % 2]
+                sent.append((time.monotonic(), held))
+                command = {"type": "drive", "held": held, "seq": next(seqs), **seen}
+                await pilot.send(json.dumps(command))
+                await asyncio.sleep(_COMMAND_EVERY_S)
+            notes = subject.ask()
+            reading.cancel()
+    took_s = _pair_up(sent, notes["changes"])
+    return {
+        "viewers": count,
+        "commands": _COMMANDS,
+        "not_obeyed": _COMMANDS - len(took_s),
+        "wire_to_drive_ms": _percentiles(took_s),
+        "cycle_ms": round(1000 / rate_hz, 2),
+    }
+
+
+def _pair_up(
+    sent: Sequence[tuple[float, str]], changes: Sequence[tuple[float, str]]
+) -> list[float]:
+    """Return how long each command took to its change; none for one that a later one overtook."""
+    took_s = []
+    until_s = [at_s for at_s, _ in sent[1:]] + [sent[-1][0] + 1.0]
+    for (at_s, held), next_s in zip(sent, until_s, strict=True):
+        obeyed = [t for t, action in changes if action == held and at_s <= t < next_s]
+        took_s += [obeyed[0] - at_s] if obeyed else []
+    return took_s
+
+
+async def _read_all(pilot: Any, seen: dict[str, int]) -> None:
+    """Read all messages; keep in `seen` what a command must carry back."""
+    async for text in pilot:
+        message = json.loads(text)
+        if message["type"] == "state" and message["frame"] is not None:
+            seen.update(frame=message["frame"], nonce=message["nonce"])
+
+
+async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float) -> dict[str, Any]:
+    """Sixteen viewers without and with four of them behind a slow line."""
+    size = f"{width}x{height}"
+    with ServerUnderTest("drivelesson", rate_hz, width, height) as subject:
+        proxies = [Proxy(subject.port) for _ in range(_SLOW_VIEWERS)]
+        for proxy in proxies:
+            await proxy.start()
+        fast = [subject.port] * (_ALL_VIEWERS - _SLOW_VIEWERS)
+        ports = [*fast, *(proxy.port for proxy in proxies)]
+        # Before and after, so that what else the machine does falls upon both sides alike.
+        without = await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, before")
+        for proxy in proxies:
+            proxy.conditions = LinkConditions(bytes_per_second=SLOW_LINE)
+        _progress(f"{size}, four at 500 kbit/s")
+        async with _watching("drivelesson", ports) as viewers:
+            await asyncio.sleep(2 * _SETTLE_S)
+            before, start_s = subject.ask(), time.monotonic()
+            await asyncio.sleep(seconds)
+            after, lasted_s = subject.ask(), time.monotonic() - start_s
+            with_slow = [a for v in viewers[: len(fast)] for a in v.since(start_s)]
+            slow = viewers[len(fast) :]
+            slow_ages = [a for v in slow for a in v.since(start_s)]
+            thirds = [
+                _percentiles([a for v in slow for a in _between(v, start_s, lasted_s, part)])
+                for part in range(3)
+            ]
+        for proxy in proxies:
+            proxy.conditions = LinkConditions()
+        without += await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, after")
+        for proxy in proxies:
+            await proxy.stop()
+    ratio = _percentile(with_slow, 99) / _percentile(without, 99)
+    return {
+        "size": size,
+        "others_ms_without_slow": _percentiles(without),
+        "others_ms_with_slow": _percentiles(with_slow),
+        "others_p99_ratio": round(ratio, 2),
+        "slow_frames_per_second": round(len(slow_ages) / lasted_s / _SLOW_VIEWERS, 2),
+        "slow_age_ms": _percentiles(slow_ages) | {"max": round(1000 * max(slow_ages), 1)},
+        "slow_age_ms_by_third": thirds,
+        **_loop_figures(before, after, lasted_s),
+    }
+
+
+async def _ages_of_the_fast(
+    ports: Sequence[int], n_fast: int, seconds: float, what: str
+) -> list[float]:
+    """Return the ages of pictures at the first viewers while nobody is slow."""
+    _progress(what)
+    async with _watching("drivelesson", ports) as viewers:
+        await asyncio.sleep(_SETTLE_S)
+        start_s = time.monotonic()
+        await asyncio.sleep(seconds)
+        return [age for viewer in viewers[:n_fast] for age in viewer.since(start_s)]
+
+
+def _between(viewer: Watched, start_s: float, lasted_s: float, third: int) -> list[float]:
+    first, last = start_s + third * lasted_s / 3, start_s + (third + 1) * lasted_s / 3
+    pairs = zip(viewer.at_s, viewer.ages_s, strict=True)
+    return [age for at_s, age in pairs if first <= at_s < last]
+
+
+@contextlib.asynccontextmanager
+async def _watching(kind: str, ports: Sequence[int]) -> AsyncIterator[list[Watched]]:
+    viewers = [Watched() for _ in ports]
+    tasks = [
+        asyncio.create_task(watch(kind, port, watched))
+        for port, watched in zip(ports, viewers, strict=True)
+    ]
+    try:
+        yield viewers
+    finally:
+        for task in tasks:
+            task.cancel()
+        for ended in await asyncio.gather(*tasks, return_exceptions=True):
+            if isinstance(ended, Exception):
+                print(f"a viewer failed: {ended!r}", file=sys.stderr)
+
+
+def _percentile(values: Sequence[float], percent: int) -> float:
+    if not values:  # a machine that was too busy to show a single picture
+        return math.nan
+    ranked = sorted(values)
+    return ranked[min(len(ranked) - 1, len(ranked) * percent // 100)]
+
+
+def _percentiles(seconds: Sequence[float]) -> dict[str, float]:
+    return {f"p{p}": round(1000 * _percentile(seconds, p), 2) for p in (50, 95, 99)}
+
+
+def _progress(what: str) -> None:
+    print(f"measuring: {what}", file=sys.stderr, flush=True)
+
+
+def _table(result: dict[str, Any]) -> str:
+    lines = [
+        f"{'server':16} {'viewers':>7} {'frames/s':>9} {'p50 ms':>7} {'p95':>7} {'p99':>7} "
+        f"{'CPU us/frame':>13} {'process':>10} {'loop Hz':>8} {'late':>5}"
+    ]
+    for row in result["servers"]:
+        latency = row["latency_ms"]
+        lines.append(
+            f"{row['server']:16} {row['viewers']:7} {row['frames_per_second']:9} "
+            f"{latency['p50']:7} {latency['p95']:7} {latency['p99']:7} "
+            f"{row['cpu_us_per_frame']:13} {row['process_cpu_us_per_frame']:10} "
+            f"{row.get('loop_hz', ''):>8} {row.get('late_cycles', ''):>5}"
+        )
+    commands = result["commands"]
+    lines.append(f"\ncommand to drive, ms: {commands['wire_to_drive_ms']}")
+    for slow in result.get("slow", []):
+        lines.append(
+            f"{slow['size']}, 4 of 16 at 500 kbit/s: their pictures {slow['slow_age_ms']} ms old; "
+            f"p99 of the others {slow['others_p99_ratio']} times that without them; "
+            f"loop {slow['loop_hz']} Hz, {slow['late_cycles']} late"
+        )
+    return "\n".join(lines)

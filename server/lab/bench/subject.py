@@ -1,0 +1,138 @@
+"""One server to be measured, as a process: `python -m server.lab.bench.subject KIND ...`.
+
+It prints its port, then answers each line on standard input with one line of JSON: the CPU time
+that the process and its serving thread have used, and for ours what loop and body have noted. The
+line `forget` makes ours forget what it was taught and has noted first, and adds the memory in use.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import ctypes
+import gc
+import json
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from robot.clock import RealClock
+from server.lab.bench.robot import NotingDriver, SteadyCamera
+
+KINDS = ("drivelesson", "naive-websocket", "plain-websocket", "naive-mjpeg")
+"""`plain` is `naive` without uvicorn's default, which compresses each picture once more."""
+
+
+def main() -> None:
+    """Serve until standard input ends."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("kind", choices=KINDS)
+    parser.add_argument("--width", type=int, default=160)
+    parser.add_argument("--height", type=int, default=120)
+    parser.add_argument("--rate", type=float, default=30.0)
+    args = parser.parse_args()
+    camera = SteadyCamera(RealClock(), args.rate, args.width, args.height)
+    with _serving(args.kind, camera) as (port, notes):
+        print(port, flush=True)
+        for line in sys.stdin:
+            cpu = {"process_s": time.process_time(), "serving_s": _serving_cpu_s()}
+            print(json.dumps({**cpu, **notes(line.strip() == "forget")}), flush=True)
+    os._exit(0)
+
+
+def _serving_cpu_s() -> float:
+    """CPU time of the thread that serves: camera, control loop and learner are others'."""
+    thread = next(thread for thread in threading.enumerate() if thread.name == "server")
+    return time.clock_gettime(time.pthread_getcpuclockid(thread.ident or 0))
+
+
+@contextlib.contextmanager
+def _serving(kind: str, camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
+    if kind == "drivelesson":
+        with _ours(camera) as served:
+            yield served
+    else:
+        from server.lab.bench import naive
+
+        make = naive.naive_mjpeg if kind == "naive-mjpeg" else naive.naive_websocket
+        with camera:
+            yield _serve_plainly(make(camera), deflate=kind == "naive-websocket"), lambda forget: {}
+
+
+@contextlib.contextmanager
+def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
+    from robot.devices.rig import Rig
+    from robot.policy.registry import make_policy
+    from server.app import create_app
+    from server.config import Config, Limits
+    from server.hosting.serving import served
+    from server.services import make_services
+
+    config = Config(port=0, limits=Limits(requests_burst=1e9))
+    learner = "default-32"
+    rig = Rig(NotingDriver(), camera, make_policy(learner), camera.clock)
+    services = make_services(config, rig, name="bench")
+
+    def notes(forget: bool) -> dict[str, Any]:
+        state = rig.loop.state
+        driver = rig.driver
+        assert isinstance(driver, NotingDriver)
+        if forget:
+            driver.changes.clear()
+            rig.loop.submit(lambda: rig.loop.history.replace_policy(make_policy(learner))).result()
+        return (_memory() if forget else {}) | {
+            "frames": state.frame_id,
+            "cycle_hz": state.cycle_hz,
+            "cycles": state.cycles,
+            "late_cycles": state.late_cycles,
+            "changes": [(at_s, action.value) for at_s, action in driver.changes],
+            "threads": threading.active_count(),
+            "tasks": services.hub.tasks(),
+            "moved_s": driver.moved_s,
+            "mode": state.decision.mode.value,
+            "stop_reason": state.decision.stop_reason,
+        }
+
+    with rig, served(create_app(services), config) as address:
+        yield int(address.rsplit(":", 1)[1]), notes
+
+
+def _memory() -> dict[str, int]:
+    """Return the blocks of Python's objects, and the resident bytes once free ones are given back.
+
+    How much the allocator keeps for later is left to chance.
+    """
+    gc.collect()
+    blocks = sys.getallocatedblocks()
+    with contextlib.suppress(AttributeError):  # the C library of some systems has it not
+        ctypes.CDLL(None).malloc_trim(0)
+    with Path("/proc/self/statm").open(encoding="ascii") as file:
+        pages = int(file.read().split()[1])
+    return {"blocks": blocks, "resident_bytes": pages * os.sysconf("SC_PAGE_SIZE")}
+
+
+def _serve_plainly(app: Any, *, deflate: bool) -> int:
+    """Serve as `uvicorn app:app` would."""
+    import asyncio
+
+    import uvicorn
+
+    from server.hosting.serving import open_socket
+
+    listener = open_socket("127.0.0.1", 0)
+    settings = uvicorn.Config(app, log_level="error", ws_per_message_deflate=deflate)
+    server = uvicorn.Server(settings)
+    threading.Thread(
+        target=lambda: asyncio.run(server.serve(sockets=[listener])), name="server", daemon=True
+    ).start()
+    while not server.started:
+        time.sleep(0.01)
+    return int(listener.getsockname()[1])
+
+
+if __name__ == "__main__":
+    main()

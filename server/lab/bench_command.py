@@ -1,0 +1,47 @@
+"""Measure this machine: `drivelesson bench NAME [OPTION ...]`."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+from collections.abc import Sequence
+from types import ModuleType
+
+from robot.errors import ConfigurationError
+
+BENCHMARKS = {
+    "ablation": "server.lab.bench.ablation",
+    "board": "server.lab.bench.board",
+    "learner": "server.lab.bench.learner",
+    "link": "server.lab.bench.link",
+    "page": "server.lab.bench.page",
+    "places": "server.lab.bench.places",
+    "recording": "server.lab.bench.recording",
+}
+"""Name to module; each has `configure(parser)` and `run(args) -> int`, as a command has."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the name."""
+    parser.add_argument("benchmark", choices=sorted(BENCHMARKS))
+
+
+def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
+    """Declare the options of the chosen benchmark."""
+    if words and words[0] in BENCHMARKS:
+        _load(words[0]).configure(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run it."""
+    return int(_load(args.benchmark).run(args))
+
+
+def _load(name: str) -> ModuleType:
+    if importlib.util.find_spec("server.lab.bench") is None:
+        raise ConfigurationError(
+            "the benchmarks measure the source code and are not part of an installed drivelesson; "
+            f"run them in a clone of the repository, with: .venv/bin/drivelesson bench {name}"
+        )
+    return importlib.import_module(BENCHMARKS[name])

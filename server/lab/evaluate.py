@@ -1,0 +1,81 @@
+"""Compare learners on recorded footage: trained on one drive of a place, tested on the other."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import os
+import sys
+from pathlib import Path
+
+from robot.errors import ConfigurationError, MissingExtraError
+from robot.lab import evaluation
+from server.cli.parser import number, whole
+
+OURS = ["published-32", "integer-32", "default-32", "linear-alone-32"]
+BASELINES = ["knn-9", "fair-knn-9", "fair-trees-100"]
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("folder", type=Path, help="folder of recordings PLACE_A.npz, PLACE_B.npz")
+    parser.add_argument(
+        "--learners",
+        metavar="NAMES",
+        help=f"names with commas between (default: {','.join([*OURS, *BASELINES])}, the last "
+        "three only where scikit-learn is installed)",
+    )
+    parser.add_argument(
+        "--light",
+        type=number(above=0.0, most=1.0),
+        default=1.0,
+        metavar="SHARE",
+        help="how much of the light is left in the test (default: 1.0)",
+    )
+    parser.add_argument(
+        "--examples",
+        type=whole(1),
+        metavar="N",
+        help="learn only so many frames of a drive, spread evenly over it (default: all)",
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the results here")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate, print the table and write the JSON."""
+    # scikit-learn spends ten times as long on one picture when its threads outnumber the cores.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    learners = _learners(args.learners)
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise MissingExtraError("the command evaluate", "evaluate") from error
+    pairs = evaluation.load_pairs(args.folder, args.light, args.examples)
+    with tqdm(total=len(pairs) * len(learners), unit="run", file=sys.stderr) as bar:
+        results = list(evaluation.evaluate(pairs, learners, tick=bar.update))
+    print(evaluation.table(results))
+    if args.json is not None:
+        _write(args.json, json.dumps(evaluation.as_json(results), indent=2) + "\n")
+    return 0
+
+
+def _learners(names: str | None) -> list[str]:
+    """Return the learners that were named, or ours and the baselines that can run here."""
+    if names is not None:
+        learners = [name.strip() for name in names.split(",") if name.strip()]
+        if not learners:
+            raise ConfigurationError("--learners names no learner")
+        return learners
+    if importlib.util.find_spec("sklearn") is not None:
+        return [*OURS, *BASELINES]
+    left_out = MissingExtraError(f"comparing with {', '.join(BASELINES)}", "evaluate")
+    print(f"drivelesson: {left_out}", file=sys.stderr)
+    return OURS
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {path}: {error}") from error

@@ -1,0 +1,179 @@
+"""Repeat the paper's experiments in simulation, and those beyond the paper."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from robot.errors import ConfigurationError, MissingExtraError
+from server.cli.parser import whole
+
+if TYPE_CHECKING:
+    from robot.lab.experiment import Experiment, ExperimentSettings
+    from robot.lab.report import Section
+    from robot.lab.task import Result, Task
+
+NAMES = (
+    *("figure3", "figure5", "figure6", "figure7", "figure8"),
+    *("delay", "moves", "behaviours", "ablation", "habits", "ready", "mind"),
+)
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "names",
+        nargs="+",
+        choices=(*NAMES, "all"),
+        metavar="EXPERIMENT",
+        help=f"{', '.join(NAMES)}, all",
+    )
+    parser.add_argument(
+        "--seeds", type=whole(1), default=10, help="runs of each (default: %(default)s)"
+    )
+    parser.add_argument("--quick", action="store_true", help="one run of each: a first look")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write every result here")
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE", help="the report (default: FOLDER/report.html)"
+    )
+    parser.add_argument(
+        "--learner",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="default-32, published-64, path.py:Name ... in place of the experiment's own; "
+        "may be given several times",
+    )
+    parser.add_argument("--teacher", metavar="NAME", help="usual, early, late, path.py:Name ...")
+    parser.add_argument(
+        "--delay", default="0,100,300", metavar="MS,...", help="link delays (default: %(default)s)"
+    )
+    parser.add_argument("--recordings", metavar="FOLDER", help="real footage for figure3")
+    parser.add_argument(
+        "--robot", default="sim", help="whose speed figure5 measures (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--folder",
+        type=Path,
+        default=Path("experiments"),
+        help="where finished runs are kept (default: ./%(default)s)",
+    )
+    parser.add_argument(
+        "--jobs", type=whole(1), metavar="N", help="runs at a time (default: one a processor)"
+    )
+    parser.add_argument(
+        "--backend", choices=("processes", "dask"), default="processes", help="where runs run"
+    )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of an existing Dask cluster")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run what is missing, print the tables, write the report."""
+    # One thread each: sums in another order would differ in the last digit, and be no faster.
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[variable] = "1"
+    from robot.lab.catalogue import EXPERIMENTS
+    from robot.lab.report import make_section, write_html
+
+    settings = _settings(args)
+    sections: list[Section] = []
+    everything = {}
+    for name in NAMES if "all" in args.names else dict.fromkeys(args.names):
+        tasks, results = _run_one(EXPERIMENTS[name], settings, args)
+        everything[name] = [
+            {"kind": task.kind, "params": dict(task.params), "result": result}
+            for task, result in zip(tasks, results, strict=True)
+        ]
+        sections.append(make_section(EXPERIMENTS[name], settings, tasks, results))
+        for table in sections[-1].tables:
+            print(f"\n{table.as_text()}", flush=True)
+        _print_speed(results)
+    report = args.report or args.folder / "report.html"
+    _write(report, write_html(sections, shlex.join(["drivelesson", *sys.argv[1:]])))
+    print(f"\nThe report is in {report}")
+    if args.json is not None:
+        _write(args.json, json.dumps(everything, indent=1) + "\n")
+    return 0
+
+
+def _settings(args: argparse.Namespace) -> ExperimentSettings:
+    from robot.lab.experiment import ExperimentSettings
+    from robot.lab.ideas import make_learner, make_teacher
+    from robot.types import DEFAULT_MOVES
+
+    if args.seeds < 1 or (args.jobs is not None and args.jobs < 1):
+        raise ConfigurationError("--seeds and --jobs must be at least 1")
+    for learner in args.learner:
+        make_learner(learner, DEFAULT_MOVES)
+    if args.teacher:
+        make_teacher(args.teacher, DEFAULT_MOVES)
+    try:
+        delays = tuple(int(part) for part in args.delay.split(","))
+    except ValueError as error:
+        raise ConfigurationError(f"--delay expects 0,100,300, not {args.delay!r}") from error
+    return ExperimentSettings(
+        seeds=args.seeds,
+        quick=args.quick,
+        learners=tuple(args.learner),
+        teacher=args.teacher,
+        delays_ms=delays,
+        recordings=_recordings(args.recordings),
+        robot=args.robot,
+    )
+
+
+def _recordings(given: str | None) -> str | None:
+    if given is not None and not Path(given).is_dir():
+        raise ConfigurationError(f"--recordings: there is no folder {given}")
+    return given or os.environ.get("DRIVELESSON_RECORDINGS")
+
+
+def _run_one(
+    experiment: Experiment, settings: ExperimentSettings, args: argparse.Namespace
+) -> tuple[list[Task], list[Result]]:
+    from robot.lab.catalogue import ALONE
+    from robot.lab.runner import run_all
+    from robot.lab.store import Store
+
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise MissingExtraError("the command experiment", "experiments") from error
+    tasks = experiment.plan(settings)
+    is_alone = experiment.name in ALONE
+    with tqdm(total=len(tasks), desc=experiment.name, unit="run", file=sys.stderr) as bar:
+        results = run_all(
+            tasks,
+            Store(args.folder),
+            jobs=1 if is_alone else args.jobs or os.cpu_count() or 1,
+            backend="processes" if is_alone else args.backend,
+            scheduler=args.scheduler,
+            on_done=lambda task: bar.update(),
+        )
+    return tasks, results
+
+
+def _print_speed(results: Sequence[Result]) -> None:
+    rates = [
+        result["timing"]["frames_per_s"]
+        for result in results
+        if "frames_per_s" in result.get("timing", {})
+    ]
+    if rates:
+        print(
+            f"\nSimulation (render, features, learn, drive), one process: slowest run "
+            f"{min(rates):.0f}, mean {sum(rates) / len(rates):.0f} frames a second"
+        )
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {path}: {error}") from error

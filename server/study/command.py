@@ -1,0 +1,83 @@
+"""Studies with participants: write a plan, check it, make the report from a study's zip."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from robot.errors import ConfigurationError
+from robot.lab.protocol import TRIALS
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the subcommands."""
+    commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+    new = commands.add_parser("new", help="write the paper's protocol as a plan to change")
+    new.add_argument("plan", type=Path, metavar="PLAN.toml", help="file to write; must not exist")
+    new.add_argument(
+        "--trial", type=int, choices=tuple(TRIALS), default=1, help="which (default: %(default)s)"
+    )
+    new.set_defaults(action=_new)
+    check = commands.add_parser("check", help="read a plan and say what it comes to")
+    check.add_argument("plan", type=Path, metavar="PLAN.toml", help="the plan")
+    check.set_defaults(action=_check)
+    report = commands.add_parser("report", help="make every table and figure again from a zip")
+    report.add_argument("zip", type=Path, metavar="ZIP", help="as the page gave it")
+    report.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder for tables and figures"
+    )
+    report.set_defaults(action=_report)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run one subcommand."""
+    return int(args.action(args))
+
+
+def _new(args: argparse.Namespace) -> int:
+    from robot.study.builtin import paper_plan
+
+    try:
+        with args.plan.open("x", encoding="utf-8") as file:
+            file.write(paper_plan(args.trial))
+    except FileExistsError as error:
+        raise ConfigurationError(f"{args.plan} exists already; choose another name") from error
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {args.plan}: {error}") from error
+    print(f"{args.plan} has the paper's protocol of trial {args.trial}. Change it, then check it:")
+    print(f"drivelesson study check {args.plan}")
+    return 0
+
+
+def _check(args: argparse.Namespace) -> int:
+    from robot.study.plan import parse_plan
+
+    try:
+        plan = parse_plan(args.plan.read_text("utf-8"), str(args.plan))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"cannot read {args.plan}: {error}") from error
+    print(f"{plan.title}: {plan.participants} participants, {len(plan.conditions)} conditions")
+    for condition in plan.conditions:
+        phases = ", ".join(f"{phase.name} {phase.seconds:g} s" for phase in condition.phases)
+        print(f"  {condition.name}: {condition.world}, {' '.join(condition.moves)}; {phases}")
+    print(f"Questions: {', '.join(question.name for question in plan.questions) or 'none'}")
+    for slot in range(min(plan.participants, plan.balanced_every)):
+        print(f"Order {slot + 1}: {', '.join(plan.order(slot))}")
+    if plan.participants % plan.balanced_every:
+        print(
+            f"The order is balanced for {plan.balanced_every}, {2 * plan.balanced_every}, ... "
+            f"participants, not for {plan.participants}."
+        )
+    return 0
+
+
+def _report(args: argparse.Namespace) -> int:
+    from robot.study.archive import report
+
+    same, other = report(args.zip, args.out)
+    print(f"{args.out / 'report.html'}: {len(same)} files, the same as in the zip")
+    if other:
+        print(f"Different from those in the zip: {', '.join(other)}", file=sys.stderr)
+        return 1
+    return 0

@@ -1,0 +1,59 @@
+"""The agent's archive as a process of its own, as a brick runs it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from robot.bodies.ev3.archive import make_agent
+
+SECRET = "a shared secret"
+
+
+class RunningAgent:
+    """A context manager; `address` is where it listens."""
+
+    def __init__(
+        self, root: Path, folder: Path, env: dict[str, str] | None = None, port: str = "0"
+    ) -> None:
+        secret = folder / "secret"
+        secret.write_text(SECRET)
+        secret.chmod(0o600)
+        archive = folder / "agent.pyz"
+        archive.write_bytes(make_agent())
+        self.process = subprocess.Popen(
+            [
+                sys.executable,
+                str(archive),
+                "--host",
+                "127.0.0.1",
+                "--port",
+                port,
+                "--secret-file",
+                str(secret),
+                "--root",
+                str(root),
+            ],
+            stdout=subprocess.PIPE,
+            text=True,
+            env=env,
+        )
+        assert self.process.stdout is not None
+        self.address = "127.0.0.1:" + self.process.stdout.readline().split()[-1]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.process.terminate()
+        self.process.wait(60)
+        assert self.process.stdout is not None
+        self.process.stdout.close()

@@ -1,0 +1,331 @@
+"""The agent, and what the driver makes of a line to it: in virtual time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from robot.bodies.ev3.agent import server as agent_server
+from robot.bodies.ev3.agent import wire
+from robot.bodies.ev3.fake_brick import POLL_S, FakeBrick
+from robot.bodies.ev3.handshake import join, secret_path
+from robot.bodies.ev3.link import REJOIN_S, SILENCE_S, BrickLink
+from robot.bodies.ev3.remote_camera import Ev3RemoteCamera
+from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
+from robot.bodies.v4l2.options import UsbCameraOptions
+from robot.clock import Clock
+from robot.driver import BodyButton
+from robot.errors import CameraError, ConfigurationError, DriveError
+from robot.testing import VirtualClock
+from robot.types import Action, Mode
+from tests.robot.bodies.ev3.running_agent import SECRET
+from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
+
+STEP_S = 0.005
+
+
+@pytest.fixture
+def brick(tmp_path: Path) -> Iterator[FakeBrick]:
+    with FakeBrick(tmp_path / "brick", clock=VirtualClock(100.0)) as fake:
+        yield fake
+
+
+@pytest.fixture
+def agent(brick: FakeBrick) -> Iterator[VirtualAgent]:
+    with VirtualAgent(brick) as running:
+        yield running
+
+
+def make_driver(
+    agent: VirtualAgent, secret: str = SECRET, address: str = VirtualAgent.address, **options: str
+) -> Ev3RemoteDriver:
+    found = Ev3RemoteOptions(brick=address, **options)  # type: ignore[arg-type]
+    return Ev3RemoteDriver(found, agent.link(secret, address))
+
+
+def wait_until(clock: Clock, is_so: Callable[[], bool], timeout_s: float = 5.0) -> float:
+    started_s = clock.now_s()
+    while not is_so():
+        assert clock.now_s() - started_s < timeout_s, "waited in vain"
+        clock.sleep(STEP_S)
+    return clock.now_s() - started_s
+
+
+class Controller:
+    """A program that speaks the agent's protocol by hand."""
+
+    def __init__(self, agent: VirtualAgent, secret: str = SECRET) -> None:
+        self.connection = join(agent.address, secret, agent.dial)
+        self.connection.line.settimeout(5)
+        self.waiting: list[dict[str, object]] = []
+        self.last_report_s = 0.0
+
+    def send(self, **command: object) -> None:
+        self.connection.send(command)
+
+    def read(self, key: str) -> object:
+        """Return the next message's field of this name; others are passed over."""
+        while True:
+            while self.waiting:
+                message = self.waiting.pop(0)
+                if key in message:
+                    return message[key]
+            for kind, body in self.connection.receive():
+                if kind == b"J":
+                    self.waiting.append(json.loads(body))
+                    self.last_report_s = self.waiting[-1].get("t", self.last_report_s)  # type: ignore[assignment]
+
+    def open(self) -> None:
+        self.send(do="open", left="outB", right="outC", ultrasonic="auto", touch="auto")
+        self.read("opened")
+
+    def drain(self) -> None:
+        """Take in all that is waiting, so that the newest report is really new."""
+        self.send(do="ping", id=1)
+        self.read("pong")
+        self.read("t")
+
+    def run(self, late_s: float = 0.0, speed: float = 360) -> None:
+        self.drain()
+        after = self.last_report_s - late_s
+        self.send(do="run", left=speed, right=speed, ms=400, after=after)
+
+    def hang_up(self) -> None:
+        self.connection.close()
+
+
+@pytest.fixture
+def controller(agent: VirtualAgent) -> Iterator[Controller]:
+    one = Controller(agent)
+    one.open()
+    yield one
+    one.hang_up()
+
+
+def test_a_wrong_secret_is_one_clear_line(agent: VirtualAgent) -> None:
+    with pytest.raises(DriveError, match=r"refuses: wrong secret; give --brick-secret"):
+        make_driver(agent, "another secret").connect()
+
+
+def test_nobody_listening_is_one_clear_line(agent: VirtualAgent) -> None:
+    with pytest.raises(DriveError, match=r"no agent answers .*refused.*drivelesson brick agent"):
+        make_driver(agent, address="brick:1").connect()
+
+
+def test_no_address_and_no_secret_are_one_clear_line(
+    agent: VirtualAgent, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with pytest.raises(DriveError, match="which brick"):
+        make_driver(agent, address="").connect()
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    with pytest.raises(DriveError, match=r"no secret is known .* make one"):
+        make_driver(agent, "").connect()
+    path = secret_path("brick")
+    path.parent.mkdir(parents=True)
+    path.write_text(SECRET + "\n")
+    with make_driver(agent, "") as driver:
+        assert driver.is_connected
+
+
+def test_something_else_that_answers_is_one_clear_line() -> None:
+    with pytest.raises(ValueError, match="not a message"):
+        unpacker = wire.Unpacker(wire.BEFORE_JOINING)
+        unpacker.feed(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+        unpacker.next()
+
+
+def test_a_missing_motor_is_named_through_the_line(agent: VirtualAgent) -> None:
+    driver = make_driver(agent, left_port="outD")
+    with pytest.raises(DriveError, match=r"no left motor at port outD.*outB"):
+        driver.connect()
+    assert not driver.is_connected
+
+
+def test_one_controller_at_a_time(agent: VirtualAgent, controller: Controller) -> None:
+    with pytest.raises(DriveError, match=r"busy: 127.0.0.1 has the robot; stop the other"):
+        make_driver(agent).connect()
+    controller.hang_up()
+    with make_driver(agent) as driver:
+        assert driver.is_connected
+
+
+def test_a_silent_controller_makes_room(agent: VirtualAgent) -> None:
+    silent = Controller(agent)
+    silent.open()
+    agent.net.clock.sleep(agent_server.SILENCE_S + 0.2)
+    with make_driver(agent) as driver:
+        assert driver.is_connected
+    silent.hang_up()
+
+
+def test_the_agent_stops_the_motors_500_ms_after_the_last_command(
+    controller: Controller, brick: FakeBrick
+) -> None:
+    controller.run()
+    brick.wait_until(brick.is_moving)
+    last_s = brick.commands[-1].at_s
+    brick.wait_until(lambda: brick.commands[-1].command == "stop", 1)
+    took_s = brick.commands[-1].at_s - last_s
+    assert took_s == pytest.approx(agent_server.WATCHDOG_S, abs=0.05 + 2 * POLL_S), "and a tick"
+
+
+def test_of_several_commands_that_were_held_up_only_the_last_counts(
+    controller: Controller, brick: FakeBrick
+) -> None:
+    brick.catch_up()
+    before = len(brick.commands)
+    controller.drain()
+    sealed = [
+        wire.pack_json(
+            {"do": "run", "left": v, "right": v, "ms": 400, "after": controller.last_report_s},
+            controller.connection._seal,
+        )
+        for v in (100, 200, 300)
+    ]
+    controller.connection.line.sendall(b"".join(sealed))
+    brick.wait_until(brick.is_moving)
+    assert {command.speed for command in brick.commands[before:]} == {300}
+
+
+@pytest.mark.parametrize("late_s", [agent_server.STALE_S + 0.05, 1.0, 3600.0, -3600.0])
+def test_a_command_that_was_held_up_is_not_carried_out(
+    controller: Controller, brick: FakeBrick, late_s: float
+) -> None:
+    controller.run(late_s)
+    controller.send(do="positions")
+    controller.read("positions")
+    brick.catch_up()
+    assert not brick.is_moving()
+    controller.run()
+    brick.wait_until(brick.is_moving)
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [b"GET / HTTP/1.1\r\n\r\n", b"J\xff\xff\xff\xff", wire.pack_json({"do": 7}), b"J" * 99],
+)
+def test_noise_is_shown_out_and_harms_nobody(
+    agent: VirtualAgent, controller: Controller, noise: bytes
+) -> None:
+    stranger = agent.dial(("brick", 8765))
+    stranger.sendall(noise)
+    stranger.settimeout(5)
+    while stranger.recv(4096):
+        pass
+    controller.send(do="positions")
+    assert controller.read("positions") == [0.0, 0.0]
+
+
+def test_a_controller_that_talks_nonsense_leaves_a_standing_robot(
+    agent: VirtualAgent, controller: Controller, brick: FakeBrick
+) -> None:
+    controller.run()
+    brick.wait_until(brick.is_moving)
+    controller.send(do="run", left="fast", right=None, ms=400, after=controller.last_report_s)
+    brick.wait_until(lambda: not brick.is_moving(), 0.3)
+    with make_driver(agent) as driver:
+        assert driver.is_connected
+
+
+def test_sensors_and_buttons_come_through_the_line(brick: FakeBrick) -> None:
+    brick.add_sensor("in4", "lego-ev3-us", 500, decimals=1)
+    brick.add_sensor("in1", "lego-ev3-touch", 0)
+    clock = brick.clock
+    with VirtualAgent(brick) as running, make_driver(running) as driver:
+        wait_until(clock, lambda: driver.sense().distance_m == pytest.approx(0.5))
+        brick.set_sensor("lego-ev3-touch", 1)
+        wait_until(clock, lambda: driver.sense().bumped is True)
+        brick.press(28)
+        pressed: list[BodyButton | None] = []
+        wait_until(clock, lambda: pressed.append(driver.take_button()) or pressed[-1] is not None)
+        assert pressed[-1] is BodyButton.START
+        driver.announce("http://10.0.0.2:8000")
+        driver.show(Mode.TRAIN)
+        wait_until(clock, lambda: "10.0.0.2" in brick.screen.read_text())
+
+
+def test_the_camera_of_another_robot_cannot_see_through_the_brick(brick: FakeBrick) -> None:
+    from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
+
+    driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)))
+    with pytest.raises(ConfigurationError, match="not 'ev3'"):
+        Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), brick.clock)
+    lonely = Ev3RemoteCamera(UsbCameraOptions(), brick.clock, BrickLink("", clock=brick.clock))
+    with pytest.raises(CameraError, match="which brick"):
+        lonely.start()
+
+
+def test_the_camera_comes_newest_first_and_its_faults_are_said(brick: FakeBrick) -> None:
+    clock, source = brick.clock, MadeUpCamera()
+    with VirtualAgent(brick, open_camera=source.open) as running:
+        driver = make_driver(running)
+        camera = Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), clock)
+        with driver, camera:
+            wait_until(clock, lambda: camera.latest() is not None)
+            clock.sleep(1.0)
+            frame = camera.latest()
+            assert frame is not None and frame.age_s(clock.now_s()) < 0.12
+            source.is_frozen = True
+            assert wait_until(clock, lambda: camera.fault is not None) <= 0.5
+            wait_until(clock, lambda: "/dev/video0" in str(camera.fault), 0.2)
+            source.is_frozen = False
+            wait_until(clock, lambda: camera.fault is None, 0.2)
+
+
+def test_a_line_that_is_lost_is_said_and_joined_again(brick: FakeBrick) -> None:
+    clock = brick.clock
+    with VirtualAgent(brick) as first, make_driver(first) as driver:
+        driver.send_action(Action.FORWARD)
+        first.kill()
+
+        def is_said() -> bool:
+            try:
+                driver.send_action(Action.FORWARD)
+            except DriveError as error:
+                return "brick at brick" in str(error)
+            return False
+
+        assert wait_until(clock, is_said) <= SILENCE_S
+        brick.wait_until(lambda: not brick.is_moving(), 0.4)
+        first.start_again()
+
+        def drives() -> bool:
+            try:
+                return driver.send_action(Action.FORWARD) is Action.FORWARD
+            except DriveError:
+                return False
+
+        assert wait_until(clock, drives) < 2 * REJOIN_S
+        brick.wait_until(brick.is_moving)
+
+
+def test_a_computer_that_stood_still_while_it_joined_opens_the_body_all_the_same(
+    brick: FakeBrick,
+) -> None:
+    clock = brick.clock
+    with VirtualAgent(brick) as running:
+        driver = make_driver(running)
+        driver.link.open("test")
+        running.deafen()
+        clock.sleep(1.0)
+        assert "does not answer" in str(driver.link.fault)
+        running.hear_again()
+        driver.connect()
+        assert driver.send_action(Action.FORWARD) is Action.FORWARD
+        driver.disconnect()
+        driver.link.close("test")
+
+
+def test_a_silent_brick_is_sent_no_move(brick: FakeBrick) -> None:
+    clock = brick.clock
+    with VirtualAgent(brick) as running, make_driver(running) as driver:
+        driver.send_action(Action.FORWARD)
+        brick.wait_until(brick.is_moving)
+        running.deafen()
+        clock.sleep(SILENCE_S + 0.05)
+        with pytest.raises(DriveError, match="does not answer"):
+            driver.send_action(Action.FORWARD)
+        assert not brick.is_moving(), "its last move has ended by itself"

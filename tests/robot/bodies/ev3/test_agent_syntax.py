@@ -1,0 +1,90 @@
+"""The agent runs on the Python 3.5 of ev3dev's stock image, with nothing but ev3dev2."""
+
+from __future__ import annotations
+
+import ast
+import io
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from robot.bodies.ev3.archive import agent_sources, make_agent
+
+SOURCES = agent_sources()
+TOOL = Path(sys.executable).with_name("vermin")
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_it_needs_no_more_than_python_3_5(name: str) -> None:
+    ast.parse(SOURCES[name].read_text(), feature_version=(3, 5))
+
+
+def test_its_libraries_are_those_of_python_3_5() -> None:
+    done = subprocess.run(
+        [TOOL, "--no-tips", "--eval-annotations", "-t=3.5-", *SOURCES.values()],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    assert "Minimum required versions: " in done.stdout
+
+
+def test_the_check_would_find_newer_syntax(tmp_path: Path) -> None:
+    newer = tmp_path / "newer.py"
+    newer.write_text("x: int = 1\nprint(f'{x}')\n")
+    done = subprocess.run(
+        [TOOL, "--no-tips", "-t=3.5-", newer],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode != 0
+
+
+def _imports(text: str) -> set[str]:
+    found = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add(node.module or "")
+    return found
+
+
+def test_it_imports_the_standard_library_ev3dev2_and_itself_alone() -> None:
+    imported = set().union(*(_imports(file.read_text()) for file in SOURCES.values()))
+    outside = {name for name in imported if name.partition(".")[0] not in sys.stdlib_module_names}
+    carried = {
+        name.removesuffix(".py").removesuffix("/__init__").replace("/", ".") for name in SOURCES
+    }
+    assert outside - carried == {"ev3dev2"}
+
+
+def test_the_archive_is_whole_and_the_same_each_time(tmp_path: Path) -> None:
+    assert make_agent() == make_agent()
+    names = set(zipfile.ZipFile(io.BytesIO(make_agent())).namelist())
+    assert names >= {"__main__.py", *SOURCES}
+    archive = tmp_path / "agent.pyz"
+    archive.write_bytes(make_agent())
+    done = subprocess.run(
+        [sys.executable, "-I", "-S", archive, "--help"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "--secret-file" in done.stdout
+
+
+def test_a_webcam_on_a_laptop_loads_nothing_of_the_brick() -> None:
+    code = (
+        "import sys, robot.bodies.v4l2.camera, robot.devices.cameras.opencv\n"
+        "print([name for name in sys.modules if name.startswith('robot.bodies.ev3')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

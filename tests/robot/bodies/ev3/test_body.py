@@ -1,0 +1,280 @@
+"""The brick's body and the driver on it, on an EV3 made of files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robot.bodies.ev3.agent import console, sensors
+from robot.bodies.ev3.agent.ports import HardwareError
+from robot.bodies.ev3.chassis import ChassisOptions, wheel_speeds
+from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
+from robot.bodies.ev3.fake_brick import DEFAULTS, LEFTOVERS, POLL_S, FakeBrick
+from robot.driver import BodyButton
+from robot.errors import ConfigurationError, DriveError, NotConnectedError
+from robot.testing import VirtualClock
+from robot.types import Action, Mode
+
+
+@pytest.fixture
+def brick(tmp_path: Path) -> Iterator[FakeBrick]:
+    """In virtual time: here brick and driver are one process."""
+    with FakeBrick(tmp_path / "brick", clock=VirtualClock(100.0)) as fake:
+        yield fake
+
+
+def make_driver(brick: FakeBrick, **options: object) -> Ev3Driver:
+    found = Ev3Options(brick_root=str(brick.root), **options)  # type: ignore[arg-type]
+    return Ev3Driver(found, brick.clock)
+
+
+def test_the_defaults_are_the_speeds_of_the_paper() -> None:
+    options = ChassisOptions()
+    assert wheel_speeds(Action.FORWARD, options) == pytest.approx((360, 360), rel=0.01)
+    assert wheel_speeds(Action.LEFT, options) == pytest.approx((-90, 0), rel=0.01)
+    assert wheel_speeds(Action.RIGHT, options) == pytest.approx((0, -90), rel=0.01)
+
+
+@pytest.mark.parametrize("turn_by", ["backward", "forward", "both"])
+def test_each_way_to_turn_turns_at_the_same_rate(turn_by: str) -> None:
+    options = ChassisOptions(turn_by=turn_by)
+    left, right = wheel_speeds(Action.LEFT, options)
+    rim_m_per_deg = math.pi * options.wheel_diameter_m / 360
+    assert (right - left) * rim_m_per_deg / options.track_m == pytest.approx(math.radians(18.5))
+    assert wheel_speeds(Action.RIGHT, options) == (right, left)
+
+
+def test_a_move_is_timed_and_ends_by_itself(brick: FakeBrick) -> None:
+    with make_driver(brick) as driver:
+        driver.send_action(Action.FORWARD)
+        brick.wait_until(lambda: set(brick.speeds().values()) == {360})
+        began_s = next(c.at_s for c in brick.commands if c.command == "run-timed")
+        brick.wait_until(lambda: not brick.is_moving())
+        assert brick.clock.now_s() - began_s == pytest.approx(0.4, abs=2 * POLL_S)
+    moves = [c for c in brick.commands if c.command.startswith("run")]
+    assert {(c.command, c.time_ms) for c in moves} == {("run-timed", 400)}
+
+
+def test_a_turn_moves_one_wheel_and_stops_the_other(brick: FakeBrick) -> None:
+    with make_driver(brick) as driver:
+        driver.send_action(Action.FORWARD)
+        brick.wait_until(brick.is_moving)
+        driver.send_action(Action.LEFT, speed_scale=0.5)
+        brick.wait_until(lambda: brick.speeds() == {"outB": -45, "outC": 0})
+        driver.stop()
+        driver.stop()
+        brick.wait_until(lambda: not brick.is_moving(), 0.3)
+
+
+def test_sensors_are_read_in_metres(brick: FakeBrick) -> None:
+    brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
+    brick.add_sensor("in1", "lego-ev3-touch", 0)
+    with make_driver(brick, ultrasonic_port="in4") as driver:
+        sensors = driver.sense()
+        assert sensors.distance_m == pytest.approx(1.234)
+        assert sensors.bumped is False
+        assert sensors.battery_share == pytest.approx(0.5)
+        brick.set_sensor("lego-ev3-touch", 1)
+        assert driver.sense().bumped is True
+
+
+def test_sensors_may_be_missing(brick: FakeBrick) -> None:
+    with make_driver(brick) as driver:
+        assert driver.sense().distance_m is None
+        assert driver.sense().bumped is None
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"left_port": "outA"}, ["port outA", "--left-port", "lego-ev3-l-motor at ev3-ports:outB"]),
+        ({"ultrasonic_port": "in2"}, ["port in2", "--ultrasonic-port", "found: nothing"]),
+        ({"touch_port": "in3"}, ["port in3", "--touch-port"]),
+    ],
+)
+def test_a_wrong_port_is_one_clear_line(
+    brick: FakeBrick, options: dict[str, str], words: list[str]
+) -> None:
+    with pytest.raises(DriveError) as failure:
+        make_driver(brick, **options).connect()
+    assert all(word in str(failure.value) for word in words)
+    assert "\n" not in str(failure.value)
+
+
+def test_no_brick_at_all_is_one_clear_line(tmp_path: Path) -> None:
+    driver = Ev3Driver(Ev3Options(brick_root=str(tmp_path)))
+    with pytest.raises(DriveError, match=r"no left motor at port outB.*found: nothing"):
+        driver.connect()
+    with pytest.raises(NotConnectedError):
+        driver.send_action(Action.FORWARD)
+    driver.stop()
+    driver.disconnect()
+
+
+def test_a_motor_that_was_unplugged_is_found_again(brick: FakeBrick) -> None:
+    with make_driver(brick) as driver:
+        brick.unplug_motor("outC")
+        # Open files outlive their folder here; on a brick the next write fails with ENODEV.
+        for port in driver._body.motors._ports:  # type: ignore[union-attr]
+            for file in port._files.values():
+                file.close()
+        with pytest.raises(DriveError, match="outB and outC do not answer"):
+            driver.send_action(Action.FORWARD)
+        with pytest.raises(DriveError, match="no right motor at port outC"):
+            driver.send_action(Action.FORWARD)
+        brick.add_motor("outC")
+        driver.send_action(Action.FORWARD)
+        brick.wait_until(lambda: set(brick.speeds().values()) == {360})
+
+
+def test_a_sensor_that_was_unplugged_is_said_and_found_again(brick: FakeBrick) -> None:
+    brick.add_sensor("in1", "lego-ev3-touch", 0)
+    with make_driver(brick) as driver:
+        folder = brick.root / "sys/class/lego-sensor"
+        driver._body.sensors._touch[0]._files.clear()  # type: ignore[union-attr]
+        folder.rename(brick.root / "unplugged")
+        for _ in range(2):
+            with pytest.raises(DriveError, match=r"touch sensor does not answer.*cable"):
+                driver.sense()
+        (brick.root / "unplugged").rename(folder)
+        assert driver.sense().bumped is False
+
+
+def test_buttons_lights_and_screen(brick: FakeBrick) -> None:
+    driver = make_driver(brick)
+    driver.announce("http://192.168.1.7:8000")
+    with driver:
+        assert "192.168.1.7" in brick.screen.read_text()
+        assert (brick.light("led0:red:brick-status"), brick.light("led1:green:brick-status")) == (
+            0,
+            255,
+        )
+        assert driver.take_button() is None
+        brick.press(28)
+        assert driver.take_button() is BodyButton.START
+        brick.press(28)
+        brick.press(14)
+        assert driver.take_button() is BodyButton.STOP
+        driver.show(Mode.AUTONOMOUS)
+        assert "autonomous" in brick.screen.read_text()
+        assert brick.light("led1:red:brick-status") == 255
+
+
+def test_another_programs_leftovers_are_undone_before_anything_moves(brick: FakeBrick) -> None:
+    with make_driver(brick) as driver:
+        brick.catch_up()
+        for port in ("outB", "outC"):
+            motor = brick.motors[port]
+            first = next(c.command for c in brick.commands if c.port == port)
+            assert first == "reset"
+            found = {name: motor.read(name) for name in LEFTOVERS}
+            assert found == {**DEFAULTS, "stop_action": "brake"}
+        assert driver.wheel_positions_deg() == [0.0, 0.0]
+        driver.send_action(Action.FORWARD)
+        brick.wait_until(lambda: set(brick.speeds().values()) == {360}, 1)
+        driver.stop()
+        brick.wait_until(lambda: not brick.is_moving(), 1)
+
+
+@pytest.mark.parametrize("name", ["ramp_up_sp", "ramp_down_sp", "polarity"])
+def test_a_motor_that_cannot_be_reset_is_one_clear_line(brick: FakeBrick, name: str) -> None:
+    brick.keep_leftover("outC", name)
+    with pytest.raises(DriveError, match="outC keeps the settings of another program; end that"):
+        make_driver(brick).connect()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"forward_speed_mps": 0.5}, r"--forward-speed-mps 0.5 .* outB .* 1050 at most: choose"),
+        ({"turn_rate_deg_s": 300}, r"--turn-rate-deg-s 300 .* outB .* 1050 at most: choose"),
+        ({"turn_rate_deg_s": 300, "turn_by": "forward"}, r"--turn-rate-deg-s .* outC .* choose"),
+        ({"wheel_diameter_m": 0.01}, r"--forward-speed-mps 0.16 .* choose"),
+    ],
+)
+def test_a_speed_above_the_motors_limit_names_the_limit(
+    brick: FakeBrick, options: dict[str, object], words: str
+) -> None:
+    driver = make_driver(brick, **options)
+    with pytest.raises(ConfigurationError, match=words) as failure:
+        driver.connect()
+    assert not driver.is_connected
+    most = float(str(failure.value).split("choose ")[1].split()[0])
+    option = str(failure.value).split()[0].removeprefix("--").replace("-", "_")
+    with make_driver(brick, **{**options, option: most}) as slower:
+        for move in slower.moves:
+            slower.send_action(move)
+            brick.catch_up()
+    assert brick.refused == []
+
+
+def test_the_agent_itself_refuses_what_the_kernel_would(brick: FakeBrick) -> None:
+    with make_driver(brick) as driver:
+        assert driver._body is not None
+        driver.send_action(Action.FORWARD)
+        brick.wait_until(brick.is_moving)
+        with pytest.raises(HardwareError, match=r"outB turns at most 1050 counts .* not 1051"):
+            driver._body.run(1051, 0, 400)
+        brick.wait_until(lambda: not brick.is_moving(), 1)
+        assert brick.refused == []
+
+
+def test_two_bumpers_are_told_apart_from_left_to_right(brick: FakeBrick) -> None:
+    for port in ("in4", "in1"):
+        brick.add_sensor(port, "lego-ev3-touch", 0)
+    with make_driver(brick) as driver:
+        assert (driver.sense().bumped, driver.sense().bumpers) == (False, (False, False))
+        brick.set_sensor("in4", 1)
+        assert (driver.sense().bumped, driver.sense().bumpers) == (True, (False, True))
+    with make_driver(brick, touch_port="in4,in1") as driver:
+        assert driver.sense().bumpers == (True, False)
+    with make_driver(brick, touch_port="in1") as driver:
+        assert (driver.sense().bumped, driver.sense().bumpers) == (False, (False,))
+    with make_driver(brick, touch_port="none") as driver:
+        assert (driver.sense().bumped, driver.sense().bumpers) == (None, ())
+
+
+def test_sensors_that_appear_late_are_found(
+    brick: FakeBrick, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sensors, "SEARCH_S", 0.0)
+    with make_driver(brick) as driver:
+        assert (driver.sense().distance_m, driver.sense().bumpers) == (None, ())
+        brick.add_sensor("in4", "lego-ev3-us", 500, decimals=1)
+        brick.add_sensor("in1", "lego-ev3-touch", 1)
+        assert driver.sense().distance_m == pytest.approx(0.5)
+        assert driver.sense().bumpers == (True,)
+        brick.add_sensor("in2", "lego-nxt-touch", 0)
+        assert driver.sense().bumpers == (True, False)
+
+
+def test_the_buttons_are_grabbed_and_given_back(
+    brick: FakeBrick, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grabs = []
+
+    def ioctl(_file: object, request: int, argument: int) -> int:
+        if request == console.EVIOCGRAB:
+            grabs.append(argument)
+            return 0
+        raise OSError("no such request here")
+
+    monkeypatch.setattr(console.fcntl, "ioctl", ioctl)
+    with make_driver(brick) as driver:
+        assert grabs[-1] == 1, "the brick's menu does not hear them"
+        brick.press(console.KEY_BACK, for_s=1.0)
+        assert driver.take_button() is BodyButton.STOP
+        assert grabs[-1] == 1
+        brick.press(console.KEY_BACK, for_s=console.MENU_S)
+        assert driver.take_button() is BodyButton.STOP
+        assert grabs[-1] == 0, "held long, Back leads to the menu, as ever"
+        driver.show(Mode.TRAIN)
+        assert grabs[-1] == 1, "and the next start takes them again"
+
+
+def test_options_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match="--track-m must be more than 0"):
+        ChassisOptions(track_m=0)

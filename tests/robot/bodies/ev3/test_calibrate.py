@@ -1,0 +1,113 @@
+"""Calibration: the sums, the file, and a drive on an EV3 made of files."""
+
+from __future__ import annotations
+
+import functools
+import io
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robot.bodies.ev3.calibration import fit_track, fit_wheels, rolled_m, turned_deg
+from robot.bodies.ev3.chassis import ChassisOptions
+from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
+from robot.bodies.ev3.fake_brick import FakeBrick
+from robot.errors import ConfigurationError
+from robot.testing import VirtualClock
+from server.__main__ import main
+from server.bodies import calibrate
+from server.bodies.calibrate import keep
+
+
+def test_wheels_are_fitted_to_the_ruler() -> None:
+    fitted = fit_wheels(ChassisOptions(), wheel_deg=1440.0, measured_m=0.7)
+    assert rolled_m(1440.0, fitted) == pytest.approx(0.7, rel=1e-3)
+
+
+def test_the_track_is_fitted_to_the_angle() -> None:
+    options = ChassisOptions()
+    fitted = fit_track(options, left_deg=-900.0, right_deg=0.0, measured_deg=200.0)
+    assert turned_deg(-900.0, 0.0, fitted) == pytest.approx(200.0, rel=1e-3)
+    assert turned_deg(0.0, 360.0, options) == pytest.approx(
+        math.degrees(math.pi * options.wheel_diameter_m / options.track_m)
+    )
+
+
+def test_what_cannot_be_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="--reversed-motors"):
+        fit_wheels(ChassisOptions(), wheel_deg=-1440.0, measured_m=0.64)
+    with pytest.raises(ConfigurationError, match="measure again"):
+        fit_wheels(ChassisOptions(), wheel_deg=1440.0, measured_m=64.0)
+
+
+def test_the_file_keeps_all_else(tmp_path: Path) -> None:
+    file = tmp_path / "drivelesson.toml"
+    file.write_text("# mine\ntrack-m = 0.1 # old\nport = 8001\n\n[gate]\npilot_silent_s = 0.3\n")
+    keep(file, {"track_m": 0.12, "wheel_diameter_m": 0.055})
+    assert file.read_text() == (
+        "# mine\ntrack_m = 0.12\nport = 8001\nwheel_diameter_m = 0.055\n\n"
+        "[gate]\npilot_silent_s = 0.3\n"
+    )
+
+
+@pytest.fixture
+def brick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeBrick]:
+    """A brick that the command drives in virtual time."""
+    clock = VirtualClock(100.0)
+
+    class TimedDriver(Ev3Driver):
+        def __init__(self, options: Ev3Options) -> None:
+            super().__init__(options, clock)
+
+    timed = functools.partial(calibrate.drive, now_s=clock.now_s, sleep=clock.sleep)
+    monkeypatch.setattr(calibrate, "drive", timed)
+    monkeypatch.setattr(calibrate, "load_driver", lambda name: TimedDriver)
+    with FakeBrick(tmp_path / "brick", clock=clock) as fake:
+        yield fake
+
+
+def test_a_brick_is_calibrated_by_driving(
+    brick: FakeBrick,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    file = tmp_path / "drivelesson.toml"
+    file.write_text("forward_speed_mps = 0.2\nport = 8001\n")
+    # 0.6 s of 20 cm/s by the old measures; the ruler says a tenth more, and a third less turning.
+    monkeypatch.setattr("sys.stdin", io.StringIO("\nabout so\n13,2\n\n7.4\n"))
+    words = [
+        "calibrate",
+        "--config",
+        str(file),
+        "--brick-root",
+        str(brick.root),
+        "--straight-s",
+        "0.6",
+        "--turn-s",
+        "0.6",
+    ]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "A number above 0, please." in said
+    kept = dict(line.split(" = ") for line in file.read_text().splitlines())
+    assert float(kept["wheel_diameter_m"]) == pytest.approx(0.0509 * 1.1, rel=0.1)
+    assert float(kept["track_m"]) == pytest.approx(0.124 * 1.1 * 1.5, rel=0.15)
+    assert kept["port"] == "8001"
+    assert not brick.is_moving()
+    moves = [c for c in brick.commands if c.command.startswith("run")]
+    assert {move.command for move in moves} == {"run-timed"}
+
+
+def test_nobody_to_answer_is_one_clear_line(
+    brick: FakeBrick,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    words = ["calibrate", "--config", str(tmp_path / "c.toml"), "--brick-root", str(brick.root)]
+    assert main(words) == 1
+    assert "run it in a terminal" in capsys.readouterr().err

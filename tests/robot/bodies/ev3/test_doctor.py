@@ -1,0 +1,316 @@
+"""`drivelesson brick doctor`: what it says of bricks in every state, and what to do."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.bodies.ev3 import examination
+from robot.bodies.ev3.agent.inspection import inspect_brick
+from robot.bodies.ev3.doctor import (
+    BrickFacts,
+    Finding,
+    Level,
+    PictureArrival,
+    WheelTurn,
+    examine,
+    write_report,
+)
+from robot.bodies.ev3.examination import Examination
+from robot.bodies.ev3.fake_agent import SECRET, FakeAgent, FakeCameraReader, inspect_as_ev3
+from robot.bodies.ev3.fake_brick import FakeBrick
+from robot.testing import VirtualClock
+from server.__main__ import main
+from server.bodies import doctor
+from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
+
+ROOT = Path(__file__).parents[4]
+GUIDE = ROOT / "docs/howto/ev3.md"
+
+
+@pytest.fixture(autouse=True)
+def _short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(examination, "WHEEL_PART_S", 0.6)
+    monkeypatch.setattr(examination, "ROLL_OUT_S", 0.05)
+    monkeypatch.setattr(examination, "PICTURES_S", 1.5)
+
+
+def pictures(n: int = 40, period_s: float = 0.1, age_s: float = 0.12) -> list[PictureArrival]:
+    return [
+        PictureArrival(at_s=period_s * k, age_s=age_s, size=(160, 120), encoding="yuyv")
+        for k in range(n)
+    ]
+
+
+def turn(asked: tuple[float, float], turned: tuple[float, float]) -> WheelTurn:
+    return WheelTurn(asked_dps=asked, turned_dps=turned)
+
+
+SOUND_WHEELS = [
+    turn((180, 0), (176, 0)),
+    turn((0, 180), (0, 177)),
+    turn((180, 180), (176, 175)),
+    turn((-180, -180), (-176, -177)),
+]
+MOTORS = [
+    {"driver_name": "lego-ev3-l-motor", "address": f"ev3-ports:{port}"} for port in ("outB", "outC")
+]
+INSPECTED: dict[str, Any] = {
+    "release": "0.1.0 12345678",
+    "python": "3.5.3",
+    "kernel": "4.14.117",
+    "machine": "armv5tejl",
+    "clock_s": 0.0,
+    "motors": MOTORS,
+    "sensors": [{"driver_name": "lego-ev3-us", "address": "ev3-ports:in4"}],
+    "battery_v": 7.6,
+    "memory_mb": 31.0,
+    "card_mb": 2500.0,
+    "cameras": [{"device": "/dev/video0", "offers": {"YUYV": ["160x120"]}}],
+    "late_moves": 0,
+}
+SOUND = BrickFacts(
+    address="192.168.1.7:8765",
+    ports=("outB", "outC"),
+    release="0.1.0 12345678",
+    inspected=INSPECTED,
+    round_trips_s=[0.006] * 20,
+    clock_ahead_s=0.4,
+    pictures=pictures(),
+    wheels=SOUND_WHEELS,
+)
+
+
+def inspected(**changed: Any) -> BrickFacts:
+    return replace(SOUND, inspected={**INSPECTED, **changed})
+
+
+def wheels(index: int, turned: tuple[float, float], **rest: Any) -> BrickFacts:
+    changed = list(SOUND_WHEELS)
+    changed[index] = replace(changed[index], turned_dps=turned, **rest)
+    return replace(SOUND, wheels=changed)
+
+
+def test_a_sound_brick_needs_nothing() -> None:
+    findings = examine(SOUND)
+    assert {finding.level for finding in findings} == {Level.OK}
+    assert write_report(findings).endswith("All is well.")
+
+
+@pytest.mark.parametrize(
+    ("facts", "level", "topic", "text", "advice"),
+    [
+        (inspected(release="0.0.9"), "note", "versions", "0.0.9", "brick agent 192.168.1.7"),
+        (replace(SOUND, round_trips_s=[0.2] * 20), "WRONG", "wi-fi", "200 ms", "nearer"),
+        (replace(SOUND, round_trips_s=[0.01] * 9 + [0.6]), "note", "wi-fi", "600", "nearer"),
+        (replace(SOUND, clock_ahead_s=-9e6), "note", "clock", "2500.0 hours behind", "date -s"),
+        (
+            replace(SOUND, body_fault="brick 1.2.3.4: no left motor at port outB; plug it in"),
+            "WRONG",
+            "motors",
+            "outC",
+            "no left motor at port outB; plug it in",
+        ),
+        (replace(SOUND, wheels=None), "note", "wheels", "not tested", ""),
+        (wheels(0, (0, 176)), "WRONG", "wheels", "outB and outC are swapped", "--left-port outC"),
+        (wheels(0, (0, 0)), "WRONG", "wheels", "outB) did not turn when it was driven", "gears"),
+        (wheels(0, (176, 90)), "WRONG", "wheels", "outC) turned although", "another program"),
+        (wheels(2, (-176, 176)), "WRONG", "wheels", "outB) turned backward", "--reversed-motors"),
+        (wheels(1, (0, 90)), "WRONG", "wheels", "90 degrees a second in place of 180", "charge"),
+        (
+            wheels(2, (150, 176), is_stalled=(True, False)),
+            "WRONG",
+            "wheels",
+            "outB) did not turn when it was driven",
+            "hold it fast",
+        ),
+        (inspected(sensors=[]), "note", "sensors", "none", "welcome"),
+        (inspected(battery_v=6.2), "WRONG", "battery", "6.2 V", "charge it"),
+        (inspected(battery_v=6.8), "note", "battery", "6.8 V", "soon"),
+        (inspected(battery_v=None), "note", "battery", "cannot be read", ""),
+        (inspected(memory_mb=4.0), "WRONG", "memory", "4 MB", "end other programs"),
+        (inspected(memory_mb=None), "note", "memory", "cannot", ""),
+        (inspected(card_mb=20.0), "WRONG", "card", "20 MB", "larger card"),
+        (inspected(cameras=[]), "WRONG", "camera", "none found", "ev3dev#1546"),
+        (
+            inspected(cameras=[{"device": "/dev/video0", "fault": "busy"}]),
+            "WRONG",
+            "camera",
+            "busy",
+            "plug",
+        ),
+        (
+            inspected(cameras=[{"device": "/dev/video0", "offers": {"MJPG": ["640x480"]}}]),
+            "note",
+            "camera",
+            "MJPG 640x480",
+            "cannot read MJPEG",
+        ),
+        (
+            inspected(cameras=[{"device": "/dev/video0", "offers": {"YUYV": ["320x240"]}}]),
+            "note",
+            "camera",
+            "320x240",
+            "more slowly",
+        ),
+        (
+            replace(SOUND, pictures=[], camera_fault="it was unplugged"),
+            "WRONG",
+            "pictures",
+            "it was unplugged",
+            "cable",
+        ),
+        (replace(SOUND, pictures=pictures(age_s=0.5)), "WRONG", "pictures", "500 ms old", "Wi-Fi"),
+        (replace(SOUND, pictures=pictures(period_s=0.2)), "note", "pictures", "5.0 a", "hub"),
+    ],
+)
+def test_each_fault_is_named_with_what_to_do(
+    facts: BrickFacts, level: str, topic: str, text: str, advice: str
+) -> None:
+    findings = examine(facts)
+    bad = [one for one in findings if one.level is not Level.OK]
+    assert len(bad) == 1
+    assert (bad[0].level, bad[0].topic) == (level, topic)
+    assert text in bad[0].text
+    assert advice in bad[0].advice
+    assert (f"  {topic}: {bad[0].advice}" in write_report(findings)) == bool(advice)
+
+
+@pytest.fixture
+def brick(tmp_path: Path) -> Iterator[FakeBrick]:
+    with FakeBrick(tmp_path / "brick", clock=VirtualClock(100.0)) as fake:
+        yield fake
+
+
+@pytest.fixture
+def visit(brick: FakeBrick) -> Iterator[Examination]:
+    def inspect(root: str, late: int) -> dict[str, Any]:
+        return {**inspect_as_ev3(root, late), "clock_s": brick.clock.wall_s()}
+
+    with (
+        VirtualAgent(brick, open_camera=FakeCameraReader, inspect=inspect) as agent,
+        Examination(agent.address, clock=brick.clock, link=agent.link()) as one,
+    ):
+        yield one
+
+
+def found(visit: Examination, may_turn: bool = True) -> dict[str, Finding]:
+    return {one.topic: one for one in examine(visit.measure(lambda: may_turn))}
+
+
+def test_a_sound_brick_is_measured(brick: FakeBrick, visit: Examination) -> None:
+    brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
+    assert {one.level for one in found(visit).values()} == {Level.OK}
+    assert not brick.is_moving()
+
+
+def test_nothing_moves_without_consent(brick: FakeBrick, visit: Examination) -> None:
+    assert found(visit, may_turn=False)["wheels"].text == "not tested"
+    assert not [one for one in brick.commands if one.command.startswith("run")]
+
+
+def test_a_wheel_that_is_held_fast_is_found(brick: FakeBrick, visit: Examination) -> None:
+    brick.stall_motor("outC")
+    finding = found(visit)["wheels"]
+    assert finding.level is Level.WRONG
+    assert "right wheel (outC) did not turn when it was driven" in finding.text
+
+
+def test_an_empty_battery_and_a_missing_motor_are_found(
+    brick: FakeBrick, visit: Examination
+) -> None:
+    brick.set_battery(6.1)
+    brick.unplug_motor("outB")
+    findings = found(visit)
+    assert findings["battery"].text == "6.1 V"
+    assert "no left motor at port outB" in findings["motors"].advice
+    assert findings["motors"].text == "lego-ev3-l-motor at ev3-ports:outC"
+
+
+def test_what_the_agent_knows_of_itself_is_whole(brick: FakeBrick) -> None:
+    from robot.bodies.ev3.agent.body import use_devices_of
+
+    use_devices_of(str(brick.root))
+    assert set(inspect_brick(str(brick.root), 0)) == set(INSPECTED)
+
+
+def a_busy_brick_is_one_clear_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DRIVELESSON_BRICK_SECRET", SECRET)
+    with (
+        FakeBrick(tmp_path / "busy") as brick,
+        FakeAgent(brick) as agent,
+        Examination(agent.address, SECRET),
+    ):
+        assert main(["brick", "doctor", agent.address]) == 1
+    error = capsys.readouterr().err
+    assert "busy: 127.0.0.1 has the robot; stop the other server first" in error
+    assert error.count("\n") == 1
+    assert main(["brick", "doctor"]) == 1
+    assert "which brick? drivelesson brick doctor ADDRESS, or --fake" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("answer", "may"), [("", True), ("y", True), ("n", False), ("what?", False), (None, False)]
+)
+def test_consent_is_asked_for(
+    answer: str | None, may: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read(_question: str) -> str:
+        if answer is None:
+            raise EOFError
+        return answer
+
+    monkeypatch.setattr("builtins.input", read)
+    assert doctor.ask_consent() is may
+
+
+def masked(text: str) -> str:
+    """Figures differ from run to run; nothing else does."""
+    return re.sub(r"\b[0-9a-f]{8}\b|[0-9]+(\.[0-9]+)*", "#", text)
+
+
+def test_the_report_in_the_guide_is_what_it_prints(
+    brick: FakeBrick,
+    visit: Examination,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    doctor.furnish(brick)
+    monkeypatch.setattr(doctor, "Examination", lambda *_: contextlib.nullcontext(visit))
+    assert doctor.examine_at("127.0.0.1:8765", SECRET, lambda: True) == 0
+    printed = capsys.readouterr().out
+    shown = "".join(f"    {line}".rstrip() + "\n" for line in printed.splitlines())
+    assert masked(shown) in masked(GUIDE.read_text()), f"put this into {GUIDE}:\n{shown}"
+
+
+@pytest.mark.realtime
+def test_the_command_examines_a_brick_unless_it_is_busy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    a_busy_brick_is_one_clear_line(tmp_path, capsys, monkeypatch)
+    for _ in range(10):  # a computer that stands still for a moment loses the brick, and says so
+        assert main(["brick", "doctor", "--fake"]) in (0, 1)  # 1: a busy one makes a slow brick
+        said, error = capsys.readouterr()
+        if "does not answer" not in error:
+            break
+    for topic in ("versions", "motors", "wheels", "sensors", "battery", "camera", "pictures"):
+        assert topic in said
+
+
+def test_the_fake_camera_is_as_old_as_an_ev3s() -> None:
+    reader = FakeCameraReader()
+    ages = [
+        100 + 0.1 * k - frame.taken_s for k in range(60) if (frame := reader.poll(100 + 0.1 * k))
+    ]
+    assert len(ages) >= 58
+    assert min(ages) == pytest.approx(0.095)
+    assert max(ages) == pytest.approx(0.145)
+    reader.close()

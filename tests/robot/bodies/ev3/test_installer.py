@@ -1,0 +1,253 @@
+"""`drivelesson brick`: the real scripts in a real shell; ssh and systemctl are stand-ins."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robot.bodies.ev3.fake_brick import FakeBrick
+from robot.bodies.ev3.handshake import secret_path
+from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
+from robot.bodies.ev3.rootfs import build_userland
+from robot.errors import ConfigurationError
+from robot.testing import VirtualClock
+from server.__main__ import main
+from server.bodies import brick as command
+
+SSH = """#!/bin/sh
+while [ "${1#-}" != "$1" ]; do [ "$1" = -o ] && shift; shift; done
+echo "$1" >>"$FAKE_HOME/targets"
+shift
+cd "$FAKE_HOME" && exec sh -c "$*"
+"""
+
+
+@pytest.fixture
+def far_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A brick's home folder, reached by a stand-in for ssh."""
+    tools, home = tmp_path / "tools", tmp_path / "home"
+    tools.mkdir()
+    home.mkdir()
+    for name, text in (
+        ("ssh", SSH),
+        (
+            "systemctl",
+            '#!/bin/sh\n[ $1 = is-active ] && exit 3\necho "$@" >>"$FAKE_HOME/systemctl"\n',
+        ),
+        ("sudo", '#!/bin/sh\nexec "$@"\n'),
+        ("id", "#!/bin/sh\necho 0\n"),
+    ):
+        (tools / name).write_text(text)
+        (tools / name).chmod(0o755)
+    path = f"{tools}:{Path(sys.executable).parent}:{os.environ['PATH']}"
+    monkeypatch.setenv("PATH", path)
+    monkeypatch.setenv("FAKE_HOME", str(home))
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.setenv("DRIVELESSON_PREFIX", str(home))
+    return home
+
+
+@pytest.fixture
+def agent_pid(far_home: Path) -> Iterator[Path]:
+    file = far_home / "drivelesson/agent.pid"
+    yield file
+    if file.exists():
+        os.kill(int(file.read_text()), signal.SIGTERM)
+
+
+def free_port() -> int:
+    with socket.socket() as line:
+        line.bind(("127.0.0.1", 0))
+        return int(line.getsockname()[1])
+
+
+@pytest.mark.realtime
+def test_the_agent_is_copied_and_started_twice_and_again_when_it_dies(
+    far_home: Path,
+    agent_pid: Path,
+    brick: FakeBrick,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("DRIVELESSON_ROOT", str(brick.root))
+    port = free_port()
+    assert main(["brick", "agent", "127.0.0.1", "--port", str(port)]) == 0
+    first = agent_pid.read_text()
+    assert main(["brick", "agent", "127.0.0.1", "--port", str(port)]) == 0
+    assert agent_pid.read_text() != first, "the new one took the place of the old one"
+    assert (far_home / "targets").read_text().split() == ["robot@127.0.0.1"] * 2
+    assert f"--brick 127.0.0.1:{port}" in capsys.readouterr().out
+    assert secret_path("127.0.0.1").stat().st_mode & 0o077 == 0
+    options = Ev3RemoteOptions(brick=f"127.0.0.1:{port}")
+    with Ev3RemoteDriver(options) as driver:
+        assert driver.is_connected, "the kept secret opens the door"
+    log = far_home / "drivelesson/agent.log"
+    starts = log.read_text().count("listening")
+    os.kill(child_of(int(agent_pid.read_text())), signal.SIGKILL)
+    brick.wait_until(lambda: log.read_text().count("listening") == starts + 1, 60)
+    assert "ended with status 137; it is started again" in log.read_text()
+    with Ev3RemoteDriver(options) as driver:
+        assert driver.is_connected
+
+
+def child_of(pid: int) -> int:
+    """Return the process that another one started."""
+    text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+    return int(text.split()[0])
+
+
+def test_the_brick_starts_the_agent_by_itself(
+    far_home: Path, agent_pid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port = free_port()
+    with FakeBrick(tmp_path / "brick", clock=VirtualClock()) as brick:
+        monkeypatch.setenv("DRIVELESSON_ROOT", str(brick.root))
+        assert main(["brick", "agent", "127.0.0.1", "--port", str(port), "--autostart"]) == 0
+    unit = (far_home / "etc/systemd/system/drivelesson-agent.service").read_text()
+    assert f"ExecStart=/bin/sh {far_home}/drivelesson/keep-agent" in unit
+    assert "Restart=always" in unit
+    assert "Conflicts=drivelesson.service" in unit
+    said = (far_home / "systemctl").read_text().splitlines()
+    assert said == [
+        "daemon-reload",
+        "disable --now drivelesson",
+        "enable drivelesson-agent",
+        "restart drivelesson-agent",
+    ]
+    agent_pid.unlink()  # the stand-in for systemd starts nothing
+
+
+def test_an_agent_that_cannot_start_says_why(
+    far_home: Path, agent_pid: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_server(("0.0.0.0", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        assert main(["brick", "agent", "127.0.0.1", "--port", port]) == 1
+    agent_pid.unlink()
+    error = capsys.readouterr().err
+    assert "could not be set up" in error
+    assert f"port {port} is taken" in error
+    assert error.count("\n") == 1
+
+
+def test_installing_is_safe_to_repeat(
+    far_home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    builds = []
+
+    def build(
+        folder: Path, release: str, mirror: str
+    ) -> None:  # the real one is what `make test-brick` runs
+        builds.append(folder)
+        (folder / "usr/lib/python3.11").mkdir(parents=True)
+        (folder / "usr/lib/python3.11/this.py").write_text("print('here')\n")
+
+    monkeypatch.setattr(command, "build_userland", build)
+    monkeypatch.setattr(command, "precompile", lambda root, folders, release: True)
+    monkeypatch.setattr(
+        command.installer,
+        "installed_packages",
+        lambda target: packages.read_text() if packages.exists() else "",
+    )
+    there = far_home / "opt/drivelesson"
+    packages = there / "packages"
+    words = ["brick", "install", "10.0.0.9", "--keep", str(tmp_path / "keep")]
+    assert main(words) == 0
+    program = there / "root/opt/drivelesson"
+    assert (program / "robot/bodies/ev3/agent/body.py").is_file()
+    assert (program / "server/web/index.html").is_file()
+    assert (program / "ev3dev2/__init__.py").is_file()
+    assert (
+        "ev3 = robot.bodies.ev3.driver"
+        in next(program.glob("*.dist-info/entry_points.txt")).read_text()
+    )
+    assert (there / "root/usr/lib/python3.11/this.py").is_file()
+    config = far_home / "etc/drivelesson.toml"
+    config.write_text("left_port = 'outA'\n")
+    (program / "robot/left_over.py").touch()
+    assert main(words) == 0
+    assert len(builds) == 1
+    assert config.read_text() == "left_port = 'outA'\n"
+    assert not (program / "robot/left_over.py").exists()
+    assert (there / "root/usr/lib/python3.11/this.py").is_file()
+    assert not (there / "incoming").exists()
+    said = (far_home / "systemctl").read_text()
+    assert said.count("restart drivelesson") == 2
+    assert "run-timed" in (program / "robot/bodies/ev3/agent/motors.py").read_text()
+    unit = (far_home / "etc/systemd/system/drivelesson.service").read_text()
+    assert "DRIVELESSON_LEAN=1" in unit
+    assert os.access(there / "start", os.X_OK)
+
+
+def test_a_brick_that_is_not_there_is_one_clear_line(
+    far_home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "tools/ssh").write_text("#!/bin/sh\necho 'ssh: No route to host' >&2\nexit 255\n")
+    assert main(["brick", "agent", "10.0.0.9"]) == 1
+    error = capsys.readouterr().err
+    assert "robot@10.0.0.9 could not be set up: ssh: No route to host" in error
+    assert main(["brick", "install"]) == 1
+    assert "which brick?" in capsys.readouterr().err
+
+
+def test_the_scripts_can_be_read_first(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["brick", "install", "--script"]) == 0
+    assert "systemctl enable drivelesson" in capsys.readouterr().out
+
+
+def test_a_packed_server_is_installed_without_building_anything(
+    far_home: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def build(folder: Path, release: str, mirror: str) -> None:
+        assert (release, mirror) == ("trixie", "http://mirror.example/debian")
+        (folder / "usr/lib/python3.13").mkdir(parents=True)
+        (folder / "usr/lib/python3.13/this.py").write_text("print('here')\n")
+
+    monkeypatch.setattr(command, "build_userland", build)
+    monkeypatch.setattr(command, "precompile", lambda root, folders, release: True)
+    file = tmp_path / "brick.tar"
+    mirror = ["--release", "trixie", "--mirror", "http://mirror.example/debian"]
+    keep = ["--keep", str(tmp_path / "keep")]
+    assert main(["brick", "pack", str(file), *mirror, *keep]) == 0
+    assert f"install root@ADDRESS --from {file}" in capsys.readouterr().out
+    monkeypatch.setattr(command, "build_userland", None)  # and nothing is built from now on
+    assert main(["brick", "install", "10.0.0.9", "--from", str(file)]) == 0
+    there = far_home / "opt/drivelesson"
+    assert (there / "root/usr/lib/python3.13/this.py").is_file()
+    assert (there / "root/opt/drivelesson/server/web/index.html").is_file()
+    assert (there / "packages").read_text().startswith("trixie python3 ")
+    assert "enable drivelesson" in (far_home / "systemctl").read_text()
+    (there / "root/usr/lib/python3.13/this.py").unlink()
+    subprocess.run(  # as the message says: without Drivelesson
+        f'ssh root@ADDRESS "$(tar -xOf {file} install)" <{file}', shell=True, check=True
+    )
+    assert (there / "root/usr/lib/python3.13/this.py").is_file()
+
+
+@pytest.mark.parametrize("content", [b"", b"no tar at all", None])
+def test_a_file_that_pack_did_not_make_is_one_clear_line(
+    far_home: Path, tmp_path: Path, content: bytes | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "brick.tar"
+    if content is not None:
+        file.write_bytes(content)
+    assert main(["brick", "install", "10.0.0.9", "--from", str(file)]) == 1
+    error = capsys.readouterr().err
+    assert str(file) in error
+    assert error.count("\n") == 1
+    assert not (far_home / "opt").exists()
+
+
+def test_an_unknown_release_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ConfigurationError, match="--release sid was never tried; known: bookworm"):
+        build_userland(Path("nowhere"), "sid")

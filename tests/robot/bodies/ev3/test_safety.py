@@ -1,0 +1,174 @@
+"""Whatever becomes of the server, the motors stand, by themselves.
+
+How soon is judged in virtual time: each move that they are told ends within 400 ms (here), and
+the contract of drivers cuts the line to the brick.
+"""
+
+from __future__ import annotations
+
+import select
+import signal
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from robot.bodies.ev3.fake_brick import FakeBrick
+from tests.robot.bodies.ev3.film import install_film
+from tests.robot.bodies.ev3.own_server import own_server
+from tests.robot.bodies.ev3.running_agent import SECRET, RunningAgent
+from tests.server.live_robot import Pilot
+
+PATIENCE_S = 30.0
+
+
+class Proxy:
+    """A line that can be cut (both ends hear of it) or go silent (nobody does), and be mended."""
+
+    def __init__(self, address: str) -> None:
+        host, port = address.split(":")
+        self._target = (host, int(port))
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.address = f"127.0.0.1:{self._listener.getsockname()[1]}"
+        self._lines: list[socket.socket] = []
+        self._is_whole = threading.Event()
+        self._is_whole.set()
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        with suppress(OSError, ValueError):  # it was closed
+            while True:
+                self._is_whole.wait()
+                near, _ = self._listener.accept()
+                far = socket.create_connection(self._target)
+                self._lines += [near, far]
+                with suppress(OSError):  # it was cut
+                    self._pass_on({near: far, far: near})
+                if self._is_whole.is_set():
+                    near.close()
+                    far.close()
+
+    def _pass_on(self, other: dict[socket.socket, socket.socket]) -> None:
+        while self._is_whole.is_set():
+            for line in select.select(list(other), [], [], 0.05)[0]:
+                data = line.recv(65536)
+                if not data:
+                    return
+                other[line].sendall(data)
+
+    def go_silent(self) -> None:
+        self._is_whole.clear()
+
+    def cut(self) -> None:
+        self.go_silent()
+        self._shut_down()
+
+    def mend(self) -> None:
+        """Let the next connection through; of the old one both ends hear now that it is over."""
+        self._shut_down()
+        self._is_whole.set()
+
+    def _shut_down(self) -> None:
+        for line in self._lines:
+            with suppress(OSError):
+                line.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        self._is_whole.clear()
+        for line in [self._listener, *self._lines]:
+            line.close()
+        self._is_whole.set()
+
+
+@contextmanager
+def serving(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A server as a process of its own; yields it and its address."""
+    install_film(folder / "film")
+    film = ["--camera", "film", "--film", str(folder / "film/film.yuyv"), "--frame-rate", "20"]
+    data = ["--data", str(folder / "data")]
+    with own_server(*film, *data, *options, PYTHONPATH=str(folder / "film")) as served:
+        yield served
+
+
+class Drive:
+    """A robot under way: a pilot holds forward, and the wheels turn."""
+
+    def __init__(
+        self, brick: FakeBrick, process: subprocess.Popen[str], proxy: Proxy | None, pilot: Pilot
+    ) -> None:
+        self.brick, self.process, self.proxy, self.pilot = brick, process, proxy, pilot
+
+    def check_it_stands_after(self, harm: Callable[[], None]) -> None:
+        """The motors stand by the timed command that they had, and are told no other."""
+        full = self.brick.speeds
+        self.pilot.drive_until(lambda: set(full().values()) == {360})
+        harm()
+        self.brick.wait_until(lambda: not self.brick.is_moving(), PATIENCE_S)
+        time.sleep(1.0)  # what was on its way has arrived, however busy the machine is
+        self.brick.wait_until(lambda: not self.brick.is_moving(), PATIENCE_S)
+        moves = [c for c in self.brick.commands if c.command.startswith("run")]
+        time.sleep(0.5)
+        assert not self.brick.is_moving()
+        later = self.brick.commands[self.brick.commands.index(moves[-1]) + 1 :]
+        assert {command.command for command in later} <= {"stop"}
+        assert {(move.command, move.time_ms) for move in moves} == {("run-timed", 400)}
+
+
+@contextmanager
+def driven(robot: str, brick: FakeBrick, folder: Path) -> Iterator[Drive]:
+    """A server in a process of its own, whose pilot drives the brick."""
+    with ExitStack() as stack:
+        proxy = None
+        if robot == "ev3":
+            options = ["--brick-root", str(brick.root)]
+        else:
+            proxy = Proxy(stack.enter_context(RunningAgent(brick.root, folder)).address)
+            stack.callback(proxy.close)
+            options = ["--brick", proxy.address, "--brick-secret", SECRET]
+        process, address = stack.enter_context(serving(folder, "--robot", robot, *options))
+        pilot = stack.enter_context(Pilot(address + "/ws/drive"))
+        pilot.wait_for_state(you_are_pilot=True)
+        pilot.drive_until(lambda: set(brick.speeds().values()) == {360})
+        yield Drive(brick, process, proxy, pilot)
+
+
+def freeze_and_thaw(drive: Drive) -> None:
+    drive.check_it_stands_after(lambda: drive.process.send_signal(signal.SIGSTOP))
+    drive.process.send_signal(signal.SIGCONT)
+
+
+@pytest.mark.realtime
+def test_a_server_on_and_beside_the_brick_is_frozen_cut_off_and_killed_or_ends_in_good_order(
+    brick: FakeBrick, tmp_path: Path
+) -> None:
+    a_server_on_the_brick_is_frozen_and_killed(brick, tmp_path)
+    one_beside_it_is_frozen_cut_off_and_killed_or_ends_in_good_order(brick, tmp_path)
+
+
+def a_server_on_the_brick_is_frozen_and_killed(brick: FakeBrick, tmp_path: Path) -> None:
+    with driven("ev3", brick, tmp_path) as drive:
+        freeze_and_thaw(drive)
+        drive.check_it_stands_after(drive.process.kill)
+
+
+def one_beside_it_is_frozen_cut_off_and_killed_or_ends_in_good_order(
+    brick: FakeBrick, tmp_path: Path
+) -> None:
+    with driven("ev3-remote", brick, tmp_path) as drive:
+        assert drive.proxy is not None
+        freeze_and_thaw(drive)
+        for harm in (drive.proxy.cut, drive.proxy.go_silent):
+            drive.check_it_stands_after(harm)
+            drive.proxy.mend()
+        drive.check_it_stands_after(drive.process.kill)
+    with driven("ev3-remote", brick, tmp_path) as drive:
+        drive.process.terminate()
+        drive.process.wait(60)
+        brick.wait_until(lambda: not brick.is_moving(), PATIENCE_S)
+        brick.catch_up()
+        assert brick.commands[-1].command == "stop"

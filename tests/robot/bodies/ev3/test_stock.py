@@ -1,0 +1,231 @@
+"""Our codec and lines for LEGO's firmware, against a brick that is played."""
+
+from __future__ import annotations
+
+import os
+import struct
+import threading
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.bodies.ev3.agent.ports import HardwareError
+from robot.bodies.ev3.stock import codec
+from robot.bodies.ev3.stock.body import StockBody
+from robot.bodies.ev3.stock.lines import UsbLine, find_usb, open_line, parse_beacon
+from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
+from robot.clock import ManualClock
+from robot.errors import ConfigurationError, DriveError
+from robot.types import Action
+from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.standins.ev3_stock import LARGE, SERIAL, TOUCH, StockBrick, StockFirmware, _Machine
+
+
+@given(st.integers(-(2**31) + 1, 2**31 - 1))
+def test_numbers_come_through_in_as_few_bytes_as_it_takes(value: int) -> None:
+    code = codec.number(value)
+    assert _Machine(StockFirmware(), code, bytearray()).parameter() == value
+    bits = abs(value)
+    is_short = -32 <= value < 32
+    assert len(code) == (1 if is_short else 2) + (bits > 127) + 2 * (bits > 32767)
+
+
+@given(st.binary(max_size=40))
+def test_what_is_no_answer_is_refused(message: bytes) -> None:
+    try:
+        answer = codec.parse_answer(message)
+    except HardwareError:
+        return
+    assert struct.unpack_from("<H", message)[0] + 2 == len(message) == 5 + len(answer.data)
+
+
+def test_a_command_says_its_size_and_a_long_one_is_refused() -> None:
+    message = codec.command(513, b"\xa3\x00\x06\x01", 4)
+    assert message == b"\x09\x00\x01\x02\x00\x04\x00\xa3\x00\x06\x01"
+    with pytest.raises(ValueError, match="1024"):
+        codec.command(1, bytes(1024))
+    with pytest.raises(ValueError, match="32 bits"):
+        codec.number(2**31)
+
+
+@pytest.mark.parametrize(
+    ("data", "found"),
+    [
+        (b"Serial-Number: 0016533F0C1E\r\nPort: 5555\r\nName: EV3\r\nProtocol: EV3\r\n", True),
+        (b"Serial-Number: 0016533f0c1e\r\nPort: 99999\r\nProtocol: EV3\r\n", False),
+        (b"Serial-Number: 00\r\nPort: 5555\r\nProtocol: EV3\r\n", False),
+        (b"Serial-Number: 0016533f0c1e\r\nPort: 5555\r\nProtocol: NXT\r\n", False),
+        (b"\xff\xfe", False),
+        (b"", False),
+    ],
+)
+def test_only_an_ev3s_beacon_counts(data: bytes, found: bool) -> None:
+    assert parse_beacon(data) == (("0016533f0c1e", 5555) if found else None)
+
+
+@pytest.fixture
+def brick() -> StockFirmware:
+    return StockFirmware(ManualClock().now_s)
+
+
+class Wire:
+    """Carries each command to the firmware and its answer back, without a socket."""
+
+    def __init__(self, brick: StockFirmware) -> None:
+        self._brick = brick
+
+    def ask(self, message: bytes) -> bytes:
+        self._brick.messages.append(message)
+        return self._brick.answer(message) or b""
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+
+def driver_for(brick: StockFirmware, **options: str) -> Ev3StockDriver:
+    driver = Ev3StockDriver(Ev3StockOptions(**options))
+    ports = driver.options
+    driver._make_body = lambda: StockBody(  # type: ignore[method-assign]
+        lambda: Wire(brick),
+        left=ports.left_port,
+        right=ports.right_port,
+        ultrasonic=ports.ultrasonic_port,
+        touch=ports.touch_port,
+    )
+    return driver
+
+
+def test_moves_turn_the_right_wheels_and_carry_their_time(brick: StockFirmware) -> None:
+    wheels = {
+        Action.FORWARD: (34, 34),
+        Action.BACKWARD: (-34, -34),
+        Action.LEFT: (-9, 0),
+        Action.RIGHT: (0, -9),
+        Action.SPIN_LEFT: (-4, 4),
+        Action.SPIN_RIGHT: (4, -4),
+    }
+    with driver_for(brick) as driver:
+        for action, (left, right) in wheels.items():
+            driver.send_action(action)
+            assert (brick.motors[1].percent, brick.motors[2].percent) == (left, right), action
+            assert codec.number(400) in brick.messages[-1]
+        driver.send_action(Action.FORWARD, speed_scale=0.01)
+        assert brick.motors[1].percent == 1, "a slow wheel still turns"
+
+
+def test_what_another_program_left_is_cleared(brick: StockFirmware) -> None:
+    brick.motors[1].polarity = -1
+    brick.motors[2].percent, brick.motors[2].ends_s = 50, float("inf")
+    with driver_for(brick) as driver:
+        assert not brick.is_moving and brick.motors[1].polarity == 1
+        assert [motor.resets for motor in brick.motors] == [0, 1, 1, 0]
+        assert driver.wheel_positions_deg() == [0.0, 0.0]
+
+
+def test_sensors_are_found_and_read(brick: StockFirmware) -> None:
+    brick.devices[1] = TOUCH
+    brick.values[TOUCH] = 1.0
+    with driver_for(brick) as driver:
+        sensors = driver.sense()
+        assert sensors.distance_m == pytest.approx(0.42) and sensors.battery_share == 0.8
+        assert sensors.bumpers == (True, True) and sensors.bumped
+        brick.values[TOUCH], brick.values[30] = 0.0, 255.1
+        assert driver.sense().distance_m is None and not driver.sense().bumped
+    with driver_for(brick, touch_port="in2", ultrasonic_port="none") as driver:
+        assert driver.sense().bumpers == (False,) and driver.sense().distance_m is None
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"left_port": "outA"}, "outA"),
+        ({"left_port": "left"}, "outA, outB"),
+        ({"ultrasonic_port": "in2"}, "in2"),
+        ({"touch_port": "in1,in3"}, "in3"),
+    ],
+)
+def test_what_is_not_plugged_in_is_named(
+    brick: StockFirmware, options: dict[str, str], said: str
+) -> None:
+    with pytest.raises((DriveError, ConfigurationError), match=said):
+        driver_for(brick, **options).connect()
+
+
+@pytest.mark.realtime
+def test_a_brick_on_its_real_line_that_was_lost_is_found_again() -> None:
+    check_driver_on_its_real_line("ev3-stock")
+    with (
+        StockBrick() as brick,
+        Ev3StockDriver(
+            Ev3StockOptions(line="wifi", brick=SERIAL, beacon_port=brick.beacon_port)
+        ) as driver,
+    ):
+        brick.frozen.set()
+        with pytest.raises(DriveError, match="does not answer"):
+            driver.send_action(Action.FORWARD)
+        with pytest.raises(DriveError):
+            driver.send_action(Action.FORWARD)
+        brick.frozen.clear()
+        driver.sense()
+        driver.send_action(Action.FORWARD)
+        assert brick.is_moving
+
+
+def test_a_medium_motor_and_a_wrong_speed(brick: StockFirmware) -> None:
+    brick.devices[0x11] = 8
+    with driver_for(brick) as driver:
+        driver.send_action(Action.FORWARD)
+        assert [brick.motors[1].percent, brick.motors[2].percent] == [23, 34]
+    brick.devices[0x11] = LARGE
+
+
+@pytest.mark.parametrize("brick_id", ["", "00:16", "xyz"])
+def test_bluetooth_needs_an_address(brick_id: str) -> None:
+    with pytest.raises(HardwareError, match="--brick"):
+        open_line("bluetooth", brick_id)
+
+
+def test_usb_is_looked_for_where_linux_has_it(tmp_path: Path) -> None:
+    with pytest.raises(HardwareError, match="cable"):
+        find_usb(root=tmp_path)
+    device = tmp_path / "hidraw3" / "device"
+    device.mkdir(parents=True)
+    (device / "uevent").write_text(
+        "HID_ID=0003:00000694:00000005\nHID_UNIQ=0016533f0c1e\nHID_NAME=LEGO EV3\n"
+    )
+    assert find_usb(root=tmp_path) == Path("/dev/hidraw3")
+    assert find_usb(SERIAL, tmp_path) == Path("/dev/hidraw3")
+    with pytest.raises(HardwareError):
+        find_usb("001653000000", tmp_path)
+
+
+def test_the_cable_carries_reports_of_1024_bytes() -> None:
+    """A pseudo-device in the cable's place: a socket pair keeps reports whole, as HID does."""
+    import socket
+
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    brick = StockFirmware()
+    reports: list[bytes] = []
+
+    def play() -> None:
+        while report := theirs.recv(2048):
+            reports.append(report)
+            size = struct.unpack_from("<H", report, 1)[0] + 2
+            answer = brick.answer(report[1 : 1 + size])
+            theirs.send((answer or b"").ljust(1024, b"\0"))
+
+    thread = threading.Thread(target=play)
+    thread.start()
+    line = UsbLine.__new__(UsbLine)
+    line._name, line._file = "cable", os.dup(ours.fileno())
+    ours.close()
+    body = StockBody(lambda: line, left="outB", right="outC", ultrasonic="auto", touch="auto")
+    body.open()
+    body.run(360.0, 360.0, 400)
+    assert brick.is_moving and body.sense()["distance_m"] == pytest.approx(0.42)
+    body.close()
+    thread.join()
+    theirs.close()
+    assert {len(report) for report in reports} == {1025} and not brick.is_moving

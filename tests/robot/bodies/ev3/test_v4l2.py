@@ -1,0 +1,333 @@
+"""The real ioctl code against a made-up camera (a preload library that answers for the kernel)."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.bodies.v4l2 import device as v4l2
+from robot.bodies.v4l2 import reader
+from robot.bodies.v4l2.shrink import plan_shrinking, shrink_yuyv
+from robot.devices.freshness import REOPEN_S, STILL_S, Freshness
+from tests.robot.bodies.ev3.fake_video import C270_ON_EV3, DEVICE, QUICK, CameraTraits, FakeVideo
+
+ROOT = Path(__file__).parents[4]
+
+
+class Probe:
+    """The camera in a process of its own."""
+
+    def __init__(
+        self, video: FakeVideo, encoding: str = "auto", device: str = DEVICE, hide: str = ""
+    ) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "tests.robot.bodies.ev3.camera_probe", device, encoding, hide],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=video.env,
+            cwd=ROOT,
+        )
+
+    def next(self) -> dict[str, Any]:
+        assert self.process.stdout is not None
+        said: dict[str, Any] = json.loads(self.process.stdout.readline())
+        return said
+
+    def wait_for(self, is_so: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        for _ in range(200):
+            said = self.next()
+            if is_so(said):
+                return said
+        raise AssertionError("waited in vain")
+
+    def end(self) -> None:
+        self.process.communicate("\n", timeout=60)
+
+
+@pytest.fixture
+def video(tmp_path: Path) -> FakeVideo:
+    return FakeVideo(tmp_path, QUICK)
+
+
+@pytest.fixture
+def probe(video: FakeVideo) -> Iterator[Probe]:
+    running = Probe(video)
+    yield running
+    running.end()
+
+
+@pytest.mark.realtime
+def test_yuyv_comes_as_it_is_and_without_padding(probe: Probe) -> None:
+    said = probe.wait_for(lambda said: said.get("frame") == 3)
+    assert said["size"] == [160, 120, 160 * 120 * 2]
+    assert said["encoding"] == "yuyv"
+    first, second = bytes.fromhex(said["first"]), bytes.fromhex(said["second_row"])
+    assert first[1::2] == second[1::2] == b"\x80\x80\x80"
+    assert list(second[::2]) == [value + 1 for value in first[::2]]
+
+
+def test_frames_are_stamped_by_the_kernel(probe: Probe) -> None:
+    said = probe.wait_for(lambda said: said.get("frame", 0) >= 5 and said["age_s"] < 0.1)
+    assert said["age_s"] >= 0.00499, "the made-up camera takes its pictures 5 ms before"
+
+
+def test_mjpeg_goes_through_untouched(tmp_path: Path) -> None:
+    running = Probe(FakeVideo(tmp_path, replace(QUICK, formats="MJPG")))
+    said = running.wait_for(lambda said: "frame" in said)
+    running.end()
+    assert said["encoding"] == "jpeg"
+    assert said["first"].startswith("ffd8ff")
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [("freeze", "gives no pictures"), ("repeat", "repeats one picture"), ("gone", "unplugged")],
+)
+def test_a_broken_camera_is_noticed_and_picked_up_again(
+    video: FakeVideo, probe: Probe, how: str, words: str
+) -> None:
+    probe.wait_for(lambda said: said.get("frame") == 3)
+    video.behave(how)
+    said = probe.wait_for(lambda said: said["fault"] is not None)
+    assert words in said["fault"]
+    assert DEVICE in said["fault"]
+    video.behave("run")
+    again = probe.wait_for(lambda said: said["fault"] is None)
+    assert again["frame"] > said["frame"]
+
+
+def test_a_c270_on_an_ev3_is_read_as_it_is(tmp_path: Path) -> None:
+    running = Probe(FakeVideo(tmp_path))
+    running.wait_for(lambda said: said.get("frame", 0) >= 3)
+    said = [running.next() for _ in range(10)]
+    running.end()
+    for one in said:
+        assert one["fault"] is None
+        assert one["age_s"] >= C270_ON_EV3.age_ms / 1000 - 1e-3
+        assert one["size"] == [160, 120, 160 * 120 * 2]
+
+
+@pytest.mark.parametrize(
+    ("sizes", "size"),
+    [
+        ("320x240", [160, 120]),  # every second pixel
+        ("640x480,800x600", [160, 120]),
+        ("176x144", [160, 120]),  # the middle
+        ("320x176", [160, 120]),
+        ("352x288", [160, 120]),
+        ("128x96", [128, 96]),  # small as it is
+    ],
+)
+def test_pictures_of_other_sizes_are_shrunk(tmp_path: Path, sizes: str, size: list[int]) -> None:
+    running = Probe(FakeVideo(tmp_path, replace(QUICK, sizes=sizes)))
+    said = running.wait_for(lambda said: "frame" in said)
+    running.end()
+    assert said["size"] == [*size, size[0] * size[1] * 2]
+    first, second = bytes.fromhex(said["first"]), bytes.fromhex(said["second_row"])
+    assert first[1::2] == second[1::2] == b"\x80\x80\x80", "colours stay colours"
+
+
+def test_a_camera_with_mjpeg_alone_is_refused_where_nothing_can_read_it(tmp_path: Path) -> None:
+    video = FakeVideo(tmp_path, replace(QUICK, formats="MJPG"))
+    running = Probe(video, hide="cv2")
+    assert running.next()["error"] == (
+        f"the camera {DEVICE} gives MJPEG alone, and nothing here can read it: on a brick take a "
+        "camera with YUYV (a Logitech C270 has it), or run the server on another computer "
+        "(drivelesson brick agent ADDRESS)"
+    )
+    running.end()
+
+
+def test_what_a_camera_offers_is_described(tmp_path: Path) -> None:
+    traits = CameraTraits(formats="YUYV,MJPG", sizes="160x120,320x240")
+    code = f"from robot.bodies.v4l2.device import *; print(describe_camera({DEVICE!r}))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=FakeVideo(tmp_path, traits).env,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    sizes = ["160x120", "320x240"]
+    assert done.stdout.strip() == str({"YUYV": sizes, "MJPG": sizes})
+
+
+def test_no_camera_is_one_clear_line(video: FakeVideo) -> None:
+    running = Probe(video, device="/dev/video77")
+    assert running.next()["error"] == (
+        "Camera: no camera at /dev/video77 (No such file or directory); "
+        "plug it in, or name its device with --device"
+    )
+    running.end()
+
+
+def test_a_format_that_is_not_offered_is_one_clear_line(video: FakeVideo) -> None:
+    running = Probe(video, "jpeg")
+    assert running.next()["error"] == f"Camera: the camera {DEVICE} gives no jpeg; it offers: YUYV"
+    running.end()
+
+
+def test_it_keeps_the_contract_of_cameras(tmp_path: Path) -> None:
+    video = FakeVideo(tmp_path)
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "tests/contract/test_cameras.py",
+            "-k",
+            "v4l2 and not frozen",
+            "-p",
+            "no:cacheprovider",
+        ],
+        env=video.env,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert "passed" in done.stdout and "skipped" not in done.stdout
+
+
+def test_the_numbers_are_those_of_the_kernel_headers(tmp_path: Path) -> None:
+    names = (
+        "QUERYCAP",
+        "ENUM_FMT",
+        "S_FMT",
+        "REQBUFS",
+        "QUERYBUF",
+        "QBUF",
+        "DQBUF",
+        "STREAMON",
+        "STREAMOFF",
+        "S_PARM",
+        "ENUM_FRAMESIZES",
+    )
+    lines = "".join(f'printf("%lu\\n", (unsigned long)VIDIOC_{name});' for name in names)
+    source = tmp_path / "numbers.c"
+    source.write_text(
+        "#include <stdio.h>\n#include <sys/time.h>\n#include <linux/videodev2.h>\n"
+        f"int main(void) {{ {lines} return 0; }}\n"
+    )
+    FakeVideo(tmp_path)  # skips where there is no compiler
+    subprocess.run(["cc", "-o", tmp_path / "numbers", source], check=True)
+    printed = subprocess.run([tmp_path / "numbers"], capture_output=True, text=True, check=True)
+    assert [getattr(v4l2, name) for name in names] == [int(n) for n in printed.stdout.split()]
+
+
+def test_freshness_tells_silence_from_repetition() -> None:
+    freshness = Freshness(10.0)
+    still_s = STILL_S
+    assert freshness.is_new(b"a", 10.1)
+    assert not freshness.is_new(b"a", 10.1 + still_s)
+    assert freshness.fault(10.09 + still_s) is None
+    assert freshness.fault(10.12 + still_s) == "repeats one picture"
+    assert freshness.fault(10.12 + 2 * still_s) == "gives no pictures"
+    assert freshness.is_new(b"b", 11.1)
+    assert freshness.fault(11.2) is None
+
+
+class BreakableVideo:
+    """A camera of 30 pictures a second on a clock of the test's own, until it breaks."""
+
+    how, now_s = "run", 100.0
+    path, width, height, encoding = DEVICE, 160, 120, "yuyv"
+
+    def __init__(self, *wanted: object) -> None:
+        if self.how == "gone":
+            raise v4l2.CaptureError("there is none")
+        self._shown_s = 0.0
+        self._last = b""
+
+    def read(self) -> v4l2.VideoFrame | None:
+        if self.how == "gone":
+            raise OSError(19, "No such device")
+        if self.how == "freeze" or self.now_s - self._shown_s < 1 / 30:
+            return None
+        self._shown_s = self.now_s
+        self._last = self._last if self.how == "repeat" else b"%f" % self.now_s
+        return v4l2.VideoFrame(self._last, self.now_s)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+@pytest.mark.parametrize("how", ["freeze", "repeat", "gone"])
+def test_a_broken_camera_is_noticed_within_500_ms_and_picked_up_again(
+    monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    monkeypatch.setattr(reader, "Video", BreakableVideo)
+    monkeypatch.setattr(BreakableVideo, "how", "run")
+    monkeypatch.setattr(BreakableVideo, "now_s", 100.0)
+    camera = reader.CameraReader(DEVICE, 160, 120, 30, "auto")
+
+    def until(is_so: Callable[[], bool]) -> float:
+        start_s = BreakableVideo.now_s
+        while not is_so():
+            BreakableVideo.now_s += 0.005
+            camera.poll(BreakableVideo.now_s)
+            assert BreakableVideo.now_s - start_s < 5.0, "waited in vain"
+        return BreakableVideo.now_s - start_s
+
+    until(lambda: BreakableVideo.now_s > 101.0)
+    assert camera.fault is None
+    BreakableVideo.how = how
+    assert until(lambda: camera.fault is not None) <= 0.5
+    assert DEVICE in (camera.fault or "")
+    BreakableVideo.how = "run"
+    assert until(lambda: camera.fault is None) <= REOPEN_S + 0.1
+
+
+@given(st.lists(st.floats(0.02, 0.2), min_size=3, max_size=40), st.integers(2, 20))
+def test_freshness_has_patience_for_the_cameras_own_period(gaps: list[float], lost: int) -> None:
+    freshness = Freshness(0.0)
+    now_s = 0.0
+    for index, gap in enumerate(gaps):
+        now_s += gap
+        assert freshness.is_new(b"%d" % index, now_s)
+        assert freshness.fault(now_s + gap) is None
+    assert freshness.fault(now_s + STILL_S) is None
+    assert freshness.fault(now_s + 0.5 + max(gaps)) == "gives no pictures"
+
+
+@given(
+    st.integers(1, 400).map(lambda n: 2 * n),
+    st.integers(1, 600),
+    st.integers(0, 64),
+    st.sampled_from([(160, 120), (80, 60), (40, 30)]),
+)
+def test_shrinking_takes_pixels_that_were_there(
+    width: int, height: int, padding: int, wanted: tuple[int, int]
+) -> None:
+    plan = plan_shrinking(width, height, *wanted)
+    assert (plan.width <= wanted[0], plan.height <= wanted[1]) == (True, True)
+    if width >= wanted[0] and height >= wanted[1]:
+        assert (plan.width, plan.height) == wanted
+    else:
+        assert plan.step == 1
+    rng = np.random.default_rng(width * 1000 + height)
+    picture = rng.integers(0, 256, (height, width + padding, 2), np.uint8)
+    data = shrink_yuyv(picture.tobytes(), 2 * (width + padding), plan)
+    small = np.frombuffer(data, np.uint8).reshape(plan.height, plan.width, 2)
+    rows = plan.top + plan.step * np.arange(plan.height)
+    columns = plan.left + plan.step * np.arange(plan.width)
+    assert np.array_equal(small[..., 0], picture[rows][:, columns, 0])
+    # The colours of a pair of pixels: U under the first, V under the second.
+    pairs = columns[::2] // 2 * 2
+    assert np.array_equal(small[:, ::2, 1], picture[rows][:, pairs, 1])
+    assert np.array_equal(small[:, 1::2, 1], picture[rows][:, pairs + 1, 1])

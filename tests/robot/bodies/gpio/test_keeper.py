@@ -1,0 +1,127 @@
+"""The process that holds the pins, really run, on gpiozero's mock pins: whoever dies, it stands."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from robot.bodies.gpio.driver import GpioDriver, GpioOptions
+from robot.bodies.gpio.keeper_line import KeeperLine
+from robot.clock import RealClock
+from robot.errors import DriveError, MissingExtraError
+from robot.types import Action
+from tests.robot.bodies.sending import send_until
+from tests.standins.firmware import ROOT
+
+DRIVES_ON = """
+import sys, time
+from pathlib import Path
+from robot.types import Action
+from tests.robot.bodies.gpio.test_keeper import driver_for
+with driver_for(Path(sys.argv[1])) as driver:
+    while True:
+        driver.send_action(Action.FORWARD)
+        print(driver._line._process.pid, flush=True)
+        time.sleep(0.05)
+"""
+
+
+def driver_for(notes: Path) -> GpioDriver:
+    program = [sys.executable, "-m", "tests.standins.gpio_keeper", str(notes)]
+    return GpioDriver(
+        GpioOptions(),
+        open_line=lambda wires: KeeperLine([*program, json.dumps(wires)], RealClock()),
+    )
+
+
+@pytest.fixture
+def notes(tmp_path: Path) -> Iterator[Path]:
+    yield tmp_path / "pins.txt"
+
+
+def pins(notes: Path) -> dict[str, float]:
+    """Return what each pin was set to last."""
+    lines = [line.split() for line in notes.read_text().splitlines()]
+    return {name: float(value) for _, name, value in lines}
+
+
+def wait_until(is_so: Callable[[], bool], what: str) -> None:
+    for _ in range(1000):
+        if is_so():
+            return
+        time.sleep(0.02)
+    pytest.fail(f"it never came to this: {what}")
+
+
+def keeper_pid(driver: GpioDriver) -> int:
+    assert isinstance(driver._line, KeeperLine)
+    return driver._line._process.pid
+
+
+@pytest.mark.realtime
+def test_a_keeper_outlives_its_program_and_is_replaced_when_it_fails(notes: Path) -> None:
+    a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes)
+    for how in (signal.SIGSTOP, signal.SIGKILL):
+        the_robots_program_ends_and_the_pins_are_low(notes, how)
+
+
+def the_robots_program_ends_and_the_pins_are_low(notes: Path, how: signal.Signals) -> None:
+    program = subprocess.Popen(
+        [sys.executable, "-c", DRIVES_ON, str(notes)], stdout=subprocess.PIPE, text=True, cwd=ROOT
+    )
+    try:
+        assert program.stdout is not None
+        pid = int(program.stdout.readline())
+        wait_until(lambda: pins(notes)["GPIO17"] == 0.6, "it drives")
+        os.kill(program.pid, how)
+        wait_until(lambda: not any(pins(notes).values()), "it stands")
+        if how is signal.SIGKILL:
+            wait_until(lambda: _state(pid) == b"Z", "the keeper has ended, too")
+    finally:
+        os.kill(program.pid, signal.SIGCONT)
+        program.kill()
+        program.communicate()
+
+
+def _state(pid: int) -> bytes:
+    try:
+        return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0]
+    except OSError:
+        return b"Z"
+
+
+def a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> None:
+    with driver_for(notes) as driver:
+        for how in (signal.SIGSTOP, signal.SIGKILL):
+            send_until(driver)
+            first = keeper_pid(driver)
+            os.kill(first, how)
+
+            def is_another(first: int = first) -> bool:
+                return keeper_pid(driver) != first and not driver._trouble
+
+            send_until(driver, Action.FORWARD, is_another)
+            driver.stop()
+            assert not any(pins(notes).values())
+        last = keeper_pid(driver)
+    assert _state(last) == b"Z", "nothing is left behind"
+
+
+def test_pins_that_cannot_be_had_are_a_sentence() -> None:
+    """This machine has no pins: gpiozero's own words for that."""
+    with pytest.raises(DriveError, match="pin"):
+        GpioDriver(GpioOptions()).connect()
+
+
+def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match=r"drivelesson\[gpio\]"):
+        GpioDriver(GpioOptions()).connect()

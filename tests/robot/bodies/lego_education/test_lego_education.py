@@ -1,0 +1,107 @@
+"""LEGO's double motor, by LEGO's own library over a transport of ours."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
+from robot.driver import BodyButton
+from robot.errors import DriveError, MissingExtraError
+from robot.types import Action
+from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.standins.firmware import ROOT
+from tests.standins.lego_education import FakeDoubleMotor
+
+
+@pytest.fixture
+def motor() -> Iterator[FakeDoubleMotor]:
+    with FakeDoubleMotor() as running:
+        yield running
+
+
+def driver_for(motor: FakeDoubleMotor, hub: str = "") -> LegoEducationDriver:
+    return LegoEducationDriver(LegoEducationOptions(hub=hub), library=motor.library)
+
+
+def until(happens: Callable[[], object]) -> None:
+    for _ in range(1000):
+        if happens():
+            return
+        time.sleep(0.01)
+    pytest.fail("it never came")
+
+
+@pytest.mark.realtime
+def test_a_motor_is_driven_stopped_by_its_button_and_lost(motor: FakeDoubleMotor) -> None:
+    check_driver_on_its_real_line("lego-education")
+    moves_are_timed_by_the_motor_and_scaled(motor)
+    its_button_stops_once(motor)
+    a_motor_that_was_out_of_reach_is_driven_again(motor)
+
+
+def moves_are_timed_by_the_motor_and_scaled(motor: FakeDoubleMotor) -> None:
+    with driver_for(motor) as driver:
+        for move in driver.moves:
+            driver.send_action(move, speed_scale=0.5)
+        assert driver.sense().battery_share == 0.8
+        until(lambda: len(motor.told) == 4)
+    library = motor.library
+    assert motor.told == [
+        (library.MOVEMENT_DIRECTION_FORWARD, 25, 400),
+        (library.MOVEMENT_DIRECTION_LEFT, 12, 400),
+        (library.MOVEMENT_DIRECTION_RIGHT, 12, 400),
+        (library.MOVEMENT_DIRECTION_BACKWARD, 25, 400),
+    ]
+
+
+def its_button_stops_once(motor: FakeDoubleMotor) -> None:
+    with driver_for(motor) as driver:
+        assert driver.take_button() is None
+        motor.is_pressed = True
+        until(lambda: driver.take_button() is BodyButton.STOP)
+        assert driver.take_button() is None
+
+
+def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> None:
+    with driver_for(motor) as driver:
+        driver.send_action(Action.FORWARD)
+        motor.cut()
+        motor.hang_up()
+        with pytest.raises(DriveError, match="in reach"):
+            driver.send_action(Action.FORWARD)
+        motor.is_in_reach = True
+
+        def drives() -> bool:
+            try:
+                driver.sense()
+                driver.send_action(Action.FORWARD)
+                return True
+            except DriveError:
+                return False
+
+        until(drives)
+
+
+def test_what_is_wrong_is_a_sentence(motor: FakeDoubleMotor) -> None:
+    with pytest.raises(DriveError, match="'Otto' in its name is in reach"):
+        driver_for(motor, "Otto").connect()
+    motor.rpc_version = (9, 9, 9)
+    with pytest.raises(DriveError, match="pip install --upgrade legoeducation"):
+        driver_for(motor).connect()
+
+
+def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "legoeducation", None)
+    with pytest.raises(MissingExtraError, match=r"drivelesson\[lego-education\]"):
+        LegoEducationDriver(LegoEducationOptions()).connect()
+
+
+@pytest.mark.parametrize("file", ["pyproject.toml", "docs/howto/lego-education.md"])
+def test_the_licence_is_named_where_the_library_is(file: str) -> None:
+    text = Path(ROOT, file).read_text("utf-8")
+    assert "BUSL" in text and "non-commercial" in text

@@ -1,0 +1,214 @@
+"""The hub's program on Debian's micropython, and the driver over a stand-in for Bluetooth."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from unittest import mock
+
+import pytest
+
+from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
+from robot.driver import ACTION_TIMEOUT_S
+from robot.errors import DriveError, MissingExtraError
+from robot.types import Action, Sensors
+from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.robot.bodies.sending import send_until
+from tests.standins.firmware import ROOT
+from tests.standins.pybricks_hub import PROGRAM, FakeHub
+
+FOREIGN = ROOT / "var/pybricksdev"
+
+
+@pytest.fixture
+def hub() -> Iterator[FakeHub]:
+    with FakeHub() as running:
+        yield running
+
+
+def driver_for(hub: FakeHub, name: str = "") -> PybricksDriver:
+    return PybricksDriver(PybricksOptions(hub=name), bluetooth=hub.bluetooth)
+
+
+def until(happens: Callable[[], object]) -> None:
+    """Ask again and again; what is asked waits by itself."""
+    for _ in range(300):
+        if happens():
+            return
+    pytest.fail("it never came")
+
+
+def moved(hub: FakeHub) -> list[tuple[str, float, int]]:
+    """Return what the motors were told, without being told to brake."""
+    return [told for told in hub.told if told[2]]
+
+
+class Typist:
+    """Writes lines to the program past the driver, as a relay might."""
+
+    def __init__(self, hub: FakeHub) -> None:
+        self.hub = hub
+        hub.start_program()
+
+    def order(self, text: str) -> None:
+        """Write a line."""
+        assert self.hub.process is not None and self.hub.process.stdin is not None
+        self.hub.process.stdin.write(text.encode() + b"\n")
+        self.hub.process.stdin.flush()
+
+
+def test_the_program_fits_a_page() -> None:
+    assert len(PROGRAM.read_text().splitlines()) <= 80
+
+
+@pytest.mark.realtime
+def test_a_hub_is_found_driven_hung_up_and_lost_and_driven_again(hub: FakeHub) -> None:
+    """One hub lives through all of it: its program runs until somebody ends it."""
+    check_driver_on_its_real_line("pybricks")
+    a_hub_without_our_program_is_told(hub)
+    a_hub_is_found_by_its_name(hub)
+    moves_are_timed_by_the_hub(hub)
+    a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub)
+    a_hub_that_nobody_talks_to_shows_it(hub)
+    a_hub_that_comes_back_into_reach_is_driven_again(hub)
+    the_hubs_button_ends_the_drive_and_starts_it_again(hub)
+    for lines in (replayed_late_and_unknown_orders_only_stop, rubbish_is_harmless):
+        hub.end_program()
+        hub.told.clear()
+        lines(hub)
+
+
+def moves_are_timed_by_the_hub(hub: FakeHub) -> None:
+    with driver_for(hub) as driver:
+        hub.told.clear()
+        send_until(driver, Action.LEFT, lambda: hub.light == "green", speed_scale=0.5)
+        assert {told[:2] for told in moved(hub)} == {("A", 75.0), ("B", 75.0)}
+        assert all(told[2] <= 400 for told in moved(hub))
+        assert driver.sense() == Sensors(distance_m=0.42, battery_share=0.5)
+        driver.send_action(Action.STOP)
+        hub.wait_until(lambda: hub.light == "blue")
+        assert not hub.is_moving
+
+
+def a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub: FakeHub) -> None:
+    with driver_for(hub) as driver:
+        send_until(driver, Action.FORWARD, lambda: hub.light == "green")
+        hub.freeze()
+        frozen_s = time.monotonic()
+        with pytest.raises(DriveError, match="not answered"):
+            for _ in range(100):
+                driver.send_action(Action.FORWARD)
+        assert all(end_s <= frozen_s + ACTION_TIMEOUT_S for end_s in hub.ends_s.values())
+        hub.told.clear()
+        hub.thaw()
+        send_until(driver)
+    # What had piled up came 500 ms late or more, so it moved nothing; only what came after did.
+    assert len(moved(hub)) <= 2 * 3
+
+
+def replayed_late_and_unknown_orders_only_stop(hub: FakeHub) -> None:
+    typist = Typist(hub)
+    typist.order("forward 400 1.0 5 0")
+    hub.wait_until(lambda: len(moved(hub)) == 2)
+    for text in ("forward 400 1.0 5 0", "forward 400 1.0 4 0", "forward 400 1.0 6 -600"):
+        typist.order(text)
+    typist.order("dance 400 1.0 7 0")
+    typist.order("forward 400 0 8 0")
+    typist.order("right 9999 7.5 99 0")
+    hub.wait_until(lambda: len(moved(hub)) >= 4)
+    last = moved(hub)[2:]
+    assert [told[:2] for told in last] == [("A", -150.0), ("B", -150.0)], "only the last one moved"
+    assert all(told[2] <= 500 for told in last), "and not for its 9999 ms"
+
+
+RUBBISH = ("", "?", "a b c d e", "forward x 1 2 0", "\xff\xfe", "forward 400 nan 3 x", "x" * 5000)
+
+
+def rubbish_is_harmless(hub: FakeHub) -> None:
+    typist = Typist(hub)
+    for number, rubbish in enumerate(RUBBISH, 1):
+        typist.order(rubbish)
+        typist.order(f"forward 400 1.0 {8 + number} 0")
+        hub.wait_until(lambda count=2 * number: len(moved(hub)) == count)
+
+
+def a_hub_that_nobody_talks_to_shows_it(hub: FakeHub) -> None:
+    with driver_for(hub) as driver:
+        send_until(driver, Action.FORWARD, lambda: hub.light == "green")
+        hub.wait_until(lambda: hub.light == "red")
+        assert hub.told[-1][2] == 0, "it brakes, too"
+
+
+def the_hubs_button_ends_the_drive_and_starts_it_again(hub: FakeHub) -> None:
+    with driver_for(hub) as driver:
+        send_until(driver, Action.FORWARD, lambda: hub.light == "green")
+        hub.end_program()
+        assert not hub.is_moving
+        with pytest.raises(DriveError, match="button"):
+            for _ in range(300):
+                driver.send_action(Action.FORWARD)
+        assert hub.process is None, "a program that a person ended is not started by us"
+        hub.start_program()
+        send_until(driver)
+
+
+def a_hub_that_comes_back_into_reach_is_driven_again(hub: FakeHub) -> None:
+    with driver_for(hub) as driver:
+        send_until(driver, Action.FORWARD, lambda: hub.light == "green")
+        hub.cut()
+        with pytest.raises(DriveError, match="not answered"):
+            for _ in range(300):
+                driver.send_action(Action.FORWARD)
+        until(lambda: not hub.clients or time.sleep(0.02))
+        hub.is_in_reach = True
+        send_until(driver)
+
+
+def a_hub_is_found_by_its_name(hub: FakeHub) -> None:
+    with mock.patch.object(hub, "name", "Anna"), driver_for(hub, "Anna"):
+        pass
+    with pytest.raises(DriveError, match=r"the hub 'Otto'.*in reach"):
+        driver_for(hub, "Otto").connect()
+    hub.is_in_reach = False
+    with pytest.raises(DriveError, match="is it on"):
+        driver_for(hub).connect()
+    hub.is_in_reach = True
+
+
+def a_hub_without_our_program_is_told(hub: FakeHub) -> None:
+    with (
+        mock.patch.object(hub, "start_program", lambda: None),
+        pytest.raises(DriveError, match=r"firmware/hub\.py"),
+    ):
+        driver_for(hub).connect()
+
+
+def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "bleak", None)
+    with pytest.raises(MissingExtraError, match=r"drivelesson\[pybricks\]"):
+        PybricksDriver(PybricksOptions()).connect()
+
+
+def test_a_foreign_client_finds_a_hub(hub: FakeHub) -> None:
+    """`pybricksdev`, by the firmware's authors; CI installs it for this test alone."""
+    if not (FOREIGN / "pybricksdev").is_dir():
+        if os.environ.get("CI") == "true":
+            pytest.fail("CI needs pybricksdev: pip install --target var/pybricksdev pybricksdev")
+        pytest.skip("PYBRICKSDEV IS MISSING: pip install --target var/pybricksdev pybricksdev")
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.robot.bodies.pybricks.foreign_client"],
+        env={**os.environ, "PYTHONPATH": f"{FOREIGN}{os.pathsep}{ROOT}"},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    saw = json.loads(done.stdout)
+    assert [answer.split()[0] for answer in saw["answers"]] == ["0", "1", "2"]
+    assert [told[:2] for told in saw["told"]] == [["A", -200], ["B", 200], ["A", 150], ["B", 150]]
+    assert saw["refused"] == "BleakError" and 64 in saw["status"]

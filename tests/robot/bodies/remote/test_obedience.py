@@ -1,0 +1,93 @@
+"""A robot whose answers are late obeys; one that takes no order does not."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+
+import pytest
+
+from robot.bodies.remote.driver import RemoteOptions
+from robot.bodies.remote.udp import UdpDriver
+from robot.clock import ManualClock
+from robot.errors import DriveError
+from robot.types import Action
+
+
+class LateLine:
+    """Answers so many orders late, one answer for each; `obeys` False: takes none of them."""
+
+    def __init__(self, lag: int, *, obeys: bool = True) -> None:
+        self.clock = ManualClock()
+        self.obeys = obeys
+        self._seq = 0
+        self._is_due = False
+        self._answers = deque(self._answer() for _ in range(lag))
+
+    def _answer(self) -> bytes:
+        told = {"nonce": "aa", "seq": self._seq, "ms": 1, "distance_m": 0.5, "bumped": False}
+        return json.dumps({**told, "battery": 0.9}).encode()
+
+    def send(self, message: bytes) -> None:
+        order = json.loads(message.partition(b"\t")[0])
+        self._seq = order.get("seq", self._seq) if self.obeys else self._seq
+        self._answers.append(self._answer())
+        self._is_due = True
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        self.clock.advance(0.01)
+        is_due, self._is_due = self._is_due, False
+        return self._answers.popleft() if is_due else None
+
+    def close(self) -> None:
+        pass
+
+
+class StallingLine(LateLine):
+    """The computer stands still while it waits for the first answers."""
+
+    def __init__(self, stalls: int) -> None:
+        super().__init__(0)
+        self._stalls = stalls
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        if self._stalls:
+            self._stalls -= 1
+            self.clock.advance(10.0)
+            return None
+        return super().receive(timeout_s)
+
+
+def driver_on(line: LateLine) -> UdpDriver:
+    driver = UdpDriver(RemoteOptions(address="robot"), line.clock)
+    driver._open_address = lambda host, port: line
+    driver.connect()
+    return driver
+
+
+@pytest.mark.parametrize("lag", [0, 1, 2, 7])
+def test_who_answers_late_obeys(lag: int) -> None:
+    driver = driver_on(LateLine(lag))
+    for number in range(40):
+        try:
+            driver.send_action((Action.FORWARD, Action.LEFT)[number % 2])
+        except DriveError:
+            assert number < lag, "as soon as the first answer is there, it is heard"
+
+
+@pytest.mark.parametrize("lag", [0, 1, 2])
+def test_who_takes_no_order_is_told_of_soon(lag: int) -> None:
+    driver = driver_on(LateLine(lag, obeys=False))
+    with pytest.raises(DriveError, match="answers but obeys no order"):
+        for _ in range(5):
+            driver.send_action(Action.FORWARD)
+
+
+@pytest.mark.parametrize("stalls", [0, 1, 5])
+def test_a_computer_that_stood_still_asks_again_before_it_gives_up(stalls: int) -> None:
+    assert driver_on(StallingLine(stalls)).is_connected
+
+
+def test_who_never_answers_is_given_up() -> None:
+    with pytest.raises(DriveError, match="does not answer"):
+        driver_on(StallingLine(1000))

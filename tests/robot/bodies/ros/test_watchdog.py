@@ -1,0 +1,147 @@
+"""The node that stops a ROS robot, in virtual time: what it lets through, and for how long."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.bodies.ros.driver import RosDriver, RosOptions
+from robot.errors import DriveError
+from robot.testing import VirtualClock
+from robot.types import Action
+from tests.standins.rclpy_node import WatchdogNode
+from tests.standins.rosbridge_in_time import WatchedBridge
+
+STANDS_S = 0.5
+
+
+class Robot:
+    """A base that goes on with its last velocity for ever."""
+
+    def __init__(self, clock: VirtualClock) -> None:
+        self.clock = clock
+        self.speed = 0.0
+        self.sign: dict[str, int] = {}
+        self.node = WatchdogNode(clock, self._hear)
+        self.node.start()
+        clock.sleep(0.1)
+
+    def _hear(self, topic: str, kind: str, message: dict[str, Any]) -> None:
+        if topic == "/cmd_vel":
+            assert kind == "geometry_msgs/msg/Twist"
+            self.speed = message["linear"]["x"]
+        else:
+            assert (topic, kind) == ("/drivelesson/alive", "std_msgs/msg/Header")
+            self.sign = message["stamp"]
+
+    def order(self, speed: float, seen_s: float | None = None) -> None:
+        driver = RosDriver(RosOptions(address="robot", watchdog=True, linear_mps=1.0))
+        sign = self.sign if seen_s is None else {"sec": 0, "nanosec": round(seen_s * 1e9)}
+        driver._take_sign("/drivelesson/alive", {"stamp": sign})
+        self.node.take(driver.velocity(0.0, speed))
+
+
+@pytest.fixture
+def robot() -> Iterator[Robot]:
+    robot = Robot(VirtualClock(100.0))
+    yield robot
+    robot.node.end()
+
+
+def test_an_order_ends_by_itself(robot: Robot) -> None:
+    robot.order(0.3)
+    assert robot.speed == 0.3
+    robot.clock.sleep(0.28)
+    assert robot.speed == 0.3
+    robot.clock.sleep(0.04)
+    assert robot.speed == 0.0
+
+
+def test_an_order_that_is_renewed_goes_on(robot: Robot) -> None:
+    for _ in range(20):
+        robot.order(0.3)
+        robot.clock.sleep(0.1)
+        assert robot.speed == 0.3
+
+
+@pytest.mark.parametrize("seen_s", [0.0, 99.5, 100.5, 2e6])
+def test_what_is_late_or_of_another_start_moves_nothing(robot: Robot, seen_s: float) -> None:
+    robot.order(0.3, seen_s)
+    assert robot.speed == 0.0
+
+
+def test_a_stop_is_never_late_and_nothing_older_moves_after_a_newer_order(robot: Robot) -> None:
+    old_s = robot.clock.now_s()
+    robot.clock.sleep(0.1)
+    robot.order(0.3)
+    robot.order(0.0, 1.0)
+    assert robot.speed == 0.0
+    robot.order(0.4, old_s)
+    assert robot.speed == 0.0
+
+
+def test_its_last_word_is_a_stop(robot: Robot) -> None:
+    robot.order(0.3)
+    robot.node.end()
+    assert robot.speed == 0.0
+
+
+@given(st.lists(st.tuples(st.floats(0, 0.4), st.floats(0, 1.5)), min_size=1, max_size=6))
+def test_however_orders_are_held_up_it_stands_half_a_second_after_the_last_was_written(
+    orders: list[tuple[float, float]],
+) -> None:
+    """Each is written some time after the one before, and held up for so long."""
+    clock = VirtualClock(100.0)
+    robot = Robot(clock)
+    written_s, arrivals = clock.now_s(), []
+    for pause_s, delay_s in orders:
+        clock.sleep(max(0.0, written_s + pause_s - clock.now_s()))
+        written_s = clock.now_s()
+        arrivals.append((written_s + delay_s, written_s))
+    for arrival_s, seen_s in sorted(arrivals):
+        clock.sleep(max(0.0, arrival_s - clock.now_s()))
+        robot.order(0.3, seen_s)
+        if clock.now_s() > written_s + STANDS_S:
+            assert robot.speed == 0.0
+    clock.sleep(max(0.0, written_s + STANDS_S - clock.now_s()))
+    assert robot.speed == 0.0
+    robot.node.end()
+
+
+def test_without_its_sign_of_life_nothing_moves() -> None:
+    clock = VirtualClock(100.0)
+    bridge = WatchedBridge(clock, 1)
+    driver = RosDriver(RosOptions(address="robot", watchdog=True), clock, open_bridge=bridge.open)
+    with driver:
+        driver.send_action(Action.FORWARD)
+        clock.sleep(0.1)
+        assert bridge.is_moving
+        bridge.end()
+        assert not bridge.is_moving, "its last word"
+        clock.sleep(0.5)
+        with pytest.raises(DriveError, match=r"watchdog gives no sign of life.*watchdog\.py"):
+            driver.send_action(Action.FORWARD)
+    with pytest.raises(DriveError, match="watchdog gives no sign of life"):
+        driver.connect()
+    assert not driver.is_connected
+
+
+def test_a_base_may_listen_elsewhere_and_take_stamped_velocities() -> None:
+    clock = VirtualClock(100.0)
+    heard: dict[str, tuple[str, Any]] = {}
+    node = WatchdogNode(
+        clock,
+        lambda topic, kind, message: heard.update({topic: (kind, message)}),
+        stamped=True,
+        cmd_vel_topic="/base/cmd_vel",
+    )
+    node.start()
+    clock.sleep(0.1)
+    node.end()
+    kind, message = heard["/base/cmd_vel"]
+    assert kind == "geometry_msgs/msg/TwistStamped"
+    assert (message["header"]["frame_id"], message["twist"]["linear"]["x"]) == ("base_link", 0.0)

@@ -1,0 +1,105 @@
+"""The opencv camera on a film, and on captures that break as real ones do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from robot.devices.cameras.opencv import OpencvCamera, OpencvOptions
+from robot.errors import CameraError
+from robot.testing import VirtualClock
+from robot.types import Encoding
+from tests.contract.builders import write_film
+
+
+class BreakableCapture:
+    """Behaves as cv2.VideoCapture of a webcam: 30 pictures a second, until it breaks."""
+
+    clock: VirtualClock
+    how = "run"
+    noise = np.random.default_rng(1)
+    last = np.zeros((240, 320, 3), np.uint8)
+
+    def __init__(self, source: Any) -> None:
+        self.source = source
+
+    def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
+        return self.how != "gone"
+
+    def read(self) -> tuple[bool, Any]:
+        self.clock.sleep(0.03)
+        cls = type(self)
+        if self.how == "run":
+            cls.last = self.noise.integers(0, 255, (240, 320, 3), dtype=np.uint8)
+        while self.how == "block":
+            self.clock.sleep(0.01)
+        # Unplugged, OpenCV goes on returning the last picture, as if all were well.
+        return self.how != "gone", cls.last
+
+    def set(self, what: int, value: float) -> bool:
+        return True
+
+    def get(self, what: int) -> float:
+        return 30.0
+
+    def release(self) -> None:
+        pass
+
+
+def wait_until(clock: VirtualClock, is_so: Callable[[], bool], timeout_s: float = 5.0) -> float:
+    started_s = clock.now_s()
+    while not is_so():
+        assert clock.now_s() - started_s < timeout_s, "waited in vain"
+        clock.sleep(0.005)
+    return clock.now_s() - started_s
+
+
+@pytest.fixture
+def capture(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[BreakableCapture]]:
+    monkeypatch.setattr(cv2, "VideoCapture", BreakableCapture)
+    BreakableCapture.how = "run"
+    BreakableCapture.clock = VirtualClock()
+    yield BreakableCapture
+    BreakableCapture.how = "run"
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [("repeat", "repeats one picture"), ("gone", "gives no pictures"), ("block", "no pictures")],
+)
+def test_a_broken_webcam_is_noticed_within_500_ms_and_picked_up_again(
+    capture: type[BreakableCapture], how: str, words: str
+) -> None:
+    clock = capture.clock
+    with OpencvCamera(OpencvOptions(source="0"), clock) as camera:
+        wait_until(clock, lambda: camera.latest() is not None)
+        capture.how = how
+        assert wait_until(clock, lambda: camera.fault is not None) <= 0.5
+        assert words in str(camera.fault)
+        capture.how = "run"
+        wait_until(clock, lambda: camera.fault is None)
+
+
+def test_frames_are_small_jpegs_of_the_film_which_begins_again(tmp_path: Path) -> None:
+    film = tmp_path / "film.avi"
+    write_film(film, frames=10)
+    clock = VirtualClock()
+    with OpencvCamera(OpencvOptions(source=str(film)), clock) as camera:
+        wait_until(clock, lambda: (frame := camera.latest()) is not None and frame.frame_id > 12)
+        frame = camera.latest()
+    assert frame is not None
+    assert (frame.width, frame.height, frame.encoding) == (160, 120, Encoding.JPEG)
+    decoded = cv2.imdecode(np.frombuffer(frame.data, np.uint8), cv2.IMREAD_COLOR)
+    assert decoded.shape == (120, 160, 3)
+    assert camera.fault is None
+
+
+def test_what_cannot_be_opened_is_one_clear_line(tmp_path: Path) -> None:
+    camera = OpencvCamera(OpencvOptions(source=str(tmp_path / "none.avi")), VirtualClock())
+    with pytest.raises(CameraError, match=r"cannot open .*none.avi.*--source"):
+        camera.start()

@@ -1,0 +1,73 @@
+"""The simulation as a whole: seeds, noise, pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot.devices.simulation.simulation import NO_NOISE, Simulation
+from robot.devices.simulation.world import load_world
+from robot.types import Action
+
+pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
+
+
+def run(seed: int, steps: int = 30) -> tuple[object, bytes]:
+    simulation = Simulation(load_world("office"), seed)
+    simulation.action = Action.FORWARD
+    for _ in range(steps):
+        simulation.step(0.1)
+        picture = simulation.render()
+    sensed = simulation.sense()
+    simulation.close()
+    return (sensed.pose, sensed.distance_m), picture.tobytes()
+
+
+def test_the_same_seed_gives_the_same_numbers_and_pictures() -> None:
+    assert run(seed=4) == run(seed=4)
+    assert run(seed=4) != run(seed=5)
+
+
+def test_the_picture_shows_floor_below_and_wall_above() -> None:
+    simulation = Simulation(load_world("box"), seed=0, noise=NO_NOISE)
+    picture = simulation.render()
+    assert picture.shape == (120, 160, 3)
+    assert picture[:20].mean() > picture[-20:].mean() + 50
+    simulation.close()
+
+
+def test_the_robot_pushes_a_wall_when_it_drives_against_it() -> None:
+    simulation = Simulation(load_world("box"), seed=0)
+    simulation.action = Action.FORWARD
+    for _ in range(120):
+        simulation.step(0.1)
+    assert simulation.is_pushing
+    assert simulation.sense().bumped
+    assert (simulation.sense().distance_m or 0) < 0.1
+
+
+def test_speed_scales() -> None:
+    ways = []
+    for scale in (1.0, 0.5):
+        simulation = Simulation(load_world("office"), seed=0, noise=NO_NOISE)
+        start = simulation.pose
+        simulation.action, simulation.speed_scale = Action.FORWARD, scale
+        simulation.step(1.0)
+        ways.append(np.hypot(simulation.pose.x_m - start.x_m, simulation.pose.y_m - start.y_m))
+    assert ways[0] == pytest.approx(0.16)
+    assert ways[1] == pytest.approx(0.08)
+
+
+def test_the_way_is_as_uncertain_at_any_frame_rate() -> None:
+    spread = []
+    for rate_hz in (10, 30, 200):
+        headings = []
+        for seed in range(150):
+            simulation = Simulation(load_world("office"), seed)
+            begun = simulation.pose.heading_rad
+            simulation.action = Action.FORWARD
+            for _ in range(rate_hz):
+                simulation.step(1 / rate_hz)
+            headings.append(simulation.pose.heading_rad - begun)
+        spread.append(float(np.std(headings)))
+    assert spread == pytest.approx([spread[0]] * 3, rel=0.25)

@@ -1,0 +1,50 @@
+"""Worlds as files: the ones that come along, one's own, and broken ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robot.devices.simulation.world import load_world, world_names
+from robot.errors import ConfigurationError
+
+
+def test_the_worlds_of_the_paper_are_there() -> None:
+    assert {"box", "office", "corridor"} <= set(world_names())
+    assert (load_world("box").width_m, load_world("box").depth_m) == (1.15, 1.15)
+    office = load_world("office")
+    assert office.width_m * office.depth_m == pytest.approx(8.7, abs=0.05)
+    assert {o.name for o in office.obstacles} == {"trash can", "backpack", "violin case"}
+
+
+def test_an_unknown_world_names_those_that_exist() -> None:
+    with pytest.raises(ConfigurationError, match=r"unknown world 'moon'.*box.*office"):
+        load_world("moon")
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("room = 3", "room"),
+        ("[room]\nwidth_m = 1", "'start' is missing"),
+        ("not toml", "Expected"),
+    ],
+)
+def test_a_broken_file_is_one_clear_error(tmp_path: Path, text: str, complaint: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigurationError) as caught:
+        load_world(str(path))
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    if "start" in complaint:
+        assert complaint in str(caught.value)
+
+
+def test_a_robot_outside_the_room_is_refused(tmp_path: Path) -> None:
+    box = Path("robot/devices/simulation/worlds/box.toml").read_text()
+    path = tmp_path / "mine.toml"
+    path.write_text(box.replace("x_m = 0.45", "x_m = 4.5"))
+    with pytest.raises(ConfigurationError, match="outside the room"):
+        load_world(str(path))

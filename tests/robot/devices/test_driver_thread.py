@@ -1,0 +1,282 @@
+"""A body that needs 50 ms a request costs the loop nothing, and still obeys its newest action."""
+
+from __future__ import annotations
+
+import heapq
+import threading
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import pytest
+
+from robot.clock import ManualClock
+from robot.control.loop import ControlLoop
+from robot.devices.driver_thread import SILENT_S, STALE_S, DriverThread
+from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
+from robot.errors import DriveError, NotConnectedError
+from robot.exchange.replay_driver import ReplayDriver
+from robot.policy.registry import make_policy
+from robot.testing import VirtualClock
+from robot.types import Action, Mode, PilotCommand, Sensors, StopReason
+from tests.robot.devices.still_camera import StillCamera
+
+TICK_S = 1 / 30
+
+
+@dataclass
+class Body(ReplayDriver):
+    """A body in virtual time that notes each request and when it came; it may fail."""
+
+    clock: ManualClock
+    requests: list[tuple[float, str]] = field(default_factory=list)
+    failure: Exception | None = None
+    moving_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__init__(clock=self.clock)
+        self.speed = 1.0
+        self.pressed: BodyButton | None = None
+
+    def note(self, what: str) -> None:
+        self.requests.append((self.clock.now_s(), what))
+        if self.failure is not None:
+            raise self.failure
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        self.note(str(action))
+        self.speed = speed_scale
+        return super().send_action(action, speed_scale=speed_scale)
+
+    def sense(self) -> Sensors:
+        self.note("sense")
+        return Sensors(distance_m=self.clock.now_s())
+
+    def stop(self) -> None:
+        super().stop()
+        self.note("halt")
+
+    def take_button(self) -> BodyButton | None:
+        pressed, self.pressed = self.pressed, None
+        return pressed
+
+
+@dataclass
+class Drive:
+    """What came of twenty simulated seconds."""
+
+    cycles: int = 0
+    lessons: int = 0
+    way: float = 0.0
+    stops: int = 0
+
+
+def drive(request_s: float, *, remote: bool, seconds: float = 20.0) -> Drive:
+    """Teach for `seconds` of virtual time: pictures at 30 Hz, a pilot at 10 Hz, a body whose every
+    request takes `request_s`. A body that is not remote holds up the loop that asks it."""
+    clock = ManualClock(1.0)
+    body = Body(clock)
+    driver: Driver = body
+    if remote:
+        driver = DriverThread(body, clock, threaded=False)
+    camera = StillCamera(clock)
+    loop = ControlLoop(driver, camera, make_policy("published-8"), clock)
+    driver.connect()
+    result = Drive()
+    loop.set_mode(Mode.TRAIN)
+    events: list[tuple[float, int, str]] = [(1.0, 0, "tick"), (1.0, 1, "pilot"), (1.0, 2, "body")]
+    seq, end_s = 0, 1.0 + seconds
+    while events[0][0] < end_s:
+        at_s, order, what = heapq.heappop(events)
+        before_s = clock.now_s()
+        if at_s > before_s:
+            result.way += (at_s - before_s) * body.speed * (body.action is not Action.STOP)
+            clock.advance(at_s - before_s)
+        now_s = clock.now_s()
+        if what == "tick":
+            requests = len(body.requests)
+            camera.take()
+            loop.tick(now_s)
+            result.cycles += 1
+            blocked_s = 0.0 if remote else (len(body.requests) - requests) * request_s
+            heapq.heappush(events, (now_s + max(TICK_S, blocked_s), order, what))
+        elif what == "pilot":
+            seq += 1
+            held = (Action.FORWARD, Action.LEFT, Action.RIGHT)[seq // 10 % 3]
+            frame = camera.latest()
+            loop.command(
+                PilotCommand(
+                    held=held, frame_id=frame and frame.frame_id, seq=seq, received_s=now_s
+                )
+            )
+            heapq.heappush(events, (now_s + 0.1, order, what))
+        else:
+            did = isinstance(driver, DriverThread) and driver.step()
+            heapq.heappush(events, (now_s + (request_s if did else TICK_S / 4), order, what))
+    result.lessons = loop.history.n_examples
+    result.stops = sum(loop.state.stops.values())
+    return result
+
+
+@pytest.mark.parametrize("request_s", [0.02, 0.05, 0.08])
+def test_a_slow_body_costs_no_cycle_no_lesson_and_no_way(request_s: float) -> None:
+    quick = drive(0.0, remote=False)
+    slow = drive(request_s, remote=True)
+    assert quick.stops == slow.stops == 0
+    assert slow.cycles >= 0.95 * quick.cycles
+    assert slow.lessons >= 0.95 * quick.lessons > 100
+    assert slow.way >= 0.95 * quick.way > 10.0
+
+
+def test_the_same_body_on_the_loops_own_thread_would_cost_half() -> None:
+    assert drive(0.05, remote=False).cycles < 0.5 * drive(0.0, remote=False).cycles
+
+
+def wrapped() -> tuple[ManualClock, Body, DriverThread]:
+    clock = ManualClock(1.0)
+    body = Body(clock)
+    driver = DriverThread(body, clock, threaded=False)
+    driver.connect()
+    return clock, body, driver
+
+
+def drain(driver: DriverThread) -> None:
+    for _ in range(10):
+        if not driver.step():
+            return
+    pytest.fail("it is never done")
+
+
+def names(body: Body) -> list[str]:
+    return [what for _, what in body.requests]
+
+
+def test_only_the_newest_action_is_sent() -> None:
+    _, body, driver = wrapped()
+    drain(driver)
+    for action in (Action.FORWARD, Action.LEFT, Action.RIGHT):
+        driver.send_action(action)
+    drain(driver)
+    assert names(body) == ["sense", "right"]
+
+
+def test_stop_goes_before_everything_and_drops_what_waits() -> None:
+    _, body, driver = wrapped()
+    driver.send_action(Action.FORWARD)
+    driver.stop()
+    drain(driver)
+    assert names(body)[0] == "halt" and "forward" not in names(body)
+    driver.stop()
+    driver.send_action(Action.LEFT)
+    drain(driver)
+    assert names(body)[-2:] == ["halt", "left"]
+
+
+def test_an_action_that_waited_too_long_becomes_a_stop() -> None:
+    clock, body, driver = wrapped()
+    drain(driver)
+    driver.send_action(Action.FORWARD)
+    clock.advance(STALE_S + 0.01)
+    drain(driver)
+    assert "forward" not in names(body) and names(body)[-1] == "halt"
+
+
+def test_a_new_action_goes_before_the_sensors_but_never_twice() -> None:
+    clock, body, driver = wrapped()
+    drain(driver)
+    for index in range(40):
+        driver.send_action((Action.LEFT, Action.RIGHT)[index % 2])
+        clock.advance(0.05)
+        driver.step()
+    sensed = [at_s for at_s, what in body.requests if what == "sense"]
+    assert max(b - a for a, b in pairwise(sensed)) <= 0.3
+    assert names(body).count("left") + names(body).count("right") >= 20
+
+
+@pytest.mark.parametrize("error", [DriveError("the wheel is off"), RuntimeError("a bug")])
+def test_a_fault_is_raised_until_a_request_succeeds(error: Exception) -> None:
+    clock, body, driver = wrapped()
+    drain(driver)
+    body.failure = error
+    driver.send_action(Action.FORWARD)
+    drain(driver)
+    for _ in range(2):
+        with pytest.raises(type(error), match=str(error)):
+            driver.send_action(Action.STOP)
+    clock.advance(0.2)
+    drain(driver)
+    with pytest.raises(type(error)):
+        driver.sense()
+    body.failure = None
+    clock.advance(0.2)
+    driver.stop()
+    drain(driver)
+    driver.send_action(Action.STOP)
+    assert driver.sense().distance_m == pytest.approx(clock.now_s())
+
+
+def test_bad_actions_are_refused_at_once() -> None:
+    _, body, driver = wrapped()
+    with pytest.raises(ValueError, match="speed_scale"):
+        driver.send_action(Action.FORWARD, speed_scale=2.0)
+    with pytest.raises(ValueError, match="no_such"):
+        driver.send_action(Action("no_such"))
+    driver.disconnect()
+    with pytest.raises(NotConnectedError):
+        driver.send_action(Action.FORWARD)
+    assert names(body) == ["halt"]
+
+
+def test_the_bodys_button_reaches_the_loop_once() -> None:
+    _, body, driver = wrapped()
+    body.pressed = BodyButton.STOP
+    drain(driver)
+    assert [driver.take_button(), driver.take_button()] == [BodyButton.STOP, None]
+
+
+class HungBody(ReplayDriver):
+    """Its first action hangs until it is released."""
+
+    def __init__(self, clock: VirtualClock) -> None:
+        super().__init__(clock=clock)
+        self.clock = clock
+        self.reached, self.release = threading.Event(), threading.Event()
+        self.sent: list[Action] = []
+        self.done = threading.Event()
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        self.reached.set()
+        self.clock.wait(self.release, 30.0)
+        self.sent.append(action)
+        if len(self.sent) == 2:
+            self.done.set()
+        return super().send_action(action, speed_scale=speed_scale)
+
+
+def test_a_hung_body_holds_up_no_tick_and_is_a_fault() -> None:
+    """The body hangs in a request on the driver's own thread while the loop goes on."""
+    clock = VirtualClock()
+    body = HungBody(clock)
+    with DriverThread(body, clock) as driver:
+        driver.send_action(Action.FORWARD)
+        assert clock.wait(body.reached, 10.0)
+        driver.send_action(Action.LEFT)
+        clock.advance(SILENT_S + 0.01)
+        camera = StillCamera(clock)
+        loop = ControlLoop(driver, camera, make_policy("published-8"), clock)
+        loop.set_mode(Mode.TRAIN)
+        camera.take()
+        loop.tick(clock.now_s())
+        assert loop.mode is Mode.STOPPED
+        assert loop.state.decision.stop_reason in (StopReason.DRIVE_FAULT, None)
+        assert "does not answer" in (loop.state.fault or "")
+        body.release.set()
+    assert Action.LEFT not in body.sent
+    assert body.action is Action.STOP and ACTION_TIMEOUT_S < SILENT_S
+
+
+def test_it_leaves_no_thread_behind() -> None:
+    before = set(threading.enumerate())
+    clock = VirtualClock()
+    with DriverThread(ReplayDriver(clock=clock), clock) as driver:
+        driver.send_action(Action.FORWARD)
+    assert set(threading.enumerate()) == before

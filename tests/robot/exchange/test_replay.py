@@ -1,0 +1,72 @@
+"""Recorded footage as a camera."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+
+from robot.errors import ConfigurationError, RecordingError
+from robot.exchange.npz import load_recording
+from robot.exchange.replay_camera import ReplayCamera, ReplayCameraOptions
+from robot.testing import VirtualClock
+from robot.types import Frame
+from tests.robot.footage import write_footage
+
+
+def play(camera: ReplayCamera, count: int) -> list[Frame]:
+    """Return the first `count` frames, or as many as come before a fault."""
+    frames: list[Frame] = []
+    done = threading.Event()
+
+    def note() -> None:
+        frame = camera.latest()
+        if camera.fault is None and frame is not None and len(frames) < count:
+            frames.append(frame)
+        if camera.fault is not None or len(frames) == count:
+            done.set()
+
+    camera.listen(note)
+    with camera:
+        assert camera.clock.wait(done, 10.0)
+    return frames
+
+
+def test_it_plays_the_very_bytes_and_begins_again(tmp_path: Path) -> None:
+    path = write_footage(tmp_path / "hall_A.npz", n_frames=3, period_s=0.01)
+    camera = ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock())
+    frames = play(camera, 7)
+    files = load_recording(path).frames
+    assert [frame.data for frame in frames] == [files[i % 3] for i in range(7)]
+    assert [frame.frame_id for frame in frames] == list(range(1, 8))
+
+
+def test_it_keeps_the_pace_of_the_recording(tmp_path: Path) -> None:
+    path = write_footage(tmp_path / "hall_A.npz", n_frames=9, period_s=0.05)
+    frames = play(ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock()), 9)
+    assert frames[-1].captured_s - frames[0].captured_s == pytest.approx(0.40)
+
+
+def test_it_plays_a_folder_in_order_and_says_when_it_is_over(tmp_path: Path) -> None:
+    first = write_footage(tmp_path / "a.npz", n_frames=2, seed=1, period_s=0.01)
+    second = write_footage(tmp_path / "b.npz", n_frames=2, seed=2, period_s=0.01)
+    options = ReplayCameraOptions(recording=str(tmp_path), loop=False)
+    camera = ReplayCamera(options, VirtualClock())
+    frames = play(camera, 99)
+    files = [*load_recording(first).frames, *load_recording(second).frames]
+    assert [frame.data for frame in frames] == files
+    assert camera.fault is not None
+    assert "is over" in camera.fault
+
+
+@pytest.mark.parametrize("what", ["nothing", "missing", "empty folder", "broken"])
+def test_what_cannot_be_played_is_one_clear_error(tmp_path: Path, what: str) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "broken.npz").write_bytes(b"no recording")
+    name = {"nothing": "", "missing": "x.npz", "empty folder": "empty", "broken": "broken.npz"}
+    recording = str(tmp_path / name[what]) if name[what] else ""
+    with pytest.raises((ConfigurationError, RecordingError)) as caught:
+        ReplayCamera(ReplayCameraOptions(recording=recording), VirtualClock()).start()
+    assert (recording or "--recording") in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from robot.errors import CameraError, MissingExtraError
+from robot.lab.eyes.features import EyesFeatures
+from robot.policy.features import GreyFeatures
+from robot.policy.registry import make_policy
+from robot.types import Action, Encoding, Frame
+from tests.robot.policy.pictures import frame_of
+
+Pixels = NDArray[np.uint8]
+
+
+@pytest.fixture(scope="module")
+def features() -> EyesFeatures:
+    try:
+        return EyesFeatures()
+    except MissingExtraError as error:
+        pytest.skip(f"NOT TESTED: {error}")
+
+
+def room(seed: int) -> Pixels:
+    blocks = np.random.default_rng(seed).integers(0, 255, (12, 16, 3))
+    return np.kron(blocks, np.ones((10, 10, 1), int)).astype(np.uint8)
+
+
+def test_vector_is_pure_and_shows_its_thumbnail(features: EyesFeatures) -> None:
+    x = features.extract(frame_of(room(1)))
+    assert (x.shape, x.dtype) == ((2000,), np.uint8)
+    assert np.array_equal(x, features.extract(frame_of(room(1))))
+    grey = GreyFeatures().extract(frame_of(room(1))).reshape(30, 40)
+    assert np.abs(features.thumbnail(x).astype(int) - grey).max() <= 2
+
+
+def test_parts_lie_where_they_are_seen(features: EyesFeatures) -> None:
+    plain = np.full((120, 160, 3), 120, np.uint8)
+    for row in range(2):
+        for column in range(5):
+            thing = plain.copy()
+            thing[60 * row + 10 : 60 * row + 50, 32 * column + 4 : 32 * column + 28] = room(2)[
+                :40, :24
+            ]
+            x, y = (features.extract(frame_of(rgb)).astype(float) for rgb in (plain, thing))
+            changed = np.abs(x - y)[: features.n_outputs].reshape(80, 2, 5).sum(axis=0)
+            assert changed.argmax() == 5 * row + column
+
+
+def test_the_parts_of_a_difference_add_up_to_it(features: EyesFeatures) -> None:
+    difference = np.random.default_rng(0).normal(size=2000)
+    cells = features.cells(difference)
+    assert cells.shape == (6, 8)
+    assert cells.sum() == pytest.approx((difference**2).sum())
+
+
+def test_a_difference_lies_in_its_part(features: EyesFeatures) -> None:
+    difference = np.zeros(2000)
+    difference[: features.n_outputs].reshape(80, 2, 5)[7, 1, 4] = 3.0
+    cells = features.cells(difference)
+    assert np.argwhere(cells > 0).tolist() == [[r, c] for r in (3, 4, 5) for c in (6, 7)]
+
+
+@pytest.mark.parametrize("times", [2, 4])
+def test_a_view_is_the_same_to_a_camera_of_any_size(features: EyesFeatures, times: int) -> None:
+    large = room(5).repeat(times, axis=0).repeat(times, axis=1)
+    assert np.array_equal(features.extract(frame_of(large)), features.extract(frame_of(room(5))))
+
+
+def test_a_broken_frame_is_a_camera_error(features: EyesFeatures) -> None:
+    broken = Frame(
+        frame_id=1, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=b"no"
+    )
+    with pytest.raises(CameraError):
+        features.extract(broken)
+
+
+def test_it_drives_by_few_examples_in_another_light(features: EyesFeatures) -> None:
+    """Three things to turn at or to pass, each seen at a few places, then at others and darker."""
+    moves = (Action.FORWARD, Action.LEFT, Action.RIGHT)
+    things = {move: room(seed)[:60, :60] for seed, move in enumerate(moves, 10)}
+
+    def view(move: Action, x: int, light: float) -> Frame:
+        rgb = np.full((120, 160, 3), 140, np.uint8)
+        rgb[60 - x // 4 : 120 - x // 4, 40 + x : 100 + x] = things[move]
+        return frame_of((rgb * light).astype(np.uint8))
+
+    policy = make_policy("eyes-32", moves=moves)
+    for x in (0, 8, 16):
+        for move in moves:
+            policy.learn(policy.extract(view(move, x, 1.0)), move)
+    for move in moves:
+        policy.reset()
+        for i, x in enumerate((4, 12)):
+            assert policy.propose(i, policy.extract(view(move, x, 0.5))).action is move

@@ -1,0 +1,188 @@
+from __future__ import annotations
+
+import json
+import os
+import statistics
+from pathlib import Path
+from unittest import mock
+
+import cv2
+import numpy as np
+import pytest
+
+from robot.errors import RecordingError
+from robot.exchange.npz import load_recording
+from robot.lab import evaluation
+from robot.policy.image import to_grey
+from robot.policy.registry import make_policy
+from robot.types import Action
+from server.__main__ import main
+
+FOUND = os.environ.get(
+    "DRIVELESSON_RECORDINGS", str(Path(__file__).parents[3].parent / "shared/recordings")
+)
+needs_recordings = pytest.mark.skipif(
+    not Path(FOUND).is_dir(), reason=f"no footage in {FOUND}; set DRIVELESSON_RECORDINGS"
+)
+
+
+def write_recording(path, n=12, seed=0, **changes):
+    rng = np.random.default_rng(seed)
+    labels = np.arange(n, dtype=np.uint8) % 3
+    pictures = [
+        np.kron(np.full((12, 16), 60 * int(k)) + rng.integers(0, 30, (12, 16)), np.ones((10, 10)))
+        for k in labels
+    ]
+    jpegs = [cv2.imencode(".jpg", p.astype(np.uint8))[1].ravel() for p in pictures]
+    arrays = {
+        "jpeg": np.concatenate(jpegs),
+        "offsets": np.cumsum([0] + [j.size for j in jpegs]),
+        "labels": labels,
+        "t": np.arange(n, dtype=np.float32) / 10,
+        "meta": np.array(json.dumps({"source": "test"})),
+    } | changes
+    np.savez(path, **{k: v for k, v in arrays.items() if v is not None})
+
+
+def test_reads_what_was_written(tmp_path):
+    write_recording(tmp_path / "hall_A.npz")
+    recording = load_recording(tmp_path / "hall_A.npz")
+    assert (recording.place, len(recording), recording.meta["source"]) == ("hall", 12, "test")
+    assert recording.labels[:3] == (Action.FORWARD, Action.LEFT, Action.RIGHT)
+    assert recording.frame(3).data[:2] == b"\xff\xd8"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"jpeg": None},
+        {"labels": np.full(12, 9, np.uint8)},
+        {"offsets": np.arange(13)},
+        {"t": np.zeros(3)},
+        {"labels": np.array([{}], object)},
+    ],
+    ids=["missing", "labels", "offsets", "times", "pickle"],
+)
+def test_a_broken_recording_is_one_clear_line(tmp_path, changes, capsys):
+    write_recording(tmp_path / "hall_A.npz", **changes)
+    write_recording(tmp_path / "hall_B.npz")
+    with pytest.raises(RecordingError, match=r"hall_A\.npz"):
+        load_recording(tmp_path / "hall_A.npz")
+    assert main(["evaluate", str(tmp_path), "--learners", "knn-3"]) == 1
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("content", [None, b"", b"PK\x03\x04 torn"])
+def test_files_that_are_no_recording(tmp_path, content):
+    path = tmp_path / "hall_A.npz"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(RecordingError, match="hall_A"):
+        load_recording(path)
+
+
+def test_a_frame_that_is_no_jpeg_names_its_recording(tmp_path, capsys):
+    write_recording(tmp_path / "hall_A.npz", jpeg=np.zeros(12, np.uint8), offsets=np.arange(13))
+    write_recording(tmp_path / "hall_B.npz")
+    assert main(["evaluate", str(tmp_path), "--learners", "published-4"]) == 1
+    assert "hall_A" in capsys.readouterr().err
+
+
+def test_the_command_writes_both_directions(tmp_path, capsys):
+    write_recording(tmp_path / "hall_A.npz")
+    write_recording(tmp_path / "hall_B.npz", seed=1)
+    out = tmp_path / "out.json"
+    assert (
+        main(
+            [
+                "evaluate",
+                str(tmp_path),
+                "--learners",
+                "published-8,default-8,knn-3",
+                "--json",
+                str(out),
+            ]
+        )
+        == 0
+    )
+    pairs = json.loads(out.read_text())["pairs"]
+    assert [(p["train"], p["test"]) for p in pairs[::3]] == [
+        ("hall_A", "hall_B"),
+        ("hall_B", "hall_A"),
+    ]
+    assert {p["learner"] for p in pairs} == {"published-8", "default-8", "knn-3"}
+    assert all(p["correct"] == round(p["accuracy"] * p["frames"]) for p in pairs)
+    assert "published-8" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", [["evaluate", "nowhere"], ["evaluate", ".", "--learners", ","]])
+def test_bad_calls_fail_with_a_line(words, capsys):
+    assert main(words) == 1
+    assert capsys.readouterr().err.startswith("drivelesson: ")
+
+
+def test_balanced_accuracy_weighs_labels_alike():
+    f, left = Action.FORWARD, Action.LEFT
+    assert evaluation.scores([f, f, f, left], [f, f, f, f]) == (0.75, 0.5)
+
+
+README = {  # place: 9-nn, published BSOC-32, published BSOC-64
+    "asphalt": (0.837, 0.807, 0.828),
+    "gym": (0.810, 0.742, 0.813),
+    "matroom": (0.776, 0.699, 0.715),
+    "office1": (0.680, 0.643, 0.637),
+    "simroad": (0.858, 0.813, 0.846),
+}
+
+
+# Each place takes a quarter of a minute: `.ci/run` has time for all of them.
+PLACES = list(README) if os.environ.get("DRIVELESSON_PLACES") == "all" else ["office1"]
+
+
+@needs_recordings
+@pytest.mark.recordings
+@pytest.mark.slow
+@pytest.mark.parametrize("place", PLACES)
+def test_reproduces_the_figures_of_the_recordings(place):
+    learners = ["knn-9", "published-32", "published-64"]
+    pairs = [pair for pair in evaluation.load_pairs(FOUND) if pair.train.place == place]
+    results = list(evaluation.evaluate(pairs, learners))
+    for learner, figure in zip(learners, README[place], strict=True):
+        own = [r.accuracy for r in results if r.learner == learner]
+        assert len(own) == 2, "one direction after the other"
+        assert statistics.mean(own) == pytest.approx(figure, abs=0.015), learner
+
+
+@pytest.mark.parametrize("light", [0.3, 0.5])
+def test_the_test_can_be_made_darker_and_the_lesson_stays(tmp_path, light):
+    for name in ("hall_A", "hall_B"):
+        write_recording(tmp_path / f"{name}.npz", seed=ord(name[-1]))
+    pair = evaluation.load_pairs(tmp_path, light)[0]
+    frame = pair.test.frame(0)
+    darker = evaluation.darkened(frame, pair.light)
+    assert to_grey(darker).mean() == pytest.approx(light * to_grey(frame).mean(), abs=1.5)
+    assert evaluation.darkened(frame, 1.0) is frame
+
+
+@pytest.mark.parametrize("examples", [1, 5, 10**6])
+def test_few_examples_are_spread_over_the_drive(tmp_path, examples):
+    for name in ("hall_A", "hall_B"):
+        write_recording(tmp_path / f"{name}.npz", seed=ord(name[-1]))
+    pair = evaluation.load_pairs(tmp_path, examples=examples)[1]
+    policy = make_policy("published-8")
+    learned: list[np.ndarray] = []
+    with mock.patch.object(policy, "learn", lambda x, label: learned.append(x)):
+        n_taught = evaluation.teach(policy, pair.train, {}, pair.examples)
+    every = [policy.extract(pair.train.frame(i)) for i in range(len(pair.train))]
+    places = [next(i for i, x in enumerate(every) if np.array_equal(x, y)) for y in learned]
+    assert n_taught == len(learned) == min(examples, len(every))
+    if examples > 1:
+        gaps = np.diff(places)
+        assert (places[0], places[-1]) == (0, len(every) - 1) and np.ptp(gaps) <= 1
+
+
+@pytest.mark.parametrize("light", ["0", "1.5", "half", "nan"])
+def test_no_light_and_too_much_are_refused(tmp_path, capsys, light):
+    with pytest.raises(SystemExit):
+        main(["evaluate", str(tmp_path), "--light", light])
+    assert "must be a number above 0 up to 1" in capsys.readouterr().err

@@ -1,0 +1,166 @@
+"""Many runs: kept one by one, gone on with, the same alone and side by side."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.errors import ConfigurationError
+from robot.lab.runner import run_all
+from robot.lab.store import Store
+from robot.lab.task import Task
+
+pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
+pytest.importorskip("joblib", reason="the extra 'experiments' is not installed")
+
+
+def tasks(count: int) -> list[Task]:
+    return [
+        Task(
+            kind="lesson",
+            params={
+                "world": "box",
+                "moves": ("forward", "left"),
+                "teacher": "usual",
+                "learner": "default-8",
+                "teach_s": 1.0,
+                "correct_s": 0.5,
+                "alone_s": 0.5,
+                "reference_s": 0.5,
+                "seed": seed,
+            },
+        )
+        for seed in range(count)
+    ]
+
+
+def numbers(results: list[dict[str, Any]]) -> str:
+    """All figures but those of speed, to the last digit."""
+    return json.dumps([{k: v for k, v in r.items() if k != "timing"} for r in results])
+
+
+def test_alone_and_side_by_side_the_numbers_are_the_same(tmp_path: Path) -> None:
+    alone = run_all(tasks(2), Store(tmp_path / "a"), jobs=1)
+    together = run_all(tasks(2), Store(tmp_path / "b"), jobs=2)
+    assert numbers(alone) == numbers(together)
+    assert numbers(alone[:1]) != numbers(alone[1:2])
+
+
+def test_what_is_finished_is_not_run_again(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    first, second = tasks(2)
+    store.put(first, {"mark": 1.0})
+    done: list[int] = []
+    results = run_all(
+        [first, second], store, jobs=1, on_done=lambda t: done.append(t.params["seed"])
+    )
+    assert results[0] == {"mark": 1.0}
+    assert "before" in results[1]
+    assert done == [0, 1]
+
+
+def test_a_task_asked_for_twice_is_run_once(tmp_path: Path) -> None:
+    (task,) = tasks(1)
+    results = run_all([task, task], Store(tmp_path), jobs=1)
+    assert results[0] == results[1]
+    assert len(list(tmp_path.glob("*.json"))) == 1
+
+
+def test_a_broken_file_counts_as_not_run(tmp_path: Path) -> None:
+    store, (task,) = Store(tmp_path), tasks(1)
+    store.put(task, {"mark": 1.0})
+    (file,) = tmp_path.glob("*.json")
+    file.write_text(file.read_text()[:-5])
+    assert store.get(task) is None
+
+
+def test_the_key_follows_the_task_and_the_files_it_names(tmp_path: Path) -> None:
+    first, second = tasks(2)
+    assert first.key() == tasks(1)[0].key() != second.key()
+    idea = tmp_path / "idea.py"
+    idea.write_text("a = 1")
+    task = Task(kind="lesson", params={"learner": f"{idea}:Name"})
+    before = task.key()
+    idea.write_text("a = 2")
+    assert task.key() != before
+
+
+def test_a_folder_that_cannot_be_written_is_a_clear_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigurationError, match="cannot save results"):
+        Store(tmp_path / "file" / "folder")
+
+
+def test_an_interrupted_call_loses_no_finished_run(tmp_path: Path) -> None:
+    """Interrupt a real call after its first finished run, as Ctrl-C does; then go on."""
+    program = (
+        "import signal, sys; from pathlib import Path\n"
+        # A test run in the background has SIGINT ignored, and its children inherit that.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from robot.lab.runner import run_all\n"
+        "from robot.lab.store import Store\n"
+        "from tests.robot.lab.test_runner import tasks\n"
+        "run_all(tasks(40), Store(Path(sys.argv[1])), jobs=1,"
+        " on_done=lambda task: print('done', flush=True))\n"
+    )
+    root = Path(__file__).parents[3]
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, str(tmp_path)],
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": str(root)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "done\n"
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=100)
+    kept = {file.name: file.read_text() for file in tmp_path.glob("*.json")}
+    assert kept
+    count = len(kept)
+    assert count < 40
+    run_all(tasks(count + 1), Store(tmp_path), jobs=1)
+    after = {file.name: file.read_text() for file in tmp_path.glob("*.json")}
+    assert len(after) == count + 1
+    assert {name: after[name] for name in kept} == kept
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.realtime
+def test_a_dask_cluster_loses_no_run_when_a_worker_is_killed(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        victim = next(iter(cluster.workers.values()))
+        done: list[int] = []
+
+        def note(task: Task) -> None:
+            done.append(task.params["seed"])
+            if len(done) == 2:
+                os.kill(victim.pid, signal.SIGKILL)
+
+        results = run_all(
+            tasks(5),
+            Store(tmp_path / "dask"),
+            backend="dask",
+            scheduler=cluster.scheduler_address,
+            on_done=note,
+        )
+    assert sorted(done) == list(range(5)), "none lost, none counted twice"
+    assert numbers(results) == numbers(run_all(tasks(5), Store(tmp_path / "here"), jobs=1))
+
+
+def test_an_unreachable_cluster_is_a_clear_error(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
+    with pytest.raises(ConfigurationError, match="--scheduler"):
+        run_all(tasks(1), Store(tmp_path), backend="dask")

@@ -1,0 +1,140 @@
+"""Tables, reports, and the plans and figures of every experiment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.lab.catalogue import EXPERIMENTS
+from robot.lab.experiment import ExperimentSettings
+from robot.lab.report import make_section, write_html
+from robot.lab.tables import Table, spread
+from robot.lab.task import Task
+from server.__main__ import main
+from server.lab.experiment import NAMES
+
+QUICK = ExperimentSettings(quick=True)
+
+
+def made_up(task: Task) -> dict[str, Any]:
+    """A result of the right form: plans and tables are tested apart from the runs between."""
+    drive = {
+        "ssd": 1.5,
+        "ssd_of_moves_made": 1.0,
+        "ssd_against_lesson": 2.0,
+        "never": ["left"],
+        "longest_push_s": 0.5,
+        "pushing_s_per_min": 1.0,
+        "collisions_per_min": 2.0,
+        "asking_share": 0.25,
+        "covered_m2": 0.4,
+        "ssd_frequent": 1.0,
+        "stuck": False,
+        "driven_m": 7.0,
+    }
+    episodes = {
+        "right_m": 0.3,
+        "in_view": None,
+        "brought_to_wall": 1.0,
+        "seconds": 20.0,
+        "longest_push_s": 0.0,
+        "driven_m_per_min": 7.0,
+    }
+    if task.kind == "lesson":
+        return {"before": drive, "after": drive, "teacher": drive, "taught": {"agreement": 0.9}}
+    if task.kind == "episodes":
+        return {"teacher": episodes, "alone": episodes}
+    if task.kind == "habit":
+        minute = {**drive, "ssd_alike": 1.0}
+        return {"before": {**minute, "teacher": minute}}
+    if task.kind == "ready":
+        tried = {"is_ready": True, "taught_s": 50.0, "tried_s": 40.0, "agreement": 0.9}
+        return {**tried, "missing": [], "asking_share": 0.01, "longest_push_s": 0.5, "stuck": False}
+    if task.kind == "mind":
+        views = {"blocked": 50, "right": 40, "left": 5, "turning": 90, "turning_right": 60}
+        return {"first": views, "second": views, "alone": {"turns": 100, "right": 99}}
+    if task.kind == "cycles":
+        return {"timing": {"learning_hz": 100.0, "applying_hz": 200.0}}
+    return {"correct": 600, "frames": 700, "accuracy": 6 / 7, "balanced_accuracy": 0.8}
+
+
+def test_the_command_knows_every_experiment() -> None:
+    assert list(NAMES) == list(EXPERIMENTS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_experiment_makes_tables_and_a_report(name: str) -> None:
+    experiment = EXPERIMENTS[name]
+    tasks = experiment.plan(QUICK)
+    assert len({task.key() for task in tasks}) == len(tasks), "no run twice"
+    section = make_section(experiment, QUICK, tasks, [made_up(task) for task in tasks])
+    assert section.tables
+    html = write_html([section], "drivelesson experiment x", ["A note <here>."])
+    assert "A note &lt;here&gt;." in html
+    for loads in ("<script", "<link", "<img", "src=", 'href="http', "url(http"):
+        assert loads not in html, "the report needs nothing from elsewhere"
+    assert experiment.title in html
+
+
+def test_more_seeds_are_more_runs() -> None:
+    few, many = (len(EXPERIMENTS["figure7"].plan(ExperimentSettings(seeds=n))) for n in (1, 3))
+    assert many == 3 * few
+
+
+def test_a_learner_that_is_named_runs_once_with_its_own_number_of_nodes() -> None:
+    settings = ExperimentSettings(quick=True, learners=("default-8", "knn-9"))
+    figure6 = EXPERIMENTS["figure6"]
+    tasks = figure6.plan(settings)
+    assert [task.params["learner"] for task in tasks] == ["default-8", "knn-9"]
+    (table,) = make_section(figure6, settings, tasks, [made_up(task) for task in tasks]).tables
+    assert [row[0] for row in table.rows[-2:]] == ["default-8", "knn-9"]
+
+
+def test_a_table_as_text() -> None:
+    table = Table(title="T", columns=("who", "x"), rows=(("a", 1.0), ("bb", None)), note="N")
+    assert table.as_text().splitlines() == [
+        "T",
+        "---------",
+        "who     x",
+        "---------",
+        "a    1.00",
+        "bb      -",
+        "N",
+    ]
+
+
+def test_spread_by_hand() -> None:
+    numbers = spread([1.0, 2.0, 6.0])
+    assert (numbers.mean, numbers.median, numbers.max, numbers.n) == (3.0, 2.0, 6.0, 3)
+    assert numbers.sd == pytest.approx(7**0.5)
+    assert spread([4.0]).sd == 0.0
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--learner", "nobody-3"], "nobody"),
+        (["--teacher", "nobody"], "unknown teacher 'nobody'"),
+        (["--delay", "soon"], "--delay expects"),
+        (["--recordings", "/nowhere/at/all"], "no folder"),
+    ],
+)
+def test_a_wrong_call_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
+) -> None:
+    status = main(["experiment", "figure7", "--folder", str(tmp_path), *words])
+    assert status == 1
+    error = capsys.readouterr().err
+    assert complaint in error
+    assert error.count("\n") == 1
+
+
+def test_no_seeds_are_refused_by_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as refusal:
+        main(["experiment", "figure7", "--folder", str(tmp_path), "--seeds", "0"])
+    assert refusal.value.code == 2
+    assert "--seeds: must be a whole number of at least 1" in capsys.readouterr().err

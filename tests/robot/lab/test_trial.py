@@ -1,0 +1,62 @@
+"""A whole drive lesson in simulation, through the real loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot.lab.metrics.driving import interventions_per_minute
+from robot.lab.metrics.log import DriveLog
+from robot.lab.pilots import make_pilot
+from robot.lab.trial import FRAME_RATE_HZ, Place, Trial
+from robot.policy.registry import make_policy
+from robot.types import Action, DrivenBy, Mode
+
+pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
+
+MOVES = (Action.FORWARD, Action.LEFT)
+
+
+def lesson(seed: int, **params: object) -> tuple[DriveLog, DriveLog, Trial]:
+    pilot = make_pilot({"teacher": "usual", "seed": seed, **params}, MOVES)
+    with Trial(Place(world="box", seed=seed), make_policy("published-8", MOVES), pilot) as trial:
+        return trial.drive(Mode.TRAIN, 12.0), trial.drive(Mode.AUTONOMOUS, 8.0), trial
+
+
+def test_the_same_seed_gives_the_same_numbers_to_the_last_digit() -> None:
+    first, second = lesson(3), lesson(3)
+    assert first[0].moments == second[0].moments
+    assert first[1].moments == second[1].moments
+    assert first[0].moments != lesson(4)[0].moments
+
+
+def test_the_pilot_teaches_and_then_the_robot_drives() -> None:
+    taught, alone, trial = lesson(1)
+    assert len(taught) == 12 * FRAME_RATE_HZ
+    assert {moment.driven_by for moment in taught.moments[5:]} == {DrivenBy.PILOT}
+    assert sum(trial.loop.state.taught.values()) >= 100
+    assert len(alone.driven_by(DrivenBy.ROBOT)) > 0
+    assert trial.policy.n_nodes == 8
+
+
+def test_unsupervised_nobody_takes_the_wheel_and_nothing_is_learned() -> None:
+    pilot = make_pilot({"teacher": "usual", "seed": 0}, MOVES)
+    with Trial(Place(world="box", seed=0), make_policy("published-8", MOVES), pilot) as trial:
+        trial.drive(Mode.TRAIN, 6.0)
+        lessons = trial.loop.history.n_examples
+        alone = trial.drive(Mode.AUTONOMOUS, 10.0, supervised=False)
+        assert trial.loop.history.n_examples == lessons
+    assert interventions_per_minute(alone) == 0
+    assert {moment.driven_by for moment in alone.moments} == {DrivenBy.ROBOT}
+
+
+def test_a_slow_link_labels_the_picture_on_the_screen_or_the_newest() -> None:
+    named, _, trial = lesson(2, delay_ms=300)
+    newest, _, other = lesson(2, delay_ms=300, names_frame=False)
+    assert len(named) == len(newest)
+    assert sum(trial.loop.state.taught.values()) > 80
+    assert sum(other.loop.state.taught.values()) > 80
+    lessons = [each.policy.get_state().arrays for each in (trial, other)]
+    assert any(not np.array_equal(lessons[0][name], lessons[1][name]) for name in lessons[0]), (
+        "the labels lie on other pictures"
+    )

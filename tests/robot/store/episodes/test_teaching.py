@@ -1,0 +1,124 @@
+"""Learning again from recordings gives what was learned live, bit for bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robot.errors import ConfigurationError
+from robot.policy.registry import make_policy
+from robot.store.episodes.edits import Edit, Notes, trim
+from robot.store.episodes.episode import open_episode
+from robot.store.episodes.teaching import learn_again, plan, same_nodes
+from robot.store.models.model import Model
+from robot.types import Action, Mode
+
+from .drives import MOVES, RecordedBench, record_drive
+
+LEARNERS = ("published-8", "default-8", "published-32", "default-32")
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_a_drive_with_corrections_and_undo_is_learned_again_bit_for_bit(
+    tmp_path: Path, learner: str
+) -> None:
+    robot = RecordedBench(tmp_path, learner)
+    history = robot.loop.history
+    robot.drive(range(60))
+    robot.loop.submit(lambda: history.undo(0.7))
+    robot.tick()
+    robot.start(Mode.AUTONOMOUS)
+    for scene in range(200, 240):
+        robot.step(scene, Action.RIGHT if scene % 9 < 3 else None)
+    node = history.policy.gallery()[0].node_id
+    robot.loop.submit(lambda: history.edit("relabel", node, Action.LEFT))
+    robot.step(300, None)
+    robot.loop.submit(lambda: history.undo(0.2))
+    robot.loop.submit(lambda: history.edit("pin", history.policy.gallery()[0].node_id, True))
+    robot.loop.submit(lambda: history.undo_edit())
+    robot.step(301, Action.FORWARD)
+    robot.stop()
+    live = history.policy.get_state()
+    [path] = robot.finish()
+    episode = open_episode(path)
+    again = make_policy(learner)
+    report = learn_again(again, [(episode, Notes())])
+    assert same_nodes(again.get_state(), live)
+    assert report.taught == history.taught
+    assert report.missing_frames == 0
+    after = episode.model_after()
+    assert after is not None and same_nodes(after.state, live)
+
+
+@pytest.mark.parametrize("learner", LEARNERS[:2])
+def test_several_recordings_of_one_run_with_an_undo_across_them(
+    tmp_path: Path, learner: str
+) -> None:
+    robot = RecordedBench(tmp_path, learner)
+    history = robot.loop.history
+    robot.drive(range(30))
+    robot.stand(12)
+    robot.drive(range(30, 50))
+    robot.loop.submit(lambda: history.undo(1.8))
+    robot.tick()
+    robot.drive(range(50, 70))
+    live = history.policy.get_state()
+    paths = robot.finish()
+    assert len(paths) == 3
+    episodes = [(open_episode(path), Notes()) for path in paths]
+    again = make_policy(learner)
+    learn_again(again, episodes)
+    assert same_nodes(again.get_state(), live)
+
+    last = episodes[-1][0]
+    before = last.model_before()
+    assert isinstance(before, Model)
+    going_on = before.to_policy()
+    learn_again(going_on, episodes[-1:])
+    assert same_nodes(going_on.get_state(), live)
+
+
+def test_another_learner_learns_the_same_lessons(tmp_path: Path) -> None:
+    episode = record_drive(tmp_path, "published-8")
+    other = make_policy("default-16")
+    report = learn_again(other, [(episode, Notes())])
+    assert report.taught.total() == 60
+    assert other.n_nodes == 16
+
+
+def test_deleted_frames_are_not_learned(tmp_path: Path) -> None:
+    episode = record_drive(tmp_path)
+    ids = [step.frame_id for step in plan([(episode, Notes())])]
+    notes = Notes().with_edit(Edit(verb="delete", ranges=((ids[10], ids[19]),)))
+    assert [step.frame_id for step in plan([(episode, notes)])] == ids[:10] + ids[20:]
+    kept = notes.with_edit(trim(episode.frames, ids[5], ids[14]))
+    assert [step.frame_id for step in plan([(episode, kept)])] == ids[5:10]
+    assert plan([(episode, kept.without_last_edit().without_last_edit())])[0].frame_id == ids[0]
+
+
+def test_relabelled_frames_are_learned_with_the_new_label_also_if_nobody_taught_them(
+    tmp_path: Path,
+) -> None:
+    robot = RecordedBench(tmp_path)
+    robot.drive(range(12))
+    robot.start(Mode.AUTONOMOUS)
+    for scene in range(100, 110):
+        robot.step(scene, None)
+    episode = open_episode(robot.finish()[0])
+    taught = [step.frame_id for step in plan([(episode, Notes())])]
+    alone = [frame_id for frame_id in episode.frames if frame_id > taught[-1]][2:5]
+    edit = Edit(
+        verb="relabel", ranges=((taught[0], taught[2]), (alone[0], alone[-1])), label=Action.RIGHT
+    )
+    steps = plan([(episode, Notes(edits=(edit,)))])
+    assert [step.frame_id for step in steps] == taught + alone
+    assert [step.label for step in steps[:3]] == [Action.RIGHT] * 3
+    assert [step.label for step in steps[-3:]] == [Action.RIGHT] * 3
+    assert steps[3].label in MOVES
+
+
+def test_a_label_that_the_learner_cannot_do_is_refused(tmp_path: Path) -> None:
+    episode = record_drive(tmp_path)
+    with pytest.raises(ConfigurationError, match="right"):
+        learn_again(make_policy("published-8", (Action.FORWARD, Action.LEFT)), [(episode, Notes())])

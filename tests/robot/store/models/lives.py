@@ -1,0 +1,229 @@
+"""A robot's lives over one data folder, in virtual time: taught, undone, edited, killed, damaged.
+
+`Lives` runs the real autosave, journal and store over the real loop; only threads and the disk's
+waiting are left out. It remembers what the learner was at each moment that must survive a kill.
+"""
+
+from __future__ import annotations
+
+import random
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any, BinaryIO, ClassVar
+
+import numpy as np
+
+from robot.errors import RecordingError
+from robot.learner.base import State
+from robot.policy.policy import Policy
+from robot.store.folder import Storage
+from robot.store.models import journal as journal_module
+from robot.store.models.autosave import Autosave
+from robot.store.models.journal import Journal
+from robot.store.models.replay import newest_boot, recover
+from robot.store.models.store import ModelStore
+from robot.store.records import open_new
+from robot.types import Action, Example
+from tests.robot.bench_robot import BenchRobot
+
+MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
+
+
+class Disk:
+    """A disk that can be full."""
+
+    def __init__(self) -> None:
+        self.is_full = False
+
+    def open(self, path: Path) -> BinaryIO:
+        if self.is_full:
+            raise OSError(28, "No space left on device")
+        return _Refusing(open_new(path), self)  # type: ignore[return-value]
+
+
+class _Refusing:
+    def __init__(self, file: BinaryIO, disk: Disk) -> None:
+        self._file, self._disk = file, disk
+
+    def write(self, data: Any) -> int:
+        if self._disk.is_full:
+            raise OSError(28, "No space left on device")
+        return self._file.write(data)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+class DiskStore(ModelStore):
+    """A store on such a disk, with a wall clock that goes wherever a test sets it."""
+
+    def __init__(self, storage: Storage, disk: Disk, wall_s: list[float]) -> None:
+        super().__init__(storage, wall_s=lambda: wall_s[0])
+        self._disk = disk
+
+    def save(self, name: str, model: Any) -> Path:
+        if self._disk.is_full:
+            raise OSError(28, "No space left on device")
+        return super().save(name, model)
+
+
+class Life(BenchRobot):
+    """One start of the program."""
+
+    all: ClassVar[list[Life]] = []
+
+    def __init__(
+        self,
+        folder: Path,
+        wall_s: list[float],
+        rng: random.Random,
+        learner: str = "published-4",
+        *,
+        writes: bool = True,
+    ) -> None:
+        super().__init__(learner)
+        self._dim = 1200 if learner.startswith("published") else 1584
+        Life.all.append(self)
+        self.rng, self.disk = rng, Disk()
+        storage = Storage(folder)
+        self.store = DiskStore(storage, self.disk, wall_s)
+        self.told: list[str] = []
+        self.journal = Journal(storage.journal, open_file=self.disk.open)
+        self.autosave = Autosave(
+            self.loop,
+            self.store,
+            announce=lambda name, **fields: self.told.append(name),
+            journal=self.journal,
+        )
+        queue = self.loop.submit
+
+        def submit(request: Any) -> Future[Any]:
+            future = queue(request)
+            self.tick()
+            return future
+
+        self.loop.submit = submit  # type: ignore[method-assign]
+        recovered = recover(storage.journal, self.store)
+        self.recovered = recovered is not None and not recovered.is_saved
+        self.journal.open_boot(newest_boot(self.store))
+        self.loop.subscribe(self.autosave.note)
+        if recovered is not None:
+            self.autosave.adopt(recovered)
+        self.autosave.load_last()
+        self.frame = 0
+        self.durable = [self.state()]
+        """What may be found after a kill: the newest that was written, and what came since."""
+        self.journalled = list(self.durable)
+        """The same without the models' files: one of them may be damaged within the very moment
+        in which the journal's thread has not had its turn."""
+        if writes:
+            self.write()
+
+    @property
+    def policy(self) -> Policy:
+        return self.loop.history.policy
+
+    def state(self) -> State:
+        return self.policy.get_state()
+
+    def pass_time(self, seconds: float) -> None:
+        self.clock.advance(seconds)
+        self.tick()
+
+    # What a person does --------------------------------------------------------------------------
+
+    def teach(self) -> None:
+        history = self.loop.history
+        for _ in range(self.rng.randrange(1, 6)):
+            self.frame += 1
+            x = np.random.default_rng(self.rng.getrandbits(32)).integers(0, 256, self._dim)
+            x = x.astype(np.uint8)
+            label = self.rng.choice(MOVES)
+            example = Example(frame_id=self.frame, label=label, is_intervention=False)
+            self.clock.advance(0.2)
+            now_s = self.clock.now_s()
+            self.loop.submit(lambda e=example, v=x, s=now_s: history.teach(e, v, s)).result(0)
+        self._changed()
+
+    def undo(self) -> None:
+        self.loop.submit(lambda: self.loop.history.undo(self.rng.uniform(0.2, 3.0))).result(0)
+        self._changed()
+
+    def edit(self) -> None:
+        verb = self.rng.choice(("relabel", "pin", "delete"))
+        nodes = [image.node_id for image in self.policy.gallery()]
+        if nodes:
+            value = self.rng.choice(MOVES) if verb == "relabel" else self.rng.random() < 0.5
+            node = self.rng.choice(nodes)
+            try:
+                self.loop.submit(lambda: self.loop.history.edit(verb, node, value)).result(0)
+            except ValueError:
+                return
+            self._changed()
+
+    def undo_edit(self) -> None:
+        self.loop.submit(self.loop.history.undo_edit).result(0)
+        self._changed()
+
+    def drive(self) -> None:
+        """A drive ends here: some learners look for their place at the next one's beginning."""
+        self.loop.submit(self.loop.history.begin_drive).result(0)
+        self._changed()
+
+    def save(self) -> None:
+        had_unsaved = self.autosave.has_unsaved
+        self.autosave.save_if_changed()
+        if had_unsaved and not self.disk.is_full:
+            self.durable = [self.state()]
+
+    def begin(self) -> None:
+        self._switch(lambda: self.autosave.begin())
+
+    def load(self) -> None:
+        names = self.store.names()
+        if names:
+            self._switch(lambda: self.autosave.load(self.rng.choice(names)))
+
+    def _switch(self, switch: Any) -> None:
+        """Change the model; where that is refused nothing may have changed."""
+        before = self.state()
+        had_unsaved = self.autosave.has_unsaved
+        try:
+            switch()
+        except (OSError, RecordingError) as error:
+            assert self.disk.is_full or isinstance(error, RecordingError)
+            assert same(before, self.state())
+            assert self.autosave.has_unsaved == had_unsaved or isinstance(error, RecordingError)
+        else:
+            assert not (self.disk.is_full and had_unsaved)
+            self._changed()
+
+    def fill_disk(self) -> None:
+        self.disk.is_full = True
+
+    def free_disk(self) -> None:
+        self.disk.is_full = False
+        self.pass_time(journal_module._TRY_AGAIN_S + 0.1)
+        self.write()
+
+    def write(self) -> None:
+        """The journal's thread has its turn: what came before must survive from here on."""
+        self.journal.write_waiting()
+        if self.journal.fault is None and not self.journal._needs_checkpoint:
+            self.durable = [self.state()]
+            self.journalled = [self.state()]
+
+    def _changed(self) -> None:
+        self.durable.append(self.state())
+        self.journalled.append(self.state())
+
+    def die(self) -> None:
+        """Be killed: what was only in memory is gone."""
+        self.journal._queue.clear()
+        self.journal.stop()
+
+
+def same(a: State, b: State) -> bool:
+    from robot.store.models.model import same_nodes
+
+    return same_nodes(a, b) and a.params["learner"] == b.params["learner"]

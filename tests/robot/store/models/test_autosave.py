@@ -1,0 +1,132 @@
+"""What was learned is saved by itself, to the very last turn."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Future
+from pathlib import Path
+
+import pytest
+
+from robot.control.state import Tick
+from robot.control.thread import LoopThread
+from robot.store.folder import Storage
+from robot.store.models.autosave import Autosave
+from robot.store.models.store import ModelStore
+from robot.types import Action, Example
+from tests.robot.bench_robot import BenchRobot
+
+
+class KeptRobot(BenchRobot):
+    """A robot whose loop turns on its own thread, with a keeper."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self.store = ModelStore(Storage(folder))
+        self.told: list[str] = []
+        self.thread = LoopThread(self.loop, self.clock)
+        self.new_keeper()
+
+    def new_keeper(self) -> None:
+        self.autosave = Autosave(
+            self.loop, self.store, announce=lambda name, **fields: self.told.append(name)
+        )
+        self.autosave.start()
+
+    def teach(self, scene: int) -> None:
+        self.clock.result(self.ask_to_teach(scene), 5)
+
+    def ask_to_teach(self, scene: int) -> Future[None]:
+        frame = self.camera.show(scene)
+
+        def teach() -> None:
+            history = self.loop.history
+            example = Example(frame_id=frame.frame_id, label=Action.LEFT, is_intervention=False)
+            history.teach(example, history.policy.extract(frame), frame.captured_s)
+
+        return self.loop.submit(teach)
+
+    def kept_lessons(self) -> list[int]:
+        return [model.summary.n_examples for _, model in self.store.good_models()]
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[KeptRobot]:
+    robot = KeptRobot(tmp_path)
+    robot.thread.start()
+    yield robot
+    robot.autosave.stop()
+    robot.thread.stop()
+
+
+def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
+    """The keeper is stopped before the loop has told it of the turn that taught."""
+    taught, go_on = threading.Event(), threading.Event()
+
+    def hold_up(tick: Tick) -> None:
+        if tick.history_events:
+            taught.set()
+            robot.clock.wait(go_on, 5)
+
+    listeners = robot.loop._board._listeners
+    listeners.insert(0, hold_up)
+    robot.ask_to_teach(1)
+    assert robot.clock.wait(taught, 5) and robot.autosave.has_unsaved
+    ending = robot.clock.start_thread(robot.autosave.stop, "ending")
+    while robot.autosave.note in robot.loop._board._listeners:
+        robot.clock.sleep(0.01)
+    go_on.set()
+    ending.join(10)
+    assert robot.kept_lessons() == [1]
+
+
+def test_nothing_is_saved_twice(robot: KeptRobot) -> None:
+    for scene in range(5):
+        robot.teach(scene)
+    robot.autosave.save()
+    assert not robot.autosave.has_unsaved
+    told = list(robot.told)
+    robot.autosave.stop()
+    assert robot.told == told and robot.kept_lessons() == [5]
+
+
+def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot: KeptRobot) -> None:
+    robot.teach(1)
+    name = robot.autosave.save()
+    robot.teach(2)
+    robot.autosave.load(name)  # which saves first
+    assert not robot.autosave.has_unsaved
+    assert robot.loop.history.n_examples == 2
+    robot.teach(3)
+    assert robot.autosave.has_unsaved
+
+
+def test_a_taken_back_lesson_is_something_to_save(robot: KeptRobot) -> None:
+    robot.teach(1)
+    robot.autosave.save()
+    robot.clock.result(robot.loop.submit(lambda: robot.loop.history.undo(5.0)), 5)
+    robot.autosave.stop()
+    assert robot.kept_lessons() == [0]
+
+
+def test_a_disk_that_refused_is_tried_again(robot: KeptRobot) -> None:
+    good = robot.store
+    robot.autosave.store = _FullShelf(good)  # type: ignore[assignment]
+    robot.teach(1)
+    robot.autosave.save_if_changed()
+    assert "model_not_saved" in robot.told and robot.autosave.has_unsaved
+    robot.autosave.store = good
+    robot.autosave.save_if_changed()
+    assert robot.kept_lessons() == [1]
+
+
+class _FullShelf:
+    """Refuses as a full disk does."""
+
+    def __init__(self, store: ModelStore) -> None:
+        self.current = store.current
+        self.free_name = store.free_name
+
+    def save(self, name: str, model: object) -> None:
+        raise OSError(28, "No space left on device")

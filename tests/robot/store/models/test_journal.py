@@ -1,0 +1,253 @@
+"""Killed, damaged and full, over and over: what was written is there, what was undone is gone."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robot.store.models.journal import list_parts
+from robot.store.records import RecordWriter, frame_record, read_records
+
+from .lives import Life, same
+
+SEEDS = int(os.environ.get("DRIVELESSON_LIVES", "300")) // 10
+OPS = ("teach",) * 6 + ("undo", "edit", "undo_edit", "save", "begin", "load") + ("write",) * 4
+DAMAGE = ("flip", "cut", "empty", "remove", "folder", "dangling", "loop", "fifo", "none")
+
+
+@pytest.fixture(autouse=True)
+def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(os, "fsync", lambda handle: None)
+    yield
+    while Life.all:
+        Life.all.pop().die()
+
+
+def damage(folder: Path, rng: random.Random) -> str:
+    """Damage one file of what is kept, as disks and people do; return what was done."""
+    files = sorted(
+        path
+        for part in ("journal/*", "models/*/*", "models/current.txt")
+        for path in folder.glob(part)
+        if path.is_file() and not path.is_symlink()
+    )
+    how = rng.choice(DAMAGE)
+    if not files or how == "none":
+        return "none"
+    path = rng.choice(files)
+    data = bytearray(path.read_bytes())
+    if how == "flip" and data:
+        for _ in range(rng.randrange(1, 9)):
+            data[rng.randrange(len(data))] ^= rng.randrange(1, 256)
+        path.write_bytes(data)
+    elif how == "cut":
+        path.write_bytes(data[: rng.randrange(len(data) + 1)])
+    elif how == "empty":
+        path.write_bytes(b"")
+    else:
+        path.unlink()
+        if how == "folder":
+            path.mkdir()
+        elif how == "dangling":
+            path.symlink_to(folder / "nowhere")
+        elif how == "loop":
+            path.symlink_to(path)
+        elif how == "fifo":
+            os.mkfifo(path)
+    return how
+
+
+@pytest.mark.parametrize("seed", range(SEEDS))
+def test_what_was_written_survives_ten_kills_and_damage(tmp_path: Path, seed: int) -> None:
+    """Every life is killed; between two lives one file is damaged and the clock is set anywhere."""
+    rng = random.Random(seed)
+    wall_s = [1.7e9]
+    expected = None
+    done: Counter[str] = Counter()
+    for _ in range(10):
+        life = Life(tmp_path, wall_s, rng)
+        if expected is not None:
+            found = life.state()
+            assert any(same(found, state) for state in expected), done
+        for _ in range(rng.randrange(1, 14)):
+            op = rng.choice(OPS)
+            getattr(life, op)()
+            done[op] += 1
+            wall_s[0] += rng.choice((1.0, 1.0, -30 * 86_400.0, 86_400.0))
+            if rng.random() < 0.05:
+                life.fill_disk()
+                life.write()
+            elif life.disk.is_full and rng.random() < 0.5:
+                life.free_disk()
+        life.die()
+        how = damage(tmp_path, rng)
+        expected = life.durable if how == "none" else life.journalled
+        done[how] += 1
+    assert done["teach"] > 0
+
+
+@pytest.mark.parametrize("learner", ["default-6", "multi-place-4"])
+@pytest.mark.parametrize("seed", range(4))
+def test_every_learner_comes_back_as_it_was(tmp_path: Path, learner: str, seed: int) -> None:
+    rng = random.Random(seed)
+    expected = None
+    for _ in range(5):
+        life = Life(tmp_path, [0.0], rng, learner)
+        if expected is not None:
+            assert same(life.state(), expected)
+        for _ in range(rng.randrange(4, 12)):
+            op = rng.choice(("teach", "teach", "teach", "drive", "undo", "edit", "save", "write"))
+            getattr(life, op)()
+        life.write()
+        life.policy.reset()  # a start begins a drive
+        expected = life.state()
+        life.die()
+
+
+def test_a_position_rests_on_no_clock(tmp_path: Path) -> None:
+    """Thirty days back, the case of an EV3 without a clock of its own."""
+    wall_s = [1.7e9]
+    rng = random.Random(1)
+    first = Life(tmp_path, wall_s, rng)
+    for _ in range(20):
+        first.teach()
+    first.save()
+    wall_s[0] -= 30 * 86_400
+    first.die()
+    second = Life(tmp_path, wall_s, rng)
+    for _ in range(20):
+        second.teach()
+    second.write()
+    second.die()
+    third = Life(tmp_path, wall_s, rng)
+    assert same(third.state(), second.state())
+    assert third.loop.history.n_examples == second.loop.history.n_examples
+
+
+def test_an_undo_stays_undone_though_no_model_was_saved_after_it(tmp_path: Path) -> None:
+    rng = random.Random(2)
+    life = Life(tmp_path, [0.0], rng)
+    for _ in range(10):
+        life.teach()
+    life.save()
+    before = life.loop.history.n_examples
+    life.loop.submit(lambda: life.loop.history.undo(2.0)).result(0)
+    undone = life.state()
+    assert life.loop.history.n_examples < before
+    life.write()
+    life.die()
+    assert same(Life(tmp_path, [0.0], rng).state(), undone)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_lives_too_short_for_the_journal_lose_nothing_that_was_saved(
+    tmp_path: Path, seed: int
+) -> None:
+    """Each start is killed before its journal's thread has had a turn, after some saves."""
+    rng = random.Random(seed)
+    first = Life(tmp_path, [0.0], rng)
+    first.teach()
+    first.write()
+    first.teach()
+    first.save()
+    newest = first.state()
+    first.die()
+    for _ in range(6):
+        short = Life(tmp_path, [0.0], rng, writes=False)
+        assert same(short.state(), newest)
+        for _ in range(rng.randrange(4)):
+            short.teach()
+            short.save()
+            newest = short.state()
+        short.die()
+
+
+def test_the_journal_stays_small_and_needs_no_model(tmp_path: Path) -> None:
+    rng = random.Random(3)
+    life = Life(tmp_path, [0.0], rng)
+    import robot.store.models.journal as journal
+
+    for _ in range(30):
+        for _ in range(20):
+            life.teach()
+        life.write()
+        life.journal._writer.written_bytes += journal.PART_BYTES // 3  # type: ignore[union-attr]
+    assert len(list_parts(tmp_path / "journal")) == 2
+    life.write()
+    life.die()
+    shutil.rmtree(tmp_path / "models")
+    assert same(Life(tmp_path, [0.0], rng).state(), life.durable[-1])
+
+
+def test_nothing_is_replayed_after_a_start_in_which_nothing_changed(tmp_path: Path) -> None:
+    rng = random.Random(4)
+    life = Life(tmp_path, [0.0], rng)
+    life.teach()
+    life.save()
+    life.write()
+    life.die()
+    for _ in range(3):
+        idle = Life(tmp_path, [0.0], rng)
+        assert not idle.recovered
+        idle.die()
+    assert len(list(tmp_path.glob("models/robot/*.npz"))) == 1
+
+
+class OneAtATime(random.Random):
+    """Teaches one example at a time, so that every state in between is known."""
+
+    def randrange(self, *bounds: int) -> int:  # type: ignore[override]
+        return 1 if bounds == (1, 6) else super().randrange(*bounds)
+
+
+@pytest.mark.parametrize("how", ["remove", "empty", "cut", "rubbish"])
+@pytest.mark.parametrize("seed", range(5))
+def test_where_both_files_of_a_part_are_lost_the_saved_model_is_left(
+    tmp_path: Path, seed: int, how: str
+) -> None:
+    """The third source: what came since the last save may be lost, and nothing older is back."""
+    rng = random.Random(seed)
+    life = Life(tmp_path, [0.0], rng)
+    for op in ("teach", "teach", "write", "edit", "undo", "teach", "write"):
+        getattr(life, op)()
+    life.save()
+    allowed = [life.state()]
+    life.rng = OneAtATime(seed)
+    for _ in range(rng.randrange(1, 20)):
+        life.teach()
+        life.write()
+        allowed.append(life.state())
+    life.die()
+    for path in list_parts(tmp_path / "journal")[-1].paths:
+        data = path.read_bytes()
+        if how == "remove":
+            path.unlink()
+        elif how == "cut":
+            path.write_bytes(data[: rng.randrange(len(data))])
+        else:
+            path.write_bytes(rng.randbytes(len(data)) if how == "rubbish" else b"")
+    found = Life(tmp_path, [0.0], rng).state()
+    assert any(same(found, state) for state in allowed)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_flipped_byte_costs_one_record_of_one_file(tmp_path: Path, seed: int) -> None:
+    rng = random.Random(seed)
+    records = [rng.randbytes(rng.randrange(200)) for _ in range(50)]
+    paths = [tmp_path / "x.a", tmp_path / "x.b"]
+    writer = RecordWriter(paths)
+    writer.write(records)
+    writer.close()
+    assert [list(read_records(path)) for path in paths] == [records, records]
+    data = bytearray(paths[0].read_bytes())
+    data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+    paths[0].write_bytes(data)
+    left = list(read_records(paths[0]))
+    assert len(left) >= len(records) - 1 and set(left) <= set(records)
+    assert sum(map(len, map(frame_record, records))) == len(data)

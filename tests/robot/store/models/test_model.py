@@ -1,0 +1,151 @@
+"""A model goes to bytes and comes back, and whatever is no model is refused with a reason."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from robot.errors import RecordingError
+from robot.learner.base import State
+from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
+from robot.store.models.model import Model, decode_model, decode_summary, encode_model, take_model
+from robot.types import Action
+from tests.robot.bench_robot import BenchRobot
+
+LEARNERS = ("published-8", "default-8")
+
+
+def taught_policy(learner: str, lessons: int = 40) -> Policy:
+    policy, camera = make_policy(learner), BenchRobot().camera
+    moves = policy.moves
+    for scene in range(lessons):
+        policy.learn(policy.extract(camera.show(scene)), moves[scene % len(moves)])
+    return policy
+
+
+def some_model(learner: str = "published-8") -> Model:
+    taught = Counter({Action.FORWARD: 30, Action.LEFT: 10})
+    return take_model(taught_policy(learner), taught, saved_at_s=1.5e9, place="the kitchen")
+
+
+def same(a: State, b: State) -> bool:
+    return (
+        a.kind == b.kind
+        and a.params == b.params
+        and a.labels == b.labels
+        and a.arrays.keys() == b.arrays.keys()
+        and all(
+            np.array_equal(a.arrays[key], b.arrays[key])
+            and a.arrays[key].dtype == b.arrays[key].dtype
+            for key in a.arrays
+        )
+    )
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_a_model_comes_back_as_it_was(learner: str) -> None:
+    model = some_model(learner)
+    data = encode_model(model)
+    back = decode_model(data)
+    assert back.summary == model.summary == decode_summary(data)
+    assert same(back.state, model.state)
+    assert np.array_equal(back.preview, model.preview)
+    assert back.preview.size > 1
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_a_policy_that_is_built_again_learns_on_just_the_same(learner: str) -> None:
+    policy = taught_policy(learner)
+    model = decode_model(encode_model(take_model(policy, Counter(), saved_at_s=0.0)))
+    again = model.to_policy()
+    camera = BenchRobot().camera
+    for scene in range(100, 130):
+        x = policy.extract(camera.show(scene))
+        for each in (policy, again):
+            each.learn(x, Action.LEFT)
+    assert same(again.get_state(), policy.get_state())
+
+
+def test_the_file_opens_with_numpy_alone() -> None:
+    with np.load(io.BytesIO(encode_model(some_model())), allow_pickle=False) as arrays:
+        assert b"kitchen" in arrays["meta"].tobytes()
+        assert any(name.startswith("state.") for name in arrays.files)
+
+
+def test_each_damaged_byte_is_noticed() -> None:
+    data = encode_model(some_model())
+    whole = decode_model(data)
+    for offset in np.random.default_rng(1).integers(0, len(data), 200):
+        damaged = bytearray(data)
+        damaged[offset] ^= 0xFF
+        try:
+            model = decode_model(bytes(damaged))
+        except RecordingError:
+            continue
+        assert same(model.state, whole.state), f"byte {offset} was changed and nobody noticed"
+
+
+@pytest.mark.parametrize("length", [0, 1, 100, 5000])
+def test_a_truncated_file_is_refused(length: int) -> None:
+    with pytest.raises(RecordingError):
+        decode_model(encode_model(some_model())[:length])
+
+
+def members(**arrays: bytes) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in arrays.items():
+            archive.writestr(f"{name}.npy", data)
+    return file.getvalue()
+
+
+def npy(array: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array, allow_pickle=True)
+    return file.getvalue()
+
+
+def test_a_zip_bomb_is_refused_before_it_is_unpacked() -> None:
+    bomb = members(meta=bytes(300 * 2**20))
+    assert len(bomb) < 2**20
+    with pytest.raises(RecordingError, match="256 MB"):
+        decode_model(bomb)
+
+
+def test_pickles_are_never_opened() -> None:
+    with pytest.raises(RecordingError, match="pickle"):
+        decode_model(members(meta=npy(np.array([print], dtype=object))))
+
+
+def test_a_header_that_lies_about_its_size_is_refused() -> None:
+    honest = npy(np.zeros(4, np.uint8))
+    lying = honest.replace(b"(4,), }" + b" " * 11, b"(400000000000,), }")
+    assert lying != honest and len(lying) == len(honest)
+    with pytest.raises(RecordingError, match="bytes say otherwise"):
+        decode_model(members(meta=lying))
+
+
+@pytest.mark.parametrize(
+    ("meta", "word"),
+    [
+        (b"no json", "not a model"),
+        (b"[]", "not a model"),
+        (b'{"format": 99, "state": {"params": {}}}', "update"),
+        (b'{"format": 1, "state": {"params": {}}}', "damaged"),
+    ],
+)
+def test_a_description_of_another_form_is_refused(meta: bytes, word: str) -> None:
+    with pytest.raises(RecordingError, match=word):
+        decode_model(members(meta=npy(np.frombuffer(meta, np.uint8))))
+
+
+def test_a_model_of_an_unknown_learner_is_refused() -> None:
+    model = some_model()
+    object.__setattr__(model.summary, "learner", "oracle-7")
+    with pytest.raises(RecordingError, match="oracle-7"):
+        decode_model(encode_model(model)).to_policy()

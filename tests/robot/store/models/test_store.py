@@ -1,0 +1,154 @@
+"""Models by name: kept in versions, so that a damaged one never costs a lesson."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from robot.errors import ConfigurationError, NotFoundError, RecordingError
+from robot.store.folder import Storage
+from robot.store.models.store import KEEP_VERSIONS, ModelStore
+
+from .test_model import same, some_model
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> ModelStore:
+    times = iter(range(1000, 2000))
+    return ModelStore(Storage(tmp_path), wall_s=lambda: float(next(times)))
+
+
+def versions(store: ModelStore, folder: Path, name: str) -> list[Path]:
+    return sorted((folder / "models" / name).iterdir())
+
+
+def test_what_is_saved_is_listed_and_loaded(store: ModelStore) -> None:
+    model = some_model()
+    store.save("kitchen", model)
+    store.save("hall", model)
+    store.current = "kitchen"
+    hall, kitchen = store.saved()
+    assert (hall.name, hall.is_current) == ("hall", False)
+    assert (kitchen.name, kitchen.is_current) == ("kitchen", True)
+    assert kitchen.summary is not None and kitchen.summary.n_examples == 40
+    assert kitchen.summary.place == "the kitchen"
+    assert same(store.load("kitchen").state, model.state)
+
+
+def test_only_the_last_versions_stay(store: ModelStore, tmp_path: Path) -> None:
+    for _ in range(6):
+        store.save("kitchen", some_model())
+    kept = versions(store, tmp_path, "kitchen")
+    assert [path.name for path in kept] == ["00004.npz", "00005.npz", "00006.npz"]
+    assert len(kept) == KEEP_VERSIONS
+
+
+def test_a_damaged_version_is_set_aside_and_the_one_before_is_used(
+    store: ModelStore, tmp_path: Path
+) -> None:
+    store.save("kitchen", some_model())
+    newest = store.save("kitchen", some_model())
+    newest.write_bytes(newest.read_bytes()[:-100])
+    assert store.load("kitchen").summary.n_examples == 40
+    assert [path.name for path in versions(store, tmp_path, "kitchen")] == [
+        "00001.npz",
+        "00002.npz.damaged",
+    ]
+    assert store.saved()[0].damaged == ("00002.npz.damaged",)
+    store.save("kitchen", some_model())
+    assert store.load("kitchen").summary.n_examples == 40
+
+
+def test_the_next_best_model_serves_where_the_last_one_is_lost(store: ModelStore) -> None:
+    store.save("hall", some_model())
+    only = store.save("kitchen", some_model())
+    store.current = "kitchen"
+    only.write_bytes(b"")
+    assert [name for name, _ in store.good_models()] == ["hall"]
+    with pytest.raises(RecordingError, match="damaged ones are still in"):
+        store.load("kitchen")
+    assert only.with_name(only.name + ".damaged").exists()
+
+
+def test_rename_copy_delete_and_restore(store: ModelStore) -> None:
+    store.save("kitchen", some_model())
+    store.current = "kitchen"
+    assert store.rename("kitchen", " Küche ") == "Küche"
+    assert store.current == "Küche"
+    assert store.copy("Küche") == "Küche (2)"
+    undo = store.delete("Küche")
+    assert store.names() == ["Küche (2)"]
+    store.save("KÜCHE", some_model())
+    assert store.restore(undo) == "Küche (3)"
+    assert store.names() == ["KÜCHE", "Küche (2)", "Küche (3)"]
+    with pytest.raises(NotFoundError):
+        store.restore(undo)
+    with pytest.raises(NotFoundError):
+        store.delete("cellar")
+
+
+def test_two_models_cannot_have_one_name(store: ModelStore) -> None:
+    store.save("a", some_model())
+    store.save("b", some_model())
+    with pytest.raises(ConfigurationError, match="already"):
+        store.rename("a", "B")
+
+
+@pytest.mark.parametrize(
+    "name", ["../out", "/etc", "..", "", " ", "a/b", "a\\b", "con", ".x", "a\0", "x" * 65]
+)
+def test_a_name_that_leads_elsewhere_is_refused(
+    store: ModelStore, tmp_path: Path, name: str
+) -> None:
+    store.save("kitchen", some_model())
+    before = sorted(tmp_path.parent.rglob("*"))
+    for attempt in (
+        lambda: store.save(name, some_model()),
+        lambda: store.rename("kitchen", name),
+        lambda: store.load(name),
+        lambda: store.delete(name),
+        lambda: store.copy("kitchen", name or "."),
+    ):
+        with pytest.raises((ConfigurationError, NotFoundError)):
+            attempt()
+    assert sorted(tmp_path.parent.rglob("*")) == before
+
+
+def test_an_upload_that_is_no_model_is_not_kept(store: ModelStore) -> None:
+    with pytest.raises(RecordingError):
+        store.add_file("kitchen", b"PK\x03\x04 no model")
+    assert store.names() == []
+
+
+def test_a_full_disk_leaves_the_version_before(
+    store: ModelStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store.save("kitchen", some_model())
+
+    def refuse(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("os.fsync", refuse)
+        with pytest.raises(OSError, match="No space"):
+            store.save("kitchen", some_model())
+    assert store.load("kitchen").summary.n_examples == 40
+
+
+def test_halves_that_a_power_cut_left_are_swept_away(tmp_path: Path) -> None:
+    ModelStore(Storage(tmp_path)).save("kitchen", some_model())
+    half = tmp_path / "models" / "kitchen" / ".00002.npz.123.part"
+    half.write_bytes(b"half")
+    empty = tmp_path / "episodes" / "x.mcap"
+    empty.touch()
+    storage = Storage(tmp_path)
+    assert ModelStore(storage).load("kitchen").summary.n_examples == 40
+    storage.sweep()
+    assert half.exists() and empty.exists(), "another program may be writing them just now"
+    for path in (half, empty):
+        os.utime(path, (0, 0))
+    storage.sweep()
+    assert not half.exists() and not empty.exists()
+    assert ModelStore(storage).load("kitchen").summary.n_examples == 40

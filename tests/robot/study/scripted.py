@@ -1,0 +1,149 @@
+"""A scripted participant for the pure session: drives ticks, answers questions, leaves a log."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterable
+
+from robot.control.state import Tick
+from robot.study.events import StudyEvent, write_events
+from robot.study.plan import PhaseKind, StudyPlan, parse_plan
+from robot.study.session import SessionStep, StudySession
+from robot.types import Action, Decision, DrivenBy, Encoding, Frame, Mode, Sensors
+
+SMALL_PLAN = """
+title = "Two times"
+participants = 4
+world = "box"
+moves = ["forward", "left"]
+consent = "You may stop at any time."
+
+[[phase]]
+kind = "teach"
+seconds = 3
+[[phase]]
+kind = "correct"
+seconds = 2
+[[phase]]
+kind = "alone"
+seconds = 2
+
+[[condition]]
+name = "short"
+[[condition]]
+name = "long"
+seconds = { teach = 6 }
+
+[[question]]
+name = "remark"
+kind = "text"
+text = "Anything else?"
+when = "end"
+[[question]]
+name = "again"
+kind = "choice"
+text = "Would you do it again?"
+options = ["yes", "no"]
+"""
+PICTURE = Frame(
+    frame_id=1, captured_s=0.0, width=1, height=1, encoding=Encoding.RGB, data=b"\0\0\0"
+)
+
+
+def small_plan() -> StudyPlan:
+    return parse_plan(SMALL_PLAN)
+
+
+class Participant:
+    """One session from outside the robot; `events` is its log."""
+
+    def __init__(self, plan: StudyPlan, code: str, slot: int, seed: int = 0) -> None:
+        self.session = StudySession(plan, code, slot)
+        self.dice = random.Random(f"{seed}/{code}")
+        self.now_s = 100.0
+        self.events: list[StudyEvent] = []
+        self.say("session_begun", value=str(slot))
+
+    def say(self, event: str, **fields: object) -> None:
+        self.events.append(self.session.make(event, 1.7e9 + self.now_s, **fields))
+
+    def consent(self) -> None:
+        self.say("consent", name="en")
+
+    def begin(self) -> None:
+        self.say("condition_begun", attempt=self.session.attempt + 1)
+        self.say("world", name="simulator", value="box")
+
+    def drive(self, seconds: float, mode: Mode | None = None) -> None:
+        """Tick ten times a second in the phase's own mode, or in another."""
+        for _ in range(round(seconds * 10)):
+            if self.session.phase is None:
+                return
+            self.now_s += 0.1
+            self.events += self.session.note(
+                self._tick(mode), 1.7e9 + self.now_s, lambda: {"examples": "7"}
+            )
+
+    def _tick(self, mode: Mode | None) -> Tick:
+        assert self.session.phase is not None
+        kind = self.session.phase.kind
+        is_pilot = kind is PhaseKind.TEACH or (
+            kind is PhaseKind.CORRECT and self.dice.random() < 0.1
+        )
+        action = self.dice.choice([Action.FORWARD, Action.LEFT])
+        by = DrivenBy.PILOT if is_pilot else DrivenBy.ROBOT
+        mode = mode or kind.mode
+        if mode is Mode.STOPPED:
+            action, by = Action.STOP, DrivenBy.NOBODY
+        return Tick(
+            now_s=self.now_s,
+            frame=PICTURE,
+            commands=(),
+            decision=Decision(action=action, driven_by=by, mode=mode),
+            sent=action,
+            prediction=None,
+            sensors=Sensors(distance_m=self.dice.uniform(0.1, 2.0)),
+            history_events=(),
+            cycle_s=0.001,
+        )
+
+    def answer(self) -> None:
+        for question in self.session.questions:
+            if question.kind == "text":
+                answer: object = 'It said "no", =1+1, twice'
+            elif question.kind == "choice":
+                answer = self.dice.randint(1, len(question.options))
+            else:
+                answer = self.dice.randrange(question.least, question.most + 1, question.step)
+            self.say("answer", name=question.name, value=question.check(answer))
+        self.say("answered")
+
+    def take_part(self) -> None:
+        """Go through the whole session, from wherever it is."""
+        while self.session.step is not SessionStep.DONE:
+            match self.session.step:
+                case SessionStep.CONSENT:
+                    self.consent()
+                case SessionStep.READY:
+                    self.begin()
+                case SessionStep.DRIVE:
+                    self.drive(1.0)
+                case SessionStep.QUESTIONS:
+                    self.answer()
+        self.say("session_ended")
+
+    @property
+    def log(self) -> bytes:
+        return write_events(self.events, with_head=True).encode()
+
+
+def logs_of(plan: StudyPlan, n: int, seed: int = 0) -> dict[str, bytes]:
+    """Return the logs of so many participants who go through all of it."""
+    people = [Participant(plan, f"P{i + 1:02}", i, seed) for i in range(n)]
+    for person in people:
+        person.take_part()
+    return {person.session.participant: person.log for person in people}
+
+
+def names(events: Iterable[StudyEvent]) -> list[str]:
+    return [event.event for event in events]

@@ -1,0 +1,139 @@
+"""Tables and figures are made of plan and logs alone, and come out the same anywhere."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from robot.errors import ConfigurationError
+from robot.study.archive import pack, rebuild, report
+from robot.study.rows import columns
+
+from .scripted import SMALL_PLAN, Participant, logs_of, small_plan
+
+
+def table(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_there_is_one_row_a_participant_and_phase_and_one_with_the_answers() -> None:
+    plan = small_plan()
+    rows = table(rebuild(SMALL_PLAN, logs_of(plan, 4))["phases.csv"])
+    found = {(r["participant"], r["condition"], r["phase"]) for r in rows}
+    phases = ("teach", "correct", "alone", "questions")
+    assert len(rows) == len(found) == 4 * 2 * 4
+    assert {phase for *_, phase in found} == set(phases)
+    assert tuple(rows[0]) == columns(plan)
+    assert all(r["is_complete"] == "1" for r in rows)
+    alone = [r for r in rows if r["phase"] == "alone"]
+    assert all(float(r["ssd"]) > 0 and r["frames_pilot"] == "0" for r in alone)
+    asked = [r for r in rows if r["phase"] == "questions"]
+    for row in asked:
+        tlx = [int(row[name]) for name in row if name.startswith("tlx_")]
+        assert float(row["nasa_tlx"]) == pytest.approx(sum(tlx) / 6, abs=1e-6)
+
+
+def test_the_order_is_balanced_over_the_participants() -> None:
+    rows = table(rebuild(SMALL_PLAN, logs_of(small_plan(), 4))["tables/order.csv"])
+    assert {(r["position_1"], r["position_2"]) for r in rows} == {("2", "2")}
+
+
+def test_a_difference_is_the_second_condition_minus_the_first() -> None:
+    files = rebuild(SMALL_PLAN, logs_of(small_plan(), 4))
+    rows = table(files["phases.csv"])
+    trust = {(r["participant"], r["condition"]): float(r["trust"]) for r in rows if r["trust"]}
+    people = {code for code, _ in trust}
+    expected = sum(trust[code, "long"] - trust[code, "short"] for code in people) / len(people)
+    line = next(r for r in table(files["tables/differences.csv"]) if r["measure"] == "trust")
+    assert (line["condition"], line["minus_from"], line["n"]) == ("short", "long", "4")
+    assert float(line["mean"]) == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_session_that_was_left_counts_as_far_as_it_came() -> None:
+    plan = small_plan()
+    person = Participant(plan, "P05", 0)
+    person.consent()
+    person.begin()
+    person.drive(4.0)
+    files = rebuild(SMALL_PLAN, {"P05": person.log})
+    rows = table(files["phases.csv"])
+    assert [(r["phase"], r["is_complete"]) for r in rows] == [("teach", "1"), ("correct", "0")]
+    n = {
+        r["phase"]: r["n"]
+        for r in table(files["tables/conditions.csv"])
+        if r["condition"] == "short"
+    }
+    assert (n["teach"], n["correct"]) == ("1", "0")
+
+
+def test_of_a_condition_begun_anew_the_last_attempt_counts() -> None:
+    person = Participant(small_plan(), "P05", 0)
+    person.consent()
+    person.begin()
+    person.drive(4.0)
+    person.begin()
+    person.drive(1.0)
+    rows = table(rebuild(SMALL_PLAN, {"P05": person.log})["phases.csv"])
+    assert [(r["phase"], r["attempt"], r["is_complete"]) for r in rows] == [("teach", "2", "0")]
+
+
+def test_without_anybody_the_tables_are_empty_and_there() -> None:
+    files = rebuild(SMALL_PLAN, {})
+    assert table(files["phases.csv"]) == []
+    assert {r["n"] for r in table(files["tables/conditions.csv"])} == {"0"}
+
+
+def test_a_zip_gives_the_same_tables_in_another_process(tmp_path: Path) -> None:
+    file = tmp_path / "study.zip"
+    file.write_bytes(pack(SMALL_PLAN, logs_of(small_plan(), 4, seed=3)))
+    command = [sys.executable, "-m", "server", "study", "report", str(file), "--out", "again"]
+    root = Path(__file__).parents[3]
+    away = {
+        **os.environ,
+        "PYTHONPATH": str(root),
+        "LC_ALL": "C",
+        "TZ": "Asia/Tokyo",
+        "PYTHONHASHSEED": "9",
+    }
+    done = subprocess.run(
+        command, cwd=tmp_path, env=away, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    with zipfile.ZipFile(file) as packed:
+        paths = [name for name in packed.namelist() if (tmp_path / "again" / name).is_file()]
+        assert "phases.csv" in paths and "report.html" in paths and len(paths) > 20
+        for name in paths:
+            assert (tmp_path / "again" / name).read_bytes() == packed.read(name), name
+
+
+def test_a_table_that_was_changed_by_hand_is_named(tmp_path: Path) -> None:
+    data = pack(SMALL_PLAN, logs_of(small_plan(), 2))
+    file = tmp_path / "study.zip"
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(file, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            new.writestr(name, content + b"x" if name == "phases.csv" else content)
+    same, other = report(file, tmp_path / "out")
+    assert other == ["phases.csv"] and "report.html" in same
+
+
+@pytest.mark.parametrize("fault", ["no zip", "no plan", "strange name"])
+def test_what_is_no_study_is_refused_with_a_sentence(tmp_path: Path, fault: str) -> None:
+    file = tmp_path / "study.zip"
+    if fault == "no zip":
+        file.write_bytes(b"PK\x03\x04 and no more")
+    else:
+        with zipfile.ZipFile(file, "w") as archive:
+            if fault != "no plan":
+                archive.writestr("plan.toml", SMALL_PLAN)
+                archive.writestr("events/../../evil.csv", "")
+    with pytest.raises(ConfigurationError, match=r"study\.zip"):
+        report(file, tmp_path / "out")
+    assert not (tmp_path / "evil.csv").exists()

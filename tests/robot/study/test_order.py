@@ -1,0 +1,31 @@
+"""The order of conditions is balanced: by position, and by what went before."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+
+import pytest
+
+from robot.study.order import order_of, williams_rows
+
+
+@pytest.mark.parametrize("n", range(1, 9))
+def test_each_condition_stands_equally_often_at_each_place_and_after_each_other(n: int) -> None:
+    rows = williams_rows(n)
+    assert all(sorted(row) == list(range(n)) for row in rows)
+    assert set(Counter(enumerated for row in rows for enumerated in enumerate(row)).values()) == {
+        len(rows) // n
+    }
+    after = Counter(pair for row in rows for pair in itertools.pairwise(row))
+    assert len(after) == n * (n - 1) and len(set(after.values())) <= 1
+
+
+def test_two_conditions_alternate() -> None:
+    assert [order_of(slot, 2) for slot in range(4)] == [(0, 1), (1, 0), (0, 1), (1, 0)]
+
+
+@pytest.mark.parametrize("n", range(1, 9))
+def test_between_participants_each_meets_one_in_turn(n: int) -> None:
+    met = Counter(order_of(slot, n, is_within=False) for slot in range(3 * n))
+    assert met == {(condition,): 3 for condition in range(n)}

@@ -1,0 +1,112 @@
+"""A plan is read, or refused with a sentence that says what, where and what to do."""
+
+from __future__ import annotations
+
+import tomllib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.errors import ConfigurationError
+from robot.lab.protocol import TRIALS
+from robot.study.builtin import paper_plan
+from robot.study.plan import PhaseKind, parse_plan
+
+from .scripted import SMALL_PLAN, small_plan
+
+
+@pytest.mark.parametrize("trial", TRIALS)
+def test_the_papers_protocol_is_a_plan(trial: int) -> None:
+    plan = parse_plan(paper_plan(trial))
+    assert [c.name for c in plan.conditions] == ["teach-90", "teach-180"]
+    for condition, times in zip(plan.conditions, ([90, 330, 60], [180, 240, 60]), strict=True):
+        assert [phase.seconds for phase in condition.phases] == times
+        assert (condition.world, condition.moves) == TRIALS[trial]
+    assert {"tlx_mental", "trust_reliable", "closing"} < {q.name for q in plan.questions}
+
+
+def test_built_in_questions_speak_three_languages() -> None:
+    for question in parse_plan(paper_plan()).questions:
+        for words in (question.text, question.low, question.high):
+            assert set(words) == {"en", "es", "zh"} and all(words.values()), question.name
+
+
+def test_a_condition_has_its_own_times_and_the_last_questions_come_at_the_end() -> None:
+    plan = small_plan()
+    assert [[p.seconds for p in c.phases] for c in plan.conditions] == [[3, 2, 2], [6, 2, 2]]
+    assert [p.kind for p in plan.conditions[0].phases] == list(PhaseKind)
+    first, last = ({q.name for q in plan.questions_at(i, 2)} for i in (0, 1))
+    assert last - first == {"remark"}
+
+
+FAULTS = [
+    ('kind = "teach"', 'kind = "tech"', r"\[\[phase\]\] number 1: 'kind' is 'tech' \(did you"),
+    (
+        "seconds = 3",
+        "seconds = -3",
+        r"\[\[phase\]\] number 1: 'seconds' is -3; it must be a number",
+    ),
+    ("seconds = 3", "seconds = nan", r"'seconds' is nan; it must be"),
+    ("seconds = 3", "second = 3", r"\[\[phase\]\] number 1: 'seconds' is missing; add it"),
+    ("title", "titel", r"the plan: 'title' is missing"),
+    ("participants = 4", "participants = 0", r"'participants' is 0; .* from 1 to 500"),
+    ("{ teach = 6 }", "{ teech = 6 }", r"number 2, seconds: there is no field 'teech' \(did you"),
+    ('name = "long"', 'name = "short"', r"two of the conditions are called 'short'; give each"),
+    ('"forward", "left"', '"forward", "Left!"', r"'moves' has what is no move"),
+    ('"forward", "left"', '"stop"', r"'moves' has 'stop'; leave it out"),
+    ('world = "box"', "", r"\[\[condition\]\] number 1: 'world' is missing"),
+    ('["yes", "no"]', '["yes"]', r"'options' is .*; list 2 to 20 texts"),
+    ('kind = "choice"', 'kind = "scale"', r"there is no field 'options'; known are"),
+    ('name = "again"', 'name = "tlx_mental"', r"two of the questions are called 'tlx_mental'"),
+    ("title =", 'learner = "defalt-32"\ntitle =', r"'learner' is 'defalt-32' \(did you mean 'def"),
+    (
+        "title =",
+        'questionnaires = ["tlx"]\ntitle =',
+        r"'questionnaires' has 'tlx'.*there are nasa-",
+    ),
+    ("title =", 'consent = { english = "x" }\ntitle =', r"'consent' is .*one a language"),
+    ("[[phase]]", "[phase]", r"not TOML|\[\[phase\]\]"),
+    ('title = "Two times"', "title = ", r"is not TOML: .*line"),
+]
+
+
+@pytest.mark.parametrize(("right", "wrong", "sentence"), FAULTS)
+def test_each_fault_is_named_where_it_is(right: str, wrong: str, sentence: str) -> None:
+    text = SMALL_PLAN
+    if "consent" in wrong:
+        text = text.replace('consent = "You may stop at any time."', "")
+    assert right in text
+    with pytest.raises(ConfigurationError, match=sentence):
+        parse_plan(text.replace(right, wrong, 1))
+
+
+_VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
+    max_leaves=4,
+)
+
+
+@given(st.data())
+def test_any_other_value_in_any_field_is_taken_or_refused_with_a_sentence(
+    data: st.DataObject,
+) -> None:
+    table = tomllib.loads(SMALL_PLAN)
+    where = table
+    while True:
+        key = data.draw(
+            st.sampled_from(sorted(where) if isinstance(where, dict) else range(len(where)))
+        )
+        if isinstance(where[key], dict | list) and where[key] and data.draw(st.booleans()):
+            where = where[key]
+            continue
+        where[key] = data.draw(_VALUES)
+        break
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tomllib, "loads", lambda text: table if text == "drawn" else {})
+        patch.setattr("robot.study.plan.questionnaires", dict)
+        try:
+            parse_plan("drawn")
+        except ConfigurationError as error:
+            assert str(error).startswith("the plan")

@@ -1,0 +1,116 @@
+"""Moves are open: any name is one, and what a driver says of it goes along."""
+
+from __future__ import annotations
+
+import copy
+import gc
+import json
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.driver import CLASSIC, Move, describe, from_text, names, point_of, to_text
+from robot.types import DEFAULT_MOVES, Action
+
+NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,31}", fullmatch=True)
+SHARES = st.floats(-1.0, 1.0)
+POINTS = st.one_of(st.just((None, None)), st.tuples(SHARES, SHARES))
+WORDS = st.text(min_size=1, max_size=24)
+LABELS = st.one_of(st.just(""), WORDS, st.dictionaries(st.sampled_from(["en", "es", "zh"]), WORDS))
+
+
+@st.composite
+def moves(draw: st.DrawFn) -> Move:
+    name = draw(NAMES.filter(lambda name: name != "stop"))
+    steering, throttle = draw(POINTS)
+    words = draw(LABELS), draw(st.text(max_size=16)), draw(st.text(max_size=200))
+    return Move(Action(name), *words, steering=steering, throttle=throttle)
+
+
+@given(NAMES)
+def test_one_name_is_one_object(name: str) -> None:
+    action = Action("".join(name))  # not the same string object
+    assert action is Action(name)
+    assert action == name and hash(action) == hash(name) and str(action) == action.value == name
+    for protocol in range(pickle.HIGHEST_PROTOCOL + 1):
+        assert pickle.loads(pickle.dumps(action, protocol)) is action
+    assert copy.copy(action) is action and copy.deepcopy([action])[0] is action
+    assert json.loads(json.dumps({action: action})) == {name: name}
+
+
+def test_names_from_outside_fill_no_table() -> None:
+    kept = Action("kept_by_somebody")
+    before = len(Action._interned)
+    for number in range(10_000):
+        Action(f"made_up_{number}")
+    gc.collect()
+    assert len(Action._interned) <= before
+    assert Action("kept_by_somebody") is kept
+
+
+def test_threads_that_meet_a_new_name_get_one_object() -> None:
+    for number in range(50):
+        with ThreadPoolExecutor(4) as pool:
+            found = list(pool.map(lambda _, n=number: Action(f"met_{n}"), range(8)))
+        assert len({id(action) for action in found}) == 1
+
+
+@given(st.text().filter(lambda text: not text.isascii() or not text.isidentifier()))
+def test_what_is_no_name_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="no name of a move"):
+        Action(text)
+
+
+@pytest.mark.parametrize("name", ["Fast", "1st", "_x", "", "a" * 33, "a,b", "a b", 7, None, b"a"])
+def test_names_that_would_break_a_file_or_a_page_are_refused(name: object) -> None:
+    with pytest.raises(ValueError):
+        Action(name)  # type: ignore[arg-type]
+
+
+@given(st.lists(moves(), max_size=8))
+def test_a_declaration_survives_a_recording(declared: list[Move]) -> None:
+    back = from_text(to_text(declared))
+    assert names(back) == names(declared)
+    for before, after in zip(declared, back, strict=True):
+        assert before.describe() == after.describe()
+        assert before.point == after.point
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[1]", '[{"name": "x"}]', '{"name": 1}', '[{"name": "X", "label": {}}]', "7"]
+)
+def test_a_damaged_declaration_says_so(text: str) -> None:
+    with pytest.raises(ValueError):
+        from_text(text)
+
+
+def test_known_moves_need_no_declaration_and_unknown_ones_have_their_name() -> None:
+    fast = Move(Action("fast"), "Fast", steering=0.0, throttle=1.0)
+    described = describe([Action.LEFT, Action("fast"), Action("push")], [fast])
+    assert described == (CLASSIC[Action.LEFT], fast, Move(Action("push")))
+    assert point_of(Action("fast"), [fast]) == (0.0, 1.0)
+    assert point_of(Action("push"), [fast]) is None
+    assert point_of(Action.STOP) == (0.0, 0.0)
+    assert names(describe(DEFAULT_MOVES)) == DEFAULT_MOVES
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"steering": 0.5},
+        {"throttle": 0.5},
+        {"steering": 1.5, "throttle": 0.0},
+        {"steering": float("nan"), "throttle": 0.0},
+        {"label": "x" * 25},
+        {"label": {"en": ""}},
+        {"icon": "x" * 17},
+    ],
+)
+def test_a_declaration_out_of_range_is_refused(fields: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="fast"):
+        Move(Action("fast"), **fields)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="stop"):
+        Move(Action.STOP)

@@ -1,0 +1,49 @@
+"""The benchmark itself, in small: it measures, prints whether that is fast, and judges nothing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from server.__main__ import main
+from server.lab.bench import link
+
+
+@pytest.mark.slow
+@pytest.mark.realtime
+def test_bench_link_measures_all_servers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets has it not")
+    monkeypatch.setattr(link, "_SETTLE_S", 0.05)  # figures that nobody judges need no rest
+    monkeypatch.setattr(link, "_COMMANDS", 8)
+    monkeypatch.setattr(link, "_COMMAND_EVERY_S", 0.1)
+    file = tmp_path / "link.json"
+    # Long enough for a busy machine to send some pictures.
+    words = ["bench", "link", "--viewers", "2", "--seconds", "2", "--slow-seconds", "3"]
+    assert main([*words, "--json", str(file)]) == 0
+    result = json.loads(file.read_text())
+    assert [row["server"] for row in result["servers"]] == [
+        "drivelesson",
+        "naive-websocket",
+        "plain-websocket",
+        "naive-mjpeg",
+    ]
+    ours = result["servers"][0]
+    assert ours["frames_per_second"] > 0 and ours["loop_hz"] > 0
+    for figures in (ours["latency_ms"], result["commands"]["wire_to_drive_ms"]):
+        assert 0 < figures["p50"] <= figures["p95"]
+    assert 0 <= ours["serving_cpu_share_idle_after"] < 1
+    small, large = result["slow"]
+    assert 0 < small["slow_age_ms"]["p50"] < large["slow_age_ms"]["p50"], "it was throttled"
+
+
+def test_an_unknown_benchmark_is_refused() -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["bench", "nothing"])
+    assert ended.value.code == 2
+
+
+def test_viewers_must_be_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "link", "--viewers", "many"]) == 1
+    assert "--viewers" in capsys.readouterr().err
