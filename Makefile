@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run install test test-brick test-browsers test-oldest test-stalls check mutate docs format screenshots clean \
+.PHONY: help run install test test-brick test-browsers test-oldest test-stalls check house mutate docs format screenshots clean \
   lint types suite
 
 help: ## Say what there is
@@ -69,6 +69,9 @@ lint: $(VENV)/.dev
 
 types: $(VENV)/.dev
 	$(BIN)/mypy
+
+house: $(VENV)/.dev ## Count lines by house and room
+	@$(BIN)/python -m tests.architecture.house
 
 mutate: $(VENV)/.dev ## Put faults into the modules on which safety rests, and see if tests notice
 	$(BIN)/python -m tests.mutation $(ARGS)
