@@ -1,7 +1,7 @@
 """Prints how many lines each house and room has: `make house`.
 
-A room is what lies directly in `robot` or `server`; loose modules are rooms of their own. A house is
-what `HOUSES` says; all else is the core.
+A room is what lies directly in `robot` or `server`; loose modules are rooms of their own. A house
+is what `HOUSES` says; all else is the core.
 """
 
 from __future__ import annotations
@@ -36,9 +36,10 @@ def count_lines(text: str) -> Counter[str]:
             continue
         for part in body:
             # A text that stands alone is a docstring, of an attribute if it is not the first.
-            if isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant):
-                if isinstance(part.value.value, str):
-                    documented |= set(range(part.lineno, (part.end_lineno or part.lineno) + 1))
+            if not (isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant)):
+                continue
+            if isinstance(part.value.value, str):
+                documented |= set(range(part.lineno, (part.end_lineno or part.lineno) + 1))
     found: Counter[str] = Counter()
     for number, line in enumerate(text.splitlines(), 1):
         if number in documented:

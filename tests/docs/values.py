@@ -40,9 +40,9 @@ SOURCES: Mapping[str, object] = {
     "learner": SimpleNamespace(
         default=_DEFAULT, nodes=int(_DEFAULT.rpartition("-")[2]), most_nodes=MOST_NODES
     ),
-    "ros": import_module("robot.drivers.ros.bridge"),
-    "ev3_stock": import_module("robot.brick.stock.lines"),
-    "lego_education": import_module("robot.drivers.lego_education"),
+    "ros": import_module("robot.bodies.ros.bridge"),
+    "ev3_stock": import_module("robot.bodies.ev3.stock.lines"),
+    "lego_education": import_module("robot.bodies.lego_education.driver"),
 }
 """Where a page may take a number from."""
 

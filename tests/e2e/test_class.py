@@ -9,6 +9,7 @@ import httpx
 import pytest
 
 from robot.types import Action
+from server.board.extension import ClassroomExtension
 
 from .class_world import running_class
 from .world import PHONE, wait_for
@@ -47,7 +48,7 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
 
         # What is locked is refused by the robot, whoever asks.
         page.get_by_label("models", exact=True).check()
-        classroom = school.robots[1].classroom
+        classroom = school.robots[1].extension(ClassroomExtension).classroom
         assert classroom is not None
         wait_for(lambda: classroom.locks == {"models"}, "the robot knows its lock")
         jar = {cookie["name"]: cookie["value"] for cookie in phones[0].cookies()}
