@@ -18,10 +18,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from robot.experiments.catalogue import EXPERIMENTS
-from robot.experiments.experiment import ExperimentSettings
-from robot.experiments.tables import Table, format_cell
-from robot.experiments.task import Task
+from robot.lab.catalogue import EXPERIMENTS
+from robot.lab.experiment import ExperimentSettings
+from robot.lab.tables import Table, format_cell
+from robot.lab.task import Task
 
 FOLDER = Path(__file__).parents[2] / "docs/results"
 PAGE = FOLDER / "README.md"
