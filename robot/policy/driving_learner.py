@@ -1,0 +1,116 @@
+"""The learner as it drives, for a loop of your own: pictures and times go in, moves come out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.learner.base import Vector
+from robot.policy.history import TrainingHistory
+from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
+from robot.types import DEFAULT_MOVES, Action, Encoding, Example, Frame, Prediction
+
+
+class DrivingLearner:
+    """Features, learner, action filter and undo in one, as the control loop joins them.
+
+    Each picture is shown to `see`; a person's move for it is given to `teach`, before the next.
+    A picture that nobody taught counts as driven by what `see` proposed. For one thread.
+
+    Args:
+        moves: Names of what it may do; two at least.
+        learner: Name of a learner, such as `default-32`, or a policy that nobody else uses.
+
+    Raises:
+        ConfigurationError: If there is no such learner.
+        ValueError: If a move has no valid name, or there are fewer than two.
+    """
+
+    def __init__(
+        self, moves: Sequence[str] = DEFAULT_MOVES, learner: str | Policy = "default-32"
+    ) -> None:
+        names = tuple(Action(move) for move in moves)
+        if len(set(names)) < 2:
+            raise ValueError(f"a learner chooses among two moves or more, not {list(moves)}")
+        policy = learner if isinstance(learner, Policy) else make_policy(learner, names)
+        self.history = TrainingHistory(policy)
+        self._frame_id = 0
+        self._seen: tuple[Vector, float] | None = None
+        self._under_way: Action | None = None
+
+    @property
+    def policy(self) -> Policy:
+        """What learns; only the history may change it."""
+        return self.history.policy
+
+    @property
+    def n_examples(self) -> int:
+        """How many examples it was taught, without those that were taken back."""
+        return self.history.n_examples
+
+    def see(self, picture: NDArray[np.uint8], at_s: float, *, bumped: bool = False) -> Prediction:
+        """Return what to do on the next picture; before the first example the action is None.
+
+        Args:
+            picture: Pixels in RGB, shape (height, width, 3), uint8.
+            at_s: When it was taken, in seconds; later than the one before.
+            bumped: True if a bumper is pressed.
+
+        Raises:
+            ValueError: If the pixels have another shape or type.
+            CameraError: If the picture is too small for the learner.
+        """
+        pixels = np.asarray(picture)
+        if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8:
+            raise ValueError(
+                f"a picture has shape (height, width, 3) and type uint8, not {pixels.shape} and "
+                f"{pixels.dtype}"
+            )
+        self._frame_id += 1
+        height, width = pixels.shape[:2]
+        frame = Frame(
+            frame_id=self._frame_id,
+            captured_s=at_s,
+            width=width,
+            height=height,
+            encoding=Encoding.RGB,
+            data=pixels.tobytes(),
+        )
+        x = self.policy.extract(frame)
+        prediction = self.policy.propose(
+            self._frame_id, x, under_way=self._under_way, at_s=at_s, bumped=bumped
+        )
+        self._seen = x, at_s
+        self._under_way = None if prediction.needs_help else prediction.action
+        return prediction
+
+    def teach(self, move: str, *, is_correction: bool = False) -> None:
+        """Learn what a person did on the picture that was seen last.
+
+        Args:
+            move: The person's move.
+            is_correction: True if the learner was driving and the person overruled it.
+
+        Raises:
+            ValueError: If the move is none of `moves`, or no picture was seen since the last call.
+        """
+        if self._seen is None:
+            raise ValueError("there is no new picture to learn: call see() before each teach()")
+        x, at_s = self._seen
+        example = Example(
+            frame_id=self._frame_id, label=Action(move), is_intervention=is_correction
+        )
+        self.history.teach(example, x, at_s)
+        self._seen = self._under_way = None
+
+    def undo(self, seconds: float) -> int:
+        """Un-learn the last `seconds` of teaching, 35 at most; return how many examples went."""
+        return len(self.history.undo(seconds))
+
+    def reset(self) -> None:
+        """Begin another drive: what was learned stays, what was under way does not."""
+        self.history.begin_drive()
+        self._seen = self._under_way = None

@@ -1,0 +1,92 @@
+"""The learner as it drives, in a foreign loop: the same as in ours, undo and all."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot.clock import ManualClock
+from robot.control.online_learning import OnlineLearning
+from robot.policy.driving_learner import DrivingLearner
+from robot.policy.registry import make_policy
+from robot.types import Action, Encoding, Frame, PilotCommand
+
+MOVES = ("left", "right", "gas")
+
+
+def picture(scene: int, seed: int = 0) -> np.ndarray:
+    blocks = np.random.default_rng(scene).integers(0, 200, (12, 16))
+    pixels = np.kron(blocks, np.ones((10, 10)))[:, :, None].repeat(3, axis=2)
+    noise = np.random.default_rng(1000 + seed).integers(0, 20, pixels.shape)
+    return (pixels + noise).astype(np.uint8)
+
+
+def test_it_proposes_nothing_before_the_first_example() -> None:
+    assert DrivingLearner(MOVES).see(picture(1), 0.0).action is None
+
+
+def test_it_does_what_it_was_shown() -> None:
+    learner = DrivingLearner(MOVES)
+    for i in range(60):
+        learner.see(picture(i // 5 % 3, i), 0.1 * i)
+        learner.teach(MOVES[i // 5 % 3])
+    learner.reset()
+    for scene, move in enumerate(MOVES):
+        learner.reset()
+        for i in range(5):
+            proposed = learner.see(picture(scene, 500 + i), 10.0 + scene + 0.1 * i).action
+        assert proposed == move
+
+
+def test_it_is_the_learner_of_the_control_loop() -> None:
+    rng = np.random.default_rng(5)
+    own = DrivingLearner(MOVES)
+    loop = OnlineLearning(
+        make_policy("default-32", tuple(Action(move) for move in MOVES)), ManualClock()
+    )
+    under_way = None
+    for i in range(80):
+        pixels, at_s = picture(i // 7 % 4, i), 0.1 * i
+        taught = MOVES[i // 7 % 3] if i < 30 or rng.random() < 0.3 else None
+        frame = Frame(
+            frame_id=i + 1,
+            captured_s=at_s,
+            width=160,
+            height=120,
+            encoding=Encoding.RGB,
+            data=pixels.tobytes(),
+        )
+        loop.look(frame, under_way)
+        assert own.see(pixels, at_s) == loop.prediction
+        under_way = None
+        if taught is not None:
+            own.teach(taught, is_correction=i >= 30)
+            command = PilotCommand(held=Action(taught), frame_id=i + 1, seq=i, received_s=at_s)
+        else:
+            command = PilotCommand(held=None, frame_id=i + 1, seq=i, received_s=at_s)
+            under_way = loop.prediction.action
+        loop.learn([command], is_intervention=i >= 30, may_learn=True)
+    assert own.n_examples == loop.history.n_examples
+
+
+def test_what_was_taught_can_be_taken_back() -> None:
+    learner = DrivingLearner(MOVES)
+    for i in range(30):
+        learner.see(picture(1, i), 0.1 * i)
+        learner.teach("gas" if i < 20 else "left")
+    assert learner.undo(0.95) == 10
+    assert learner.n_examples == 20
+    assert learner.see(picture(1, 99), 3.1).action == "gas"
+
+
+def test_bad_input_is_named() -> None:
+    with pytest.raises(ValueError, match="two moves"):
+        DrivingLearner(["gas"])
+    learner = DrivingLearner(MOVES)
+    with pytest.raises(ValueError, match="see"):
+        learner.teach("gas")
+    with pytest.raises(ValueError, match="shape"):
+        learner.see(np.zeros((120, 160), np.uint8), 0.0)
+    learner.see(picture(1), 0.0)
+    with pytest.raises(ValueError, match="fly"):
+        learner.teach("fly")
