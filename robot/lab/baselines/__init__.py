@@ -25,6 +25,14 @@ def make(kind: str, number: int) -> Learner:
         from robot.lab.baselines.refitted import ExtraTrees
 
         return ExtraTrees(number)
+    if kind == "mlp":
+        from robot.lab.baselines.networks import Perceptron
+
+        return Perceptron(number)
+    if kind == "cnn":
+        from robot.lab.baselines.networks import Convolution
+
+        return Convolution(number)
     if kind == "som":
         from robot.lab.baselines.som import SelfOrganizingMap
 
@@ -62,3 +70,11 @@ def make_rival(number: int, name: str, moves: tuple[Action, ...], integer: bool)
     """Return a baseline with the default's features and running average."""
     kind = split_name(name)[0].removeprefix("fair-")
     return Policy(name, number, make(kind, number), GradientFeatures(), moves=moves)
+
+
+def make_network(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    """Return a network on small colour pictures; a `Maker`. The number is of hidden units."""
+    from robot.lab.baselines.networks import ColourFeatures
+
+    learner, features = make(split_name(name)[0], number), ColourFeatures()
+    return Policy(name, number, learner, features, moves=moves, action_filter=ActionFilter.none())

@@ -29,6 +29,7 @@ class Refitted(BaseLearner):
     def __init__(self, number: int) -> None:
         self.number = number
         self._model: Any = None
+        self._n_fitted = 0
         self._xs: list[Vector] = []
         self._ys: list[Label] = []
 
@@ -36,22 +37,27 @@ class Refitted(BaseLearner):
         """Return a new classifier with `fit` and `predict_proba`."""
         raise NotImplementedError
 
+    def _count_to_fit(self, n_examples: int) -> int:
+        """Return to how many of the examples, from the first, it is to be fitted."""
+        return n_examples
+
     def learn_one(self, x: Vector, y: Label) -> None:
         """Keep one labelled vector."""
         if not isinstance(y, str) or not y:
             raise ValueError(f"a label must be a string, not {y!r}")
         self._xs.append(checked_vector(x, self._xs[0].size if self._xs else None).copy())
         self._ys.append(str(y))
-        self._model = None
 
     def explain_one(self, x: Vector) -> Evidence:
         """Return the prediction with its shares."""
         if not self._xs:
             raise NotFittedError("nothing was learned yet")
         row = checked_vector(x, self._xs[0].size)[None, :].astype(np.float32)
-        if self._model is None:
+        wanted = self._count_to_fit(len(self._xs))
+        if self._n_fitted != wanted:
             self._model = self._make()
-            self._model.fit(np.stack(self._xs).astype(np.float32), self._ys)
+            self._model.fit(np.stack(self._xs[:wanted]).astype(np.float32), self._ys[:wanted])
+            self._n_fitted = wanted
         shares = self._model.predict_proba(row)[0].tolist()
         labels = [str(label) for label in self._model.classes_]
         best = int(np.argmax(shares))
@@ -74,7 +80,7 @@ class Refitted(BaseLearner):
         self.number = int(state.params["n_neighbours"])
         self._xs = list(state.arrays["xs"].copy()) if state.labels else []
         self._ys = list(state.labels)
-        self._model = None
+        self._model, self._n_fitted = None, 0
 
 
 class NearestNeighbours(Refitted):
