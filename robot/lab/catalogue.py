@@ -11,6 +11,7 @@ from robot.lab.figure5 import Figure5
 from robot.lab.figure6 import Figure6
 from robot.lab.figure7 import Figure7
 from robot.lab.figure8 import Figure8
+from robot.lab.ground.ground import Ground
 from robot.lab.habits import Habits
 from robot.lab.mind import Mind
 from robot.lab.ready import Ready
@@ -19,7 +20,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     experiment.name: experiment
     for experiment in (
         *(Figure3(), Figure5(), Figure6(), Figure7(), Figure8()),
-        *(Delay(), MoreMoves(), Behaviours(), Ablation(), Habits(), Ready(), Mind()),
+        *(Delay(), MoreMoves(), Behaviours(), Ablation(), Habits(), Ready(), Mind(), Ground()),
     )
 }
 """In the order in which `all` runs them."""

@@ -22,6 +22,8 @@ class ExperimentSettings:
     """None: those of the experiment."""
     delays_ms: tuple[int, ...] = (0, 100, 300)
     recordings: str | None = None
+    worlds: tuple[str, ...] = ()
+    """Foreign worlds; empty: those of the experiment."""
     robot: str = "sim"
     """Whose cycles figure 5 times."""
 

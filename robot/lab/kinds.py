@@ -9,6 +9,7 @@ from typing import Any
 from robot.lab.cycles import run_cycles
 from robot.lab.episodes import run_episodes
 from robot.lab.footage import run_recorded_footage, run_simulated_footage
+from robot.lab.ground.run import run_ground
 from robot.lab.habit_run import run_habit
 from robot.lab.ideas import make_learner
 from robot.lab.metrics import driving
@@ -108,5 +109,6 @@ RUNNERS: dict[str, Callable[[Mapping[str, Any]], Result]] = {
     "habit": run_habit,
     "ready": run_ready,
     "mind": run_mind,
+    "ground": run_ground,
 }
 """Every kind of task."""

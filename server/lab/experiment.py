@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 NAMES = (
     *("figure3", "figure5", "figure6", "figure7", "figure8"),
-    *("delay", "moves", "behaviours", "ablation", "habits", "ready", "mind"),
+    *("delay", "moves", "behaviours", "ablation", "habits", "ready", "mind", "ground"),
 )
 
 
@@ -53,6 +53,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--teacher", metavar="NAME", help="usual, early, late, path.py:Name ...")
     parser.add_argument(
         "--delay", default="0,100,300", metavar="MS,...", help="link delays (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--world",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="Sidewalk, CarRacing, ViZDoom ... for ground; may be given several times",
     )
     parser.add_argument("--recordings", metavar="FOLDER", help="real footage for figure3")
     parser.add_argument(
@@ -125,6 +132,7 @@ def _settings(args: argparse.Namespace) -> ExperimentSettings:
         delays_ms=delays,
         recordings=_recordings(args.recordings),
         robot=args.robot,
+        worlds=tuple(args.world),
     )
 
 

@@ -55,6 +55,9 @@ def made_up(task: Task) -> dict[str, Any]:
     if task.kind == "mind":
         views = {"blocked": 50, "right": 40, "left": 5, "turning": 90, "turning_right": 60}
         return {"first": views, "second": views, "alone": {"turns": 100, "right": 99}}
+    if task.kind == "ground":
+        stage = {"examples": 100, "takeovers": 7, "decisions": 300, "scores": [0.0, 1.0]}
+        return {"stages": [stage] * len(task.params["counts"])}
     if task.kind == "cycles":
         return {"timing": {"learning_hz": 100.0, "applying_hz": 200.0}}
     return {"correct": 600, "frames": 700, "accuracy": 6 / 7, "balanced_accuracy": 0.8}

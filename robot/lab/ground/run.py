@@ -1,0 +1,139 @@
+"""One learner in one foreign world: taught to so many examples, then alone, and again with more."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from typing import Any
+
+from robot.lab.ground.worlds import STEP_S, ForeignWorld, make_world
+from robot.lab.ideas import make_learner
+from robot.lab.task import Result
+from robot.policy.driving_learner import DrivingLearner
+from robot.types import Action, Prediction
+
+FIRST_EXAMPLES = 50
+"""So many are demonstrated before the robot drives and is corrected, or asks."""
+WRONG_FOR = 2
+"""The teacher takes the wheel when the robot was wrong in so many decisions running,"""
+HOLDS_FOR = 5
+"""and keeps it for so many, and until the robot would do the same."""
+UNSURE = 0.6
+"""A robot that may ask does so where it is less sure, beside where the product itself asks."""
+_PATIENCE = 20
+"""Decisions for each example at most: a robot that makes no mistake gets no corrections."""
+_ALONE_SEED = 1_000_000
+TEACHER = "teacher"
+"""In a learner's place: the scripted teacher drives."""
+
+
+def run_ground(params: Mapping[str, Any]) -> Result:
+    """Teach, and let it drive alone at each number of examples.
+
+    Parameters: `world`, `learner`, `way` (`demonstration`, `corrections` or `asked`), `seed`,
+    `counts` (of examples), `drives` (alone, at each). The learner `teacher` is the world's own:
+    what it makes of the same drives.
+    """
+    if params["learner"] == TEACHER:
+        return _run_teacher(params)
+    with contextlib.closing(make_world(params["world"])) as world:
+        moves = tuple(Action(move) for move in world.moves)
+        learner = DrivingLearner(moves, make_learner(params["learner"], moves))
+        course = Course(world, learner, params["way"], params["seed"])
+        stages = []
+        for count in params["counts"]:
+            course.teach(count)
+            scores = [drive_alone(world, learner, seed) for seed in _alone_seeds(params)]
+            stages.append(
+                {
+                    "count": count,
+                    "examples": learner.n_examples,
+                    "takeovers": course.takeovers,
+                    "decisions": course.decisions,
+                    "scores": scores,
+                }
+            )
+    return {"stages": stages}
+
+
+def _alone_seeds(params: Mapping[str, Any]) -> list[int]:
+    return [_ALONE_SEED + 100 * params["seed"] + drive for drive in range(params["drives"])]
+
+
+def _run_teacher(params: Mapping[str, Any]) -> Result:
+    scores = []
+    with contextlib.closing(make_world(params["world"])) as world:
+        for seed in _alone_seeds(params):
+            world.reset(seed)
+            is_over = False
+            while not is_over:
+                _, is_over = world.step(world.wanted())
+            scores.append(world.score)
+    return {"stages": [{"count": count, "scores": scores} for count in params["counts"]]}
+
+
+class Course:
+    """Teaching: who drives when, over as many episodes as it takes."""
+
+    def __init__(self, world: ForeignWorld, learner: DrivingLearner, way: str, seed: int) -> None:
+        self._world, self._learner, self._way = world, learner, way
+        self._seed = 1000 * seed
+        self._wrong = self._held = 0
+        self.takeovers = self.decisions = 0
+
+    def teach(self, count: int) -> None:
+        """Go on until the learner has had `count` examples, or makes no mistakes."""
+        most = self.decisions + _PATIENCE * (count - self._learner.n_examples)
+        while self._learner.n_examples < count and self.decisions < most:
+            self._drive(count, most)
+
+    def _drive(self, count: int, most: int) -> None:
+        """Drive one episode."""
+        self._seed += 1
+        self._wrong = self._held = 0
+        self._learner.reset()
+        picture, is_over = self._world.reset(self._seed), False
+        while not is_over and self._learner.n_examples < count and self.decisions < most:
+            self.decisions += 1
+            proposed = self._learner.see(picture, STEP_S * self.decisions)
+            wanted = self._world.wanted()
+            if self._is_teacher_due(proposed, wanted):
+                is_first = self._way == "demonstration" or self._is_beginning
+                self._learner.teach(wanted, is_correction=not is_first)
+                move: str | None = wanted
+            else:
+                move = None if proposed.needs_help else proposed.action
+            if move is not None:  # a robot that stands and asks is waited for
+                picture, is_over = self._world.step(move)
+
+    @property
+    def _is_beginning(self) -> bool:
+        return self._learner.n_examples < FIRST_EXAMPLES
+
+    def _is_teacher_due(self, proposed: Prediction, wanted: str) -> bool:
+        if self._way == "demonstration" or self._is_beginning:
+            return True
+        is_wrong = proposed.action != wanted
+        if self._held > 0:
+            self._held = self._held + 1 if is_wrong or self._held < HOLDS_FOR else 0
+            return self._held > 0
+        self._wrong = self._wrong + 1 if is_wrong else 0
+        asks = proposed.is_novel or proposed.needs_help or proposed.confidence < UNSURE
+        if asks if self._way == "asked" else self._wrong >= WRONG_FOR:
+            self.takeovers += 1
+            self._held, self._wrong = 1, 0
+        return self._held > 0
+
+
+def drive_alone(world: ForeignWorld, learner: DrivingLearner, seed: int) -> float:
+    """Return the score of one episode without a teacher."""
+    learner.reset()
+    picture, is_over = world.reset(seed), False
+    for step in range(world.longest):
+        proposed = learner.see(picture, STEP_S * step)
+        if not proposed.needs_help and proposed.action is not None:
+            picture, is_over = world.step(proposed.action)
+        if is_over:
+            break
+    learner.reset()
+    return world.score

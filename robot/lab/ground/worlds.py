@@ -1,0 +1,296 @@
+"""Worlds that others made, each with a scripted teacher; Gymnasium, loaded when one is made."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.errors import ConfigurationError, MissingExtraError, did_you_mean
+
+Picture = NDArray[np.uint8]
+"""RGB, shape (height, width, 3)."""
+STEP_S = 0.1
+"""Time from one decision to the next."""
+_HALF_WIDTH_M = 0.45
+"""Of a lane that MiniWorld's agent, 80 cm wide, fits through."""
+
+
+class ForeignWorld(Protocol):
+    """One world: episodes of pictures and moves, a score, and a teacher who knows the truth."""
+
+    moves: tuple[str, ...]
+    longest: int
+    """Decisions in an episode at most."""
+    score: float
+    """Of the episode so far."""
+
+    def reset(self, seed: int) -> Picture:
+        """Begin an episode, and return its first picture."""
+        ...
+
+    def step(self, move: str) -> tuple[Picture, bool]:
+        """Make a move; return the next picture, and whether the episode is over."""
+        ...
+
+    def wanted(self) -> str:
+        """Return what the teacher would do now."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the world."""
+        ...
+
+
+class _Gymnasium:
+    """What all have in common. `codes` are the numbers of the world's moves."""
+
+    codes: Mapping[str, int]
+    longest: int
+
+    def __init__(self, name: str, package: str, **options: Any) -> None:
+        try:
+            import gymnasium
+
+            __import__(package)
+        except ImportError as error:
+            raise MissingExtraError(f"the world {name}", "ground") from error
+        self._env = gymnasium.make(name, **options)
+        self.inner: Any = self._env.unwrapped
+        self.moves = tuple(self.codes)
+        self.score = 0.0
+        self._n_steps = 0
+
+    def reset(self, seed: int) -> Picture:
+        """Begin an episode."""
+        seen, _ = self._env.reset(seed=seed)
+        self.score, self._n_steps = 0.0, 0
+        return self._picture(self._begin(seen))
+
+    def step(self, move: str) -> tuple[Picture, bool]:
+        """Make a move."""
+        seen, reward, *is_over, _ = self._env.step(self.codes[move])
+        self._n_steps += 1
+        self._note(float(reward))
+        return self._picture(seen), any(is_over) or self._n_steps >= self.longest
+
+    def close(self) -> None:
+        """Let go of the world."""
+        self._env.close()
+
+    def _picture(self, seen: Any) -> Picture:
+        return np.asarray(seen)
+
+    def _begin(self, seen: Any) -> Any:
+        """Begin an episode; return what is seen then."""
+        return seen
+
+    def _note(self, reward: float) -> None:
+        """Count a step's reward."""
+        self.score += reward
+
+
+class MiniWorld(_Gymnasium):
+    """Rooms with a red box to be reached; the score is 1 if it was.
+
+    The teacher goes to the box if it is in sight; otherwise it goes straight, and turns left
+    where the way ends, until the way is free again. All of that can be seen in the pictures.
+    """
+
+    codes: Mapping[str, int] = MappingProxyType({"left": 0, "right": 1, "forward": 2})
+    longest = 300
+
+    def __init__(self, name: str) -> None:
+        os.environ.setdefault("PYGLET_HEADLESS", "1")
+        self._is_convex = name == "OneRoom"
+        super().__init__(f"MiniWorld-{name}-v0", "miniworld", obs_width=160, obs_height=120)
+
+    def _begin(self, seen: Any) -> Any:
+        self._turning: str | None = None
+        return seen
+
+    def _note(self, reward: float) -> None:
+        self.score = max(self.score, float(reward > 0.0))
+
+    def wanted(self) -> str:
+        """Go to the box; else where there is a way."""
+        agent, box = self.inner.agent, self.inner.box
+        way = box.pos - agent.pos
+        bearing = math.remainder(math.atan2(-way[2], way[0]) - agent.dir, math.tau)
+        distance = math.hypot(way[0], way[2])
+        is_seen = abs(bearing) < math.radians(36.0) and self._free_m(bearing, distance) >= distance
+        if is_seen and self._free_m(bearing, min(distance, 1.5), _HALF_WIDTH_M) > 0.5:
+            self._turning = None
+            aim = math.radians(10.0)
+            return "forward" if abs(bearing) < aim else "left" if bearing > 0.0 else "right"
+        free_m = self._free_m(0.0, 2.0, _HALF_WIDTH_M)
+        if self._is_convex:
+            return "left"
+        if self._turning is None and free_m < 0.7:
+            left, right = (self._free_m(math.radians(side)) for side in (35.0, -35.0))
+            self._turning = "right" if right > left + 0.5 else "left"
+        elif free_m > 1.5:
+            self._turning = None
+        return self._turning or "forward"
+
+    def _free_m(self, bearing: float, most_m: float = 4.0, half_width_m: float = 0.0) -> float:
+        """Return how far a lane is free in a direction, counter-clockwise of straight ahead."""
+        heading = self.inner.agent.dir + bearing
+        ahead = np.array([math.cos(heading), 0.0, -math.sin(heading)])
+        aside = half_width_m * np.array([ahead[2], 0.0, -ahead[0]])
+        for free_m in np.arange(0.2, most_m, 0.2):
+            middle = self.inner.agent.pos + free_m * ahead
+            sides = (middle - aside, middle + aside) if half_width_m else (middle,)
+            if not all(self._is_free(point) for point in sides):
+                return float(free_m)
+        return most_m
+
+    def _is_free(self, point: NDArray[np.float64]) -> bool:
+        street = getattr(self.inner, "street", None)
+        inside = [room for room in self.inner.rooms if room.point_inside(point)]
+        return bool(inside) and street not in inside
+
+
+class CarRacing(_Gymnasium):
+    """A car on a race track; the score is the share of its tiles, in percent.
+
+    The five moves of the world's own discrete form. The teacher knows the track: it steers to a
+    point ahead and brakes before bends.
+
+    Args:
+        names: What left, right, gas, brake and nothing are called.
+    """
+
+    longest = 150
+    frames = 4
+    look_ahead = 4
+    _zoom_frames = 50
+    """The world begins with a zoom, in which nothing can be done."""
+
+    def __init__(self, names: tuple[str, str, str, str, str]) -> None:
+        self.codes = dict(zip(names, (2, 1, 3, 4, 0), strict=True))
+        self._names = names
+        super().__init__("CarRacing-v3", "Box2D", continuous=False)
+        self._draw = self.inner._render
+        self._is_seen = True
+        # Most of a step's time is spent on drawing frames that nobody sees.
+        self.inner._render = lambda mode: self._draw(mode) if self._is_seen else self.inner.state
+
+    def _picture(self, seen: Any) -> Picture:
+        return np.asarray(seen).repeat(2, axis=0).repeat(2, axis=1)
+
+    def _begin(self, seen: Any) -> Any:
+        for frame in range(self._zoom_frames):
+            self._is_seen = frame == self._zoom_frames - 1
+            seen, *_ = self._env.step(0)
+        return seen
+
+    def _note(self, reward: float) -> None:
+        self.score = 100.0 * self.inner.tile_visited_count / len(self.inner.track)
+
+    def step(self, move: str) -> tuple[Picture, bool]:
+        """Make a move, for some frames."""
+        for frame in range(self.frames):
+            self._is_seen = frame == self.frames - 1
+            picture, is_over = super().step(move)
+            self._n_steps -= 1
+            if is_over:
+                break
+        self._n_steps += 1
+        return picture, is_over or self._n_steps >= self.longest
+
+    def wanted(self) -> str:
+        """Steer to a point ahead, at a speed for the bend."""
+        left, right, gas, brake, nothing = self._names
+        hull = self.inner.car.hull
+        track = np.array([tile[2:4] for tile in self.inner.track])
+        here = np.array(hull.position)
+        nearest = int(((track - here) ** 2).sum(axis=1).argmin())
+        speed = float(np.hypot(*hull.linearVelocity))
+        bearing = self._bearing(track, here, nearest + self.look_ahead + int(speed / 20))
+        bend = abs(self._bearing(track, here, nearest + 12))
+        fastest = 55.0 if bend < 0.25 else 40.0 if bend < 0.6 else 30.0
+        if abs(bearing) > 0.12 and speed > 5.0:
+            return left if bearing > 0.0 else right
+        if speed > 1.3 * fastest:
+            return brake
+        return gas if speed < fastest else nothing
+
+    def _bearing(self, track: NDArray[np.float64], here: NDArray[np.float64], index: int) -> float:
+        """Return the direction of a point of the track, counter-clockwise of straight ahead."""
+        x, y = track[index % len(track)] - here
+        return math.remainder(math.atan2(y, x) - math.pi / 2 - self.inner.car.hull.angle, math.tau)
+
+
+class VizDoom(_Gymnasium):
+    """Gathering health on a floor of acid; the score is the tics survived, of 2,100.
+
+    The teacher goes to the medikit that looks largest, and turns left where there is none.
+    """
+
+    codes: Mapping[str, int] = MappingProxyType({"left": 3, "right": 2, "forward": 1})
+    frames = 4
+    longest = 2101 // frames + 1
+
+    def __init__(self) -> None:
+        super().__init__(
+            "VizdoomHealthGathering-v1",
+            "vizdoom.gymnasium_wrapper",
+            frame_skip=self.frames,
+            labels_buffer_enabled=True,
+        )
+
+    def _picture(self, seen: Any) -> Picture:
+        picture: Picture = seen["screen"]
+        return picture
+
+    def _note(self, reward: float) -> None:
+        self.score = float(self.inner.game.get_episode_time() - 1)
+
+    def wanted(self) -> str:
+        """Go to the nearest medikit in sight."""
+        state = self.inner.game.get_state()
+        kits = (
+            []
+            if state is None
+            else [label for label in state.labels if label.object_name == "Medikit"]
+        )
+        if not kits:
+            return "left"
+        aside, width = max(
+            (((kit.x + kit.width / 2) / 160.0 - 1.0, kit.width / 320.0) for kit in kits),
+            key=lambda place: place[1] - 0.03 * abs(place[0]),
+        )
+        if abs(aside) < 0.2 + 0.5 * width:
+            return "forward"
+        return "left" if aside < 0.0 else "right"
+
+
+WORLDS: dict[str, Callable[[], ForeignWorld]] = {
+    **{
+        name: (lambda name=name: MiniWorld(name))  # type: ignore[misc]
+        for name in ("Sidewalk", "Hallway", "OneRoom", "TMaze", "YMaze")
+    },
+    "CarRacing": lambda: CarRacing(("left", "right", "forward", "brake", "coast")),
+    "CarRacing, own names": lambda: CarRacing(("port", "starboard", "gas", "drag", "roll")),
+    "ViZDoom": VizDoom,
+}
+
+
+def make_world(name: str) -> ForeignWorld:
+    """Return a world by its name.
+
+    Raises:
+        ConfigurationError: If there is none of this name.
+        MissingExtraError: If its library is not installed.
+    """
+    if name not in WORLDS:
+        raise ConfigurationError(
+            f"unknown world {name!r}{did_you_mean(name, WORLDS)}; there are {', '.join(WORLDS)}"
+        )
+    return WORLDS[name]()

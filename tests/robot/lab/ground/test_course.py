@@ -1,0 +1,86 @@
+"""Who drives when in a foreign world, and what counts as an example."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot.lab.ground.ground import interval
+from robot.lab.ground.run import FIRST_EXAMPLES, Course, drive_alone
+from robot.lab.ground.worlds import Picture
+from robot.policy.driving_learner import DrivingLearner
+
+
+class Lamp:
+    """A world of one lamp, left or right: whoever turns to it wins a point."""
+
+    moves = ("port", "starboard")
+    longest = 40
+
+    def reset(self, seed: int) -> Picture:
+        self._rng = np.random.default_rng(seed)
+        self.score, self._n = 0.0, 0
+        return self._show()
+
+    def step(self, move: str) -> tuple[Picture, bool]:
+        self.score += move == self.wanted()
+        self._n += 1
+        return self._show(), self._n >= self.longest
+
+    def wanted(self) -> str:
+        return self.moves[self._side]
+
+    def close(self) -> None:
+        pass
+
+    def _show(self) -> Picture:
+        self._side = int(self._rng.integers(2))
+        picture = self._rng.integers(0, 40, (120, 160, 3)).astype(np.uint8)
+        picture[30:90, 100 * self._side + 10 : 100 * self._side + 50] = 250
+        return picture
+
+
+@pytest.fixture
+def learner() -> DrivingLearner:
+    return DrivingLearner(Lamp.moves, "knn-1")
+
+
+def test_a_demonstration_is_the_teachers_alone(learner: DrivingLearner) -> None:
+    course = Course(Lamp(), learner, "demonstration", seed=1)
+    course.teach(90)
+    assert (learner.n_examples, course.decisions, course.takeovers) == (90, 90, 0)
+    assert drive_alone(Lamp(), learner, 5) == Lamp.longest
+
+
+def test_who_makes_no_mistakes_is_not_corrected(learner: DrivingLearner) -> None:
+    course = Course(Lamp(), learner, "corrections", seed=1)
+    course.teach(100)
+    assert learner.n_examples == FIRST_EXAMPLES
+    assert course.takeovers == 0
+    assert course.decisions > 10 * FIRST_EXAMPLES, "it had its chances"
+
+
+def test_who_is_always_wrong_is_corrected_until_it_has_all_its_examples() -> None:
+    class Turncoat(Lamp):
+        """Wants the other side in every drive but the first ones."""
+
+        n_drives = 0
+
+        def reset(self, seed: int) -> Picture:
+            self.n_drives += 1
+            return super().reset(seed)
+
+        def wanted(self) -> str:
+            return self.moves[self._side if self.n_drives < 3 else 1 - self._side]
+
+    learner = DrivingLearner(Turncoat.moves, "knn-1")
+    course = Course(Turncoat(), learner, "corrections", seed=1)
+    course.teach(100)
+    assert learner.n_examples == 100
+    assert course.takeovers >= 1
+
+
+def test_the_interval_of_a_mean() -> None:
+    low, high = interval([0.0, 1.0] * 50)
+    assert 0.35 < low < 0.45 < 0.55 < high < 0.65
+    assert interval([2.0, 2.0]) == (2.0, 2.0)

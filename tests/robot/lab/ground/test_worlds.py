@@ -1,0 +1,57 @@
+"""The foreign worlds themselves: the scripted teachers do what they are there for."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+
+import numpy as np
+import pytest
+
+from robot.errors import ConfigurationError
+from robot.lab.ground.run import run_ground
+from robot.lab.ground.worlds import WORLDS, make_world
+
+LIBRARY = {"CarRacing": "Box2D", "CarRacing, own names": "Box2D", "ViZDoom": "vizdoom"}
+GOOD = {"YMaze": 0.0, "CarRacing": 25.0, "CarRacing, own names": 25.0, "ViZDoom": 1900.0}
+"""The least that a teacher's drives score; in the maze of three arms it may lose its way."""
+
+pytestmark = [pytest.mark.filterwarnings("ignore"), pytest.mark.slow]
+
+
+@pytest.fixture(params=sorted(WORLDS))
+def name(request: pytest.FixtureRequest) -> str:
+    for library in ("gymnasium", LIBRARY.get(request.param, "miniworld")):
+        if importlib.util.find_spec(library) is None:
+            pytest.skip(f"NOT TESTED: {library} is not installed (the extra ground)")
+    return str(request.param)
+
+
+def test_the_teacher_can_do_it_and_the_same_seed_is_the_same_episode(name: str) -> None:
+    with contextlib.closing(make_world(name)) as world:
+        first = world.reset(11)
+        assert first.dtype == np.uint8 and first.ndim == 3 and first.shape[2] == 3
+        assert (world.reset(11) == first).all()
+        assert (world.reset(12) != first).any()
+        is_over, n = False, 0
+        while not is_over:
+            _, is_over = world.step(world.wanted())
+            n += 1
+        assert n <= world.longest
+        assert world.score >= GOOD.get(name, 1.0)
+
+
+def test_a_run_says_what_was_taught_and_what_came_of_it(name: str) -> None:
+    if name.startswith("CarRacing") or name == "YMaze":
+        pytest.skip("takes long, and differs from the others in nothing that is tested here")
+    params = {"world": name, "way": "corrections", "seed": 3, "counts": [60], "drives": 1}
+    (stage,) = run_ground({**params, "learner": "knn-1"})["stages"]
+    assert 50 <= stage["examples"] <= 60
+    assert len(stage["scores"]) == 1
+    (stage,) = run_ground({**params, "learner": "teacher"})["stages"]
+    assert stage["scores"][0] >= GOOD.get(name, 1.0)
+
+
+def test_an_unknown_world_is_named() -> None:
+    with pytest.raises(ConfigurationError, match="Sidewalk"):
+        make_world("Sidewalc")
