@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run install test test-brick test-browsers test-oldest test-stalls check house mutate docs format screenshots clean \
+.PHONY: help run install test test-brick test-browsers test-oldest test-stalls check house mutate docs site dist format screenshots clean \
   lint types suite
 
 help: ## Say what there is
@@ -80,9 +80,18 @@ docs: $(VENV)/.dev ## Write the program's numbers, command line and faults into 
 	$(BIN)/python -m tests.docs.values
 	$(BIN)/python -m tests.docs.decisions
 	$(BIN)/python -m tests.docs.results
+	$(BIN)/python -m tests.docs.figure
 	$(BIN)/python -m tests.docs.command_line
 	$(BIN)/python -m tests.docs.wiring
 	$(BIN)/python -m tests.faults.page
+
+site: $(VENV)/.site ## Build the documents as a site in site/; every warning is an error
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+dist: $(VENV)/.dist ## Build wheel and sdist in dist/, and check what an index will show of them
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/twine check --strict dist/*
 
 format: $(VENV)/.dev ## Format and mend what can be mended
 	$(BIN)/ruff format .
@@ -111,6 +120,11 @@ $(VENV)/.demo: pyproject.toml | $(BIN)/python
 $(VENV)/.dev: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --no-compile --editable '.[dev]'
 	@touch $@ $(VENV)/.demo
+
+# What documents and packages are made with, beside what is there.
+$(VENV)/.site $(VENV)/.dist: $(VENV)/.%: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --no-compile --editable '.[$*]'
+	@touch $@
 
 $(OLDEST)/.made: tests/oldest/debian-12.txt pyproject.toml Makefile
 	rm -rf $(OLDEST)

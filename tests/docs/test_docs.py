@@ -44,6 +44,8 @@ def test_every_word_of_the_wire_is_written_down(word: str) -> None:
     assert f"`{word}`" in (ROOT / "docs/reference/protocol.md").read_text("utf-8")
 
 
+LIVING = [page for page in PAGES if page.name != "CHANGELOG.md" and "lab" not in page.parts]
+"""Pages that name things as they are called now; decisions too."""
 CURRENT = [page for page in PAGES if page.name != "CHANGELOG.md" and "adr" not in page.parts]
 """Pages about the program as it is now; decisions and changes tell of earlier ones too."""
 
@@ -77,3 +79,13 @@ def test_commands_that_exist_pass() -> None:
         "`drivelesson`, `drivelesson --lan`, `drivelesson bench link --rate 9`, `make run`, `ls -l`"
     )
     assert commands.unknown(page) == []
+
+
+_PLACE = re.compile(r"(?<![\w./-])((?:robot|server|web|tests|docs)/[\w./*-]*\w|\.ci/run)(?![\w*])")
+
+
+@pytest.mark.parametrize("page", LIVING, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_file_that_a_page_names_is_there(page: Path) -> None:
+    places = _PLACE.findall(" ".join(re.findall(r"`([^`\n]+)`", page.read_text("utf-8"))))
+    named = [place for place in places if not re.search(r"/[A-Z]+\b(?!\.)", place)]  # server/HOUSE
+    assert [place for place in named if not [*ROOT.glob(place)]] == []

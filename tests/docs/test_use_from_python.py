@@ -1,4 +1,4 @@
-"""The how-to about the library is run as it is written."""
+"""The how-to about the library, and the README's example, are run as they are written."""
 
 from __future__ import annotations
 
@@ -33,6 +33,15 @@ def test_the_page_prints_what_it_says(tmp_path: Path) -> None:
     said = re.findall(r"It prints (.*?)\.(?: |\n)", PAGE.read_text("utf-8"), re.DOTALL)
     promised = [line for sentence in said for line in re.findall(r"`([^`]+)`", sentence)]
     assert done.stdout.splitlines() == promised
+
+
+def test_the_readme_prints_what_it_says() -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert len([line for line in code.splitlines() if line and "numpy" not in line]) == 5
+    assert done.stderr == ""
+    assert done.stdout.splitlines() == re.findall(r"# (\w+)$", code, re.MULTILINE) == ["left"]
 
 
 @pytest.mark.slow

@@ -1,0 +1,73 @@
+"""What the package index is given: a page whose links lead somewhere, and true metadata."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from tests.docs import figure
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text("utf-8")
+HOME = "https://forge.example/somebody/drivelesson/"
+_TARGET = re.compile(r"""\]\(([^)]+)\)|src="([^"]+)\"""")
+
+
+@pytest.fixture(scope="module")
+def build() -> ModuleType:
+    spec = spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
+    assert spec is not None and spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _targets(page: str) -> list[str]:
+    return [link or picture for link, picture in _TARGET.findall(page)]
+
+
+def test_without_an_address_of_our_own_no_link_is_relative(build: ModuleType) -> None:
+    page = build.page(README, "", "1.2.3")
+    assert _targets(page) == []
+    assert "Tutorial: a robot that drives itself" in page and "<img" not in page
+    assert build.urls("", "1.2.3") == {}
+
+
+def test_with_one_every_link_is_absolute_and_of_this_version(build: ModuleType) -> None:
+    before, after = _targets(README), _targets(build.page(README, HOME, "1.2.3"))
+    kinds = ["raw" if path.startswith("docs/images/") else "blob" for path in before]
+    assert len(before) > 30
+    assert after == [
+        f"{HOME}{kind}/v1.2.3/{path}" for kind, path in zip(kinds, before, strict=True)
+    ]
+    assert all(url.startswith(HOME.rstrip("/")) for url in build.urls(HOME, "1.2.3").values())
+
+
+def test_a_link_that_is_absolute_or_within_the_page_is_left_alone(build: ModuleType) -> None:
+    text = "[a](https://a.example/b) [c](#d) ![e](https://a.example/f.png)"
+    assert build.page(text, HOME, "1") == text == build.page(text, "", "1")
+
+
+def test_all_links_of_the_readme_stand_in_one_list() -> None:
+    head, documents = README.split("\n## Documents\n")
+    assert not re.search(r"\]\(", head)
+    assert all(line.startswith("- ") for line in documents.strip().splitlines())
+    assert head.count("<img ") == 2  # one picture, one figure
+
+
+def test_the_figure_is_drawn_as_it_was_measured() -> None:
+    assert figure.FIGURE.read_text("utf-8") == figure.render(), "run: make docs"
+
+
+def test_the_classifiers_name_every_python_that_is_tried() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    told = re.findall(r"Python :: (3\.\d+)", " ".join(project["classifiers"]))
+    release = (ROOT / ".github/workflows/release.yml").read_text("utf-8")
+    tried = re.search(r"python: \[(.*)\]", release)
+    assert tried is not None and [word.strip(' "') for word in tried[1].split(",")] == told
+    assert f">={told[0]}" == project["requires-python"]
