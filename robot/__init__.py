@@ -5,7 +5,8 @@ Example:
 """
 
 from pathlib import Path as _Path
-from typing import Any as _Any
+
+__version__ = "0.2.0"
 
 PROJECT = "drivelesson"
 """Robot Framework has a package of the same name; this tells whose it is (docs/adr/0008)."""
@@ -18,11 +19,3 @@ _CLASH = (
 
 if (_Path(__file__).parent / "running").is_dir():  # a folder of Robot Framework's
     raise ImportError(_CLASH)
-
-
-def __getattr__(name: str) -> _Any:
-    if name == "__version__":
-        from robot.errors import version
-
-        return version()
-    raise AttributeError(f"module 'robot' has no attribute {name!r}")

@@ -83,16 +83,6 @@ def install_command(extra: str) -> str:
     return f"{_pip_install()} {quoted}"
 
 
-def version() -> str:
-    """Return the installed version; `unknown` where there is no metadata."""
-    import importlib.metadata  # slow, and seldom needed
-
-    try:
-        return importlib.metadata.version("drivelesson")
-    except importlib.metadata.PackageNotFoundError:
-        return "unknown"
-
-
 def _clone() -> Path | None:
     """Return the folder of the source code that this program runs from, if it does."""
     folder = Path(__file__).resolve().parents[1]

@@ -92,13 +92,16 @@ class ControlLoop:
         self._board = StatePublisher(
             self._online_learning, self._governor, self._camera_timing, self.config.late_cycle_s
         )
-        self._board.show(clock.now_s(), self._idle_decision(), Sensors())
         self._last_tick_s: float | None = None
         self._fault: str | None = None
+        self._decision = self._idle_decision()
+        self._sensors = Sensors()
+        self._refused: list[PilotCommand] = []
         self._last_mode = Mode.TRAIN
         self._shown_mode = Mode.STOPPED
         self._epoch = object()
         self.speed_share = 1.0
+        self._board.show(clock.now_s(), self._decision, self._sensors)
         camera.listen(self.wake.set)
 
     # What others ask of the loop -------------------------------------------------------------
@@ -259,7 +262,11 @@ class ControlLoop:
         if self._governor.must_stop or is_blind:
             self._trip(StopReason.LINK_SLOW)
             return []
-        return [command for command in commands if self._gate.receive(command, now_s)]
+        taken: list[PilotCommand] = []
+        for command in commands:
+            is_taken = self._gate.receive(command, now_s)
+            (taken if is_taken else self._refused).append(command)
+        return taken
 
     def _judge_link(self, command: PilotCommand, now_s: float) -> None:
         """Pass the age of the picture that the pilot acts upon to the link governor."""
@@ -285,7 +292,7 @@ class ControlLoop:
             is_new = self._online_learning.look(
                 self._camera.latest(),
                 self._under_way(),
-                bumped=bool(self.state.sensors.bumped),
+                bumped=bool(self._sensors.bumped),
                 delivered_s=delivered_s,
             )
         except CameraError as error:
@@ -302,8 +309,8 @@ class ControlLoop:
 
     def _under_way(self) -> Action | None:
         """Return the move that the policy is making; None if the policy does not drive."""
-        decision = self.state.decision
-        return decision.action if decision.driven_by is DrivenBy.ROBOT else None
+        is_robots = self._decision.driven_by is DrivenBy.ROBOT
+        return self._decision.action if is_robots else None
 
     def _sense(self, now_s: float) -> Sensors | None:
         try:
@@ -362,14 +369,17 @@ class ControlLoop:
         sent: Action,
         sensors: Sensors | None = None,
     ) -> Tick:
+        refused, self._refused = tuple(self._refused), []
+        self._decision, self._sensors = decision, sensors or Sensors()
         tick = Tick(
             now_s=now_s,
             frame=frame,
             commands=tuple(commands),
+            refused=refused,
             decision=decision,
             sent=sent,
             prediction=self._online_learning.prediction,
-            sensors=sensors or Sensors(),
+            sensors=self._sensors,
             history_events=self._online_learning.take_events(),
             cycle_s=self._clock.now_s() - started_s,
         )

@@ -62,11 +62,15 @@ class LoopState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tick:
-    """All that happened in one tick, for the recorder. `frame` is set if it was a new one."""
+    """All that happened in one tick. `frame` is set if it was a new one.
+
+    `commands` count; `refused` are those that the gate found too old, or that name no frame.
+    """
 
     now_s: float
     frame: Frame | None
     commands: tuple[PilotCommand, ...]
+    refused: tuple[PilotCommand, ...]
     decision: Decision
     sent: Action
     prediction: Prediction | None

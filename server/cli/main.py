@@ -12,6 +12,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
+import robot
 from robot.errors import RobotError, did_you_mean
 from server.cli.parser import Parser
 from server.hosting.low_memory import leave_out_unused
@@ -39,9 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _print_overview()
         return 0
     if words[:1] in (["-V"], ["--version"]):
-        from robot.errors import version
-
-        print(f"drivelesson {version()}")
+        print(f"drivelesson {robot.__version__}")
         return 0
     name = words.pop(0) if words and not words[0].startswith("-") else FIRST
     if name not in _points():

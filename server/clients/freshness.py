@@ -7,6 +7,8 @@ import secrets
 from collections import OrderedDict
 from collections.abc import Callable
 
+from server.protocol import ErrorCode, ProtocolError
+
 NEVER_S = -math.inf
 """The time of a message without a known nonce."""
 _KEPT_S = 2.0
@@ -40,3 +42,18 @@ class NonceLedger:
     def issued_s(self, nonce: int | None) -> float:
         """Return when a nonce was issued; `NEVER_S` for an unknown or forgotten one."""
         return NEVER_S if nonce is None else self._issued_s.get(nonce, NEVER_S)
+
+
+def why_refused(frame: int | None, seq: int, limit_s: float) -> ProtocolError:
+    """Return why the gate refused the message `seq`, which names this frame and is this old."""
+    if frame is None:
+        return ProtocolError(
+            ErrorCode.NO_PICTURE,
+            "'frame' must be the frame on the screen: a client that shows none cannot drive",
+            seq,
+        )
+    return ProtocolError(
+        ErrorCode.STALE,
+        f"'nonce' was not issued within the last {1000 * limit_s:.0f} ms: message too old",
+        seq,
+    )

@@ -12,7 +12,8 @@ import functools
 import itertools
 import logging
 from collections import Counter
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator, Callable, Sequence
+from concurrent.futures import Future
 
 from robot.control.state import Tick
 from robot.devices.rig import Rig
@@ -21,7 +22,7 @@ from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.clients.client import Client
 from server.clients.emergency import EmergencyStop
-from server.clients.freshness import NonceLedger
+from server.clients.freshness import NonceLedger, why_refused
 from server.clients.lease import Lease
 from server.clients.telemetry import STATE_EVERY_S, describe_state, state_every_s
 from server.clients.video import Encoder, VideoHub, Viewer
@@ -48,6 +49,7 @@ class Hub:
         self.emergency = EmergencyStop(robot.loop)
         self.refused: Counter[ErrorCode] = Counter()
         self.clients: dict[str, Client] = {}
+        self._limit_s = robot.loop.config.gate.command_timeout_s
         driver = robot.driver
         self._declared_moves = describe_moves(driver.moves, driver.declared_moves)
         self._ids = itertools.count(1)
@@ -64,21 +66,19 @@ class Hub:
 
     async def start(self) -> None:
         """Subscribe to the control loop and the event bus."""
-        event_loop = self._event_loop = asyncio.get_running_loop()
+        self._event_loop = asyncio.get_running_loop()
 
         def on_tick(tick: Tick) -> None:  # on the control loop's thread
             if tick.frame is not None:
                 self._frame = tick.frame
+            if tick.refused:
+                self._soon(self._tell_refused, tick.refused)
             if not self._is_tick_due and (self.clients or self.video.viewers):
                 self._is_tick_due = True
-                with contextlib.suppress(RuntimeError):  # the server has just ended
-                    event_loop.call_soon_threadsafe(self._note_tick)
+                self._soon(self._note_tick)
 
         def on_event(name: str, fields: dict[str, object]) -> None:  # on any thread
-            with contextlib.suppress(RuntimeError):  # the server has just ended
-                event_loop.call_soon_threadsafe(
-                    functools.partial(self.publish_event, name, **fields)
-                )
+            self._soon(functools.partial(self.publish_event, name, **fields))
 
         self._unsubscribe = [self.robot.loop.subscribe(on_tick), self._events.subscribe(on_event)]
         self._tasks = [asyncio.create_task(self._run_timer())]
@@ -91,6 +91,12 @@ class Hub:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def _soon(self, call: Callable[..., None], *args: object) -> None:
+        """Have something called on the event loop; may be called on any thread."""
+        with contextlib.suppress(RuntimeError):  # the server has just ended
+            if self._event_loop is not None:
+                self._event_loop.call_soon_threadsafe(call, *args)
 
     def tasks(self) -> int:
         """Return how many tasks the event loop has; no client may leave one behind."""
@@ -200,10 +206,12 @@ class Hub:
         self.lease.renew(client.id, now_s)
         if message.mode is not Mode.STOPPED:
             self._require_known_frame(message.frame, message.seq)
-            self._require_fresh(message)
-        self.robot.loop.set_mode(
+            if message.frame is None:
+                raise why_refused(None, message.seq, self._limit_s)
+        asked = self.robot.loop.set_mode(
             message.mode, proven_s=self.nonces.issued_s(message.nonce), frame_id=message.frame
         )
+        asked.add_done_callback(functools.partial(self._note_asked, client, message))
         log.info("mode client=%s mode=%s", client.id, message.mode.value)
 
     def _require_known_frame(self, frame: int | None, seq: int) -> None:
@@ -212,21 +220,13 @@ class Hub:
                 ErrorCode.UNKNOWN_FRAME, f"frame {frame} has not been taken yet", seq
             )
 
-    def _require_fresh(self, message: protocol.DriveMessage | protocol.ModeMessage) -> None:
-        """Refuse what the control loop would refuse, and say why."""
-        if message.frame is None:
-            raise ProtocolError(
-                ErrorCode.NO_PICTURE,
-                "'frame' must be the frame on the screen: a client that shows none cannot drive",
-                message.seq,
-            )
-        limit_s = self.robot.loop.config.gate.command_timeout_s
-        if self.robot.clock.now_s() - self.nonces.issued_s(message.nonce) > limit_s:
-            raise ProtocolError(
-                ErrorCode.STALE,
-                f"'nonce' was not issued within the last {1000 * limit_s:.0f} ms: message too old",
-                message.seq,
-            )
+    def _note_asked(
+        self, client: Client, message: protocol.ModeMessage, asked: Future[bool]
+    ) -> None:
+        """Tell a client on the event loop that the gate found its request too old."""
+        is_refused = not asked.cancelled() and asked.exception() is None and not asked.result()
+        if is_refused and not self.robot.loop.state.emergency:
+            self._soon(self.refuse, client, why_refused(message.frame, message.seq, self._limit_s))
 
     def _handle_drive(self, client: Client, message: protocol.DriveMessage, now_s: float) -> None:
         client.order.check(message.seq)
@@ -245,9 +245,6 @@ class Hub:
                 proven_s=self.nonces.issued_s(message.nonce),
             )
         )
-        # The loop checks this again; here the client is told why it will be refused.
-        if self.robot.loop.state.decision.mode is not Mode.STOPPED:
-            self._require_fresh(message)
 
     def _handle_take(self, client: Client, now_s: float) -> None:
         if client.role is not Role.PILOT:
@@ -309,10 +306,7 @@ class Hub:
         state = self.robot.loop.state
         decision = state.decision
         return (
-            decision.mode,
-            decision.driven_by,
-            decision.stop_reason,
-            decision.asks_pilot,
+            *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
             state.link,
             state.emergency,
             self.emergency.by_teacher,
@@ -321,6 +315,13 @@ class Hub:
         )
 
     # Ticks -------------------------------------------------------------------------------------
+
+    def _tell_refused(self, refused: Sequence[PilotCommand]) -> None:
+        """Tell clients what the gate has refused, and why."""
+        for command in refused:
+            client = self.clients.get(command.pilot)
+            if client is not None:
+                self.refuse(client, why_refused(command.frame_id, command.seq, self._limit_s))
 
     def _note_tick(self) -> None:
         """Publish the newest tick: on the event loop, at most once per wake-up."""

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+import robot
+
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 CHANGES = (ROOT / "CHANGELOG.md").read_text("utf-8")
@@ -41,6 +43,6 @@ def test_a_version_takes_one_screen_in_four_groups(version: str, text: str) -> N
 
 def test_the_citation_is_of_this_version() -> None:
     citation = (ROOT / "CITATION.cff").read_text("utf-8")
-    assert f"version: {PROJECT['version']}\n" in citation
+    assert f"version: {robot.__version__}\n" in citation
     dates = dict(head.rstrip(")").split(" (") for head, _ in _versions()[1:])
-    assert f"date-released: {dates[PROJECT['version']]}\n" in citation
+    assert f"date-released: {dates[robot.__version__]}\n" in citation

@@ -56,6 +56,7 @@ class Drive:
                 if is_new
                 else None,
                 commands=(),
+                refused=(),
                 decision=Decision(
                     action=action, driven_by=who, mode=Mode.AUTONOMOUS, stop_reason=reason
                 ),

@@ -29,6 +29,7 @@ def tick_at(
         now_s=0.0,
         frame=None,
         commands=(),
+        refused=(),
         decision=Decision(action=sent, driven_by=by, mode=mode, asks_pilot=asks),
         sent=sent,
         prediction=Prediction(

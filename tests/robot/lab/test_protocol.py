@@ -18,6 +18,7 @@ def tick(now_s: float, mode: Mode, by: DrivenBy, action: Action, distance_m: flo
         now_s=now_s,
         frame=frame,
         commands=(),
+        refused=(),
         decision=Decision(action=action, driven_by=by, mode=mode),
         sent=action,
         prediction=None,

@@ -99,6 +99,7 @@ class Participant:
             now_s=self.now_s,
             frame=PICTURE,
             commands=(),
+            refused=(),
             decision=Decision(action=action, driven_by=by, mode=mode),
             sent=action,
             prediction=None,
