@@ -14,7 +14,8 @@
     const text = (e.textContent || e.getAttribute('aria-label') || '').trim().slice(0, 40);
     return `${e.localName}${own} "${text}"`;
   };
-  const unseen = once((e) => e.closest('.unseen, [hidden], .skip') !== null);
+  const unseen = once((e) => e.closest('.unseen, [hidden], .skip') !== null || isClipped(e));
+  const isClipped = (e) => Boolean(e) && (getComputedStyle(e).clipPath === 'inset(50%)' || isClipped(e.parentElement));
   const said = once((e) => e.closest('noscript, script, option') === null);
   // Every run of text, by its ink's box; every control; every picture.
   const leaves = [];
@@ -40,16 +41,27 @@
     const scrolls = /auto|scroll/.test(style.overflowY);
     return {
       scrolls,
+      isFixed: style.position === 'fixed',
       canScroll: scrolls && e.scrollHeight > e.clientHeight,
       clip: isRoot(e) || (style.overflowX === 'visible' && style.overflowY === 'visible') ? null : e.getBoundingClientRect(),
       shortens: style.textOverflow === 'ellipsis' && e.scrollWidth > e.clientWidth + 1,
     };
   });
-  for (const { e, box, isText } of leaves) {
+  for (const leaf of leaves) {
+    const { e, isText } = leaf;
+    let { box } = leaf;
     let canScroll = false;
-    for (let up = e; up; up = up.parentElement) {
+    let fixed = false;
+    for (let up = e; up && !fixed; up = up.parentElement) {
       const bounds = boundsOf(up);
-      if (up !== e && bounds.canScroll) canScroll = true;
+      fixed = bounds.isFixed; // nothing that it lies in clips it
+      if (bounds.canScroll && (isText || up !== e)) {
+        // Only what is scrolled into sight is there to be cut or covered.
+        canScroll = true;
+        const [top, bottom] = [Math.max(box.top, bounds.clip.top), Math.min(box.bottom, bounds.clip.bottom)];
+        box = leaf.box = { left: box.left, right: box.right, width: box.width, top, bottom: Math.max(top, bottom), height: Math.max(0, bottom - top) };
+        if (bottom - top < 3) break;
+      }
       if ((!isText && up === e) || bounds.clip === null) continue;
       const { clip } = bounds;
       if (box.left < clip.left - 2 || box.right > clip.right + 2) found.push(`cut at the side: ${name(e)}`);

@@ -38,7 +38,7 @@ READING_S = 1.5
 """A person reads a sentence before doing what it says."""
 _TEXT = """() => {
   const notice = document.querySelector('.notice:not([hidden]) p');
-  return (notice ?? document.querySelector('teach-panel p')).textContent;
+  return (notice ?? document.querySelector('.advice')).textContent;
 }"""
 
 

@@ -98,7 +98,7 @@ def test_a_link_that_falls_silent_and_comes_back(chromium: Any, world: World, pr
     page.locator(".notice", has_text="out of reach").wait_for(timeout=40_000)
     proxy.speak_again()
     page.wait_for_selector("drive-pad.idle")
-    page.wait_for_selector("[data-mode=train]:not([disabled])", timeout=40_000)
+    page.wait_for_selector("[data-mode=train][aria-disabled=false]", timeout=40_000)
     page.wait_for_timeout(500)
     assert world.mode is Mode.STOPPED, "the finger is still down, and nothing is replayed"
     fingers.lift()

@@ -70,7 +70,7 @@ def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, taught: World, langu
 _SAY_IN_TURN = """async (language) => {
   const { default: words } = await import(`/js/messages/${language}.js`);
   const moves = Object.keys(words).filter((key) => key.startsWith('moves.'));
-  const place = document.querySelector('teach-panel p');
+  const place = document.querySelector('.advice');
   const pad = document.querySelector('.move[data-move=forward]');
   const found = {};
   for (const key of Object.keys(words).filter((key) => /^(advice|lesson.now_)/.test(key))) {

@@ -90,7 +90,10 @@ def test_teach_drive_and_stop(name: str, world: World) -> None:
         )
         hand.tap("drive-pad .stop")
         _until(lambda: world.rig.loop.state.emergency, "STOP is latched")
-        until(page, "Boolean(document.querySelector('mode-bar [data-mode=train][disabled]'))")
+        until(
+            page,
+            "Boolean(document.querySelector('mode-bar [data-mode=train][aria-disabled=true]'))",
+        )
         here = world.pose
         time.sleep(0.3)
         assert world.pose == here

@@ -113,7 +113,7 @@ def test_driving_is_read_out_in_the_order_of_its_use(desktop: Any, world: World)
     assert find(nodes, "button", "Forward").states["pressed"] == "false"
     desktop.keyboard.up("ArrowLeft")
     desktop.locator("drive-pad .stop").click()
-    desktop.locator("mode-bar [data-mode=train][disabled]").wait_for()
+    desktop.locator("mode-bar [data-mode=train][aria-disabled=true]").wait_for()
     nodes = tree(desktop)
     assert all(node.states.get("disabled") for node in nodes if node.role == "radio")
     assert any("status" in node.path for node in nodes if node.role == "button"), "the way on"
@@ -131,7 +131,7 @@ def test_mending_is_read_out_with_times_and_states(desktop: Any, world: World) -
         nodes,
         "banner",
         "link Back",
-        "heading Home",
+        "heading Models and recordings",
         "button STOP",
         "main",
         "heading What this robot knows",

@@ -61,12 +61,12 @@ HITS = """() => {
 }"""
 
 COVERED = """() => {
-  const toasts = [...document.querySelectorAll('toast-bar, video-view.toasting .notice')]
+  const toasts = [...document.querySelectorAll('toast-bar, .notice')]
     .filter((e) => e.checkVisibility());
   if (toasts.length !== 1) return `${toasts.length} toasts`;
   const a = toasts[0].getBoundingClientRect();
   return [...document.querySelectorAll('button, a, input, select')]
-    .filter((e) => e.checkVisibility() && !toasts[0].contains(e))
+    .filter((e) => e.checkVisibility({ visibilityProperty: true }) && !toasts[0].contains(e))
     .filter((e) => {
       const b = e.getBoundingClientRect();
       if (b.bottom <= 0 || b.top >= innerHeight || !b.width) return false;

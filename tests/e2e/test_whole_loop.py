@@ -153,7 +153,7 @@ def test_emergency_stop_latches_until_it_is_released(rovers_phone: Any, rover: W
     hold_until(world, fingers, "left", lambda: world.action is Action.LEFT)
     phone.locator("drive-pad .stop").dispatch_event("click")
     wait_for(lambda: world.rig.loop.state.emergency, "the emergency stop is latched")
-    phone.wait_for_selector("mode-bar [data-mode=train][disabled]")
+    phone.wait_for_selector("mode-bar [data-mode=train][aria-disabled=true]")
     fingers.lift()
     phone.locator(".notice button").tap()
     wait_for(lambda: not world.rig.loop.state.emergency, "released")

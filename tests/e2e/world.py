@@ -249,7 +249,7 @@ def begin_anew(page: Any, world: World, viewport: dict[str, int]) -> None:
 def wait_until_free(page: Any) -> None:
     """Wait until the page shows that the robot is stopped, and that this page may start it."""
     page.wait_for_selector("mode-bar [data-mode=stopped][aria-checked=true]")
-    page.wait_for_selector("mode-bar [data-mode=train]:not([disabled])")
+    page.wait_for_selector("mode-bar [data-mode=train][aria-disabled=false]")
 
 
 COUNT_FETCHES = """

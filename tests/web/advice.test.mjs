@@ -1,7 +1,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-import { ageParts, teachingAdvice, urgentAdvice, usedMoves } from '../../web/js/advice.js';
+import { ageParts, modeToPress, setbackOf, teachingAdvice, urgentAdvice, usedMoves, whatToSay } from '../../web/js/advice.js';
 import { initialState } from '../../web/js/store.js';
 
 const robot = (changes = {}) => ({
@@ -121,4 +121,39 @@ test('the age of a picture is told by its parts, and what is slow by its name', 
   assert.equal(urgentAdvice(late({ drawnAgeMs: 500, drawingMs: 320 }))?.key, 'lag.phone');
   assert.equal(urgentAdvice(late({}, { link: 'slow' }))?.key, 'link.slow');
   assert.equal(urgentAdvice(late()), null);
+});
+
+test('a countdown that goes back says why, and one that goes on says nothing', () => {
+  const at = (alone_s, more = {}) => readiness({ stage: 'try', alone_s, ...more });
+  for (const kind of ['corrected', 'pushed', 'helpless', 'unknown_view']) {
+    assert.equal(setbackOf(at(25), at(0, { missing: [{ ...corrected, kind }] })), kind);
+  }
+  assert.equal(setbackOf(at(25), at(27, { missing: [corrected] })), null);
+  assert.equal(setbackOf(null, at(0, { missing: [corrected] })), null);
+  assert.equal(setbackOf(at(29), readiness({ stage: 'ready', alone_s: 30 })), null);
+  const told = (mode) => whatToSay(page({ readiness: at(0), setback: 'pushed' }, { mode })).key;
+  assert.equal(told('autonomous'), 'setback.pushed');
+  assert.notEqual(told('train'), 'setback.pushed');
+});
+
+test('the button to press is lit, unless it is pressed already or something else is urgent', () => {
+  const lit = (changes, robotChanges) => modeToPress(page(changes, robotChanges));
+  assert.equal(lit({}, { mode: 'stopped', lessons: 0 }), 'train');
+  for (const stage of ['try', 'ready']) {
+    assert.equal(lit({ readiness: readiness({ stage }) }), 'autonomous');
+    assert.equal(lit({ readiness: readiness({ stage }) }, { mode: 'autonomous' }), null);
+    assert.equal(lit({ readiness: readiness({ stage }) }, { emergency: true }), null);
+    assert.equal(lit({ readiness: readiness({ stage }), link: 'lost' }), null);
+  }
+  assert.equal(lit({ readiness: readiness() }), null);
+});
+
+test('who gets the wheel is told so, not that somebody left', () => {
+  const state = page({ localStop: 'wheel' }, { mode: 'stopped', stop_reason: 'pilot_gone' });
+  assert.deepEqual(urgentAdvice(state), { key: 'local.wheel', level: 'ask' });
+});
+
+test('only who has keys is told of keys', () => {
+  assert.equal(key(page({ hint: 'correct' })), 'hint.correct');
+  assert.equal(key(page({ hint: 'correct', hasKeys: true })), 'hint.correct_keys');
 });

@@ -2,7 +2,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
 import { readGamepad } from '../../web/js/inputs/gamepad.js';
-import { readTilt } from '../../web/js/inputs/tilt.js';
+import { SILENT_MS, Tilt, readTilt } from '../../web/js/inputs/tilt.js';
 import { rgbToRgba, yuyvToRgba } from '../../web/js/picture.js';
 
 const pad = (axes, pressed = []) => ({
@@ -46,4 +46,27 @@ test('raw pictures become what a canvas draws', () => {
   const red = { data: new Uint8Array([81, 90, 81, 240]), width: 2, height: 1 };
   const [r, g, b] = yuyvToRgba(red);
   assert.ok(r > 250 && g < 5 && b < 5, `${r} ${g} ${b}`);
+});
+
+test('a tilt sensor that falls silent drives no further', (context) => {
+  context.mock.timers.enable({ apis: ['setTimeout'] });
+  const listeners = {};
+  Object.assign(globalThis, {
+    addEventListener: (type, act) => (listeners[type] = act), removeEventListener: (type) => delete listeners[type], screen: {},
+  });
+  const done = [];
+  const tilt = new Tilt({ press: (_, move) => done.push(move), release: () => done.push(null) });
+  tilt.hold();
+  listeners.deviceorientation({ beta: 40, gamma: 0 });
+  listeners.deviceorientation({ beta: 10, gamma: 0 });
+  assert.equal(done.at(-1), 'forward');
+  context.mock.timers.tick(SILENT_MS - 1);
+  assert.equal(done.at(-1), 'forward');
+  context.mock.timers.tick(1);
+  assert.equal(done.at(-1), null);
+  listeners.deviceorientation({ beta: 10, gamma: 0 });
+  assert.equal(done.at(-1), 'forward', 'and drives again once it speaks');
+  tilt.letGo();
+  assert.equal(done.at(-1), null);
+  assert.deepEqual(listeners, {});
 });

@@ -33,7 +33,7 @@ export function urgentAdvice(page) {
   if (robot.fault) return { key: 'fault', values: { fault: robot.fault }, level: 'stop' };
   // Nothing is left to be driven: why the robot stands matters no more.
   if (page.lesson?.phase === 'question') return lessonAdvice(page);
-  if (page.localStop) return { key: `local.${page.localStop}`, level: 'stop' };
+  if (page.localStop) return { key: `local.${page.localStop}`, level: page.localStop === 'wheel' ? 'ask' : 'stop' };
   if (page.notice === 'start_stale') return { key: page.notice, level: 'stop' };
   if (robot.mode === 'stopped' && robot.stop_reason && robot.stop_reason !== 'pilot_asked') {
     return { key: `stop.${robot.stop_reason}`, level: 'stop' };
@@ -48,7 +48,7 @@ export function urgentAdvice(page) {
   const lesson = lessonAdvice(page);
   if (lesson) return lesson;
   if (page.notice) return { key: page.notice, level: 'info' };
-  if (page.hint) return { key: `hint.${page.hint}`, step: 'hint', level: 'info' };
+  if (page.hint) return { key: page.hint === 'correct' && page.hasKeys ? 'hint.correct_keys' : `hint.${page.hint}`, step: 'hint', level: 'info' };
   return null;
 }
 
@@ -98,6 +98,48 @@ function wheelElsewhere(page) {
   return { key: 'wheel_taken', step: 'take', level: 'info' };
 }
 
+/** @typedef {{key: string, move?: string, left?: number, left_s?: number, have?: number, need?: number, n?: number}} Told */
+
+/**
+ * What is said while nothing is urgent: where a study's part stands, why a countdown has gone back, or
+ * what would help most; null before the robot is known.
+ * @param {PageState} page
+ * @returns {Told | null}
+ */
+export function whatToSay({ robot, lesson, readiness, setback }) {
+  if (!robot) return null;
+  if (lesson?.mode) return { key: `lesson.now_${lesson.phase}`, left_s: lesson.left_s, n: lesson.trial };
+  if (setback && robot.mode === 'autonomous') return { key: `setback.${setback}` };
+  return teachingAdvice(robot, readiness);
+}
+
+/** @type {Record<string, import('./protocol.js').Mode>} the mode that a piece of advice asks for */
+const ASKED_FOR = {
+  'advice.start': 'train', 'advice.more': 'train', 'advice.try': 'autonomous', 'advice.ready': 'autonomous',
+  'hint.teach': 'train', choose_first: 'train',
+};
+
+/** The mode whose button to press now, if any. @param {PageState} page */
+export function modeToPress(page) {
+  const key = urgentAdvice(page)?.key ?? whatToSay(page)?.key ?? '';
+  const mode = ASKED_FOR[key] ?? null;
+  return mode === page.robot?.mode ? null : mode;
+}
+
+const SETBACKS = ['corrected', 'pushed', 'helpless', 'unknown_view'];
+const GONE_BACK_S = 5;
+
+/**
+ * Why there is more left to drive alone than before; null if there is not.
+ * @param {import('./readiness.js').Readiness | null} before
+ * @param {import('./readiness.js').Readiness} now
+ */
+export function setbackOf(before, now) {
+  const left = (/** @type {import('./readiness.js').Readiness} */ { alone_needed_s: needed, alone_s: alone }) => needed - alone;
+  if (!before || now.stage !== 'try' || left(now) - left(before) < GONE_BACK_S) return null;
+  return now.missing.find(({ kind }) => SETBACKS.includes(kind))?.kind ?? null;
+}
+
 /**
  * What would help the robot most now: the robot's own verdict, not the agreement, which most pilots
  * reach long before their robot can drive alone.
@@ -112,7 +154,7 @@ export function teachingAdvice(robot, readiness) {
   if (mode !== 'autonomous' && lessons >= FEW_EXAMPLES && usedMoves(robot.taught).length < 2) return { key: 'advice.turn' };
   if (!readiness) return { key: mode === 'autonomous' ? 'advice.watch' : 'advice.go_on' };
   const { stage, missing, alone_s: alone, alone_needed_s: needed } = readiness;
-  const left = Math.max(1, Math.ceil((needed - alone) / 10)) * 10; // in tens: it is read out, too
+  const left = Math.max(1, Math.ceil((needed - alone) / 5)) * 5; // in fives: it is read out, too
   if (mode === 'autonomous') {
     if (stage === 'ready') return { key: 'advice.can', left: needed };
     return { key: stage === 'try' && alone >= 1 ? 'advice.trial' : 'advice.watch', left };

@@ -29,11 +29,15 @@ export class Preferences {
   constructor(storage = localStorage) {
     this.storage = storage;
     /** @type {Record<string, any>} */
-    this.values = { vibrate: true, tilt: false, hintsShown: [], ...read(storage) };
+    this.values = { vibrate: true, sound: true, tilt: false, hintsShown: [], ...read(storage) };
   }
 
   get vibrate() {
     return Boolean(this.values.vibrate);
+  }
+
+  get sound() {
+    return Boolean(this.values.sound);
   }
 
   get tilt() {

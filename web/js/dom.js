@@ -35,6 +35,17 @@ export function say(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
+const SETTLE_MS = 300;
+/** @type {WeakMap<Element, ReturnType<typeof setTimeout>>} */
+const settling = new WeakMap();
+
+/** What has just appeared takes no tap yet: the finger was on its way to what was there before. @param {Element} element */
+export function settle(element) {
+  clearTimeout(settling.get(element));
+  element.classList.add('fresh');
+  settling.set(element, setTimeout(() => element.classList.remove('fresh'), SETTLE_MS));
+}
+
 const SVG = 'http://www.w3.org/2000/svg';
 
 /**

@@ -14,7 +14,7 @@ import { Store } from './store.js';
 const MAP_MS = 1000;
 
 await loadLanguage();
-const store = new Store();
+const store = new Store({ hasKeys: matchMedia('(hover: hover) and (pointer: fine)').matches });
 const connection = new Connection(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}`);
 const page = new Page({ store, connection, preferences: new Preferences(), wakeLock: new WakeLock() });
 setInterval(() => page.helm.beatIfDue(performance.now()), HEARTBEAT_MS / 2);

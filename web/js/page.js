@@ -119,6 +119,8 @@ export class Page {
     if (robot.emergency) this.endStop();
     if (!this.isWorthShowing(robot)) return;
     const isSame = String(moves) === String(store.state.moves);
+    const before = store.state.robot;
+    const hasGotIt = before && !before.you_are_pilot && robot.you_are_pilot && robot.mode === 'stopped';
     store.set({
       robot,
       pictureAgeMs: this.lastAgeMs,
@@ -127,6 +129,7 @@ export class Page {
       delayMs: this.connection.delayMs,
       frame: this.looking?.frame ?? null,
       held: helm.held,
+      ...(hasGotIt ? { localStop: 'wheel' } : {}),
       ...(isSame ? {} : { moves }),
       ...(robot.you_are_pilot ? { wheelWaiting: false } : { wheelAsked: false }),
     });

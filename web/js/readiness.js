@@ -2,10 +2,12 @@
 // here it is asked while somebody looks, and said in sentences. Asking is frugal: no pictures, and
 // only while something changes.
 
+import { setbackOf } from './advice.js';
 import { ask } from './api.js';
 import { percent, t } from './i18n.js';
 
 const ASK_MS = 2000;
+const SETBACK_MS = 8000;
 
 /**
  * @typedef {{kind: string, move: string | null, instead: string | null, have: number, need: number,
@@ -24,6 +26,8 @@ export function askReadiness(pictures) {
 /** Keep the store's `readiness` up to date while the drive screen is in sight. @param {import('./store.js').Store} store */
 export function followReadiness(store) {
   let told = '';
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let forget;
   const look = async () => {
     const { robot, link, screen } = store.state;
     if (link !== 'open' || !robot || screen !== 'drive' || document.hidden) return;
@@ -31,7 +35,12 @@ export function followReadiness(store) {
     if (robot.mode === 'stopped' && now === told) return;
     const readiness = await askReadiness(false);
     if (readiness) told = now;
-    if (readiness && JSON.stringify(readiness) !== JSON.stringify(store.state.readiness)) store.set({ readiness });
+    if (!readiness || JSON.stringify(readiness) === JSON.stringify(store.state.readiness)) return;
+    const setback = setbackOf(store.state.readiness, readiness);
+    store.set(setback ? { readiness, setback } : { readiness });
+    if (!setback) return;
+    clearTimeout(forget);
+    forget = setTimeout(() => store.set({ setback: null }), SETBACK_MS);
   };
   setInterval(look, ASK_MS);
 }

@@ -21,12 +21,14 @@
  * @property {number | null} delayMs  round trip of a message
  * @property {string | null} held  what the pilot holds here
  * @property {string} screen
- * @property {'hidden' | 'elsewhere' | null} localStop  a stop that this page asked for by itself
+ * @property {'hidden' | 'elsewhere' | 'wheel' | null} localStop  why the robot stands, as this page knows it: a stop that it asked for, or the wheel has just come to it
  * @property {number[]} agreement  newest last, one for each ten lessons or so
  * @property {boolean} wheelAsked  somebody else asks for the wheel
  * @property {boolean} wheelWaiting  this page asked for it
  * @property {LessonState | null} lesson
  * @property {import('./readiness.js').Readiness | null} readiness  null before it was asked for
+ * @property {string | null} setback  why there is more left to drive alone than a moment ago
+ * @property {boolean} hasKeys  a mouse, and so a keyboard
  * @property {string | null} hint  which of the first visit's hints is shown
  * @property {Toast | null} toast  a sentence that goes away by itself, on any screen
  * @property {string | null} notice  a short text that disappears by itself
@@ -52,6 +54,8 @@ export const initialState = () => ({
   wheelWaiting: false,
   lesson: null,
   readiness: null,
+  setback: null,
+  hasKeys: false,
   hint: null,
   notice: null,
   toast: null,

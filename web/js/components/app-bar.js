@@ -1,23 +1,23 @@
-// <app-bar>: the robot's plate and name, the link's figures, the way to the other screens; on all
-// screens but the drive screen also the emergency stop.
+// <app-bar>: the robot's plate and name, and the menu: the way to the other screens, and the figures;
+// on all screens but the drive screen also the emergency stop.
 
-import { append, fill, h, icon, say } from '../dom.js';
+import { append, h, icon, say } from '../dom.js';
 import { percent, t } from '../i18n.js';
 import { makeStop } from '../stop.js';
 import { minutes } from './teach-panel.js';
 
-export const SCREENS = ['drive', 'gallery', 'teaching', 'lesson', 'study', 'home', 'settings'];
+/** Studies are in the menu of those alone who take part in one; others find them in the settings. */
+const SCREENS = ['drive', 'gallery', 'teaching', 'lesson', 'study', 'home', 'settings'];
+const LOW_BATTERY = 0.2;
 
 export class AppBar extends HTMLElement {
-  shownFigures = '';
-
   /** @param {import('../page.js').Page} page */
   start(page) {
     this.page = page;
     this.plate = h('span', { class: 'plate', 'aria-hidden': 'true' }, 'L');
     this.heading = h('h1');
     this.detail = h('small');
-    this.figures = h('div', { class: 'figures' });
+    this.figures = h('p', { class: 'figures' });
     this.back = h('a', { class: 'button quiet back', href: '#drive', 'aria-label': t('back') }, icon('back'));
     const stop = makeStop(() => page.stop(), 'small', t('emergency_stop'));
     this.button = h('button', {
@@ -26,8 +26,8 @@ export class AppBar extends HTMLElement {
     }, icon('menu'));
     this.menu = this.makeMenu();
     append(this, [this.back, this.plate, h('div', { class: 'name' }, this.heading, this.detail),
-      this.figures, ...stop, this.button, this.menu]);
-    page.store.watch(['robot', 'link', 'screen', 'delayMs', 'robotName', 'lesson'], (state) => this.render(state));
+      ...stop, this.button, this.menu]);
+    page.store.watch(['robot', 'link', 'screen', 'delayMs', 'pictureAgeMs', 'robotName', 'lesson'], (state) => this.render(state));
     addEventListener('keydown', (event) => event.key === 'Escape' && this.toggle(false));
     addEventListener('pointerdown', (event) => {
       if (event.target instanceof Node && !this.contains(event.target)) this.toggle(false);
@@ -35,9 +35,9 @@ export class AppBar extends HTMLElement {
   }
 
   makeMenu() {
-    const links = SCREENS.map((screen) =>
+    this.links = SCREENS.map((screen) =>
       h('a', { href: `#${screen}`, onclick: () => this.toggle(false) }, t(`screen.${screen}`)));
-    return h('nav', { id: 'menu', hidden: true, 'aria-label': t('menu') }, ...links);
+    return h('nav', { id: 'menu', hidden: true, 'aria-label': t('menu') }, ...this.links, this.figures);
   }
 
   /** @param {boolean} [open] */
@@ -45,6 +45,7 @@ export class AppBar extends HTMLElement {
     if (!this.menu || !this.button || this.menu.hidden === !open) return;
     this.menu.hidden = !open;
     this.button.setAttribute('aria-expanded', String(open));
+    if (open && this.page) this.render(this.page.store.state);
   }
 
   /** @param {import('../store.js').PageState} state */
@@ -55,33 +56,30 @@ export class AppBar extends HTMLElement {
     say(/** @type {Element} */ (this.heading), onDrive ? state.robotName || t('app') : t(`screen.${state.screen}`));
     say(/** @type {Element} */ (this.detail), onDrive ? this.describe(state) : '');
     this.plate?.classList.toggle('off', robot?.mode === 'autonomous');
-    const figures = this.list(state).filter(Boolean);
-    const text = figures.map((figure) => /** @type {HTMLElement} */ (figure).textContent).join();
-    if (this.shownFigures === text) return;
-    this.shownFigures = text;
-    fill(/** @type {Element} */ (this.figures), ...figures);
+    if (this.menu?.hidden) return;
+    say(/** @type {Element} */ (this.figures), this.list(state).join('\n'));
+    const running = state.lesson?.mode || state.lesson?.phase === 'question' ? (state.lesson.participant ? '#study' : '#lesson') : null;
+    for (const link of this.links ?? []) link.hidden = ['#lesson', '#study'].includes(link.hash) && link.hash !== running;
   }
 
   /** @param {import('../store.js').PageState} state */
   describe({ robot, link, lesson }) {
     if (link !== 'open' || !robot) return t(link === 'lost' ? 'searching' : 'connecting');
     if (lesson?.mode) return t(`lesson.now_${lesson.phase}`, { left: minutes(lesson.left_s), n: lesson.trial });
-    const images = t('images', { n: robot.nodes });
-    return robot.agreement === null ? images : `${images} · ${percent(robot.agreement)}`;
+    return robot.battery !== null && robot.battery < LOW_BATTERY ? `${t('figure.battery')} ${percent(robot.battery)}` : '';
   }
 
-  /** @param {import('../store.js').PageState} state */
-  list({ robot, link, delayMs }) {
+  /** What interests whoever wants to know more. @param {import('../store.js').PageState} state */
+  list({ robot, link, delayMs, pictureAgeMs }) {
     if (link !== 'open' || !robot) return [];
-    const figure = (/** @type {string} */ text, /** @type {string} */ name) =>
-      h('span', { title: name }, h('span', { class: 'unseen' }, `${name} `), text);
     return [
-      delayMs !== null && figure(`${Math.round(delayMs)} ms`, t('figure.delay')),
-      figure(`${Math.round(robot.cycle_hz)}/s`, t('figure.rate')),
-      robot.battery !== null && figure(percent(robot.battery), t('figure.battery')),
-    ];
+      t('images', { n: robot.nodes }),
+      `${t('figure.rate')}: ${Math.round(robot.cycle_hz)}`,
+      pictureAgeMs !== null && `${t('figure.age')}: ${Math.round(pictureAgeMs)} ms`,
+      delayMs !== null && `${t('figure.delay')}: ${Math.round(delayMs)} ms`,
+      robot.battery !== null && `${t('figure.battery')}: ${percent(robot.battery)}`,
+    ].filter(Boolean);
   }
 }
-
 
 customElements.define('app-bar', AppBar);

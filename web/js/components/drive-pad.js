@@ -31,8 +31,19 @@ export class DrivePad extends HTMLElement {
     const useTilt = this.page?.preferences.tilt;
     fill(/** @type {Element} */ (this.moves), ...moves.map((move) => this.makeButton(move)),
       useTilt ? h('button', { class: 'move tilt', type: 'button', 'data-move': 'tilt' }, icon('tilt'), t('tilt_hold')) : null);
-    this.moves?.classList.toggle('own', moves.some(isOwn));
-    this.dataset.count = String(moves.length + (useTilt ? 1 : 0));
+    this.arrange(moves, Boolean(useTilt));
+  }
+
+  /** Tell the layout (drive.css) what it has to find room for. @param {string[]} moves @param {boolean} useTilt */
+  arrange(moves, useTilt) {
+    const spins = moves.some((move) => move.startsWith('spin'));
+    const isMany = moves.length > 4;
+    const inTwos = moves.filter((move) => move !== 'forward' && move !== 'backward').length;
+    const rows = isMany ? Math.ceil(moves.length / 3) : moves.length - inTwos + Math.ceil(inTwos / 2);
+    const is = { many: isMany, own: moves.some(isOwn) || (useTilt && spins), spins, backs: moves.includes('backward'), tilts: useTilt };
+    for (const [name, isOn] of Object.entries(is)) this.moves?.classList.toggle(name, isOn);
+    this.parentElement?.style.setProperty('--rows', String(rows + (useTilt ? 1 : 0)));
+    this.parentElement?.classList.toggle('crowded', is.own || spins || is.backs || useTilt);
   }
 
   /** @param {string} move */

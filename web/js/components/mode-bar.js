@@ -1,26 +1,51 @@
-// <mode-bar>: Stop, Teach, Drive itself.
+// <mode-bar>: Stop, Teach, Drive itself; the one to press now is lit.
+//
+// A mode that may not be chosen keeps the focus that is on it. Arrows move the focus, as in any group of
+// choices, and choose nothing: a robot is not started in passing. After a tap they drive.
 
+import { modeToPress } from '../advice.js';
 import { append, h } from '../dom.js';
 import { t } from '../i18n.js';
 
 /** @type {readonly import('../protocol.js').Mode[]} */
 const MODES = ['stopped', 'train', 'autonomous'];
+/** @type {Record<string, number>} */
+const STEPS = { ArrowLeft: -1, ArrowUp: -1, ArrowRight: 1, ArrowDown: 1 };
 
 export class ModeBar extends HTMLElement {
   /** @param {import('../page.js').Page} page */
   start(page) {
     this.setAttribute('role', 'radiogroup');
     this.setAttribute('aria-label', t('mode'));
-    this.buttons = MODES.map((mode) => h('button', {
-      type: 'button', role: 'radio', 'aria-checked': 'false', 'data-mode': mode, onclick: () => page.choose(mode),
+    const buttons = MODES.map((mode) => h('button', {
+      type: 'button', role: 'radio', 'aria-checked': 'false', 'data-mode': mode,
+      onclick: (/** @type {MouseEvent} */ event) => {
+        const button = /** @type {HTMLElement} */ (event.currentTarget);
+        if (event.detail) button.blur();
+        if (button.getAttribute('aria-disabled') !== 'true') page.choose(mode);
+      },
     }, t(`mode.${mode}`)));
-    append(this, this.buttons);
+    append(this, buttons);
+    this.addEventListener('keydown', (event) => {
+      const at = buttons.indexOf(/** @type {any} */ (event.target));
+      if (!(event.key in STEPS) || at < 0) return;
+      event.preventDefault();
+      event.stopPropagation();
+      buttons[(at + STEPS[event.key] + MODES.length) % MODES.length].focus();
+    });
     page.store.watch(['robot', 'link'], ({ robot, link }) => {
-      for (const button of this.buttons ?? []) {
-        const isOn = link === 'open' && robot?.mode === button.dataset.mode;
+      const mode = (link === 'open' && robot?.mode) || null;
+      const isBarred = link !== 'open' || !robot?.you_are_pilot || robot.emergency;
+      for (const button of buttons) {
+        const isOn = button.dataset.mode === mode;
         button.setAttribute('aria-checked', String(isOn));
-        button.disabled = link !== 'open' || !robot?.you_are_pilot || robot.emergency;
+        button.setAttribute('aria-disabled', String(isBarred));
+        button.tabIndex = isOn || (!mode && button === buttons[0]) ? 0 : -1;
       }
+    });
+    page.store.watch(['robot', 'link', 'readiness', 'hint', 'notice', 'lesson'], (state) => {
+      const wanted = modeToPress(state);
+      for (const button of buttons) button.classList.toggle('lit', button.dataset.mode === wanted);
     });
   }
 }

@@ -82,14 +82,18 @@ export class SettingsScreen extends Screen {
       this.page?.store.set({ moves: [...this.page.store.state.moves] });
     });
     const vibrate = h('input', { type: 'checkbox', checked: preferences.vibrate, onchange: () => preferences.set('vibrate', vibrate.checked) });
+    const sound = h('input', { type: 'checkbox', checked: preferences.sound, onchange: () => preferences.set('sound', sound.checked) });
     const languages = h('select', { 'aria-label': t('settings.language'), onchange: () => chooseLanguage(languages.value) },
       ...Object.entries(LANGUAGES).map(([code, name]) => h('option', { value: code, selected: code === language, lang: code }, name)));
     const hints = h('button', { type: 'button', onclick: () => { preferences.set('hintsShown', []); location.hash = 'drive'; } }, t('settings.hints'));
     return h('div', { class: 'stack' }, group(t('settings.phone'), isSecureContext ? '' : t('settings.insecure'),
       h('label', { class: 'choice' }, tilt, h('span', {}, t('settings.tilt'))),
       h('label', { class: 'choice' }, vibrate, h('span', {}, t('settings.vibrate'))),
+      h('label', { class: 'choice' }, sound, h('span', {}, t('settings.sound'))),
       h('label', { class: 'choice' }, h('span', {}, t('settings.language')), languages),
-      hints), group(t('settings.keys'), t('settings.keys_hint')));
+      hints), group(t('settings.keys'), t('settings.keys_hint')),
+      group(t('settings.studies'), t('settings.studies_hint'), h('div', { class: 'row' },
+        ...['lesson', 'study'].map((screen) => h('a', { class: 'button', href: `#${screen}` }, t(`screen.${screen}`))))));
   }
 }
 

@@ -1,8 +1,11 @@
-// <teach-panel>: how good the robot is, how much it was taught, and what would help most.
+// <teach-panel>: how good the robot is, how much it was taught, and the one place in which something
+// is said: what a person must know now, or else what would help the robot most.
 
-import { append, h, say, svg } from '../dom.js';
-import { teachingAdvice, urgentAdvice } from '../advice.js';
+import { append, fill, h, say, settle, svg } from '../dom.js';
+import { urgentAdvice, whatToSay } from '../advice.js';
+import { celebrate } from '../celebration.js';
 import { count, percent, t } from '../i18n.js';
+import { stepButton } from './toast-bar.js';
 
 const WIDTH = 200;
 const HEIGHT = 34;
@@ -10,40 +13,80 @@ const HEIGHT = 34;
 export class TeachPanel extends HTMLElement {
   /** @param {import('../page.js').Page} page */
   start(page) {
+    this.page = page;
     this.agreement = h('strong', {}, '–');
     this.agreementWord = h('small', {}, t('agrees'));
     this.lessons = h('b', {}, '0');
-    this.advice = h('p', { role: 'status' });
+    this.advice = h('p', { class: 'advice', role: 'status' });
+    this.words = h('p');
+    this.notice = h('div', { class: 'notice', role: 'status', hidden: true }, this.words);
     this.curve = svg('polyline', { class: 'curve' });
     const all = svg('line', { class: 'goal', x1: 0, x2: WIDTH, y1: height(1), y2: height(1) });
     const chart = svg('svg', { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: 'none', 'aria-hidden': 'true' }, all, this.curve);
-    append(this, [
-      h('a', { href: '#teaching', class: 'summary', title: t('screen.teaching') },
-        h('span', { class: 'big' }, this.agreement, this.agreementWord), chart,
-        h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught')))),
-      this.advice,
-    ]);
-    page.store.watch(['robot', 'link', 'lesson', 'readiness', 'hint', 'notice', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
+    this.summary = h('a', { href: '#teaching', class: 'summary', title: t('screen.teaching') },
+      h('span', { class: 'big' }, this.agreement, this.agreementWord), chart,
+      h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught'))));
+    append(this, [this.summary, h('div', { class: 'says' }, this.advice, this.notice)]);
+    page.store.watch(['robot', 'link', 'lesson', 'readiness', 'setback', 'hint', 'notice', 'toast', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
     page.store.watch(['agreement'], (state) => this.curve?.setAttribute('points', points(state.agreement)));
   }
 
   /** @param {import('../store.js').PageState} state */
   render(state) {
-    const { robot, lesson } = state;
-    if (!robot) return;
-    say(/** @type {Node} */ (this.agreement), robot.agreement === null ? '–' : percent(robot.agreement));
-    say(/** @type {Node} */ (this.lessons), count(robot.lessons));
-    if (lesson?.mode) {
-      const left = minutes(lesson.left_s);
-      say(/** @type {Node} */ (this.advice), t(`lesson.now_${lesson.phase}`, { left, n: lesson.trial }));
-      return;
+    const { robot } = state;
+    if (robot) {
+      say(/** @type {Node} */ (this.agreement), robot.agreement === null ? '–' : percent(robot.agreement));
+      say(/** @type {Node} */ (this.lessons), count(robot.lessons));
     }
-    if (urgentAdvice(state)) {
-      say(/** @type {Node} */ (this.advice), ''); // one thing at a time: it is said over the picture
-      return;
+    const isNoticed = this.renderNotice(state);
+    // One thing at a time; and what was said is kept, so that nothing is read out twice.
+    const told = whatToSay(state);
+    const text = isNoticed || !told ? '' : this.sentence(told);
+    say(/** @type {Node} */ (this.advice), text);
+    this.celebrate(told?.key === 'advice.can' && !isNoticed);
+  }
+
+  /** @param {import('../advice.js').Told} told */
+  sentence({ key, move, left_s: s, ...values }) {
+    return t(key, { moves: move ? t(`moves.${move}`) : '', ...(s === undefined ? {} : { left: minutes(s) }), ...values });
+  }
+
+  /** Mark the moment at which it can drive alone. @param {boolean} isReady */
+  celebrate(isReady) {
+    if (this.classList.contains('ready') === isReady) return;
+    this.classList.toggle('ready', isReady);
+    if (isReady) celebrate(this, /** @type {import('../page.js').Page} */ (this.page).preferences);
+  }
+
+  /** True if there is a notice. @param {import('../store.js').PageState} state */
+  renderNotice(state) {
+    const notice = /** @type {HTMLElement} */ (this.notice);
+    const urgent = urgentAdvice(state);
+    // A toast goes before what is only good to know.
+    const toast = urgent && urgent.level !== 'info' ? null : state.toast;
+    const advice = toast ? null : urgent;
+    const text = toast?.text ?? (advice ? t(advice.key, advice.values) : '');
+    const step = advice?.step ?? toast?.step?.label ?? '';
+    const stamp = `${text}/${step}`;
+    if (notice.dataset.stamp === stamp) return !notice.hidden;
+    notice.dataset.stamp = stamp;
+    notice.dataset.level = advice?.level ?? '';
+    const hadFocus = notice.contains(document.activeElement);
+    this.classList.toggle('noticing', Boolean(text));
+    if (notice.hidden === Boolean(text)) {
+      notice.hidden = !text;
+      settle(/** @type {Element} */ (this.summary));
     }
-    const { key, move, ...values } = teachingAdvice(robot, state.readiness);
-    say(/** @type {Node} */ (this.advice), t(key, { moves: move ? t(`moves.${move}`) : '', ...values }));
+    say(/** @type {Node} */ (this.words), text);
+    if (notice.dataset.step !== step || toast) {
+      notice.dataset.step = step;
+      const page = /** @type {import('../page.js').Page} */ (this.page);
+      const buttons = toast ? stepButton(page, toast) : step ? [h('button', { type: 'button', onclick: () => page.take(step) }, t(`step.${step}`))] : [];
+      fill(notice, /** @type {Node} */ (this.words), ...buttons);
+      buttons.forEach(settle);
+    }
+    if (hadFocus && !notice.contains(document.activeElement)) /** @type {HTMLElement | null} */ (document.querySelector('mode-bar [tabindex="0"]'))?.focus();
+    return Boolean(text);
   }
 }
 

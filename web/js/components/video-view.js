@@ -1,15 +1,15 @@
-// <video-view>: what the robot sees, who drives, what the robot would do, and what stands in the way.
+// <video-view>: what the robot sees, who drives, and what the robot would do.
 
 import { append, fill, h, icon, say } from '../dom.js';
 import { Painter } from '../painter.js';
-import { ageParts, urgentAdvice } from '../advice.js';
+import { ageParts } from '../advice.js';
 import { percent, t } from '../i18n.js';
 import { byPlace } from '../moves.js';
-import { stepButton } from './toast-bar.js';
 
 const OLD_PICTURE_MS = 200;
 const FROZEN_MS = 1000;
 const LIKE_MS = 500;
+const SMALL_PX = 300;
 const WORKER_MS = 3000; // a worker that has not started by then does not
 
 export class VideoView extends HTMLElement {
@@ -24,16 +24,16 @@ export class VideoView extends HTMLElement {
     this.who = h('div', { class: 'who' });
     this.facts = h('div', { class: 'facts' });
     this.like = h('img', { width: 40, height: 30, alt: '' });
-    this.likeLink = h('a', { class: 'like', href: '#why', hidden: true, 'aria-label': t('like_long') }, this.like, h('span', {}, t('like')));
+    this.likeLink = h('a', { class: 'like missing', href: '#why', 'aria-label': t('like_long') }, this.like, h('span', {}, t('like')));
     const { like, likeLink } = this;
     like.addEventListener('error', () => likeLink.classList.add('missing'));
     like.addEventListener('load', () => likeLink.classList.remove('missing'));
-    this.notice = h('div', { class: 'notice', role: 'status', hidden: true });
     this.votes = h('div', { class: 'votes', role: 'group', 'aria-label': t('would_do') });
     this.drawnMs = performance.now();
-    append(this, [h('div', { class: 'picture' }, this.canvas, h('div', { class: 'corner' }, this.who, this.facts), this.likeLink, this.votes), this.notice]);
+    append(this, [h('div', { class: 'picture' }, this.canvas, h('div', { class: 'corner' }, this.who, this.facts), this.likeLink, this.votes)]);
+    new ResizeObserver(() => this.measure()).observe(this);
     const { store } = page;
-    store.watch(['robot', 'link', 'held', 'localStop', 'wheelAsked', 'wheelWaiting', 'notice', 'toast', 'hint', 'lesson', 'moves'], (state) => this.render(state));
+    store.watch(['robot', 'link', 'held', 'moves'], (state) => this.render(state));
     this.ready = this.receive(this.canvas);
     setInterval(() => this.classList.toggle('frozen', performance.now() - this.drawnMs > FROZEN_MS), 500);
   }
@@ -76,15 +76,22 @@ export class VideoView extends HTMLElement {
     this.renderFacts(robot);
     this.renderVotes(robot?.prediction ?? null, state.moves);
     this.renderLike(robot);
-    this.renderNotice(state);
+  }
+
+  /** What fits into the picture follows its width and the language: words, signs, or less (drive.css). */
+  measure() {
+    const votes = [...(this.votes?.children ?? [])];
+    this.classList.toggle('many-votes', votes.length > 3);
+    delete this.dataset.room;
+    if (this.clientWidth <= SMALL_PX) this.dataset.room = 'small';
+    const fits = () => votes.every((vote) => [vote, ...vote.children].every((part) => part.scrollWidth <= part.clientWidth));
+    for (const room of ['narrow', 'narrower']) if (this.dataset.room !== 'small' && !fits()) this.dataset.room = room;
   }
 
   /** @param {import('../protocol.js').RobotState | null} robot */
   renderWho(robot) {
     const by = robot?.driven_by ?? 'nobody';
-    const moving = robot && robot.action !== 'stop' ? ` · ${t(`move.${robot.action}`)}` : '';
-    const who = by === 'nobody' && robot?.mode === 'train' ? t('who.waiting') : t(`who.${by}`);
-    const text = who + moving;
+    const text = by === 'nobody' && robot?.mode === 'train' ? t('who.waiting') : t(`who.${by}`);
     if (!this.who || this.who.dataset.text === text) return;
     this.who.dataset.text = text;
     fill(this.who, icon(by), text);
@@ -93,14 +100,16 @@ export class VideoView extends HTMLElement {
   /** @param {import('../protocol.js').RobotState | null} robot */
   renderFacts(robot) {
     const facts = [];
+    if (robot && robot.action !== 'stop') facts.push(t(`move.${robot.action}`));
     if (robot?.distance_m != null) facts.push(t('distance', { cm: Math.round(robot.distance_m * 100) }));
     if (robot?.bumped) facts.push(t(whichBumper(robot.bumpers)));
     const ageMs = this.page?.store.state.pictureAgeMs;
     const parts = this.page && ageParts(this.page.store.state);
-    const total = Math.max(1, Math.round((ageMs ?? 0) / 10)) * 10;
-    if (robot && ageMs != null) facts.push(ageMs > OLD_PICTURE_MS && parts ? t(parts.brick === undefined ? 'age_parts' : 'age_parts_brick', { total, ...parts }) : t('picture_age', { ms: total }));
+    const total = Math.round((ageMs ?? 0) / 10) * 10;
+    const isOld = (ageMs ?? 0) > OLD_PICTURE_MS;
+    if (robot && isOld) facts.push(parts ? t(parts.brick === undefined ? 'age_parts' : 'age_parts_brick', { total, ...parts }) : t('picture_age', { ms: total }));
     const element = /** @type {HTMLElement} */ (this.facts);
-    element.classList.toggle('old', (ageMs ?? 0) > OLD_PICTURE_MS);
+    element.classList.toggle('old', isOld);
     element.hidden = facts.length === 0;
     say(element, facts.join(' · '));
   }
@@ -111,6 +120,7 @@ export class VideoView extends HTMLElement {
     if (votes.dataset.moves !== String(moves)) {
       votes.dataset.moves = String(moves);
       fill(votes, ...byPlace(moves).map(makeVote));
+      this.measure();
     }
     for (const vote of /** @type {NodeListOf<HTMLElement>} */ (votes.querySelectorAll('.vote'))) {
       const move = vote.dataset.move ?? '';
@@ -128,7 +138,10 @@ export class VideoView extends HTMLElement {
     const node = robot?.prediction?.node ?? null;
     const { like, likeLink } = this;
     if (!like || !likeLink) return;
-    likeLink.hidden = node === null;
+    if (node === null) {
+      likeLink.classList.add('missing');
+      like.dataset.stamp = '';
+    }
     // A merged image changes while it keeps its number: look again now and then.
     const stamp = `${node}/${Math.floor((robot?.lessons ?? 0) / 20)}`;
     const nowMs = performance.now();
@@ -137,26 +150,6 @@ export class VideoView extends HTMLElement {
     this.likeMs = nowMs;
     like.dataset.stamp = stamp;
     like.src = `/api/gallery/${node}.png?v=${stamp.split('/')[1]}`;
-  }
-
-  /** @param {import('../store.js').PageState} state */
-  renderNotice(state) {
-    const notice = /** @type {HTMLElement} */ (this.notice);
-    const urgent = urgentAdvice(state);
-    // A toast goes before what is only good to know.
-    const toast = urgent && urgent.level !== 'info' ? null : state.toast;
-    const advice = toast ? null : urgent;
-    const text = toast?.text ?? (advice ? t(advice.key, advice.values) : '');
-    const stamp = `${text}/${advice?.step ?? toast?.step?.label ?? ''}`;
-    notice.hidden = !text;
-    this.classList.toggle('toasting', Boolean(toast));
-    if (notice.dataset.stamp === stamp) return;
-    notice.dataset.stamp = stamp;
-    notice.dataset.level = advice?.level ?? '';
-    const step = advice?.step;
-    if (toast) fill(notice, h('p', {}, text), ...stepButton(/** @type {import('../page.js').Page} */ (this.page), toast));
-    else fill(notice, h('p', {}, text),
-      step ? h('button', { type: 'button', onclick: () => this.page?.take(step) }, t(`step.${step}`)) : null);
   }
 }
 

@@ -3,6 +3,8 @@
 
 const ON_DEG = 14;
 const OFF_DEG = 9;
+/** A sensor that is silent for so long says nothing about the phone any more. */
+export const SILENT_MS = 400;
 
 /**
  * Which way the phone leans from where it was.
@@ -39,6 +41,8 @@ export class Tilt {
     /** @type {string | null} */
     this.move = null;
     this.isHeld = false;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.silence = undefined;
     this.follow = this.follow.bind(this);
   }
 
@@ -59,6 +63,7 @@ export class Tilt {
   letGo() {
     this.isHeld = false;
     this.move = null;
+    clearTimeout(this.silence);
     removeEventListener('deviceorientation', this.follow);
     this.helm.release('tilt');
   }
@@ -66,6 +71,8 @@ export class Tilt {
   /** @param {DeviceOrientationEvent} event */
   follow({ beta, gamma }) {
     if (beta === null || gamma === null) return;
+    clearTimeout(this.silence);
+    this.silence = setTimeout(() => this.helm.release('tilt'), SILENT_MS);
     this.zero ??= { beta, gamma };
     const angle = screen.orientation?.angle ?? 0;
     this.move = readTilt({ beta, gamma }, this.zero, angle, this.move);

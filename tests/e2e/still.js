@@ -1,0 +1,120 @@
+// Puts every state and every notice of the drive screen on it, one after the other, and lists what
+// does not hold still; see test_holds_still.py. What is said is the code's own list: the states are made
+// of its own words (`said` names each sentence that was shown), and MEASURE is boxes.js.
+async ({ stopReasons, links, phases, moves, seed }) => {
+  const measure = MEASURE;
+  const { page } = document.querySelector('app-bar');
+  const { store } = page;
+  const { HINTS } = await import('/js/hints.js');
+  page.follow = () => {}; // the robot's own states would come in between
+  page.refreshLesson = () => {};
+  page.connection.dispatchEvent = () => true;
+  const taught = Object.fromEntries(moves.map((move, i) => [move, 150 + i]));
+  const calm = {
+    ...store.state.robot, mode: 'stopped', driven_by: 'nobody', action: 'stop', stop_reason: null, emergency: false, fault: null,
+    asks_pilot: false, link: 'good', you_are_pilot: true, pilot: 'c1', lessons: 12345, agreement: 0.93, taught, battery: 0.1,
+    distance_m: 1.23, bumped: true, camera: null, stopped_by_teacher: false,
+    prediction: { ...store.state.robot.prediction, action: moves[0], probabilities: Object.fromEntries(moves.map((move) => [move, 1 / moves.length])) },
+  };
+  const clean = {
+    ...store.state, link: 'open', robot: calm, moves, held: null, role: 'pilot', localStop: null, notice: null, hint: null, toast: null,
+    lesson: null, readiness: null, setback: null, wheelAsked: false, wheelWaiting: false, pictureAgeMs: 30, drawnAgeMs: 30, drawingMs: 3,
+  };
+  const ready = (stage, more = {}) => ({ stage, alone_s: 12, alone_needed_s: 45, unknown_share: 0, moves, missing: [], ...more });
+  const gap = (kind, move = null) => ({ kind, move, instead: null, have: 12, need: 40, distance_m: null });
+  const study = (phase, mode, more = {}) => ({ trial: 10, phase, mode, left_s: 123, ...more });
+  const drives = ['train', 'autonomous'];
+  const states = [
+    {}, { link: 'lost' }, { link: 'connecting' }, { robot: { stopped_by_teacher: true } }, { robot: { emergency: true } },
+    { role: 'viewer', robot: { you_are_pilot: false } }, { robot: { you_are_pilot: false, pilot: null } },
+    { robot: { you_are_pilot: false, pilot: 'c9' } }, { wheelWaiting: true, robot: { you_are_pilot: false, pilot: 'c9' } },
+    { wheelAsked: true }, { robot: { fault: 'The left motor does not answer. Check its cable at port B, then choose a mode.' } },
+    ...['hidden', 'elsewhere', 'wheel'].map((localStop) => ({ localStop })),
+    ...['start_stale', 'choose_first'].map((notice) => ({ notice })),
+    ...stopReasons.filter((reason) => reason !== 'needs_help').map((reason) => ({ robot: { stop_reason: reason } })),
+    ...['needs_help', null].map((reason) => ({ robot: { mode: 'autonomous', asks_pilot: true, stop_reason: reason } })),
+    { robot: { mode: 'autonomous', asks_pilot: true, lessons: 0 } },
+    ...drives.flatMap((mode) => links.map((link) => ({ robot: { mode, link } }))),
+    ...[0, 200].map((brick) => ({ robot: { mode: 'train', camera: { age_ms: 300, brick_ms: brick, speed_scale: 0.5 } }, pictureAgeMs: 400, drawnAgeMs: 400 })),
+    { robot: { mode: 'train', camera: { age_ms: 30, speed_scale: 1 } }, pictureAgeMs: 400, drawnAgeMs: 400, drawingMs: 350 },
+    ...HINTS.flatMap((hint) => [true, false].map((hasKeys) => ({ hint, hasKeys }))),
+    { toast: { text: 'It was relabelled, and this sentence is as long as any that a toast has to say.', step: { label: 'Undo', act() {} } } },
+    { toast: { text: 'The model could not be saved: the disk is full.', step: null } },
+    ...phases.map((phase) => ({ lesson: study(phase, phase === 'question' ? null : 'train') })),
+    ...phases.map((phase) => ({ robot: { mode: 'train' }, lesson: study(phase, phase === 'question' ? null : 'train', { participant: 'P1' }) })),
+    ...['stopped', ...drives].flatMap((mode) => [
+      { robot: { mode, lessons: 0 } }, { robot: { mode, agreement: null } }, { robot: { mode, taught: { [moves[0]]: 300 } } },
+      ...['teach', 'try', 'ready'].map((stage) => ({ robot: { mode }, readiness: ready(stage) })),
+      ...moves.map((move) => ({ robot: { mode }, readiness: ready('teach', { missing: [gap('rare_move', move)] }) })),
+      { robot: { mode }, readiness: ready('teach', { missing: [gap('too_short')] }) },
+    ]),
+    { robot: { mode: 'autonomous' }, readiness: ready('try', { alone_s: 0 }) },
+    ...['corrected', 'pushed', 'helpless', 'unknown_view'].map((setback) => ({ robot: { mode: 'autonomous' }, setback })),
+    ...moves.flatMap((move) => [
+      { held: move, robot: { mode: 'train', driven_by: 'pilot', action: move } },
+      { robot: { mode: 'autonomous', driven_by: 'robot', action: move, bumpers: [true, false] } },
+    ]),
+  ];
+  // In another order each time, and always the same for one seed: each state comes after many others.
+  let chance = seed;
+  const random = () => (chance = (chance * 48271) % 2147483647) / 2147483647;
+  for (let i = states.length - 1; i > 0; i -= 1) {
+    const j = Math.floor(random() * (i + 1));
+    [states[i], states[j]] = [states[j], states[i]];
+  }
+  const controls = () => [...document.querySelectorAll('button, a')].filter((e) => e.checkVisibility({ visibilityProperty: true }));
+  const name = (e) => (e ? `${e.localName}.${e.className} "${(e.textContent || e.ariaLabel || '').trim().slice(0, 24)}"` : 'nothing');
+  const controlAt = ([x, y]) => document.elementFromPoint(x, y)?.closest('button, a') ?? null;
+  const pointsOf = (e) => {
+    const { left, top, width, height } = e.getBoundingClientRect();
+    return [0.5, 0.15, 0.85].flatMap((u) => [0.5, 0.15, 0.85].map((v) => [left + u * width, top + v * height]));
+  };
+  const boxOf = (e) => {
+    const { left, top, width, height } = e.getBoundingClientRect();
+    return [left, top, width, height];
+  };
+  const places = () => {
+    const fixed = document.querySelectorAll('.picture, teach-panel, mode-bar, mode-bar button, .move, .undo, button.stop.shown, app-bar button, .like');
+    return [...fixed].map((e) => [name(e), boxOf(e)]);
+  };
+  const stopFaults = () => {
+    const stops = [...document.querySelectorAll('button.stop')].filter((e) => e.checkVisibility());
+    if (stops.length !== 1) return [`${stops.length} STOP buttons`];
+    const [left, top, width, height] = boxOf(stops[0]);
+    if (left < 0 || top < 0 || left + width > innerWidth || top + height > innerHeight) return [`STOP leaves the screen: ${[left, top, width, height]}`];
+    if (width < 44 || height < 44) return [`STOP is small: ${width}x${height}`];
+    return pointsOf(stops[0]).every((at) => controlAt(at) === stops[0]) ? [] : ['STOP is covered'];
+  };
+  const show = (change) => store.set({ ...clean, ...change, robot: { ...calm, ...change.robot } });
+  const passTime = () => document.querySelectorAll('.fresh').forEach((e) => e.classList.remove('fresh'));
+  const found = [];
+  const said = new Set();
+  const scrolled = new Set();
+  store.set({ moves: [...moves] });
+  show({});
+  await new Promise((done) => setTimeout(done, 50));
+  const first = places();
+  let drawn = [];
+  for (const change of states) {
+    const note = (fault) => found.push(`${JSON.stringify(change).slice(0, 140)}: ${fault}`);
+    show(change);
+    // A finger on its way comes down: on what was there, or on nothing.
+    for (const [at, was] of drawn) {
+      const is = controlAt(at);
+      if (is && is !== was && is.isConnected) note(`a tap for ${name(was)} lands on ${name(is)}`);
+    }
+    passTime();
+    stopFaults().forEach(note);
+    places().forEach(([what, box], i) => {
+      const moved = box.map((x, k) => Math.abs(x - first[i][1][k]));
+      if (Math.max(...moved) > 1) note(`${what} moved from ${first[i][1].map(Math.round)} to ${box.map(Math.round)}`);
+    });
+    measure().forEach(note);
+    for (const e of document.querySelectorAll('.advice, .notice p')) if (e.textContent && e.checkVisibility()) {
+      said.add(e.textContent);
+      if (!change.toast && !change.robot?.fault && e.scrollHeight > e.clientHeight + 1) scrolled.add(e.textContent);
+    }
+    drawn = controls().flatMap(pointsOf).map((at) => [at, controlAt(at)]);
+  }
+  return { found: [...new Set(found)], said: [...said], scrolled: [...scrolled], states: states.length };
+}

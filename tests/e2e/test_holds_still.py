@@ -1,0 +1,125 @@
+"""The drive screen holds still: whatever is said on it, at any size and in any language.
+
+STOP is wholly on the screen and on top, no control moves, no text lies on another, and no tap lands
+on a control that was not there when the finger set out. A subset of sizes by default; with
+DRIVELESSON_SIZES=all the whole grid.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.types import StopReason
+from server.config import Config
+
+from .boxes import MEASURE
+from .world import World, open_page, running_world
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+IS_WHOLE = os.environ.get("DRIVELESSON_SIZES") == "all"
+_SCRIPT = (Path(__file__).parent / "still.js").read_text()
+SHOW_ALL = _SCRIPT[_SCRIPT.index("async (") :].replace("MEASURE", MEASURE)
+EDGES = (280, 320, 345, 369, 390, 430, 480, 540, 653, 700, 768, 900, 1024, 1280)
+HEIGHTS = (480, 520, 568, 640, 701, 765, 844, 1024, 1280)
+GRID = sorted({(w, h) for a, b in product(EDGES, HEIGHTS) for w, h in ((a, b), (b, a))})
+FEW = [
+    *((280, 480), (345, 740), (360, 640), (390, 844), (480, 280), (640, 360), (844, 390)),
+    *((600, 520), (768, 1024), (1024, 600), (1280, 800)),
+]
+ROOMY = {(360, 640), (390, 844), (844, 390), (768, 1024), (1024, 600), (1280, 800)}
+"""Here every sentence has room for itself; elsewhere some have to be scrolled."""
+TEXT = (100, 130, 160, 200)
+MOVES = {
+    "three": ["forward", "left", "right"],
+    "six": ["forward", "left", "right", "backward", "spin_left", "spin_right"],
+}
+SAID = re.compile(
+    r"^(advice|setback|local|stop|link|lag|hint|lesson\.next|lesson\.now)[._]"
+    r"|^(asks|wheel_|viewer|emergency|teacher_stop|out_of_reach|connecting|choose_|start_stale)"
+    r"|^lesson\.(over|questions)$"
+)
+"""The messages that the drive screen may show."""
+ELSEWHERE = {"emergency_stop", "stop.pilot_asked"}
+
+
+@pytest.fixture(scope="module")
+def standing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    with running_world(tmp_path_factory.mktemp("standing"), world="office") as running:
+        yield running
+
+
+@pytest.mark.timeout(3600 if IS_WHOLE else 300)
+@pytest.mark.parametrize(
+    ("moves", "language"), [("three", "en"), ("three", "es"), ("three", "zh"), ("six", "es")]
+)
+def test_the_drive_screen_holds_still(
+    chromium: Any, standing: World, language: str, moves: str
+) -> None:
+    # The jump for joy, of a figure that is no control, is not to be measured.
+    context = chromium.new_context(
+        locale=language, has_touch=True, service_workers="block", reduced_motion="reduce"
+    )
+    page = open_page(context, standing.address)
+    devtools = context.new_cdp_session(page)
+    words = messages(language)
+    wrong: list[str] = []
+    said: set[str] = set()
+    for seed, ((width, height), text) in enumerate(_sizes(language, moves), 1):
+        size = {"width": width, "height": height, "screenWidth": width, "screenHeight": height}
+        devtools.send(
+            "Emulation.setDeviceMetricsOverride", {**size, "deviceScaleFactor": 1, "mobile": False}
+        )
+        page.evaluate(f"document.documentElement.style.fontSize = '{text}%'")
+        shown = page.evaluate(
+            SHOW_ALL,
+            {
+                "stopReasons": [reason.value for reason in StopReason],
+                "links": [key.split(".")[1] for key in words if key.startswith("link.")],
+                "phases": ["teach", "correct", "alone", "question"],
+                "moves": MOVES[moves],
+                "seed": 1000 * seed + 7,
+            },
+        )
+        wrong += [f"{width}x{height} {text} %: {fault}" for fault in shown["found"]]
+        said |= set(shown["said"])
+        if text == 100 and (width, height) in ROOMY:
+            wrong += [f"{width}x{height}: has no room for {one!r}" for one in shown["scrolled"]]
+    context.close()
+    print(f"{seed} sizes x {shown['states']} states")
+    assert not wrong, f"{len(wrong)} faults, among them:\n" + "\n".join(dict.fromkeys(wrong))
+    assert unsaid(words, said) == []
+
+
+def _sizes(language: str, moves: str) -> list[tuple[tuple[int, int], int]]:
+    """Return sizes with percentages of text; of the whole grid, each with another one in turn."""
+    if not IS_WHOLE:
+        return list(product(FEW, (TEXT[0], TEXT[-1])))
+    turn = ["en", "es", "zh"].index(language) + (moves == "six") * 2
+    return [(size, TEXT[(i + turn) % len(TEXT)]) for i, size in enumerate(GRID)]
+
+
+def messages(language: str) -> dict[str, str]:
+    """Return the page's sentences of one language."""
+    text = (Config().web_folder / "js" / "messages" / f"{language}.js").read_text()
+    pairs = re.findall(r"^  '?([\w.]+)'?: '(.*)',$", text, re.MULTILINE)
+    return {key: sentence.replace("\\'", "'") for key, sentence in pairs}
+
+
+def unsaid(words: dict[str, str], said: set[str]) -> list[str]:
+    """List the messages of the drive screen that none of the states has shown."""
+    missing = []
+    for key, sentence in words.items():
+        if not SAID.match(key) or key in ELSEWHERE:
+            continue
+        pattern = re.compile(".*".join(map(re.escape, re.split(r"\{\w+\}", sentence))))
+        if not any(pattern.fullmatch(one) for one in said):
+            missing.append(key)
+    return missing
