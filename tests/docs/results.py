@@ -70,12 +70,15 @@ def filled(
         for row in table.rows
         for column, cell in zip(table.columns, row, strict=True)
     }
-    rows = [
-        {**row, "measured": [cells[place[0], place[1], place[2]] for place in row["take"]]}
-        if "take" in row
-        else row
-        for row in question["rows"]
-    ]
+    rows = []
+    for row in question["rows"]:
+        new = dict(row)
+        if "take" in row:
+            new["measured"] = [cells[table, name, column] for table, name, column in row["take"]]
+        if "take_asked" in row:
+            table, name, column = row["take_asked"]
+            new["asked"] = cells[table, name, column]
+        rows.append(new)
     return {**question, "rows": rows, "runs": [run]}
 
 
@@ -88,8 +91,13 @@ def _take(file: Path, command: Sequence[str]) -> None:
         tasks = [Task(kind=one["kind"], params=one["params"]) for one in runs]
         results = [one["result"] for one in runs]
         tables = EXPERIMENTS[name].tables(ExperimentSettings(), tasks, results)
-        for path, question in questions().items():
-            if question["experiment"] == name and all("take" in row for row in question["rows"]):
+        wanted = {path: q for path, q in questions().items() if q["experiment"] == name}
+        if not any("take" in row for q in wanted.values() for row in q["rows"]):
+            raise SystemExit(
+                f"no question in {FOLDER} takes its figures from {name!r}: fill `take`"
+            )
+        for path, question in wanted.items():
+            if all("take" in row for row in question["rows"]):
                 text = json.dumps(filled(question, tables, run), indent=1, ensure_ascii=False)
                 path.write_text(text + "\n", "utf-8")
 

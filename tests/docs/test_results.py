@@ -59,15 +59,23 @@ def test_a_figure_is_of_a_commit_that_there_is_and_not_older(file: Path) -> None
 def test_a_run_fills_in_what_it_measured() -> None:
     question: dict[str, Any] = {
         "rows": [
-            {"what": "box", "measured": ["old"], "take": [["SSD", "default-8", "median"]]},
+            {
+                "what": "box",
+                "asked": "old",
+                "measured": ["old"],
+                "take": [["SSD", "default-8", "median"]],
+                "take_asked": ["SSD", "default-8", "asked"],
+            },
             {"what": "by hand", "measured": ["kept"]},
         ],
         "runs": [],
     }
-    table = Table(title="SSD", columns=("who", "median"), rows=(("default-8", 0.254),))
+    table = Table(
+        title="SSD", columns=("who", "median", "asked"), rows=(("default-8", 0.254, "below 1"),)
+    )
     run = {"command": "drivelesson experiment figure7", "commit": "1234567", "date": "2026-11-25"}
     new = results.filled(question, [table], run)
     assert [row["measured"] for row in new["rows"]] == [["0.25"], ["kept"]]
-    assert new["runs"] == [run]
+    assert new["rows"][0]["asked"] == "below 1" and new["runs"] == [run]
     with pytest.raises(KeyError, match="median"):
         results.filled(question, [], run)

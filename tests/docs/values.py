@@ -11,7 +11,6 @@ changes it in the code, and runs one command.
 
 from __future__ import annotations
 
-import inspect
 import re
 from collections.abc import Mapping
 from importlib import import_module
@@ -23,12 +22,11 @@ from robot.control import readiness
 from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
-from robot.policy.registry import MOST_NODES, make_policy
+from robot.policy.registry import DEFAULT_NODES
 from server.config import Limits
 
 ROOT = Path(__file__).parents[2]
 _MARK = re.compile(r"(<!--= ([\w.]+)(?: (ms|bare))? -->)(.*?)(<!--/-->)")
-_DEFAULT = inspect.signature(make_policy).parameters["name"].default
 
 SOURCES: Mapping[str, object] = {
     "driver": driver,
@@ -37,9 +35,7 @@ SOURCES: Mapping[str, object] = {
     "governor": LinkGovernorConfig(),
     "patience": CameraTimingConfig(),
     "limits": Limits(),
-    "learner": SimpleNamespace(
-        default=_DEFAULT, nodes=int(_DEFAULT.rpartition("-")[2]), most_nodes=MOST_NODES
-    ),
+    "learner": SimpleNamespace(default=f"default-{DEFAULT_NODES}", nodes=DEFAULT_NODES),
     "ros": import_module("robot.bodies.ros.bridge"),
     "ev3_stock": import_module("robot.bodies.ev3.stock.lines"),
     "lego_education": import_module("robot.bodies.lego_education.driver"),
@@ -65,11 +61,6 @@ def fill(text: str, sources: Mapping[str, object] = SOURCES) -> str:
         AttributeError: If the source has no such constant.
     """
     return _MARK.sub(lambda mark: mark[1] + _written(mark[2], mark[3], sources) + mark[5], text)
-
-
-def without(text: str) -> str:
-    """Return what of a page is not the program's."""
-    return _MARK.sub("", text)
 
 
 def _written(name: str, form: str | None, sources: Mapping[str, object]) -> str:
