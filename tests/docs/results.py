@@ -91,15 +91,18 @@ def _take(file: Path, command: Sequence[str]) -> None:
         tasks = [Task(kind=one["kind"], params=one["params"]) for one in runs]
         results = [one["result"] for one in runs]
         tables = EXPERIMENTS[name].tables(ExperimentSettings(), tasks, results)
-        wanted = {path: q for path, q in questions().items() if q["experiment"] == name}
-        if not any("take" in row for q in wanted.values() for row in q["rows"]):
+        wanted = {
+            path: question
+            for path, question in questions().items()
+            if question["experiment"] == name and all("take" in row for row in question["rows"])
+        }
+        if not wanted:
             raise SystemExit(
                 f"no question in {FOLDER} takes its figures from {name!r}: fill `take`"
             )
         for path, question in wanted.items():
-            if all("take" in row for row in question["rows"]):
-                text = json.dumps(filled(question, tables, run), indent=1, ensure_ascii=False)
-                path.write_text(text + "\n", "utf-8")
+            text = json.dumps(filled(question, tables, run), indent=1, ensure_ascii=False)
+            path.write_text(text + "\n", "utf-8")
 
 
 if __name__ == "__main__":
