@@ -6,17 +6,19 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from robot.errors import CameraError, RecordingError
-from robot.exchange.npz import Recording, load_recording
 from robot.learner.base import Vector
 from robot.policy.image import to_rgb
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.types import Action, Encoding, Frame
+
+if TYPE_CHECKING:
+    from robot.exchange.npz import Recording
 
 Vectors = dict[tuple[str, str, float], list[Vector]]
 """Features by their name, the recording's path and light: extracted once for all learners."""
@@ -69,6 +71,8 @@ def load_pairs(folder: Path | str, light: float = 1.0, examples: int | None = No
     Raises:
         RecordingError: If there is no such folder or pair, or a recording is broken.
     """
+    from robot.exchange.npz import load_recording  # of another house, asked for when needed
+
     folder = Path(folder)
     if not folder.is_dir():
         raise RecordingError(f"there is no folder {folder}")

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from robot.control.state import Tick
-from robot.exchange.npz import load_recording
 from robot.lab.evaluation import Pair, evaluate, scores
 from robot.lab.ideas import make_learner
 from robot.lab.pilots import make_pilot
@@ -41,6 +40,8 @@ def run_simulated_footage(params: Mapping[str, Any]) -> Result:
 
 def run_recorded_footage(params: Mapping[str, Any]) -> Result:
     """Train on one recording, test on another; `train`, `test` (paths) and `learner`."""
+    from robot.exchange.npz import load_recording  # of another house, asked for when needed
+
     pair = Pair(train=load_recording(params["train"]), test=load_recording(params["test"]))
     result = next(iter(evaluate([pair], [params["learner"]])))
     return {

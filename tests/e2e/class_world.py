@@ -13,6 +13,7 @@ from robot.clock import RealClock
 from robot.devices.rig import Rig, build_rig
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
+from robot.testing import FakeCamera, FakeDriver
 from server.app import create_app
 from server.board.app import create_board_app
 from server.board.board import Board
@@ -22,7 +23,6 @@ from server.board.transport import NetworkTransport, RobotAddress
 from server.config import Config
 from server.hosting.serving import served
 from server.identity import COLOURS, IdentityFile
-from server.lab.bench.robot import NotingDriver, SteadyCamera
 from server.persistence import Persistence
 from server.security.certificates import make_certificates
 from server.security.pairing import Pairing
@@ -56,9 +56,7 @@ def running_class(
             rig = (
                 _simulated(i)
                 if simulated
-                else Rig(
-                    NotingDriver(), SteadyCamera(clock, 10.0), make_policy("published-8"), clock
-                )
+                else Rig(FakeDriver(), FakeCamera(clock, 10.0), make_policy("published-8"), clock)
             )
             data = folder / f"robot-{i}"
             identity = IdentityFile(data, NAMES[i % len(NAMES)])

@@ -11,11 +11,11 @@ from pathlib import Path
 from robot.clock import RealClock
 from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
+from robot.testing import FakeCamera, FakeDriver
 from server.app import create_app
 from server.config import Config
 from server.hosting.logs import start_logging
 from server.hosting.serving import served
-from server.lab.bench.robot import NotingDriver, SteadyCamera
 from server.security.pairing import Pairing
 from server.services import make_services
 
@@ -29,7 +29,7 @@ def main(web: str) -> None:
     config = Config(port=0, web=Path(web), lan=True, host="127.0.0.1")
     pairing = Pairing(config.limits.pairing_failures)
     clock = RealClock()
-    rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
+    rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
     services = make_services(config, rig, name="bench", pairing=pairing)
     with rig, served(create_app(services), config) as address:
         notes = {"address": address, "threads": threading.active_count()}
@@ -37,7 +37,7 @@ def main(web: str) -> None:
         for _ in sys.stdin:
             tokens = {role.value: token for role, token in pairing.tokens.items()}
             driver = rig.driver
-            assert isinstance(driver, NotingDriver)
+            assert isinstance(driver, FakeDriver)
             stood_s = [
                 after - at
                 for (at, action), (after, _) in zip(

@@ -18,10 +18,10 @@ from robot.clock import RealClock
 from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
+from robot.testing import FakeCamera, FakeDriver
 from server.app import create_app
 from server.config import Config
 from server.hosting.serving import served
-from server.lab.bench.robot import NotingDriver, SteadyCamera
 from server.persistence import Persistence
 from server.protocol import encode_acknowledgement, parse_picture
 from server.security.certificates import Certificates
@@ -42,13 +42,13 @@ class LiveServer:
         self.hub = services.hub
 
     @property
-    def driver(self) -> NotingDriver:
-        assert isinstance(self.rig.driver, NotingDriver)
+    def driver(self) -> FakeDriver:
+        assert isinstance(self.rig.driver, FakeDriver)
         return self.rig.driver
 
     @property
-    def camera(self) -> SteadyCamera:
-        assert isinstance(self.rig.camera, SteadyCamera)
+    def camera(self) -> FakeCamera:
+        assert isinstance(self.rig.camera, FakeCamera)
         return self.rig.camera
 
     def ws(self, path: str) -> str:
@@ -65,7 +65,7 @@ class LiveServer:
 @contextlib.contextmanager
 def live_server(
     config: Config | None = None,
-    camera: SteadyCamera | None = None,
+    camera: FakeCamera | None = None,
     pairing: Pairing | None = None,
     certificates: Certificates | None = None,
     data: Path | None = None,
@@ -73,7 +73,7 @@ def live_server(
     """Serve a bench robot on loopback while the block runs; with `data`, it keeps things there."""
     clock = camera.clock if camera else RealClock()
     config = config or Config(port=0, web=WEB)
-    rig = Rig(NotingDriver(), camera or SteadyCamera(clock), make_policy("published-8"), clock)
+    rig = Rig(FakeDriver(), camera or FakeCamera(clock), make_policy("published-8"), clock)
     persistence = Persistence(Storage(data), rig) if data else None
     services = make_services(config, rig, name="bench", persistence=persistence, pairing=pairing)
     with (

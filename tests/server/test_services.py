@@ -12,9 +12,9 @@ import pytest
 from robot.clock import RealClock
 from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
+from robot.testing import FakeCamera, FakeDriver
 from server.config import Config
 from server.events import EventBus
-from server.lab.bench.robot import NotingDriver, SteadyCamera
 from server.services import Services, make_services
 
 SERVER = Path(__file__).parents[2] / "server"
@@ -22,7 +22,7 @@ SERVER = Path(__file__).parents[2] / "server"
 
 def make() -> Services:
     clock = RealClock()
-    rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
+    rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
     return make_services(Config(port=0), rig)
 
 

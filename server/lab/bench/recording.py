@@ -22,9 +22,9 @@ from robot.errors import MissingExtraError
 from robot.policy.registry import make_policy
 from robot.store.episodes.recorder import Recorder
 from robot.store.episodes.writer_thread import RecorderConfig
+from robot.testing import FakeCamera, FakeDriver
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand
 from server.cli.parser import number, whole
-from server.lab.bench.robot import NotingDriver, SteadyCamera
 
 _COMMAND_EVERY_S = 0.1
 
@@ -47,7 +47,7 @@ class Outcome:
     dropped: int
 
 
-class PhotoCamera(SteadyCamera):
+class PhotoCamera(FakeCamera):
     """Noisy pictures, which compress as little as a real room's; JPEG or raw."""
 
     def __init__(self, clock: Clock, rate_hz: float, width: int, height: int, jpeg: bool) -> None:
@@ -113,7 +113,7 @@ def measure(camera: PhotoCamera, learner: str, seconds: float, *, records: bool)
             turns_s.append(tick.cycle_s)
         cpu_s.append(time.thread_time())
 
-    rig = Rig(NotingDriver(), camera, make_policy(learner), camera.clock)
+    rig = Rig(FakeDriver(), camera, make_policy(learner), camera.clock)
     with tempfile.TemporaryDirectory() as folder, rig:
         recorder = Recorder(rig.loop, Path(folder), config=RecorderConfig(spare_bytes=0))
         if records:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.clock import RealClock
-from server.lab.bench.robot import NotingDriver, SteadyCamera
+from robot.testing import FakeCamera, FakeDriver
 
 KINDS = ("drivelesson", "naive-websocket", "plain-websocket", "naive-mjpeg")
 """`plain` is `naive` without uvicorn's default, which compresses each picture once more."""
@@ -35,7 +35,7 @@ def main() -> None:
     parser.add_argument("--height", type=int, default=120)
     parser.add_argument("--rate", type=float, default=30.0)
     args = parser.parse_args()
-    camera = SteadyCamera(RealClock(), args.rate, args.width, args.height)
+    camera = FakeCamera(RealClock(), args.rate, args.width, args.height)
     with _serving(args.kind, camera) as (port, notes):
         print(port, flush=True)
         for line in sys.stdin:
@@ -51,7 +51,7 @@ def _serving_cpu_s() -> float:
 
 
 @contextlib.contextmanager
-def _serving(kind: str, camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
+def _serving(kind: str, camera: FakeCamera) -> Iterator[tuple[int, Any]]:
     if kind == "drivelesson":
         with _ours(camera) as served:
             yield served
@@ -64,7 +64,7 @@ def _serving(kind: str, camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
 
 
 @contextlib.contextmanager
-def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
+def _ours(camera: FakeCamera) -> Iterator[tuple[int, Any]]:
     from robot.devices.rig import Rig
     from robot.policy.registry import make_policy
     from server.app import create_app
@@ -74,13 +74,13 @@ def _ours(camera: SteadyCamera) -> Iterator[tuple[int, Any]]:
 
     config = Config(port=0, limits=Limits(requests_burst=1e9))
     learner = "default-32"
-    rig = Rig(NotingDriver(), camera, make_policy(learner), camera.clock)
+    rig = Rig(FakeDriver(), camera, make_policy(learner), camera.clock)
     services = make_services(config, rig, name="bench")
 
     def notes(forget: bool) -> dict[str, Any]:
         state = rig.loop.state
         driver = rig.driver
-        assert isinstance(driver, NotingDriver)
+        assert isinstance(driver, FakeDriver)
         if forget:
             driver.changes.clear()
             rig.loop.submit(lambda: rig.loop.history.replace_policy(make_policy(learner))).result()

@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from robot.errors import version
+from robot import __version__
 from server.cli.main import commands, main
 
 WRONG = [
@@ -14,7 +14,7 @@ WRONG = [
     (["serve", "--lerner", "x"], "(did you mean '--learner'?)"),
     (["serve", "--robot", "smi"], "(did you mean 'sim'?)"),
     (["serve", "--learner", "defualt"], "(did you mean 'default'?)"),
-    (["bench", "lnk"], "(did you mean 'link'?)"),
+    (["episodes", "lst"], "(did you mean 'list'?)"),
     (["serve", "--rate", "0"], "--rate: must be a number above 0, not '0'"),
     (["serve", "--rate", "nan"], "--rate: must be a number above 0, not 'nan'"),
     (
@@ -25,7 +25,6 @@ WRONG = [
     (["serve", "--hostname", "bad name"], "--hostname: must be letters, digits and hyphens"),
     (["serve", "--port", "70000"], "--port: must be a whole number from 0 to 65535, not '70000'"),
     (["serve", "--jpeg-quality", "0"], "--jpeg-quality: must be a whole number from 1 to 100"),
-    (["experiment", "figure3", "--seeds", "0"], "--seeds: must be a whole number of at least 1"),
 ]
 INTERNAL = ("_published", "without-linear", "linear-alone", "Namespace", "Traceback", "<class")
 
@@ -46,7 +45,7 @@ def test_a_wrong_call_is_told_what_would_be_right(
 
 def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"drivelesson {version()}\n"
+    assert capsys.readouterr().out == f"drivelesson {__version__}\n"
 
 
 def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -62,7 +61,7 @@ def test_bash_completes_commands_options_and_choices(capsys: pytest.CaptureFixtu
 COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _shtab_drivelesson; echo "${COMPREPLY[@]}"
 """
     for words, wanted in (
-        (["drivelesson", "ev"], "evaluate"),
+        (["drivelesson", "ep"], "episodes"),
         (["drivelesson", "serve", "--hostn"], "--hostname"),
         (["drivelesson", "completion", "zs"], "zsh"),
     ):

@@ -28,8 +28,8 @@ from robot.policy.registry import make_policy
 from robot.store.episodes.episode import open_episode
 from robot.store.episodes.writer_thread import RecorderConfig
 from robot.store.folder import Storage
+from robot.testing import FakeCamera, FakeDriver
 from robot.types import Action, Mode, PilotCommand
-from server.lab.bench.robot import NotingDriver, SteadyCamera
 from server.persistence import Persistence
 
 LONGEST_LIFE_S = 0.8
@@ -75,7 +75,7 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         history.undo(UNDONE_S)
 
     clock = RealClock()
-    rig = Rig(NotingDriver(), SteadyCamera(clock), make_policy("published-8"), clock)
+    rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
     persistence = Persistence(Storage(folder), rig, name="bench")
     persistence.models._wall_s = lambda: wall_s
     persistence.recorder._wall_ns = lambda: round(wall_s * 1e9)

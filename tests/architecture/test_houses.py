@@ -1,0 +1,139 @@
+"""Each house can be taken away without a trace: the core's own tests pass where it never was.
+
+By default a few quick ones; all quick ones that do not use the house with DRIVELESSON_HOUSES=all.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from .house import HOUSES
+
+ROOT = Path(__file__).parents[2]
+NEEDED_BY = {"lab": ("study",)}
+"""Which houses go with a house, because they build on it."""
+QUICK = ("tests/robot/control/test_gate.py", "tests/server/clients/test_lease.py")
+QUICK += ("tests/server/cli/test_main.py", "tests/robot/devices/test_options.py")
+EVERYTHING = ("tests/robot", "tests/server", "tests/faults", "tests/contract")
+
+
+def houses_taken_with(house: str) -> set[str]:
+    """Return the packages of a house, and of those that build on it."""
+    return {
+        f"{package}.{name}"
+        for name in (house, *NEEDED_BY.get(house, ()))
+        for package in ("robot", "server")
+    }
+
+
+def imports(module: str, file: Path) -> set[str]:
+    """Return the modules that a module names in its imports, and what it takes from them."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            base = module.split(".")[: -node.level] if node.level else []
+            source = ".".join([*base, *([node.module] if node.module else [])])
+            found |= {source, *(f"{source}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+    return found
+
+
+@cache
+def imports_of_tests() -> dict[str, set[str]]:
+    """Return every module of the tests with all that it imports, also through other tests."""
+    files = {
+        ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): file
+        for file in (ROOT / "tests").rglob("*.py")
+        if "node_modules" not in file.parts
+    }
+    direct = {name: imports(name, file) for name, file in files.items()}
+
+    whole = {}
+    for name in direct:
+        seen, todo = {name}, [name]
+        while todo:
+            new = (direct[todo.pop()] & direct.keys()) - seen
+            seen |= new
+            todo += new
+        whole[name] = set().union(*(direct[each] for each in seen))
+    return whole
+
+
+def uses(names: set[str], packages: set[str]) -> bool:
+    return any(name == each or name.startswith(f"{each}.") for name in names for each in packages)
+
+
+def copy_without(house: str, folder: Path) -> set[str]:
+    """Copy the tree without a house; return the packages that are gone."""
+    gone = houses_taken_with(house)
+    ignored = shutil.ignore_patterns("__pycache__", "node_modules", "*.webp")
+    for name in ("robot", "server", "web", "tests", "docs"):
+        shutil.copytree(ROOT / name, folder / name, ignore=ignored)
+    for package in gone:
+        for path in (package.replace(".", "/"), f"tests/{package.replace('.', '/')}"):
+            shutil.rmtree(folder / path, ignore_errors=True)
+    text = (ROOT / "pyproject.toml").read_text("utf-8")
+    taken = "|".join(map(re.escape, sorted(gone)))
+    text = re.sub(rf'^[\w-]+ = "(?:{taken})[.:].*\n', "", text, flags=re.MULTILINE)
+    (folder / "pyproject.toml").write_text(text, "utf-8")
+    groups = tomllib.loads(text)["project"]["entry-points"]
+    installed = folder / "drivelesson-0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: drivelesson\nVersion: 0\n")
+    (installed / "entry_points.txt").write_text(
+        "\n".join(
+            f"[{group}]\n" + "\n".join(f"{name} = {target}" for name, target in points.items())
+            for group, points in groups.items()
+        )
+    )
+    return gone
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("house", HOUSES)
+def test_the_core_works_without(house: str, tmp_path: Path) -> None:
+    gone = copy_without(house, tmp_path)
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+
+    def run(*words: str) -> str:
+        done = subprocess.run(
+            [sys.executable, "-m", *words],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
+        return done.stdout
+
+    told = run("server", "--help")
+    assert "serve" in told
+    for name in ("board", "study", "evaluate", "brick"):
+        at_home = {"board": "board", "study": "study", "evaluate": "lab", "brick": "bodies"}[name]
+        assert (f"  {name} " in told) is (not uses({f"server.{at_home}"}, gone))
+    everything = os.environ.get("DRIVELESSON_HOUSES") == "all"
+    folders = tuple(f"{folder}/" for folder in (EVERYTHING if everything else QUICK))
+    kept = [
+        path
+        for name, names in sorted(imports_of_tests().items())
+        if name.rpartition(".")[2].startswith("test_")
+        and not uses({name.removeprefix("tests."), *names}, gone)
+        and f"{(path := name.replace('.', '/') + '.py')}/".startswith(folders)
+    ]
+    assert kept
+    quick = "not slow and not browser and not realtime"
+    printed = run("pytest", "-q", "-p", "no:cacheprovider", "-p", "no:randomly", "-m", quick, *kept)
+    assert " passed" in printed
