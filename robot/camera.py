@@ -24,6 +24,9 @@ class Camera(StartStop):
 
     name: ClassVar[str]
     options_type: ClassVar[type[Any]]
+    world_waits: ClassVar[bool] = False
+    """True if nothing moves on before the loop has acted on the newest picture: however slow the
+    computer is, the picture is never too old to drive by."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock

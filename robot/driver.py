@@ -106,7 +106,7 @@ CLASSIC: dict[Action, Move] = {
 
 def names(moves: Iterable[Move]) -> tuple[Action, ...]:
     """Return the names, in their order."""
-    return tuple([move.name for move in moves])
+    return tuple(move.name for move in moves)
 
 
 def describe(wanted: Iterable[Action], declared: Iterable[Move] = ()) -> tuple[Move, ...]:

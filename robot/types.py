@@ -162,6 +162,16 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Game:
+    """How a game stands that is played by driving: its number, the score, the last reward."""
+
+    number: int
+    score: float
+    reward: float
+    is_over: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
     """What the robot senses besides its camera. None means: this robot has no such sensor."""
 
@@ -173,6 +183,7 @@ class Sensors:
     wheels_m: tuple[float, float] | None = None
     """How far the left and the right wheel have rolled in all, forwards less backwards."""
     pose: Pose | None = None
+    game: Game | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

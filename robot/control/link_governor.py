@@ -102,7 +102,7 @@ class LinkGovernor:
             self._better_since_s = now_s
 
     def _rank(self, age_s: float, share: float) -> int:
-        return sum([age_s > threshold_s * share for threshold_s in self._thresholds_s])
+        return sum(age_s > threshold_s * share for threshold_s in self._thresholds_s)
 
     @property
     def must_stop(self) -> bool:

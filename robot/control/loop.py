@@ -238,7 +238,8 @@ class ControlLoop:
             self._trip_if_held_up(now_s - before_s)
 
     def _trip_if_held_up(self, seconds: float) -> bool:
-        if self._gate.mode is Mode.STOPPED or seconds <= self.config.stall_s:
+        is_harmless = self._gate.mode is Mode.STOPPED or self._camera.world_waits
+        if is_harmless or seconds <= self.config.stall_s:
             return False
         self._trip(StopReason.LOOP_FAULT)
         self._fault = f"The robot's computer was held up for {seconds:.1f} s."
@@ -302,9 +303,8 @@ class ControlLoop:
         if frame is None or not is_new:
             return None
         self._camera_timing.source_age_s = self._camera.source_age_s
-        self._camera_timing.note(
-            frame.captured_s, delivered_s, is_moving=self._gate.mode is not Mode.STOPPED
-        )
+        is_moving = self._gate.mode is not Mode.STOPPED and not self._camera.world_waits
+        self._camera_timing.note(frame.captured_s, delivered_s, is_moving=is_moving)
         return frame
 
     def _under_way(self) -> Action | None:
@@ -322,19 +322,19 @@ class ControlLoop:
     def _decide(self, now_s: float) -> Decision:
         was_moving = self._gate.mode is not Mode.STOPPED
         frame = self._online_learning.frame
+        waits = self._camera.world_waits
         decision = self._gate.select(
             now_s,
             self._online_learning.prediction,
-            frame.captured_s if frame else None,
+            None if frame is None else now_s if waits else frame.captured_s,
             camera_fault=self._camera.fault is not None,
             frame_timeout_s=self._camera_timing.timeout_s,
         )
         if was_moving and decision.mode is Mode.STOPPED and decision.stop_reason is not None:
             self._note_stop(decision.stop_reason)
             self._reset()
-        scale = min(
-            decision.speed_scale, self._governor.speed_scale, self._camera_timing.speed_scale
-        )
+        camera_scale = 1.0 if waits else self._camera_timing.speed_scale
+        scale = min(decision.speed_scale, self._governor.speed_scale, camera_scale)
         scale *= self.speed_share
         return decision if scale == decision.speed_scale else replace(decision, speed_scale=scale)
 

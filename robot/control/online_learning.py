@@ -1,18 +1,18 @@
 """Perception and online learning: predicts a move for each new frame, and learns from the pilot's.
 
 It keeps the feature vectors of the newest frames, because a command labels the frame that the pilot
-was looking at, which is a little older than the newest. The frames between that one and the one
-that the previous command named get the label that was held then: a change is always sent at once.
+was looking at, which is a little older than the newest.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robot.clock import Clock
 from robot.control.agreement import Agreement
+from robot.control.labelling import Labeller
 from robot.control.state import Timing
 from robot.learner.base import Vector
 from robot.policy.history import HistoryEvent, Replaced, TrainingHistory, Undone
@@ -21,38 +21,6 @@ from robot.types import Action, Example, Frame, PilotCommand, Prediction
 
 MEMORY_FRAMES = 64
 """How many of the newest frames can still be labelled: two seconds at 30 frames a second."""
-
-
-class Labeller:
-    """Turns the pilot's commands of one drive into (frame id, label) pairs, each frame once."""
-
-    def __init__(self) -> None:
-        self._previous: PilotCommand | None = None
-        self._last_frame_id = 0
-
-    def reset(self) -> None:
-        """Forget what was held: a new drive begins. No frame is labelled twice even so."""
-        self._previous = None
-
-    def label(
-        self, command: PilotCommand, known_frame_ids: Iterable[int]
-    ) -> Iterator[tuple[int, Action]]:
-        """Yield the frames that `command` labels, oldest first.
-
-        Args:
-            command: The pilot's newest command.
-            known_frame_ids: Ids still remembered, ascending; others cannot be labelled.
-        """
-        if command.frame_id is None:
-            return
-        before = self._previous.held if self._previous else None
-        for frame_id in known_frame_ids:
-            if self._last_frame_id < frame_id < command.frame_id and before is not None:
-                yield frame_id, before
-            elif frame_id == command.frame_id > self._last_frame_id and command.held is not None:
-                yield frame_id, command.held
-        self._last_frame_id = max(self._last_frame_id, command.frame_id)
-        self._previous = command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

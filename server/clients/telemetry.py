@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from robot.control.camera_timing import CameraState
@@ -96,6 +97,7 @@ def _describe_sensors(sensors: Sensors) -> dict[str, Any]:
         "bumpers": [bool(pressed) for pressed in sensors.bumpers],
         "battery": None if sensors.battery_share is None else _rounded(sensors.battery_share),
         "pose": _describe_pose(sensors.pose),
+        **({} if sensors.game is None else {"game": asdict(sensors.game)}),
     }
 
 

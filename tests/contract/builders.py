@@ -29,6 +29,8 @@ from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.remote_camera import Ev3RemoteCamera
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.bodies.gpio.driver import GpioDriver, GpioOptions
+from robot.bodies.gymnasium.camera import GymnasiumCamera, GymnasiumCameraOptions
+from robot.bodies.gymnasium.driver import GymnasiumDriver, GymnasiumOptions
 from robot.bodies.picamera2.camera import Picamera2Camera, Picamera2Options
 from robot.bodies.ros.camera import RosCamera, RosCameraOptions
 from robot.bodies.v4l2.camera import V4l2Camera
@@ -68,6 +70,32 @@ def sim_driver() -> Iterator[DriverCase]:
 def sim_camera() -> Iterator[CameraCase]:
     driver = SimDriver(SimOptions(world="office"))
     yield CameraCase(SimCamera(driver, SimCameraOptions(), VirtualClock()))
+
+
+def line_of_pixels() -> GymnasiumDriver:
+    pytest.importorskip("gymnasium", reason="an extra, and not of Debian 12's versions")
+    line = "tests.standins.gymnasium_line:Line"
+    return GymnasiumDriver(GymnasiumOptions(env=line, env_options="width=101"))
+
+
+@contextmanager
+def gymnasium_driver() -> Iterator[DriverCase]:
+    driver = line_of_pixels()
+
+    def is_moving() -> bool:
+        driver.advance(0.0)  # opens it
+        environment: Any = driver._environment
+        before = environment.env.unwrapped.n_steps
+        driver.advance(0.02)
+        return bool(environment.env.unwrapped.n_steps != before)
+
+    yield DriverCase(driver, driver.advance, is_moving, budget_s=5.0)
+    driver.close()
+
+
+@contextmanager
+def gymnasium_camera() -> Iterator[CameraCase]:
+    yield CameraCase(GymnasiumCamera(line_of_pixels(), GymnasiumCameraOptions(), VirtualClock()))
 
 
 @contextmanager
@@ -345,6 +373,7 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "ws": partial(timed_driver, "ws"),
     "pybricks": partial(timed_driver, "pybricks"),
     "gpio": gpio_driver,
+    "gymnasium": gymnasium_driver,
     "ros": ros_driver,
 }
 CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
@@ -357,4 +386,5 @@ CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
     "mjpeg": mjpeg_camera,
     "picamera2": picamera2_camera,
     "ros": ros_camera,
+    "gymnasium": gymnasium_camera,
 }

@@ -6,7 +6,8 @@ import { language, learn } from './i18n.js';
 /** @typedef {{name: string, label: Record<string, string>, icon: string, does: string, steering: number | null, throttle: number | null}} Move */
 
 const CLASSIC = ['spin_left', 'left', 'forward', 'backward', 'right', 'spin_right'];
-const PLACES = [-2, -1, 0, 0.5, 1, 2];
+const PLACES = [-2, -1, 0, 0.01, 1, 2];
+const ASIDE = 0.05;
 const LAST = 3;
 
 /** @type {Map<string, Move>} */
@@ -27,6 +28,28 @@ export const isOwn = (move) => !CLASSIC.includes(move);
 
 /** Left before forward before right, as on the floor; a steered move by its angle. @param {string[]} moves */
 export function byPlace(moves) {
-  const place = (/** @type {string} */ move) => isOwn(move) ? known.get(move)?.steering ?? LAST : PLACES[CLASSIC.indexOf(move)];
   return [...moves].sort((a, b) => place(a) - place(b));
+}
+
+/**
+ * Three columns for many moves: what steers left in the left one, what steers right in the right one.
+ * Null if a move has no declared steering.
+ * @param {string[]} moves
+ * @returns {{rows: number, areas: Map<string, string>} | null} areas of the grid, by move
+ */
+export function inColumns(moves) {
+  if (moves.some((move) => place(move) === LAST)) return null;
+  const side = (/** @type {string} */ move) => Math.abs(place(move)) < ASIDE ? 0 : Math.sign(place(move));
+  const columns = [-1, 0, 1].map((column) => moves.filter((move) => side(move) === column));
+  const rows = Math.max(...columns.map((column) => column.length));
+  const areas = new Map(columns.flatMap((column, x) => column.map((move, y) => {
+    const [top, end] = [y, y + 1].map((edge) => Math.round(edge * rows / column.length) + 1);
+    return /** @type {[string, string]} */ ([move, `${top} / ${x + 1} / ${end} / ${x + 2}`]);
+  })));
+  return { rows, areas };
+}
+
+/** From left to right. @param {string} move */
+function place(move) {
+  return isOwn(move) ? known.get(move)?.steering ?? LAST : PLACES[CLASSIC.indexOf(move)];
 }

@@ -75,6 +75,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {boolean | null} bumped
  * @property {boolean[]} [bumpers] from left to right
  * @property {number | null} battery
+ * @property {{number: number, score: number, reward: number, is_over: boolean}} [game]
  * @property {{x_m: number, y_m: number, heading_rad: number, is_estimate?: boolean} | null} pose
  */
 

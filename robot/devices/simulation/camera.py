@@ -72,7 +72,7 @@ class SimCamera(Camera):
                 f"--jpeg-quality must be between 1 and 100, not {options.jpeg_quality}"
             )
         self._body = body
-        self._compress = _make_compressor(options.jpeg_quality)
+        self._compress = make_compressor(options.jpeg_quality)
         self._period_s = 1.0 / options.frame_rate_hz
         self._ending = threading.Event()
         self._thread: Worker | None = None
@@ -174,7 +174,7 @@ class SimCamera(Camera):
             due_s = max(due_s + self._period_s, now_s)
 
 
-def _make_compressor(quality: int) -> Callable[[NDArray[np.uint8]], bytes] | None:
+def make_compressor(quality: int) -> Callable[[NDArray[np.uint8]], bytes] | None:
     """Return what makes a JPEG of pixels, shape (height, width, 3); None without OpenCV."""
     try:
         import cv2

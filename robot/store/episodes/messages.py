@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,15 @@ SCHEMAS: dict[str, Fields] = {
                     "is_estimate": _TRUTH,
                 },
             },
+            "game": {
+                "type": ["object", "null"],
+                "properties": {
+                    "number": _COUNT,
+                    "score": _NUMBER,
+                    "reward": _NUMBER,
+                    "is_over": _TRUTH,
+                },
+            },
         },
     ),
     MODE: _schema("Mode", {"mode": _TEXT, "stop_reason": _MAYBE_TEXT}),
@@ -162,4 +172,5 @@ def describe_sensors(sensors: Sensors) -> Fields:
             "heading_rad": _finite(pose.heading_rad),
             **({"is_estimate": True} if pose.is_estimate else {}),
         },
+        **({} if sensors.game is None else {"game": asdict(sensors.game)}),
     }

@@ -6,7 +6,7 @@
 import { append, fill, h, icon } from '../dom.js';
 import { t } from '../i18n.js';
 import { Tilt } from '../inputs/tilt.js';
-import { isOwn } from '../moves.js';
+import { inColumns, isOwn } from '../moves.js';
 import { makeStop } from '../stop.js';
 
 const SLACK_PX = 24;
@@ -39,8 +39,12 @@ export class DrivePad extends HTMLElement {
     const spins = moves.some((move) => move.startsWith('spin'));
     const isMany = moves.length > 4;
     const inTwos = moves.filter((move) => move !== 'forward' && move !== 'backward').length;
-    const rows = isMany ? Math.ceil(moves.length / 3) : moves.length - inTwos + Math.ceil(inTwos / 2);
-    const is = { many: isMany, own: moves.some(isOwn) || (useTilt && spins), spins, backs: moves.includes('backward'), tilts: useTilt };
+    const columns = isMany && !useTilt && moves.some(isOwn) ? inColumns(moves) : null;
+    for (const button of /** @type {NodeListOf<HTMLElement>} */ (this.querySelectorAll('.move'))) {
+      button.style.setProperty('--area', columns?.areas.get(button.dataset.move ?? '') ?? '');
+    }
+    const rows = columns ? columns.rows : isMany ? Math.ceil(moves.length / 3) : moves.length - inTwos + Math.ceil(inTwos / 2);
+    const is = { many: isMany, placed: columns !== null, own: moves.some(isOwn) || (useTilt && spins), spins, backs: moves.includes('backward'), tilts: useTilt };
     for (const [name, isOn] of Object.entries(is)) this.moves?.classList.toggle(name, isOn);
     this.parentElement?.style.setProperty('--rows', String(rows + (useTilt ? 1 : 0)));
     this.parentElement?.classList.toggle('crowded', is.own || spins || is.backs || useTilt);

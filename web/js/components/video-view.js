@@ -102,6 +102,7 @@ export class VideoView extends HTMLElement {
     const facts = [];
     if (robot && robot.action !== 'stop') facts.push(t(`move.${robot.action}`));
     if (robot?.distance_m != null) facts.push(t('distance', { cm: Math.round(robot.distance_m * 100) }));
+    if (robot?.game) facts.push(t(robot.game.is_over ? 'game_over' : 'game', { number: robot.game.number, score: Math.round(robot.game.score * 10) / 10 }));
     if (robot?.bumped) facts.push(t(whichBumper(robot.bumpers)));
     const ageMs = this.page?.store.state.pictureAgeMs;
     const parts = this.page && ageParts(this.page.store.state);

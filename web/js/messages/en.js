@@ -24,6 +24,8 @@ export default {
   would_do: 'What the robot would do, of 100',
   like: 'looks like',
   like_long: 'The learned image that this looks like. Open: why?',
+  game: 'Game {number}: {score}',
+  game_over: 'Game {number} is over: {score}',
   distance: '{cm} cm',
   bumped: 'bumped',
   'bumped.left': 'bumped left',

@@ -24,6 +24,8 @@ export default {
   would_do: 'Lo que haría el robot, de 100',
   like: 'se parece a',
   like_long: 'La imagen aprendida a la que se parece. Abrir: ¿por qué?',
+  game: 'Partida {number}: {score}',
+  game_over: 'Fin de la partida {number}: {score}',
   distance: '{cm} cm',
   bumped: 'choque',
   'bumped.left': 'choque a la izquierda',

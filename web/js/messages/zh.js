@@ -24,6 +24,8 @@ export default {
   would_do: '机器人会怎么做（满分 100）',
   like: '像这张',
   like_long: '与此相似的已学图像。打开：为什么？',
+  game: '第 {number} 局：{score}',
+  game_over: '第 {number} 局结束：{score}',
   distance: '{cm} 厘米',
   bumped: '碰撞',
   'bumped.left': '左侧碰撞',

@@ -1,0 +1,160 @@
+"""Any Gymnasium environment with pictures as a robot: its actions are the moves."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from robot.bodies.gymnasium.environment import PICTURES, Environment, read_options
+from robot.bodies.gymnasium.moves import moves_of
+from robot.driver import ACTION_TIMEOUT_S, Driver
+from robot.errors import NotConnectedError
+from robot.types import Action, Game, Sensors
+
+OVER_S = 1.5
+"""For so long the last picture of a game stays before the next game begins."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GymnasiumOptions:
+    """What a person may choose."""
+
+    env: str = field(
+        default="CarRacing-v3",
+        metadata={"help": "name of a Gymnasium environment, or module:NAME"},
+    )
+    env_moves: str = field(
+        default="",
+        metadata={
+            "help": "its moves, as 'left=-0.6,0,0; right=0.6,0,0' or 'left=0; right=1'; "
+            "default: its own names"
+        },
+    )
+    env_options: str = field(
+        default="", metadata={"help": "for its maker, as obs_width=160,obs_height=120"}
+    )
+    env_picture: str = field(
+        default="auto",
+        metadata={"help": "what is seen: its observation, or what it renders", "choices": PICTURES},
+    )
+    env_steps: int = field(
+        default=0,
+        metadata={
+            "help": "its steps for each picture; 0: 5 for CarRacing, else 1",
+            "range": (0, 50),
+        },
+    )
+    env_seed: int = field(default=1, metadata={"help": "of the first game", "range": (0, 2**31)})
+
+
+class GymnasiumDriver(Driver):
+    """Acts in an environment. Time passes when its camera, or a test, calls `advance`.
+
+    An environment may belong to the thread that made it (a renderer often does), so `advance`,
+    `picture` and `close` are for one thread; it is made anew there.
+    """
+
+    name: ClassVar[str] = "gymnasium"
+    default_camera: ClassVar[str] = "gymnasium"
+    options_type: ClassVar[type[Any]] = GymnasiumOptions
+
+    def __init__(self, options: GymnasiumOptions) -> None:
+        self._options = options
+        environment = self._make()
+        try:
+            table = moves_of(options.env, environment.env, options.env_moves)
+        finally:
+            environment.close()
+        self.declared_moves = tuple(table)
+        self._actions = {move.name: action for move, action in table.items()}
+        is_quick = options.env.split(":")[-1].startswith("CarRacing")
+        self._steps = options.env_steps or (5 if is_quick else 1)
+        self._environment: Environment | None = None
+        self._lock = threading.Lock()
+        self._connected = False
+        self._action = Action.STOP
+        self._left_s = self._over_s = 0.0
+        self._game: Game | None = None
+        self.acted = threading.Event()
+        """Set by each `send_action`: the loop has done what it does with a picture."""
+
+    def _make(self) -> Environment:
+        chosen = self._options
+        options = read_options(chosen.env_options)
+        return Environment(chosen.env, options, chosen.env_picture, chosen.env_seed)
+
+    @property
+    def first_moves(self) -> tuple[Action, ...]:
+        """All moves: a game that can be braked wants braking."""
+        return self.moves
+
+    @property
+    def is_connected(self) -> bool:
+        """True between `connect` and `disconnect`."""
+        return self._connected
+
+    def connect(self) -> None:
+        """Get ready; the environment is made where it is stepped."""
+        self._connected = True
+
+    def disconnect(self) -> None:
+        """Stop."""
+        self.stop()
+        self._connected = False
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        """Act so for at most `ACTION_TIMEOUT_S`; an environment has one speed. See `Driver`."""
+        self.check_action(action, speed_scale)
+        if not self._connected:
+            raise NotConnectedError("the environment is not connected; call connect() first")
+        with self._lock:
+            self._action, self._left_s = action, ACTION_TIMEOUT_S
+        self.acted.set()
+        return action
+
+    def sense(self) -> Sensors:
+        """Return the game under way."""
+        return Sensors(game=self._game)
+
+    def stop(self) -> None:
+        """Let the environment stand."""
+        with self._lock:
+            self._action = Action.STOP
+
+    # On the thread that the environment belongs to ----------------------------------------------
+
+    def advance(self, dt_s: float) -> None:
+        """Let time pass: some steps if a move is under way, none otherwise: it stands then."""
+        environment = self._opened()
+        with self._lock:
+            action = self._action if self._left_s > 0.0 else Action.STOP
+            self._left_s -= dt_s
+        if environment.game.is_over:
+            self._over_s += dt_s
+            if self._over_s >= OVER_S:
+                environment.reset()
+        elif action is not Action.STOP:
+            self._over_s = 0.0
+            for _ in range(self._steps):
+                environment.step(self._actions[action])
+        self._game = environment.game
+
+    def picture(self) -> Any:
+        """Return what there is to see, shape (height, width, 3), uint8; raises CameraError."""
+        return self._opened().picture()
+
+    def close(self) -> None:
+        """Let go of the environment; the next `advance` or `picture` opens it again."""
+        environment, self._environment = self._environment, None
+        if environment is not None:
+            with contextlib.suppress(Exception):  # other people's code, and nothing is lost
+                environment.close()
+
+    def _opened(self) -> Environment:
+        if self._environment is None:
+            self._environment = self._make()
+            self._environment.reset()
+            self._game = self._environment.game
+        return self._environment

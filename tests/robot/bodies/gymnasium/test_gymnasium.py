@@ -1,0 +1,194 @@
+"""Gymnasium environments as robots: their moves, pictures, games, and that they wait."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="NOT TESTED: Gymnasium is not installed")
+
+from robot.bodies.gymnasium.camera import GymnasiumCamera, GymnasiumCameraOptions
+from robot.bodies.gymnasium.driver import OVER_S, GymnasiumDriver, GymnasiumOptions
+from robot.bodies.gymnasium.environment import read_options
+from robot.control.loop import ControlLoop
+from robot.errors import CameraError, ConfigurationError
+from robot.policy.image import to_rgb
+from robot.policy.registry import make_policy
+from robot.testing import VirtualClock
+from robot.types import Action, Mode, PilotCommand, Sensors
+
+LINE = "tests.standins.gymnasium_line:Line"
+
+
+def driver(env: str = LINE, **options: Any) -> GymnasiumDriver:
+    return GymnasiumDriver(GymnasiumOptions(env=env, **options))
+
+
+def action_of(body: GymnasiumDriver, move: str) -> Any:
+    return body._actions[Action(move)]
+
+
+def test_moves_have_the_environments_own_names_and_sides() -> None:
+    moves = driver().declared_moves
+    assert [move.name for move in moves] == ["noop", "left", "right"]
+    assert [move.steering for move in moves] == [0.0, -1.0, 1.0]
+    assert moves[0].throttle == 0.0
+
+
+def test_numbers_without_names_are_moves_too() -> None:
+    body = driver("tests.standins.gymnasium_line:names_nothing")
+    assert body.moves == ("move_0", "move_1", "move_2")
+    assert body.declared_moves[0].labels == {"en": "Move 0"}
+
+
+def test_a_table_names_the_moves_of_a_box() -> None:
+    table = "hard_left=-1,0; ease_right = 0.25,0.5"
+    body = driver(env_options="form=box", env_moves=table)
+    assert body.moves == ("hard_left", "ease_right")
+    assert [move.steering for move in body.declared_moves] == [-1.0, 1.0]
+    np.testing.assert_array_equal(action_of(body, "ease_right"), np.float32([0.25, 0.5]))
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"env_options": "form=box"}, "--env-moves"),
+        ({"env_options": "form=box", "env_moves": "left=-1; right=1"}, "no action"),
+        ({"env_options": "form=box", "env_moves": "left=-1,0; right=7,0"}, "right=7,0"),
+        ({"env_moves": "left=1; right=3"}, "right=3"),
+        ({"env_moves": "left=1; right=0.5"}, "right=0.5"),
+        ({"env_moves": "left=1; left=2"}, "left=2"),
+        ({"env_moves": "left=1; Right=2"}, "Right=2"),
+        ({"env_moves": "left=1"}, "two moves"),
+        ({"env_moves": "left; right"}, "left"),
+        ({"env": "NoSuch-v0"}, "NoSuch-v0"),
+        ({"env": "no_such_module:Env"}, "no_such_module"),
+        ({"env_options": "height"}, "NAME=VALUE"),
+        ({"env_options": "weather=bad"}, "weather"),
+    ],
+)
+def test_what_cannot_be_is_named(options: dict[str, Any], says: str) -> None:
+    with pytest.raises(ConfigurationError, match=says):
+        driver(**options)
+
+
+def test_options_for_the_maker() -> None:
+    assert read_options("a=1, b=true,c=word") == {"a": 1, "b": True, "c": "word"}
+
+
+@pytest.mark.parametrize(
+    ("options", "shape"),
+    [
+        ({}, (40, 84, 3)),
+        ({"env_picture": "rendered"}, (120, 84, 3)),
+        ({"env_options": "form=blind"}, (120, 84, 3)),
+    ],
+)
+def test_it_sees_what_is_observed_or_else_rendered(
+    options: dict[str, Any], shape: tuple[int, ...]
+) -> None:
+    body = driver(**options)
+    assert body.picture().shape == shape
+    body.close()
+
+
+def test_an_environment_without_the_wanted_picture_says_so() -> None:
+    body = driver(env_options="form=blind", env_picture="observed")
+    with pytest.raises(CameraError, match="env-picture"):
+        body.picture()
+
+
+def test_it_stands_unless_a_move_is_under_way_and_a_game_ends_and_begins_anew() -> None:
+    with driver(env_seed=3) as body:
+        before = body.picture()
+        body.advance(1.0)
+        assert (body.picture() == before).all()
+        n = 0
+        while not (body.sense().game and body.sense().game.is_over):
+            body.send_action(Action("right"))
+            body.advance(0.1)
+            n += 1
+        game = body.sense().game
+        assert game is not None
+        assert (game.number, game.score, game.reward) == (1, 9.0 - (n - 1), 9.0)
+        for _ in range(round(OVER_S / 0.1)):
+            assert body.sense().game == game, "its end can be seen for a while"
+            body.send_action(Action("right"))
+            body.advance(0.1)
+        game = body.sense().game
+        assert game is not None and (game.number, game.is_over, game.score) == (2, False, 0.0)
+        body.close()
+
+
+class Pilot:
+    """A loop with the gymnasium camera, on virtual time; `slow_s` is what each tick takes."""
+
+    def __init__(self, slow_s: float) -> None:
+        self.clock = VirtualClock()
+        self.body = driver()
+        self.camera = GymnasiumCamera(self.body, GymnasiumCameraOptions(), self.clock)
+        policy = make_policy("knn-1", self.body.moves)
+        self.loop = ControlLoop(self.body, self.camera, policy, self.clock)
+        self.slow_s = slow_s
+        self.seen: list[int] = []
+        self.body.connect()
+        self.camera.start()
+
+    def tick(self, held: str | None) -> None:
+        self.clock.wait(self.loop.wake, 0.05)
+        self.loop.wake.clear()
+        frame = self.camera.latest()
+        assert frame is not None
+        now_s = self.clock.now_s()
+        command = PilotCommand(
+            held=Action(held) if held else None,
+            frame_id=frame.frame_id,
+            seq=len(self.seen),
+            received_s=now_s,
+        )
+        self.loop.command(command)
+        self.loop.tick(now_s)
+        self.seen.append(int(to_rgb(frame).max(axis=(0, 2)).argmax()))
+        self.clock.wait(threading.Event(), self.slow_s)
+
+
+@pytest.fixture(params=[0.01, 0.45])
+def pilot(request: pytest.FixtureRequest) -> Iterator[Pilot]:
+    made = Pilot(request.param)
+    yield made
+    made.camera.stop()
+    made.body.disconnect()
+
+
+def test_a_slow_computer_stops_nobody_and_misses_no_step(pilot: Pilot) -> None:
+    for _ in range(3):
+        pilot.tick(None)
+    pilot.loop.set_mode(Mode.TRAIN)
+    for _ in range(90):
+        pilot.tick("right")
+        state = pilot.loop.state
+        assert state.decision.mode is Mode.TRAIN, state.decision.stop_reason
+        if state.sensors.game and state.sensors.game.is_over:
+            break
+    places = list(dict.fromkeys(pilot.seen))
+    steps = np.diff(places)
+    assert len(places) > 5 and (steps > 0).all()
+    assert steps.max() <= 5, "one step of four pixels at a time: none was missed"
+
+
+def test_a_game_is_recorded_and_told_to_the_page() -> None:
+    from robot.store.episodes.messages import SCHEMAS, describe_sensors
+
+    with driver() as body:
+        body.picture()
+        body.send_action(Action("left"))
+        body.advance(0.1)
+        told = describe_sensors(body.sense())
+        body.close()
+    assert told["game"] == {"number": 1, "score": -1.0, "reward": -1.0, "is_over": False}
+    assert "game" in str(SCHEMAS)
+    assert "game" not in describe_sensors(Sensors())
