@@ -45,11 +45,11 @@ test-stalls: $(VENV)/.dev ## Test what waits for real on a computer that stands 
 # What may differ there: routes and models of requests, sockets, the start, arrays and pictures. What
 # runs in virtual time past the framework is the same code as in `make test`, and runs there alone.
 OLD_TESTS := $(addprefix tests/server/,board cli hosting security test_drive.py test_episodes.py \
-  test_eye.py test_hostile_values.py test_identity.py test_models.py test_protocol.py \
+  bodies/test_eye.py test_hostile_values.py test_identity.py test_models.py test_protocol.py \
   test_real_server.py test_security.py study/test_study_sessions.py test_teaching_routes.py \
   test_why_route.py test_world_routes.py) tests/contract/test_cameras.py \
   tests/robot/bodies/pybricks tests/robot/bodies/remote tests/robot/bodies/ros \
-  tests/robot/bodies/lego_education tests/robot/devices/cameras/test_mjpeg.py \
+  tests/robot/bodies/lego_education tests/robot/bodies/mjpeg \
   tests/robot/bodies/ev3/test_stock.py \
   tests/robot/learner/test_bsoc.py
 

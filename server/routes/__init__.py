@@ -14,7 +14,6 @@ from fastapi import APIRouter
 MODULES = (
     "drive",
     "video",
-    "eye",
     "health",
     "shell",
     "mjpeg",

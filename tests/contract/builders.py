@@ -31,14 +31,14 @@ from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.bodies.gpio.driver import GpioDriver, GpioOptions
 from robot.bodies.gymnasium.camera import GymnasiumCamera, GymnasiumCameraOptions
 from robot.bodies.gymnasium.driver import GymnasiumDriver, GymnasiumOptions
+from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
+from robot.bodies.phone.camera import PhoneCamera, PhoneOptions
 from robot.bodies.picamera2.camera import Picamera2Camera, Picamera2Options
 from robot.bodies.ros.camera import RosCamera, RosCameraOptions
 from robot.bodies.v4l2.camera import V4l2Camera
 from robot.bodies.v4l2.options import UsbCameraOptions
+from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
 from robot.clock import Clock, ManualClock, RealClock
-from robot.devices.cameras.mjpeg import MjpegCamera, MjpegOptions
-from robot.devices.cameras.opencv import OpencvCamera, OpencvOptions
-from robot.devices.cameras.phone import PhoneCamera, PhoneOptions
 from robot.devices.simulation.camera import SimCamera, SimCameraOptions
 from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.errors import DriveError, NotConnectedError

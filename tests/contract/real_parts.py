@@ -11,6 +11,7 @@ from contextlib import AbstractContextManager, contextmanager
 
 from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
 from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
+from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
 from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
 from robot.bodies.remote.driver import RemoteOptions
 from robot.bodies.remote.udp import UdpDriver
@@ -18,7 +19,6 @@ from robot.bodies.remote.ws import WsDriver
 from robot.bodies.ros.camera import RosCamera, RosCameraOptions
 from robot.bodies.ros.driver import RosDriver, RosOptions
 from robot.clock import RealClock
-from robot.devices.cameras.mjpeg import MjpegCamera, MjpegOptions
 from robot.driver import Driver
 from robot.testing.camera_contract import CameraContract
 from robot.testing.cases import CameraCase, DriverCase

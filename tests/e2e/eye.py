@@ -19,8 +19,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.bodies.phone.camera import PhoneCamera, PhoneOptions
 from robot.clock import RealClock
-from robot.devices.cameras.phone import PhoneCamera, PhoneOptions
 from robot.devices.rig import Rig
 from robot.exchange.npz import load_recording
 from robot.exchange.replay_driver import ReplayDriver

@@ -176,7 +176,7 @@ def test_every_message_down_in_the_reference_is_what_the_wire_carries() -> None:
 
 
 def test_what_the_eye_is_told_is_in_the_reference() -> None:
-    from server.routes.eye import _STATE_FIELDS
+    from server.bodies.eye_routes import _STATE_FIELDS
 
     text = REFERENCE[REFERENCE.index("## `/ws/eye`") :]
     assert [name for name in _STATE_FIELDS if f"`{name}`" not in text] == []

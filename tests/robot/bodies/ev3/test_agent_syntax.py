@@ -83,7 +83,7 @@ def test_the_archive_is_whole_and_the_same_each_time(tmp_path: Path) -> None:
 
 def test_a_webcam_on_a_laptop_loads_nothing_of_the_brick() -> None:
     code = (
-        "import sys, robot.bodies.v4l2.camera, robot.devices.cameras.opencv\n"
+        "import sys, robot.bodies.v4l2.camera, robot.bodies.webcam.camera\n"
         "print([name for name in sys.modules if name.startswith('robot.bodies.ev3')])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

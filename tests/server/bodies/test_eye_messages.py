@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.clients.eye import HEADER, EyeClock, encode_frame, parse_frame, parse_text
+from server.bodies.eye import HEADER, EyeClock, encode_frame, parse_frame, parse_text
 from server.protocol import ErrorCode, ProtocolError
 
 JPEG = cv2.imencode(".jpg", np.zeros((24, 32, 3), np.uint8))[1].tobytes()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from fastapi import APIRouter, Request, WebSocket
 from fastapi.responses import FileResponse, Response
 
+from robot.bodies.phone.camera import PhoneCamera
 from robot.clock import Clock
-from robot.devices.cameras.phone import PhoneCamera
-from server.clients.eye import EyeClock, parse_frame, parse_text
+from server.bodies.eye import EyeClock, parse_frame, parse_text
 from server.clients.hub import Hub
 from server.clients.telemetry import describe_state
 from server.protocol import ProtocolError, encode_acknowledgement, encode_message

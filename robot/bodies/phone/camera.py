@@ -1,4 +1,4 @@
-"""A phone as the robot's eye: its browser sends pictures, `server/routes/eye.py` takes them."""
+"""A phone as the robot's eye: its browser sends pictures to `server/bodies/eye_routes.py`."""
 
 from __future__ import annotations
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from robot.bodies.phone.camera import NOBODY, PhoneCamera, PhoneOptions
 from robot.clock import ManualClock, Worker
-from robot.devices.cameras.phone import NOBODY, PhoneCamera, PhoneOptions
 from robot.devices.freshness import STILL_S
 
 

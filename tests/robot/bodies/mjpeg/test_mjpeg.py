@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot.bodies.mjpeg.camera import MAX_PART_BYTES, MjpegCamera, MjpegOptions, Parts
 from robot.clock import RealClock
-from robot.devices.cameras.mjpeg import MAX_PART_BYTES, MjpegCamera, MjpegOptions, Parts
 from robot.errors import CameraError, ConfigurationError
 from tests.contract.real_parts import check_camera_on_its_real_line
 from tests.standins.mjpeg import MjpegServer

@@ -14,17 +14,16 @@ import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from robot.devices.cameras.phone import PhoneCamera, PhoneOptions
+from robot.bodies.phone.camera import PhoneCamera, PhoneOptions
 from robot.devices.rig import Rig
 from robot.exchange.replay_driver import ReplayDriver
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
-from server.clients.eye import encode_frame
+from server.bodies.eye import encode_frame
 from server.protocol import parse_acknowledgement
 from server.security.access import Access, Refusal, Role
-
-from .virtual_connections import VirtualSocket
-from .virtual_server import VirtualServer, connect
+from tests.server.virtual_connections import VirtualSocket
+from tests.server.virtual_server import VirtualServer, connect
 
 WAIT_S = 20.0
 EYE_MS = 5_000_000.0

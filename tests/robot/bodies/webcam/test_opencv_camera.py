@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from robot.devices.cameras.opencv import OpencvCamera, OpencvOptions
+from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
 from robot.errors import CameraError
 from robot.testing import VirtualClock
 from robot.types import Encoding
