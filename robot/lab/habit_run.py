@@ -12,17 +12,17 @@ from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.lab.ideas import make_learner
 from robot.lab.metrics import driving
 from robot.lab.metrics.log import DriveLog, DriveSample
-from robot.lab.metrics.profile import (
-    behavior_profile,
-    compare,
-    move_shares,
-    rare_moves,
-)
 from robot.lab.simulated_pilots.habits import HABITS, Habit
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
 from robot.lab.simulated_pilots.situation import observe
 from robot.lab.task import Result
 from robot.lab.trial import Place, Trial
+from robot.measures.profile import (
+    behavior_profile,
+    compare,
+    move_shares,
+    rare_moves,
+)
 from robot.types import Action, DrivenBy, Mode, Pose
 
 DRIFT_SHARE = 0.15

@@ -14,12 +14,12 @@ from robot.lab.habit_run import run_habit
 from robot.lab.ideas import make_learner
 from robot.lab.metrics import driving
 from robot.lab.metrics.log import DriveLog
-from robot.lab.metrics.profile import Profile, compare, move_shares, rare_moves
 from robot.lab.mind_run import run_mind
 from robot.lab.pilots import make_pilot
 from robot.lab.ready_run import run_ready
 from robot.lab.task import Result, Task
 from robot.lab.trial import Place, Trial
+from robot.measures.profile import Profile, compare, move_shares, rare_moves
 from robot.types import Action, DrivenBy, Mode
 
 

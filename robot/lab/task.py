@@ -50,7 +50,13 @@ _PARTS_THAT_COUNT = (
     *("bodies/ev3/integer_policy.py", "bodies/ev3/integer_ridge.py"),
     *("bodies/ev3/integer_features.py", "lab/variants.py", "lab/baselines", "lab/eyes"),
     *("lab/metrics", "lab/evaluation.py", "lab/trial.py", "lab/kinds.py", "lab/footage.py"),
-    *("lab/pilots.py", "lab/simulated_pilots", "lab/cycles.py", "lab/episodes.py"),
+    *(
+        "measures/profile.py",
+        "lab/pilots.py",
+        "lab/simulated_pilots",
+        "lab/cycles.py",
+        "lab/episodes.py",
+    ),
     *("lab/habit_run.py", "lab/ready_run.py", "lab/mind_run.py", "lab/ground"),
     *("clock.py", "driver.py", "types.py"),
 )

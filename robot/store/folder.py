@@ -19,6 +19,7 @@ import re
 import shutil
 import time
 import unicodedata
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -239,12 +240,40 @@ class Storage:
             raise NotFoundError("that is no longer in the trash")
         return self.trash / key
 
+    def erase(self, names: Collection[str], *paths: Path) -> list[str]:
+        """Delete for good what has one of these names, copies of it, and some more files.
+
+        Args:
+            names: Names without an ending: of models, recordings and exports, the trash included.
+            paths: More files. They go last, so that what was interrupted can be done again.
+
+        Returns:
+            What was deleted, by paths within the data folder.
+
+        Raises:
+            OSError: If the disk refuses.
+        """
+        folders = (self.models, self.episodes, self.exports, *self.trash.iterdir())
+        entries = [path for folder in folders if folder.is_dir() for path in folder.iterdir()]
+        found = [path for path in entries if _is_called(path.name.lstrip("."), names)]
+        for path in (*found, *paths):
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            else:
+                path.unlink(missing_ok=True)
+        return [path.relative_to(self.root).as_posix() for path in (*found, *paths)]
+
     def empty_trash(self) -> int:
         """Delete for good what is in the trash; return how many bytes that freed."""
         size = _size(self.trash)
         for place in self.trash.iterdir():
             shutil.rmtree(place, ignore_errors=True)
         return size
+
+
+def _is_called(entry: str, names: Collection[str]) -> bool:
+    """True for a name with any ending, also of a part (`-2`) or of a copy (` (2)`)."""
+    return any(entry == n or (entry.startswith(n) and entry[len(n)] in ".- (") for n in names)
 
 
 def _free(folder: Path) -> int:

@@ -13,20 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from robot.errors import ConfigurationError, RecordingError
-from robot.lab.metrics.profile import THRESHOLDS_M, Profile
-from robot.lab.tables import Table, format_cell
+from robot.errors import ConfigurationError
+from robot.measures.profile import THRESHOLDS_M, Profile
+from robot.measures.table import Table, format_cell
 from robot.study import figures
-from robot.study.events import StudyEvent, read_events
 from robot.study.plan import CODE, PhaseKind, StudyPlan, parse_plan
 from robot.study.rows import ConditionLog, Row, condition_logs, rows_of
-from robot.study.tables import (
-    make_tables,
-    measures,
-    rows_as_csv,
-    table_as_csv,
-    values_of,
-)
+from robot.study.tables import make_tables, measures, rows_as_csv, table_as_csv, values_of
 from robot.types import Action, DrivenBy
 
 PLAN, EVENTS = "plan.toml", "events/"
@@ -58,7 +51,7 @@ def rebuild(plan_text: str, logs: Mapping[str, bytes]) -> dict[str, str]:
         ConfigurationError, RecordingError: If plan or logs cannot be read.
     """
     plan = parse_plan(plan_text, PLAN)
-    found = [log for code in sorted(logs) for log in _conditions(plan, code, logs[code])]
+    found = [log for code in sorted(logs) for log in condition_logs(plan, code, logs[code])]
     rows = [row for log in found for row in rows_of(plan, log)]
     tables = make_tables(plan, rows)
     drawn = _draw(plan, rows, found)
@@ -68,22 +61,6 @@ def rebuild(plan_text: str, logs: Mapping[str, bytes]) -> dict[str, str]:
         **{f"figures/{name}.svg": svg for name, svg in drawn.items()},
         "report.html": _report(plan, len(logs), tables, drawn),
     }
-
-
-def _conditions(plan: StudyPlan, code: str, log: bytes) -> list[ConditionLog]:
-    events = read_events(log, f"{EVENTS}{code}.csv")
-    return condition_logs(plan, code, check_begun(code, events))
-
-
-def check_begun(code: str, events: list[StudyEvent]) -> list[StudyEvent]:
-    """Return a session's events.
-
-    Raises:
-        RecordingError: If its log does not begin with its beginning.
-    """
-    if not events or events[0].event != "session_begun" or not events[0].value.isdecimal():
-        raise RecordingError(f"{EVENTS}{code}.csv does not begin with the event session_begun")
-    return events
 
 
 def _draw(plan: StudyPlan, rows: list[Row], logs: list[ConditionLog]) -> dict[str, str]:
@@ -98,12 +75,11 @@ def _draw(plan: StudyPlan, rows: list[Row], logs: list[ConditionLog]) -> dict[st
         pilots = [log.profile(DrivenBy.PILOT, PhaseKind.TEACH) for log in mine]
         robots = [log.profile(DrivenBy.ROBOT, PhaseKind.ALONE) for log in mine]
         for move in condition.moves:
-            pilot, robot = _mean(pilots, move), _mean(robots, move)
-            if pilot or robot:
-                title = f"Behavior Profile, {condition.name}: {move}"
-                step_m = float(THRESHOLDS_M[1])
-                drawn[f"profile-{condition.name}-{move}"] = figures.curves(
-                    title, pilot, robot, step_m
+            both = _mean(pilots, move), _mean(robots, move)
+            if any(both):
+                name, title = f"{condition.name}-{move}", f"{condition.name}: {move}"
+                drawn[f"profile-{name}"] = figures.curves(
+                    f"Behavior Profile, {title}", *both, float(THRESHOLDS_M[1])
                 )
     return drawn
 

@@ -1,19 +1,40 @@
-"""The paper's protocol as a plan: the default of every study. Pure."""
+"""The paper's protocol as plans: a study to begin with, and the guided trial of one person. Pure.
+
+Source: FLAIRS-30 (2017), experiment with human teachers: trials 1 to 3; 90 s of teaching and
+330 s with corrections, or 180 s and 240 s; then 60 s alone, and a question on a 7-point scale.
+"""
 
 from __future__ import annotations
 
-from robot.lab.protocol import ALONE_S, TEACH_AND_ALL_S, TRIALS
+import json
+from collections.abc import Collection, Mapping
+
+from robot.errors import ConfigurationError
+from robot.study.plan import MOST_PARTICIPANTS
+from robot.types import Action
+
+FORWARD_LEFT = (Action.FORWARD, Action.LEFT)
+TRIALS: Mapping[int, tuple[str, tuple[Action, ...]]] = {
+    1: ("box", FORWARD_LEFT),
+    2: ("office", FORWARD_LEFT),
+    3: ("office", (*FORWARD_LEFT, Action.RIGHT)),
+}
+"""The place and the moves of each trial."""
+TIMES_S = {90: 330, 180: 240}
+"""Choices of teaching time, and the time with corrections that belongs to each."""
+ALONE_S = 60
 
 _PLAN = """\
 # A study with participants. Every field is described in docs/reference/study.md.
 # Source of this protocol: FLAIRS-30 (2017), experiment with human teachers, trial {trial}.
 title = "Trial {trial}: {seconds} seconds of teaching"
-participants = 12
+participants = {participants}
 design = "within"            # every participant meets every condition; or "between": one each
 world = "{world}"                # the simulator's world, or your name for the real place
 moves = {moves}
-learner = "default-32"
-questionnaires = ["nasa-tlx", "trust", "closing"]
+learner = {learner}
+questionnaires = {questionnaires}
+result = "{result}"            # "shown": who has finished sees how alike they drove; or "hidden"
 
 # Shown to the participant, who confirms it before anything begins. What it has to say is yours
 # to decide; without this line nothing is shown.
@@ -47,16 +68,52 @@ seconds = {{ teach = {teach}, correct = {correct} }}
 
 def paper_plan(trial: int = 1) -> str:
     """Return the paper's protocol of one trial as TOML; the conditions are its teaching times."""
+    return _write(trial, TIMES_S, 12, ("nasa-tlx", "trust", "closing"), "hidden", "default-32")
+
+
+def trial_plan(trial: int, teach_s: int, learner: str = "default-32") -> str:
+    """Return the guided trial of one person, with one teaching time and the closing question.
+
+    Raises:
+        ConfigurationError: If the trial or the teaching time is unknown.
+    """
+    if not _is_one_of(trial, TRIALS):
+        raise ConfigurationError(f"there is no trial {trial!r}; choose 1, 2 or 3")
+    if not _is_one_of(teach_s, TIMES_S):
+        raise ConfigurationError(f"teaching takes 90 or 180 s, not {teach_s!r}")
+    times = {teach_s: TIMES_S[teach_s]}
+    return _write(trial, times, MOST_PARTICIPANTS, ("closing",), "shown", learner)
+
+
+def _is_one_of(number: object, known: Collection[int]) -> bool:
+    return isinstance(number, int) and not isinstance(number, bool) and number in known
+
+
+def _write(
+    trial: int,
+    times: Mapping[int, int],
+    participants: int,
+    questionnaires: tuple[str, ...],
+    result: str,
+    learner: str,
+) -> str:
     world, moves = TRIALS[trial]
-    times = [(teach, round(whole) - teach) for teach, whole in TEACH_AND_ALL_S.items()]
-    conditions = "".join(_CONDITION.format(teach=teach, correct=rest) for teach, rest in times)
+    teach, correct = next(iter(times.items()))
     return _PLAN.format(
         trial=trial,
-        seconds=" or ".join(str(teach) for teach, _ in times),
+        seconds=" or ".join(map(str, times)),
+        participants=participants,
         world=world,
-        moves="[" + ", ".join(f'"{move}"' for move in moves) + "]",
-        teach=times[0][0],
-        correct=times[0][1],
-        alone=round(ALONE_S),
-        conditions=conditions,
+        moves=_list(moves),
+        questionnaires=_list(questionnaires),
+        result=result,
+        learner=json.dumps(learner),  # a text is written alike in TOML
+        teach=teach,
+        correct=correct,
+        alone=ALONE_S,
+        conditions="".join(_CONDITION.format(teach=t, correct=c) for t, c in times.items()),
     )
+
+
+def _list(names: tuple[str, ...]) -> str:
+    return "[" + ", ".join(f'"{name}"' for name in names) + "]"

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
-from dataclasses import dataclass
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
 
 from robot.errors import RecordingError
+from robot.types import Action
 
-COLUMNS = (
-    *("wall_s", "event", "position", "condition", "attempt", "phase", "phase_s"),
-    *("move", "driven_by", "distance_m", "name", "value"),
-)
 EVENTS = (
     *("session_begun", "consent", "world", "condition_begun", "condition_resumed", "left"),
     *("recording", "mode", "frame", "intervention", "measure", "phase_ended"),
@@ -42,16 +41,32 @@ class StudyEvent:
     value: str = ""
 
 
-def write_events(events: Iterable[StudyEvent], *, with_head: bool = False) -> str:
-    """Return events as lines of CSV."""
+COLUMNS = tuple(field.name for field in fields(StudyEvent))
+_WHOLE, _REAL = ("position", "attempt"), ("wall_s", "phase_s", "distance_m")
+_LATEST_S = 2.5e11  # the year 9892: later ones have no date
+_RECORDING = re.compile(rb"(?m)^[^,\n]*,recording,.*,(\d{4}-\d\d-\d\d_\d{6}_\d{3})\r?$")
+# A spreadsheet runs a text that begins so, at the beginning of a line or after what it may take
+# for the end of a cell.
+_CELL, _RUNS = r"(^|[;\t\r\n])", r"""((?:[^\S\t\r\n]|['"])*[=+\-@＝＋－＠])"""
+_FORMULA, _DISARMED = re.compile(_CELL + _RUNS), re.compile(f"{_CELL}'{_RUNS}")
+
+
+def write_csv(lines: Iterable[Sequence[object]]) -> str:
+    """Return lines as CSV. A text that a spreadsheet would run as a formula gets an apostrophe."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    if with_head:
-        writer.writerow(COLUMNS)
-    for event in events:
-        values = (getattr(event, column) for column in COLUMNS)
-        writer.writerow("" if value is None else value for value in values)
+    for line in lines:
+        writer.writerow(
+            _FORMULA.sub(r"\1'\2", cell) if isinstance(cell, str) else "" if cell is None else cell
+            for cell in line
+        )
     return text.getvalue()
+
+
+def write_events(events: Iterable[StudyEvent], *, with_head: bool = False) -> str:
+    """Return events as lines of CSV."""
+    lines = [[getattr(event, column) for column in COLUMNS] for event in events]
+    return write_csv([COLUMNS, *lines] if with_head else lines)
 
 
 def whole_lines(data: bytes) -> bytes:
@@ -59,47 +74,70 @@ def whole_lines(data: bytes) -> bytes:
     return data[: data.rfind(b"\n") + 1]
 
 
+def recordings_in(log: bytes) -> list[str]:
+    """Return the recordings that a log names, also one of which not every line can be read."""
+    found = _RECORDING.findall(log)
+    return list(dict.fromkeys(name.decode() for name in found))
+
+
 def read_events(data: bytes, where: str = "the event log") -> list[StudyEvent]:
-    """Read a log; a last line that was cut short is left out.
+    """Read a session's log; a last line that was cut short is left out.
 
     Raises:
-        RecordingError: If it is not such a log; says which line.
+        RecordingError: If it is not such a log, or not from its beginning; says which line.
     """
     try:
         text = whole_lines(data).decode()
     except UnicodeDecodeError as error:
         raise RecordingError(f"{where} is not UTF-8: {error}") from error
+    events: list[StudyEvent] = []
     lines = csv.reader(io.StringIO(text))
-    if tuple(next(lines, ())) != COLUMNS:
-        raise RecordingError(f"{where}: the first line must be {','.join(COLUMNS)}")
-    events = []
-    for number, line in enumerate(lines, start=2):
-        try:
-            events.append(_read(line))
-        except ValueError as error:
-            raise RecordingError(f"{where}, line {number}: {error}") from error
+    try:
+        if tuple(next(lines, ())) != COLUMNS:
+            raise ValueError(f"it must be {','.join(COLUMNS)}")
+        events.extend(map(_read, lines))
+    except (ValueError, csv.Error) as error:
+        raise RecordingError(f"{where}, line {lines.line_num}: {error}") from error
     return events
 
 
+def check_begun(events: Sequence[StudyEvent], where: str) -> int:
+    """Return the slot of the session of which these are the events.
+
+    Raises:
+        RecordingError: If they do not begin with its beginning.
+    """
+    first = events[0] if events else None
+    if (
+        first is None
+        or first.event != "session_begun"
+        or not re.fullmatch("[0-9]{1,6}", first.value)
+    ):
+        raise RecordingError(f"{where} does not begin with the event session_begun")
+    return int(first.value)
+
+
 def _read(line: list[str]) -> StudyEvent:
-    fields = dict(zip(COLUMNS, line, strict=True))
-    if fields["event"] not in EVENTS:
-        raise ValueError(f"there is no event {fields['event']!r}")
-    return StudyEvent(
-        wall_s=float(fields["wall_s"]),
-        event=fields["event"],
-        position=int(fields["position"]),
-        condition=fields["condition"],
-        attempt=int(fields["attempt"]),
-        phase=fields["phase"],
-        phase_s=_number(fields["phase_s"]),
-        move=fields["move"],
-        driven_by=fields["driven_by"],
-        distance_m=_number(fields["distance_m"]),
-        name=fields["name"],
-        value=fields["value"],
-    )
+    texts: dict[str, str] = dict(zip(COLUMNS, line, strict=True))
+    if texts["event"] not in EVENTS:
+        raise ValueError(f"there is no event {texts['event']!r}")
+    values: dict[str, object] = {n: _DISARMED.sub(r"\1\2", text) for n, text in texts.items()}
+    values.update({name: int(texts[name]) for name in _WHOLE})
+    values.update({name: number_in(texts[name]) for name in _REAL})
+    if values["wall_s"] is None:
+        raise ValueError("'wall_s' is missing")
+    if texts["event"] == "frame":
+        Action(texts["move"])  # refuses what is none
+    return StudyEvent(**values)  # type: ignore[arg-type]  # as the columns say
 
 
-def _number(text: str) -> float | None:
-    return float(text) if text else None
+def number_in(text: str) -> float | None:
+    """Return the number that a text is, None for an empty one.
+
+    Raises:
+        ValueError: If it is none, or one that nothing here comes to.
+    """
+    number = float(text) if text else None
+    if number is not None and not (math.isfinite(number) and abs(number) <= _LATEST_S):
+        raise ValueError(f"{text!r} is out of range")
+    return number

@@ -67,6 +67,8 @@ class StudyPlan:
     participants: int
     is_within: bool
     consent: Words
+    shows_result: bool
+    """Whether a participant who has finished sees how alike they drove."""
     conditions: tuple[Condition, ...]
     questions: tuple[Question, ...]
 
@@ -111,6 +113,7 @@ def parse_plan(text: str, where: str = "the plan") -> StudyPlan:
         participants=reader.whole("participants", 1, MOST_PARTICIPANTS, default=12),
         is_within=reader.one_of("design", ("within", "between"), default="within") == "within",
         consent=reader.words("consent"),
+        shows_result=reader.one_of("result", ("hidden", "shown"), default="hidden") == "shown",
         conditions=_conditions(reader),
         questions=questions,
     )

@@ -83,13 +83,14 @@ SCORES = {"nasa_tlx": "nasa-tlx", "trust": "trust"}
 """Columns of scores, and the questionnaires of whose answers they are the mean."""
 
 
-def scores(answers: Mapping[str, str]) -> dict[str, float]:
+def scores(answers: Mapping[str, Any]) -> dict[str, float]:
     """Return the scores of the questionnaires that were answered in full."""
     found = {}
     for column, questionnaire in SCORES.items():
         names = [question.name for question in questionnaires()[questionnaire]]
-        if all(name in answers for name in names):
-            found[column] = sum(int(answers[name]) for name in names) / len(names)
+        given = [answers[name] for name in names if answers.get(name) is not None]
+        if len(given) == len(names):
+            found[column] = sum(given) / len(names)
     return found
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 
-from robot.lab.metrics.profile import Profile, behavior_profile, compare
-from robot.study.events import StudyEvent
+from robot.errors import RecordingError
+from robot.measures.profile import THRESHOLDS_M, Profile, behavior_profile, compare
+from robot.measures.table import Cell
+from robot.study.events import StudyEvent, check_begun, number_in, read_events
 from robot.study.plan import Condition, PhaseKind, PlannedPhase, StudyPlan
 from robot.study.questions import SCORES, scores
 from robot.types import Action, DrivenBy, Mode
@@ -29,7 +32,6 @@ DRIVE_COLUMNS = (
     *("interventions", "frames_pilot", "frames_robot", "examples", "agreement", "ssd"),
     *("ssd_of_moves_both_made", "recordings"),
 )
-Cell = str | int | float | None
 Row = Mapping[str, Cell]
 _DIGITS = 6
 
@@ -37,26 +39,6 @@ _DIGITS = 6
 def columns(plan: StudyPlan) -> tuple[str, ...]:
     """Return the titles of all columns: those of every study, the scores, one for each question."""
     return (*DRIVE_COLUMNS, *SCORES, *(question.name for question in plan.questions))
-
-
-@dataclass(slots=True)
-class PhaseLog:
-    """The events of one phase, sorted."""
-
-    events: list[StudyEvent] = field(default_factory=list)
-
-    def count(self, event: str) -> int:
-        """Count events of one kind."""
-        return sum(e.event == event for e in self.events)
-
-    def frames(self, by: DrivenBy) -> list[StudyEvent]:
-        """Return the frames on which somebody drove."""
-        return [e for e in self.events if e.event == "frame" and e.driven_by == by.value]
-
-    def measure(self, name: str) -> str | None:
-        """Return what was measured at the phase's end."""
-        found = [e.value for e in self.events if e.event == "measure" and e.name == name]
-        return found[-1] if found else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,26 +51,25 @@ class ConditionLog:
     attempt: int
     condition: Condition
     events: Sequence[StudyEvent]
-    phases: Mapping[str, PhaseLog]
+
+    def phase(self, name: str) -> list[StudyEvent]:
+        """Return the events of one phase."""
+        return [event for event in self.events if event.phase == name]
 
     def profile(self, by: DrivenBy, *kinds: PhaseKind) -> Profile:
         """Return the Behavior Profile of who drove in phases of these kinds."""
-        frames = [
-            frame
-            for phase in self.condition.phases
-            if phase.kind in kinds
-            for frame in self.phases.get(phase.name, PhaseLog()).frames(by)
-        ]
-        return profile_of(frames)
+        names = {phase.name for phase in self.condition.phases if phase.kind in kinds}
+        return profile_of(frames([e for e in self.events if e.phase in names], by))
 
-    def answers(self) -> dict[str, str]:
-        """Return the answers by question, the last one where it was changed."""
-        return {e.name: e.value for e in self.events if e.event == "answer"}
 
-    @property
-    def is_answered(self) -> bool:
-        """Whether the participant finished the questions."""
-        return any(e.event == "answered" for e in self.events)
+def named(events: Sequence[StudyEvent], event: str) -> list[StudyEvent]:
+    """Return the events of one kind."""
+    return [e for e in events if e.event == event]
+
+
+def frames(events: Sequence[StudyEvent], by: DrivenBy) -> list[StudyEvent]:
+    """Return the frames on which somebody drove."""
+    return [e for e in named(events, "frame") if e.driven_by == by.value]
 
 
 def profile_of(frames: Sequence[StudyEvent]) -> Profile:
@@ -97,32 +78,30 @@ def profile_of(frames: Sequence[StudyEvent]) -> Profile:
     return behavior_profile([move for move, _ in seen], [distance for _, distance in seen])
 
 
-def condition_logs(
-    plan: StudyPlan, participant: str, events: Sequence[StudyEvent]
-) -> list[ConditionLog]:
-    """Sort a session's events by condition; of a condition begun anew, the last attempt counts."""
-    slot = int(events[0].value)
+def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[ConditionLog]:
+    """Sort a session's events by condition; of a condition begun anew, the last attempt counts.
+
+    Raises:
+        RecordingError: If the log cannot be read.
+    """
+    where = f"events/{participant}.csv"
+    events = read_events(log, where)
+    slot = check_begun(events, where)
     found = []
     for position, name in enumerate(plan.order(slot), start=1):
-        attempts = [e.attempt for e in events if e.position == position]
-        if not any(attempts):
-            continue
-        mine = [e for e in events if e.position == position and e.attempt == max(attempts)]
-        phases: dict[str, PhaseLog] = {}
-        for event in mine:
-            if event.phase:
-                phases.setdefault(event.phase, PhaseLog()).events.append(event)
-        found.append(
-            ConditionLog(
-                participant=participant,
-                slot=slot,
-                position=position,
-                attempt=max(attempts),
-                condition=plan.by_name[name],
-                events=mine,
-                phases=phases,
+        mine = [event for event in events if event.position == position]
+        attempt = max((event.attempt for event in mine), default=0)
+        if attempt:
+            found.append(
+                ConditionLog(
+                    participant=participant,
+                    slot=slot,
+                    position=position,
+                    attempt=attempt,
+                    condition=plan.by_name[name],
+                    events=[event for event in mine if event.attempt == attempt],
+                )
             )
-        )
     return found
 
 
@@ -130,23 +109,27 @@ def rows_of(plan: StudyPlan, log: ConditionLog) -> Iterator[Row]:
     """Yield a row for each phase that was begun, then one with the answers."""
     teacher = log.profile(DrivenBy.PILOT, PhaseKind.TEACH)
     for phase in log.condition.phases:
-        if phase.name in log.phases:
-            yield {**_common(log), **_drive(log, phase, log.phases[phase.name], teacher)}
-    answers = log.answers()
-    if answers:
+        if events := log.phase(phase.name):
+            yield {**_common(log), **_drive(log, phase, events, teacher)}
+    given = {e.name: e.value for e in named(log.events, "answer")}  # the last one where it changed
+    if given:
+        answers: dict[str, Cell] = {
+            q.name: given.get(q.name) if q.kind == "text" else _plain(given.get(q.name, ""))
+            for q in plan.questions
+        }
         yield {
             **_common(log),
             "phase": QUESTIONS,
             "kind": QUESTIONS,
-            "is_complete": int(log.is_answered),
-            "began_at": _moment(next(e for e in log.events if e.event == "answer")),
+            "is_complete": int(bool(named(log.events, "answered"))),
+            "began_at": _moment(named(log.events, "answer")[0]),
             **{name: round(score, _DIGITS) for name, score in scores(answers).items()},
-            **{q.name: _plain(answers.get(q.name), q.kind) for q in plan.questions},
+            **answers,
         }
 
 
 def _common(log: ConditionLog) -> dict[str, Cell]:
-    checks = [e.name for e in log.events if e.event == "world"]
+    checks = [e.name for e in named(log.events, "world")]
     return {
         "participant": log.participant,
         "slot": log.slot + 1,
@@ -161,31 +144,27 @@ def _common(log: ConditionLog) -> dict[str, Cell]:
 
 
 def _drive(
-    log: ConditionLog, phase: PlannedPhase, found: PhaseLog, teacher: Profile
+    log: ConditionLog, phase: PlannedPhase, events: Sequence[StudyEvent], teacher: Profile
 ) -> dict[str, Cell]:
-    ends = [e.phase_s for e in found.events if e.phase_s is not None]
-    examples, agreement = found.measure("examples"), found.measure("agreement")
+    measured = {e.name: e.value for e in named(events, "measure")}
+    stops = [e for e in named(events, "mode") if e.name == Mode.STOPPED.value and e.phase_s]
+    robots = frames(events, DrivenBy.ROBOT)
     row: dict[str, Cell] = {
         "phase": phase.name,
         "kind": phase.kind.value,
-        "is_complete": int(found.count("phase_ended") > 0),
-        "began_at": _moment(found.events[0]),
+        "is_complete": int(bool(named(events, "phase_ended"))),
+        "began_at": _moment(events[0]),
         "planned_s": phase.seconds,
-        "driven_s": max(ends, default=0.0),
-        "stops": sum(
-            e.event == "mode" and e.name == Mode.STOPPED.value and bool(e.phase_s)
-            for e in found.events
-        ),
-        "interventions": found.count("intervention"),
-        "frames_pilot": len(found.frames(DrivenBy.PILOT)),
-        "frames_robot": len(found.frames(DrivenBy.ROBOT)),
-        "examples": int(examples) if examples else None,
-        "agreement": round(float(agreement), _DIGITS) if agreement else None,
-        "recordings": " ".join(
-            dict.fromkeys(e.value for e in found.events if e.event == "recording")
-        ),
+        "driven_s": max((e.phase_s for e in events if e.phase_s is not None), default=0.0),
+        "stops": len(stops),
+        "interventions": len(named(events, "intervention")),
+        "frames_pilot": len(frames(events, DrivenBy.PILOT)),
+        "frames_robot": len(robots),
+        "examples": _plain(measured.get("examples", "")),
+        "agreement": _plain(measured.get("agreement", "")),
+        "recordings": " ".join(dict.fromkeys(e.value for e in named(events, "recording"))),
     }
-    robot = profile_of(found.frames(DrivenBy.ROBOT))
+    robot = profile_of(robots)
     if phase.kind is not PhaseKind.TEACH and teacher and robot:
         difference = compare(teacher, robot, log.condition.moves)
         row["ssd"] = round(difference.ssd, _DIGITS)
@@ -193,9 +172,44 @@ def _drive(
     return row
 
 
+def outcome(log: ConditionLog) -> dict[str, Any]:
+    """Return how alike participant and robot drove, as plain values; profiles at 0, 0.02, ... m.
+
+    The participant's profile is that of teaching, the robot's that of driving alone. Without either
+    (nobody moved, or there is no sonar) `ssd` is None.
+    """
+    moves = log.condition.moves
+    pilot = log.profile(DrivenBy.PILOT, PhaseKind.TEACH)
+    robot = log.profile(DrivenBy.ROBOT, PhaseKind.ALONE)
+    difference = compare(pilot, robot, moves)
+    examples = [e.value for e in named(log.events, "measure") if e.name == "examples"]
+    return {
+        "moves": list(moves),
+        "examples": _plain(examples[-1]) if examples else 0,
+        "interventions": len(named(log.events, "intervention")),
+        "recordings": list(dict.fromkeys(e.value for e in named(log.events, "recording"))),
+        "step_m": float(THRESHOLDS_M[1]),
+        "pilot": {move: [round(float(p), 4) for p in shares] for move, shares in pilot.items()},
+        "robot": {move: [round(float(p), 4) for p in shares] for move, shares in robot.items()},
+        "ssd": round(difference.ssd, 4) if pilot and robot else None,
+        "ssd_per_move": {move: round(s, 4) for move, s in difference.per_move.items()},
+        "never_by_pilot": list(difference.never_by_teacher),
+        "never_by_robot": list(difference.never_by_robot),
+    }
+
+
 def _moment(event: StudyEvent) -> str:
     return datetime.fromtimestamp(event.wall_s, UTC).isoformat(timespec="milliseconds")
 
 
-def _plain(answer: str | None, kind: str) -> Cell:
-    return answer if answer is None or kind == "text" else int(answer)
+def _plain(text: str) -> int | float | None:
+    """Return what is a number in the log as one.
+
+    Raises:
+        RecordingError: If it is none.
+    """
+    try:
+        number = number_in(text)
+    except ValueError as error:
+        raise RecordingError(f"a log has {text!r} where a number belongs") from error
+    return int(number) if number is not None and text.isdecimal() else number

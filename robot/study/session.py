@@ -11,12 +11,14 @@ from enum import StrEnum
 from typing import Any
 
 from robot.control.state import Tick
-from robot.errors import ConfigurationError
-from robot.lab.protocol import LONGEST_STEP_S
-from robot.study.events import StudyEvent
+from robot.errors import ConfigurationError, RecordingError
+from robot.study.events import StudyEvent, check_begun
 from robot.study.plan import Condition, PlannedPhase, StudyPlan
 from robot.study.questions import Question
 from robot.types import Action, DrivenBy, Mode
+
+LONGEST_STEP_S = 0.5
+"""A longer gap between two ticks was a pause, and does not count."""
 
 
 class SessionStep(StrEnum):
@@ -201,14 +203,14 @@ def follow_log(plan: StudyPlan, participant: str, events: Iterable[StudyEvent]) 
     """Return the session as its log leaves it.
 
     Raises:
-        ConfigurationError: If the log does not begin with the session's beginning.
+        RecordingError: If it is no log of this plan from its beginning.
     """
     events = list(events)
-    if not events or events[0].event != "session_begun" or not events[0].value.isdecimal():
-        raise ConfigurationError(
-            f"the event log of {participant} does not begin with its beginning"
-        )
-    session = StudySession(plan, participant, int(events[0].value))
-    for event in events[1:]:
-        session.follow(event)
+    where = f"the event log of {participant}"
+    session = StudySession(plan, participant, check_begun(events, where))
+    try:
+        for event in events[1:]:
+            session.follow(event)
+    except (KeyError, IndexError) as error:
+        raise RecordingError(f"{where} does not follow its plan") from error
     return session

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import itertools
 import statistics
 from collections.abc import Iterator, Sequence
 
-from robot.lab.tables import Cell, Table
+from robot.measures.table import Cell, Table
+from robot.study.events import write_csv
 from robot.study.plan import PhaseKind, StudyPlan
 from robot.study.questions import SCORES
 from robot.study.rows import QUESTIONS, Row, columns
@@ -134,17 +133,9 @@ def _round(value: float) -> float:
 def rows_as_csv(plan: StudyPlan, rows: Sequence[Row]) -> str:
     """Return all rows as CSV."""
     head = columns(plan)
-    return _as_csv(head, [[row.get(column) for column in head] for row in rows])
+    return write_csv([head, *([row.get(column) for column in head] for row in rows)])
 
 
 def table_as_csv(table: Table) -> str:
     """Return a table as CSV."""
-    return _as_csv(table.columns, table.rows)
-
-
-def _as_csv(head: Sequence[str], lines: Sequence[Sequence[Cell]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(["" if cell is None else cell for cell in line] for line in lines)
-    return text.getvalue()
+    return write_csv([table.columns, *table.rows])

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 LOCKS: dict[str, tuple[str, ...]] = {
     "settings": ("/api/settings",),
-    "models": ("/api/models", "/api/retraining", "/api/lesson", "/api/study"),
+    "models": ("/api/models", "/api/retraining", "/api/studies", "/api/session"),
     "gallery": ("/api/gallery",),
     "recordings": ("/api/episodes",),
 }

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from robot.errors import ConfigurationError
-from robot.lab.protocol import TRIALS
+from robot.study.builtin import TRIALS
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

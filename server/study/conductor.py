@@ -6,24 +6,49 @@ Where a session stands is what its log says, so that it can be taken up again at
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import Any, cast
 
 from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.errors import ConfigurationError, RobotError
 from robot.store.models.autosave import Autosave
+from robot.study.builtin import trial_plan
 from robot.study.events import StudyEvent
-from robot.study.plan import Condition
+from robot.study.plan import Condition, parse_plan
 from robot.study.session import SessionStep, StudySession, follow_log
 from robot.types import Mode, StartStop
 from server.study.event_log import EventLog
-from server.study.folder import StudyFolder, fingerprint
-from server.study.lesson import name_of_world
+from server.study.folder import LONGEST_NAME, StudyFolder, fingerprint
 from server.study.models import PATIENCE_S, SessionModels
 
 log = logging.getLogger(__name__)
-_T = TypeVar("_T")
+
+
+def name_of_world(body: object) -> str | None:
+    """Return the world of a simulated body, None for a real one.
+
+    By attribute, not by class: a server on a brick never imports the simulation.
+    """
+    return cast(str, body.simulation.world.name) if hasattr(body, "simulation") else None
+
+
+def check_body(body: Any, condition: Condition) -> None:
+    """Refuse a body that cannot drive a condition, as far as it is known.
+
+    Raises:
+        ConfigurationError: If it is simulated in another world, or lacks a move.
+    """
+    here = name_of_world(body)
+    if here not in (None, condition.world):
+        raise ConfigurationError(
+            f"this is driven in the world {condition.world!r}, and this is {here!r}; "
+            f"start the simulator with --world {condition.world}"
+        )
+    missing = set(condition.moves) - set(body.moves)
+    if missing:
+        raise ConfigurationError(f"this robot cannot {', '.join(sorted(missing))}")
 
 
 class Conductor(StartStop):
@@ -75,6 +100,11 @@ class Conductor(StartStop):
         self._unsubscribe()
 
     @property
+    def is_simulated(self) -> bool:
+        """Whether the robot itself knows in which place it is."""
+        return name_of_world(self._rig.driver) is not None
+
+    @property
     def is_driving(self) -> bool:
         """Whether the session's own model is in use, so that its phases' clocks may run."""
         return self._models.in_use is not None
@@ -85,6 +115,22 @@ class Conductor(StartStop):
         return self._log.fault if self._log is not None else ""
 
     # Sessions ---------------------------------------------------------------------------------
+
+    def begin_trial(self, trial: int, teach_s: int) -> StudySession:
+        """Begin a guided trial of one person, in the built-in study of that trial.
+
+        Raises:
+            ConfigurationError: If there is no such trial, it belongs elsewhere, or a session is on.
+        """
+        learner = self._loop.state.learner
+        text = trial_plan(trial, teach_s, learner)
+        check_body(self._rig.driver, parse_plan(text).conditions[0])
+        name = re.sub(r"[^\w.-]+", "-", f"trial-{trial}-{teach_s}-{learner}")[:LONGEST_NAME]
+        if name not in self.folder.names():
+            self.folder.create(name, text)
+        taken = set(self.folder.codes(name))
+        code = next(f"T{n}" for n in range(1, 10_000) if f"T{n}" not in taken)
+        return self.begin(name, code)
 
     def begin(self, study: str, participant: str) -> StudySession:
         """Begin a participant's session, or take it up again.
@@ -100,10 +146,8 @@ class Conductor(StartStop):
                 f"the session of {self.session.participant} is on; leave it first"
             )
         text, plan = self.folder.plan_text(study), self.folder.plan(study)
-        path, events = (
-            self.folder.log_path(study, participant),
-            self.folder.events(study, participant),
-        )
+        path = self.folder.log_path(study, participant)
+        events = self.folder.events(study, participant)
         if events:
             if events[0].name != fingerprint(text):
                 raise ConfigurationError(
@@ -122,6 +166,7 @@ class Conductor(StartStop):
         if not events:
             self._happen("session_begun", name=fingerprint(text), value=str(session.slot))
             event_log.flush()
+        self._tell()
         return session
 
     def _free_slot(self, study: str, places: int) -> int:
@@ -161,10 +206,13 @@ class Conductor(StartStop):
         elif self.is_driving and not anew:
             return
         condition = session.condition
-        checked_by = self._check_place(condition, confirmed)
-        missing = set(condition.moves) - set(self._rig.driver.moves)
-        if missing:
-            raise ConfigurationError(f"this robot cannot {', '.join(sorted(missing))}")
+        check_body(self._rig.driver, condition)
+        if not (self.is_simulated or confirmed):
+            raise ConfigurationError(
+                f"confirm that the robot stands in the place {condition.world!r}: only you can "
+                "see it"
+            )
+        checker = "simulator" if self.is_simulated else "researcher"
         self._models.put_away()
         whose = (self.study or "", session.participant, session.position + 1)
         kept = self._models.kept(*whose)
@@ -173,26 +221,9 @@ class Conductor(StartStop):
         self._episode = None
         fields = {"attempt": session.attempt + 1} if is_new else {}
         self._happen("condition_begun" if is_new else "condition_resumed", **fields)
-        self._happen("world", name=checked_by, value=condition.world)
+        self._happen("world", name=checker, value=condition.world)
         self._flush()
-        self._announce("lesson", phase="begun")
-
-    def _check_place(self, condition: Condition, confirmed: bool) -> str:
-        """Return who checked that the robot is in the condition's place."""
-        here = name_of_world(self._rig.driver)
-        if here is None:
-            if not confirmed:
-                raise ConfigurationError(
-                    f"confirm that the robot stands in the place {condition.world!r}: only you "
-                    "can see it"
-                )
-            return "researcher"
-        if here != condition.world:
-            raise ConfigurationError(
-                f"this part is driven in the world {condition.world!r}, and this is {here!r}; "
-                f"start the simulator with --world {condition.world}, and take the session up again"
-            )
-        return "simulator"
+        self._tell()
 
     def answer(self, answers: Mapping[str, Any], *, is_done: bool) -> None:
         """Take answers by question; with `is_done` all of them must be there.
@@ -219,7 +250,7 @@ class Conductor(StartStop):
             if self._session().step is SessionStep.DONE:
                 self._happen("session_ended")
             self._models.put_away()
-            self._announce("lesson", phase="answered")
+            self._tell()
         self._flush()
 
     def leave(self, why: str = "left") -> None:
@@ -233,7 +264,21 @@ class Conductor(StartStop):
             self.session = self.study = self._log = None
             if event_log is not None:
                 event_log.stop()
-        self._announce("lesson", phase="left")
+        self._tell()
+
+    def withdraw(self, study: str, participant: str) -> list[str]:
+        """Delete all that is kept of a participant for good; return what was deleted.
+
+        Raises:
+            ConfigurationError: If that session is on, or still being recorded.
+            NotFoundError, RecordingError, OSError: If there is none, or the disk refuses.
+        """
+        if self.session is not None and (study, participant) == (
+            self.study,
+            self.session.participant,
+        ):
+            raise ConfigurationError("this session is on: leave it first")
+        return self.folder.withdraw(study, participant, self._recording())
 
     # Ticks ------------------------------------------------------------------------------------
 
@@ -258,7 +303,7 @@ class Conductor(StartStop):
         if any(event.event == "phase_ended" for event in events):
             self._episode = None  # each phase names its recordings
             self._loop.set_mode(Mode.STOPPED)
-            self._announce("lesson", phase=session.step.value)
+            self._tell()
 
     def _measure(self) -> dict[str, str]:
         state = self._loop.state
@@ -273,6 +318,10 @@ class Conductor(StartStop):
         if self.session is None:
             raise ConfigurationError("no session is on; begin one on the study's screen")
         return self.session
+
+    def _tell(self) -> None:
+        """Have every page ask where the session stands."""
+        self._announce("session", step=self.session.step.value if self.session else None)
 
     def _require(self, step: SessionStep) -> None:
         self._session().require(step)

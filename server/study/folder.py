@@ -5,19 +5,21 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from robot.errors import ConfigurationError, NotFoundError, RecordingError
-from robot.store.folder import Storage, check_name, is_text, write_whole
-from robot.study.archive import check_begun, pack
-from robot.study.events import StudyEvent, read_events
-from robot.study.plan import CODE, StudyPlan, parse_plan
-from robot.study.session import SessionStep, follow_log
+from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
+from robot.store.folder import Storage, check_name, is_text, size_of, write_whole
+from robot.study.archive import pack
+from robot.study.events import StudyEvent, check_begun, read_events, recordings_in
+from robot.study.plan import CODE, MOST_CONDITIONS, StudyPlan, parse_plan
+from robot.study.rows import condition_logs, outcome
+from robot.study.session import follow_log
+from robot.types import Action
 
 _PLAN, _ACTIVE = "plan.toml", "active.json"
-_LONGEST_NAME = 40
+LONGEST_NAME = 40
 LARGEST_PLAN = 100_000
 """Bytes of a plan; and of what reads it."""
 
@@ -28,11 +30,11 @@ class SessionSummary:
 
     participant: str
     slot: int = -1
+    order: tuple[str, ...] = ()
     step: str = ""
     position: int = 0
     of: int = 0
-    began_s: float = 0.0
-    is_begun: bool = False
+    began_at_s: float = 0.0
     fault: str = ""
 
 
@@ -46,7 +48,7 @@ class SessionModel:
     own: str
     before: str | None
     learner_before: str
-    moves_before: tuple[str, ...]
+    moves_before: tuple[Action, ...]
 
 
 class StudyFolder:
@@ -74,8 +76,8 @@ class StudyFolder:
             ConfigurationError: If the name is taken or cannot be one, or the plan is none.
         """
         name = check_name(name)
-        if len(name) > _LONGEST_NAME:
-            raise ConfigurationError(f"a study's name has at most {_LONGEST_NAME} characters")
+        if len(name) > LONGEST_NAME:
+            raise ConfigurationError(f"a study's name has at most {LONGEST_NAME} characters")
         if name.casefold() in {other.casefold() for other in self.names()}:
             raise ConfigurationError(f"there is already a study {name!r}; choose another name")
         if len(plan_text.encode()) > LARGEST_PLAN:
@@ -109,7 +111,7 @@ class StudyFolder:
     def zip(self, name: str) -> bytes:
         """Return everything of a study as one zip, but the models."""
         text = self.plan_text(name)
-        return pack(text, {code: self._read(name, code) for code in self.codes(name)})
+        return pack(text, {code: self.log(name, code) for code in self.codes(name)})
 
     # Sessions ---------------------------------------------------------------------------------
 
@@ -143,59 +145,81 @@ class StudyFolder:
         """
         if code not in self.codes(name):
             return []
-        return check_begun(code, read_events(self._read(name, code), f"{name}/{code}.csv"))
+        events = read_events(self.log(name, code), f"{name}/{code}.csv")
+        check_begun(events, f"{name}/{code}.csv")
+        return events
 
-    def _read(self, name: str, code: str) -> bytes:
+    def log(self, name: str, code: str) -> bytes:
+        """Return a session's event log as it is on the disk.
+
+        Raises:
+            NotFoundError, RecordingError: If there is none that can be read.
+        """
+        path = self.log_path(name, code)
+        if name not in self.names() or not path.is_file():
+            raise NotFoundError(f"there is no session of {code[:40]!r} in {name[:80]!r}")
         try:
-            return self.log_path(name, code).read_bytes()
+            return path.read_bytes()
         except OSError as error:
             raise RecordingError(f"{name}/{code}.csv cannot be read: {error}") from error
 
     def summaries(self, name: str) -> list[SessionSummary]:
         """Summarize each session; one that cannot be read says why."""
         text = self.plan_text(name)
-        mark = fingerprint(text)
-        plan = parse_plan(text, f"{name}/{_PLAN}")
-        return [self._summary(name, plan, mark, code) for code in self.codes(name)]
-
-    def _summary(self, name: str, plan: StudyPlan, mark: str, code: str) -> SessionSummary:
-        path = self.log_path(name, code)
-        try:
-            size = path.stat().st_size
-        except OSError:
-            size = -1
-        known = self._seen.get(path)
-        if known is None or known[0] != (size, mark):
-            known = ((size, mark), self._summarize(name, plan, code))
-            self._seen[path] = known
-        return known[1]
+        plan, mark, found = parse_plan(text, f"{name}/{_PLAN}"), fingerprint(text), []
+        for code in self.codes(name):
+            path = self.log_path(name, code)
+            state, known = (size_of(path), mark), self._seen.get(path)
+            if known is None or known[0] != state:
+                known = self._seen[path] = (state, self._summarize(name, plan, code))
+            found.append(known[1])
+        return found
 
     def _summarize(self, name: str, plan: StudyPlan, code: str) -> SessionSummary:
         try:
             events = self.events(name, code)
             session = follow_log(plan, code, events)
-        except (RecordingError, ConfigurationError, KeyError, IndexError) as error:
+        except RobotError as error:
             return SessionSummary(participant=code, fault=str(error))
         return SessionSummary(
             participant=code,
             slot=session.slot,
+            order=session.order,
             step=session.step.value,
             position=min(session.position + 1, len(session.order)),
             of=len(session.order),
-            began_s=events[0].wall_s,
-            is_begun=session.step is not SessionStep.DONE,
+            began_at_s=events[0].wall_s,
         )
 
-    def withdraw(self, name: str, code: str) -> str:
-        """Move all of a participant to the trash, models too; return the trash's key.
+    def outcomes(self, name: str, code: str) -> list[dict[str, Any]]:
+        """Return how alike participant and robot drove, by condition in the order they were met.
+
+        Raises:
+            NotFoundError, RecordingError: If there is no such session, or it cannot be read.
+        """
+        return [outcome(log) for log in condition_logs(self.plan(name), code, self.log(name, code))]
+
+    def withdraw(self, name: str, code: str, recording: str | None) -> list[str]:
+        """Delete all of a participant for good: log, models, recordings, also from the trash.
+
+        Args:
+            name: The study.
+            code: The participant.
+            recording: Id of the recording that is made just now.
+
+        Returns:
+            What was deleted, by paths within the data folder.
 
         Raises:
             NotFoundError: If there is no such session.
+            ConfigurationError: If the session is still being recorded.
         """
-        if name not in self.names() or code not in self.codes(name):
-            raise NotFoundError(f"there is no session of {code[:40]!r} in {name[:80]!r}")
-        models = (self.root / name / "models").glob(f"{code}-*.npz")
-        return self._storage.discard(self.log_path(name, code), *models)
+        recordings = recordings_in(self.log(name, code))
+        if recording in recordings:
+            raise ConfigurationError("this session is still being recorded; wait ten seconds")
+        models = sorted((self.root / name / "models").glob(f"{code}-*.npz"))
+        in_use = [model_name(name, code, n) for n in range(1, MOST_CONDITIONS + 1)]
+        return self._storage.erase([*recordings, *in_use], *models, self.log_path(name, code))
 
     # The session that is driven ---------------------------------------------------------------
 
@@ -203,11 +227,13 @@ class StudyFolder:
     def active(self) -> SessionModel | None:
         """The session's model that is in use, also after a power cut."""
         try:
-            plain = json.loads((self.root / _ACTIVE).read_bytes())
-            plain["moves_before"] = tuple(plain["moves_before"])
-            return SessionModel(**plain)
-        except (OSError, ValueError, KeyError, TypeError):
+            model = SessionModel(**json.loads((self.root / _ACTIVE).read_bytes()))
+            moves = tuple(Action(move) for move in model.moves_before)
+            places = range(1, MOST_CONDITIONS + 1)
+            is_known = model.study in self.names() and CODE.fullmatch(model.participant)
+        except (OSError, ValueError, TypeError, RecursionError):
             return None
+        return replace(model, moves_before=moves) if is_known and model.position in places else None
 
     @active.setter
     def active(self, model: SessionModel | None) -> None:
@@ -216,6 +242,11 @@ class StudyFolder:
             return
         plain: Mapping[str, Any] = asdict(model)
         write_whole(self.root / _ACTIVE, json.dumps(plain).encode())
+
+
+def model_name(study: str, participant: str, position: int) -> str:
+    """Return what a session's model is called while it is in use."""
+    return f"{study} {participant} {position}"
 
 
 def fingerprint(plan_text: str) -> str:

@@ -13,8 +13,8 @@ from robot.devices.rig import Rig
 from robot.store.folder import write_whole
 from robot.store.models.autosave import Autosave
 from robot.study.plan import Condition
-from robot.types import Action, Mode
-from server.study.folder import SessionModel, StudyFolder
+from robot.types import Mode
+from server.study.folder import SessionModel, StudyFolder, model_name
 
 PATIENCE_S = 10.0
 
@@ -48,10 +48,10 @@ class SessionModels:
             study=study,
             participant=participant,
             position=position,
-            own=autosave.store.free_name(f"{study} {participant} {position}"),
+            own=autosave.store.free_name(model_name(study, participant, position)),
             before=before,
             learner_before=state.learner,
-            moves_before=tuple(map(str, state.moves)),
+            moves_before=tuple(state.moves),
         )
         self._folder.active = model
         try:
@@ -81,9 +81,10 @@ class SessionModels:
             if model.before is not None and model.before in autosave.store.names():
                 autosave.load(model.before)
             else:
-                moves = tuple(Action(move) for move in model.moves_before)
                 # Empty and without a name, as it was.
-                autosave.delete(autosave.begin(None, model.learner_before, None, moves))
+                autosave.delete(
+                    autosave.begin(None, model.learner_before, None, model.moves_before)
+                )
         if model.own in autosave.store.names():
             autosave.delete(model.own)
         self._folder.active = None

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
-from robot.lab.protocol import TRIALS
-from robot.study.builtin import paper_plan
+from robot.study.builtin import TRIALS, paper_plan
 from server.routes.bodies import do, read_body, text_field
-from server.security.guard import require_pilot, require_viewer
+from server.security.access import Role
+from server.security.guard import require_pilot, require_viewer, role_of
 from server.services import persistence_of, services_of
 from server.study.conductor import Conductor
-from server.study.described import describe_session, describe_study
+from server.study.described import describe_place, describe_session, describe_study
+from server.study.older import list_results, read_result
 
 if TYPE_CHECKING:
     from server.study.extension import StudyExtension
@@ -35,10 +37,22 @@ def _conductor(request: Request) -> Conductor:
     return conductor
 
 
+def _older(request: Request) -> Path:
+    return persistence_of(request).storage.root / "lessons"
+
+
 @router.get("/studies", dependencies=[PILOT])
 async def list_studies(request: Request) -> dict[str, Any]:
-    """List the studies' names."""
-    return {"studies": await do(_conductor(request).folder.names)}
+    """List the studies' names, and results of guided trials that 0.2 kept."""
+    names = await do(_conductor(request).folder.names)
+    return {"studies": names, "older": await do(list_results, _older(request))}
+
+
+@router.get("/studies/older/{result_id}.json", dependencies=[PILOT])
+async def download_older(request: Request, result_id: str) -> Response:
+    """Return the result of one guided trial of 0.2 as a file."""
+    data = await do(read_result, _older(request), result_id)
+    return _file(data, "application/json", f"{result_id}.json")
 
 
 @router.post("/studies", dependencies=[PILOT], status_code=201)
@@ -69,36 +83,44 @@ async def show_study(request: Request, name: str) -> dict[str, Any]:
 async def download_study(request: Request, name: str) -> Response:
     """Return everything of a study: plan, event logs, tables, figures."""
     data = await do(_conductor(request).folder.zip, name)
-    headers = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name)}.zip"}
-    return Response(data, media_type="application/zip", headers=headers)
+    return _file(data, "application/zip", f"{name}.zip")
+
+
+def _file(data: bytes, media_type: str, name: str) -> Response:
+    headers = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name)}"}
+    return Response(data, media_type=media_type, headers=headers)
+
+
+@router.get("/studies/{name}/sessions/{participant}", dependencies=[PILOT])
+async def show_outcomes(request: Request, name: str, participant: str) -> dict[str, Any]:
+    """Return how alike participant and robot drove, by condition."""
+    return {"conditions": await do(_conductor(request).folder.outcomes, name, participant)}
 
 
 @router.delete("/studies/{name}/sessions/{participant}", dependencies=[PILOT])
-async def withdraw_participant(request: Request, name: str, participant: str) -> dict[str, str]:
-    """Move all that is kept of a participant to the trash; 409 while that session is on."""
+async def withdraw_participant(request: Request, name: str, participant: str) -> dict[str, Any]:
+    """Delete all that is kept of a participant for good; 409 while that session is on."""
     conductor = _conductor(request)
-    session = conductor.session
-    if session is not None and (conductor.study, session.participant) == (name, participant):
-        raise HTTPException(409, "This session is on: leave it first.")
-    return {"undo": await do(conductor.folder.withdraw, name, participant)}
+    return {"deleted": await do(conductor.withdraw, name, participant)}
 
 
 @router.get("/session", dependencies=[VIEWER])
 def show_session(request: Request) -> dict[str, Any]:
-    """Return the session that is on, or null."""
-    services = services_of(request)
+    """Return the session that is on, or null; a viewer gets where it stands, and no more."""
     conductor = _extension(request).conductor
-    return {"session": conductor and describe_session(conductor, services.robot)}
+    is_viewer = role_of(request) is Role.VIEWER
+    return {"session": conductor and (describe_place if is_viewer else describe_session)(conductor)}
 
 
 @router.post("/session", dependencies=[PILOT], status_code=201)
 async def begin_session(request: Request) -> dict[str, Any]:
-    """Begin a participant's session, or take it up again: {study, participant}."""
+    """Begin a session, or take it up again: {study, participant}, or a trial: {trial, teach_s}."""
     body, conductor = await read_body(request), _conductor(request)
-    study, participant = (text_field(body, name, "") or "" for name in ("study", "participant"))
-    if _extension(request).study.lesson is not None:
-        raise HTTPException(409, "A trial is on: end it first, on the screen of the study.")
-    await do(conductor.begin, study, participant)
+    if "trial" in body:
+        await do(conductor.begin_trial, body["trial"], body.get("teach_s"))
+    else:
+        study, code = (text_field(body, name, "") or "" for name in ("study", "participant"))
+        await do(conductor.begin, study, code)
     return show_session(request)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import httpx
 
-from robot.lab.protocol import Phase
+from robot.study.session import SessionStep
 from server.config import Config
 from server.security.pairing import Pairing
 from server.study.conductor import Conductor
@@ -71,12 +71,10 @@ def _take_office(browser: Any, folder: Path) -> None:
         _take_away(browser, world, folder)
 
 
-def _take_study(browser: Any, folder: Path) -> None:
+def _take_trial(browser: Any, folder: Path) -> None:
     with passing_world("box") as world:
-        _hold_lesson(browser, world)
+        _hold_trial(browser, world)
         _each(browser, world, folder, _take_result)
-        httpx.delete(f"{world.address}/api/lesson")
-        _each(browser, world, folder, _take_lesson)
 
 
 def _each(
@@ -224,35 +222,35 @@ def _take_class(browser: Any, folder: Path) -> None:
             shoot("class-stop")
 
 
-def _hold_lesson(browser: Any, world: World) -> None:
+def _hold_trial(browser: Any, world: World) -> None:
     """Trial 1, fifteen times as fast as it is."""
-    room = world.services.extension(StudyExtension).study
-    room.pace = 15.0
+    conductor = world.services.extension(StudyExtension).conductor
+    assert conductor is not None
+    conductor.pace = 15.0
     context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     page = open_page(context, world.address)
-    httpx.post(f"{world.address}/api/lesson", json={"trial": 1, "teach_s": 180})
+    httpx.post(f"{world.address}/api/session", json={"trial": 1, "teach_s": 180})
+    httpx.post(f"{world.address}/api/session/drive")
+    session = conductor.session
+    assert session is not None
     page.locator("[data-mode=train]").tap()
     fingers = Fingers(page)
-    teach(world, fingers, 10_000, until=lambda: room.lesson.phase is not Phase.TEACH)
-    for phase in (Phase.CORRECT, Phase.ALONE):
-        page.wait_for_timeout(500)
-        drive_on(page, world, until=lambda now=phase: room.lesson.phase is not now)
-    httpx.post(f"{world.address}/api/lesson/answer", json={"answer": 6})
+    teach(world, fingers, 10_000, until=lambda: session.phase_index > 0)
+    page.wait_for_timeout(500)
+    drive_on(page, world, until=lambda: session.phase_index > 1)
+    page.wait_for_timeout(500)
+    drive_on(page, world, until=lambda: session.step is SessionStep.QUESTIONS)
+    answers = {"answers": {"closing": 6}, "done": True}
+    httpx.post(f"{world.address}/api/session/answers", json=answers).raise_for_status()
     context.close()
 
 
 def _take_result(page: Any, world: World, shoot: Shoot) -> None:
-    page.goto(f"{world.address}/#lesson")
-    page.locator("lesson-screen .curve.robot").first.wait_for(state="attached")
+    page.goto(f"{world.address}/#study")
+    page.locator("study-screen .curve.robot").first.wait_for(state="attached")
     page.wait_for_timeout(1500)
+    page.locator("study-screen .lead").first.scroll_into_view_if_needed()
     shoot("result")
-
-
-def _take_lesson(page: Any, world: World, shoot: Shoot) -> None:
-    page.goto(f"{world.address}/#lesson")
-    page.locator("lesson-screen .primary").wait_for()
-    page.wait_for_timeout(300)
-    shoot("lesson")
 
 
 PLAN = """
@@ -334,7 +332,7 @@ PARTS: dict[str, Callable[[Any, Path], None]] = {
     "pairing": _take_pairing,
     "class": _take_class,
     "film": take_film,
-    "study": _take_study,
+    "study": _take_trial,
     "participants": _take_participants,
 }
 """What can be taken alone: python -m tests.e2e.screenshots FOLDER office film."""

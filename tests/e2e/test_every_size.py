@@ -35,7 +35,7 @@ _STOP_LIES_ON_THE_PANEL = """() => innerHeight >= 480 && innerWidth < 700
      > document.querySelector('#panel .title').getBoundingClientRect().top
   ? ['STOP lies on the panel'] : []"""
 """A panel at the side reaches up to the bar, and one in a low window cannot help it."""
-SCREENS = ("gallery", "why", "teaching", "undo", "lesson", "study", "home", "settings")
+SCREENS = ("gallery", "why", "teaching", "undo", "study", "home", "settings")
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ _SAY_IN_TURN = """async (language) => {
   const place = document.querySelector('.advice');
   const pad = document.querySelector('.move[data-move=forward]');
   const found = {};
-  for (const key of Object.keys(words).filter((key) => /^(advice|lesson.now_)/.test(key))) {
+  for (const key of Object.keys(words).filter((key) => /^(advice|session.now_)/.test(key))) {
     for (const move of words[key].includes('{moves}') ? moves : ['']) {
       const values = { moves: words[move], left: 120, have: 123, need: 150, n: 10 };
       place.textContent = words[key].replace(/\\{(\\w+)\\}/g, (_, name) => values[name]);

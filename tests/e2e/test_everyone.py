@@ -25,7 +25,7 @@ from .world import (
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
-SCREENS = ("drive", "gallery", "why", "teaching", "undo", "lesson", "study", "home", "settings")
+SCREENS = ("drive", "gallery", "why", "teaching", "undo", "study", "home", "settings")
 MOST_BYTES = 105_000
 MOST_BYTES_FIRST = 75_000
 MOST_BYTES_STUDY = 10_000

@@ -29,7 +29,7 @@ COUNT_SOCKETS = """
 """
 WATCHED_S = 2
 MOST_BYTES_PER_S = 1000
-ELSEWHERE = ("teaching", "undo", "lesson", "home", "settings")
+ELSEWHERE = ("teaching", "undo", "home", "settings")
 
 
 def hide(page: Any, *, hidden: bool) -> None:

@@ -42,9 +42,9 @@ MOVES = {
     "six": ["forward", "left", "right", "backward", "spin_left", "spin_right"],
 }
 SAID = re.compile(
-    r"^(advice|setback|local|stop|link|lag|hint|lesson\.next|lesson\.now)[._]"
+    r"^(advice|setback|local|stop|link|lag|hint|session\.next|session\.now)[._]"
     r"|^(asks|wheel_|viewer|emergency|teacher_stop|out_of_reach|connecting|choose_|start_stale)"
-    r"|^lesson\.(over|questions)$"
+    r"|^session\.questions$"
 )
 """The messages that the drive screen may show."""
 ELSEWHERE = {"emergency_stop", "stop.pilot_asked"}

@@ -12,7 +12,7 @@ import pytest
 
 from .world import World
 
-SCREENS = ("gallery", "why", "teaching", "undo", "lesson", "study", "home", "settings")
+SCREENS = ("gallery", "why", "teaching", "undo", "study", "home", "settings")
 
 HOLD = """() => {
   const [fetched, later] = [window.fetch, window.setTimeout];

@@ -31,7 +31,7 @@ def desktop(rovers_desktop: Any) -> Any:
     return rovers_desktop
 
 
-SCREENS = ("drive", "gallery", "teaching", "undo", "lesson", "home", "settings")
+SCREENS = ("drive", "gallery", "teaching", "undo", "home", "settings")
 SIZES = {
     "phone": PHONE,
     "small phone": {"width": 360, "height": 640},

@@ -1,8 +1,9 @@
-"""What the page shows of the learner is true: gallery, undo, lesson, models, settings."""
+"""What the page shows of the learner is true: gallery, undo, trial, models, settings."""
 
 from __future__ import annotations
 
-import json
+import csv
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import httpx
 import numpy as np
 import pytest
 
-from robot.lab.protocol import Phase
+from robot.study.session import SessionStep
 from robot.types import Action, Mode, Prediction
 from server.study.extension import StudyExtension
 
@@ -107,47 +108,55 @@ def _gallery(world: World) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("world", ["box"], indirect=True)
-def test_the_lesson_of_trial_1_from_start_to_result(
-    phone: Any, world: World, tmp_path: Path
-) -> None:
-    phone.goto(world.address + "/#lesson")
+def test_trial_1_from_start_to_result(phone: Any, world: World, tmp_path: Path) -> None:
+    phone.goto(world.address + "/#study")
     phone.get_by_role("button", name="Begin the trial").tap()
-    phone.get_by_role("link", name="To the wheel").tap()
-    assert set(world.rig.loop.state.moves) == {Action.FORWARD, Action.LEFT}
+    phone.get_by_role("button", name="Begin", exact=True).tap()
     phone.locator(".notice", has_text="tap Teach").wait_for()
+    assert set(world.rig.loop.state.moves) == {Action.FORWARD, Action.LEFT}
 
     choose(phone, world, Mode.TRAIN)
-    lesson = world.services.extension(StudyExtension).study.lesson
-    assert lesson is not None
+    conductor = world.services.extension(StudyExtension).conductor
+    assert conductor is not None
+    session = conductor.session
+    assert session is not None
     fingers = Fingers(phone)
     teach(world, fingers, 60)
-    lesson.pace = 110.0  # only now: however slow the machine, enough was taught before the end
-    teach(world, fingers, 10_000, until=lambda: lesson.phase is not Phase.TEACH)
+    session.pace = 110.0  # only now: however slow the machine, enough was taught before the end
+    teach(world, fingers, 10_000, until=lambda: session.phase_index > 0)
     wait_for(lambda: world.mode is Mode.STOPPED, "the phase is over, the robot stands")
     phone.locator(".notice", has_text="correct it").wait_for()
-    drive_on(phone, world, until=lambda: lesson.phase is not Phase.CORRECT)
-    lesson.pace = 1.0
+    assert phone.locator("teach-panel strong").text_content() == "–", "no figure while it counts"
+    drive_on(phone, world, until=lambda: session.phase_index > 1)
+    session.pace = 1.0
     phone.locator(".notice", has_text="hands off").wait_for()
-    drive_on(phone, world, until=lambda: lesson.done_s[Phase.ALONE] >= 2.0)
-    lesson.pace = 110.0
-    drive_on(phone, world, until=lambda: lesson.phase is not Phase.ALONE)
+    drive_on(phone, world, until=lambda: session.done_s >= 2.0)
+    phone.get_by_text("Part 1 of 1: hands off").first.wait_for()
+    session.pace = 110.0
+    drive_on(phone, world, until=lambda: session.step is SessionStep.QUESTIONS)
 
     phone.locator(".notice button", has_text="Answer").tap()
-    phone.get_by_role("button", name="6, agree").tap()
+    phone.get_by_role("radio", name="6").check()
+    phone.get_by_role("button", name="Send the answers").tap()
     phone.locator(".profiles .curve.robot").first.wait_for(state="attached")
     assert phone.locator(".profiles figure").count() == 2
     drawn = phone.locator(".profiles .curve.pilot").first.get_attribute("points")
     assert len(drawn.split()) == 101
     for who in ("pilot", "robot"):
-        phone.locator(f"lesson-screen .map .way.{who}[d^=M]").wait_for(state="attached")
+        phone.locator(f"study-screen .map .way.{who}[d^=M]").wait_for(state="attached")
+    phone.get_by_role("button", name="Next participant").tap()
+    phone.get_by_role("button", name="Result of T1").tap()
+    phone.locator(".profiles .curve.robot").first.wait_for(state="attached")
+    phone.get_by_role("button", name="Studies with participants").tap()
     with phone.expect_download() as waiting:
-        phone.get_by_role("link", name="Download the result").tap()
-    waiting.value.save_as(tmp_path / "result.json")
-    result = json.loads((tmp_path / "result.json").read_text())
-    assert (result["trial"], result["answer"]) == (1, 6)
-    assert result["ssd"] >= 0
-    assert result["pictures"]["pilot"] > 20
-    assert result["episodes"], "the result names its recording"
+        phone.get_by_role("link", name="Download").tap()
+    waiting.value.save_as(tmp_path / "trial.zip")
+    with zipfile.ZipFile(tmp_path / "trial.zip") as packed:
+        rows = list(csv.DictReader(packed.read("phases.csv").decode().splitlines()))
+    assert [row["phase"] for row in rows] == ["teach", "correct", "alone", "questions"]
+    assert rows[-1]["closing"] == "6" and float(rows[2]["ssd"]) >= 0
+    assert int(rows[0]["frames_pilot"]) > 20
+    assert rows[0]["recordings"], "the result names its recording"
 
 
 def test_models_are_renamed_copied_deleted_and_brought_back(phone: Any, world: World) -> None:

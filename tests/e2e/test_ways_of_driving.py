@@ -104,7 +104,7 @@ def test_enter_holds_a_focused_button_and_space_stops(desktop: Any, world: World
 
 def test_space_stops_from_every_screen(desktop: Any, world: World) -> None:
     choose(desktop, world, Mode.TRAIN)
-    for screen in ("gallery", "teaching", "undo", "lesson", "home", "settings"):
+    for screen in ("gallery", "teaching", "undo", "home", "settings"):
         desktop.evaluate(f"location.hash = '{screen}'")
         desktop.wait_for_selector(f"{screen}-screen")
         assert desktop.locator("app-bar .stop").is_visible()

@@ -101,11 +101,13 @@ test('the most urgent is said first', () => {
   assert.equal(key(page()), null);
 });
 
-test('a lesson asks for its mode, and falls silent in it', () => {
-  const lesson = { trial: 1, phase: 'correct', mode: 'autonomous' };
-  assert.equal(key(page({ lesson }, { mode: 'stopped' })), 'lesson.next_correct');
-  assert.equal(key(page({ lesson }, { mode: 'autonomous' })), null);
-  assert.equal(key(page({ lesson: { ...lesson, phase: 'question', mode: null } })), 'lesson.over');
+test('a session asks for its mode, falls silent in it, and says which part of how many it is', () => {
+  const session = { step: 'drive', position: 1, of: 2, kind: 'correct', mode: 'autonomous', left_s: 30 };
+  assert.equal(key(page({ session }, { mode: 'stopped' })), 'session.next_correct');
+  assert.equal(key(page({ session }, { mode: 'autonomous' })), null);
+  assert.deepEqual(whatToSay(page({ session })), { key: 'session.now_correct', left_s: 30, n: 1, of: 2 });
+  assert.equal(key(page({ session: { ...session, step: 'questions', kind: null, mode: null } })), 'session.questions');
+  assert.equal(key(page({ session: { ...session, step: 'ready', kind: null, mode: null } })), null);
 });
 
 test('the age of a picture is told by its parts, and what is slow by its name', () => {

@@ -32,7 +32,7 @@ export function urgentAdvice(page) {
   if (page.wheelAsked) return { key: 'wheel_asked', step: 'yield', level: 'ask' };
   if (robot.fault) return { key: 'fault', values: { fault: robot.fault }, level: 'stop' };
   // Nothing is left to be driven: why the robot stands matters no more.
-  if (page.lesson?.phase === 'question') return lessonAdvice(page);
+  if (page.session?.step === 'questions') return sessionAdvice(page);
   if (page.localStop) return { key: `local.${page.localStop}`, level: page.localStop === 'wheel' ? 'ask' : 'stop' };
   if (page.notice === 'start_stale') return { key: page.notice, level: 'stop' };
   if (robot.mode === 'stopped' && robot.stop_reason && robot.stop_reason !== 'pilot_asked') {
@@ -45,8 +45,8 @@ export function urgentAdvice(page) {
   const lag = lagAdvice(page);
   if (lag) return lag;
   if (robot.mode !== 'stopped' && robot.link !== 'good' && robot.link) return { key: `link.${robot.link}`, level: 'info' };
-  const lesson = lessonAdvice(page);
-  if (lesson) return lesson;
+  const session = sessionAdvice(page);
+  if (session) return session;
   if (page.notice) return { key: page.notice, level: 'info' };
   if (page.hint) return { key: page.hint === 'correct' && page.hasKeys ? 'hint.correct_keys' : `hint.${page.hint}`, step: 'hint', level: 'info' };
   return null;
@@ -83,11 +83,10 @@ function lagAdvice(page) {
   return null;
 }
 
-/** What the study run asks for next. @param {PageState} page @returns {Advice | null} */
-function lessonAdvice({ lesson, robot }) {
-  if (!lesson || lesson.phase === 'done') return null;
-  if (lesson.phase === 'question') return { key: lesson.participant ? 'lesson.questions' : 'lesson.over', step: 'lesson', level: 'info' };
-  return robot?.mode === lesson.mode ? null : { key: `lesson.next_${lesson.phase}`, level: 'info' };
+/** What a session asks for next. @param {PageState} page @returns {Advice | null} */
+function sessionAdvice({ session, robot }) {
+  if (session?.step === 'questions') return { key: 'session.questions', step: 'session', level: 'info' };
+  return !session?.mode || robot?.mode === session.mode ? null : { key: `session.next_${session.kind}`, level: 'info' };
 }
 
 /** @param {PageState} page @returns {Advice} */
@@ -98,7 +97,7 @@ function wheelElsewhere(page) {
   return { key: 'wheel_taken', step: 'take', level: 'info' };
 }
 
-/** @typedef {{key: string, move?: string, left?: number, left_s?: number, have?: number, need?: number, n?: number}} Told */
+/** @typedef {{key: string, move?: string, left?: number, left_s?: number, have?: number, need?: number, n?: number, of?: number}} Told */
 
 /**
  * What is said while nothing is urgent: where a study's part stands, why a countdown has gone back, or
@@ -106,9 +105,9 @@ function wheelElsewhere(page) {
  * @param {PageState} page
  * @returns {Told | null}
  */
-export function whatToSay({ robot, lesson, readiness, setback }) {
+export function whatToSay({ robot, session, readiness, setback }) {
   if (!robot) return null;
-  if (lesson?.mode) return { key: `lesson.now_${lesson.phase}`, left_s: lesson.left_s, n: lesson.trial };
+  if (session?.mode) return { key: `session.now_${session.kind}`, left_s: session.left_s, n: session.position, of: session.of };
   if (setback && robot.mode === 'autonomous') return { key: `setback.${setback}` };
   return teachingAdvice(robot, readiness);
 }

@@ -16,7 +16,7 @@ const SLOW_STATE_MS = 300;
 const STOP_MS = 300;
 /** A release waits so long for a stop by request that is not answered: it would latch the stop again. */
 const STOPPING_MS = 3000;
-const LESSON_MS = 1000;
+const SESSION_MS = 1000;
 const SHOWING = ['drive', 'gallery', 'why']; // screens with the robot's picture
 
 /** @typedef {import('./protocol.js').Mode} Mode */
@@ -50,7 +50,7 @@ export class Page {
     this.drawnAgeMs = null;
     this.shownMs = -Infinity;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
-    this.lessonTimer = undefined;
+    this.sessionTimer = undefined;
     const { helm } = this;
     /** @type {Record<string, (words: any) => void>} */
     this.hearers = { hello: (w) => this.greet(w), state: (w) => this.follow(w), event: (w) => this.note(w), error: (w) => helm.start.refuse(w) };
@@ -108,7 +108,7 @@ export class Page {
     declare(hello.declared_moves ?? []);
     this.refreshCurve();
     this.store.set({ link: 'open', role: hello.role, robotName: hello.robot, moves: hello.moves });
-    this.refreshLesson();
+    this.refreshSession();
   }
 
   /** @param {RobotState} robot */
@@ -177,17 +177,17 @@ export class Page {
     if (event.name === 'nothing_kept') this.toast(t('nothing_kept', { detail: event.detail ?? '' }));
     if (event.name === 'recording_off') this.toast(t('recording_off', { detail: event.detail ?? '' }));
     if (event.name === 'renamed') this.store.set({ robotName: event.robot });
-    if (event.name === 'lesson') this.refreshLesson();
+    if (event.name === 'session') this.refreshSession();
     if (event.name === 'wheel_asked') this.store.set({ wheelAsked: true });
     if (event.name === 'wheel_waiting') this.store.set({ wheelWaiting: true });
   }
 
-  /** Fetch the state of the study run; while one is in progress, again every second. */
-  async refreshLesson() {
-    clearTimeout(this.lessonTimer);
-    const answer = await ask('GET', '/api/lesson').catch(() => null);
-    if (answer) this.store.set({ lesson: answer.lesson });
-    if (this.store.state.lesson?.mode) this.lessonTimer = setTimeout(() => this.refreshLesson(), LESSON_MS);
+  /** Fetch the session that is on; while something is to be driven in it, again every second. */
+  async refreshSession() {
+    clearTimeout(this.sessionTimer);
+    const answer = await ask('GET', '/api/session').catch(() => null);
+    if (answer) this.store.set({ session: answer.session });
+    if (this.store.state.session?.mode) this.sessionTimer = setTimeout(() => this.refreshSession(), SESSION_MS);
   }
 
   /** Show a notice for a moment. @param {string} notice */
@@ -251,8 +251,8 @@ export class Page {
       this.endHint();
       return;
     }
-    if (step === 'lesson') {
-      location.hash = this.store.state.lesson?.participant ? 'study' : 'lesson';
+    if (step === 'session') {
+      location.hash = 'study';
       return;
     }
     if (step === 'release') {

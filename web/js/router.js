@@ -9,7 +9,6 @@ const ELEMENTS = {
   why: 'why-screen',
   teaching: 'teaching-screen',
   undo: 'undo-screen',
-  lesson: 'lesson-screen',
   study: 'study-screen',
   home: 'home-screen',
   settings: 'settings-screen',

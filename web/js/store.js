@@ -2,9 +2,8 @@
 
 /** @typedef {import('./protocol.js').RobotState} RobotState */
 /**
- * The study run in progress; see docs/reference/http.md.
- * @typedef {{trial: number, phase: string, mode: string | null, left_s: number,
- *   wanted_s: Record<string, number>, done_s: Record<string, number>, interventions: number, result: any, participant?: string}} LessonState
+ * The session of a study that is on; who may drive gets more of it: docs/reference/http.md.
+ * @typedef {{step: string, position: number, of: number, kind: string | null, mode: string | null, left_s: number}} SessionState
  */
 /** @typedef {{text: string, step: {label: string, act: () => void} | null}} Toast */
 /**
@@ -25,7 +24,7 @@
  * @property {number[]} agreement  newest last, one for each ten lessons or so
  * @property {boolean} wheelAsked  somebody else asks for the wheel
  * @property {boolean} wheelWaiting  this page asked for it
- * @property {LessonState | null} lesson
+ * @property {SessionState | null} session
  * @property {import('./readiness.js').Readiness | null} readiness  null before it was asked for
  * @property {string | null} setback  why there is more left to drive alone than a moment ago
  * @property {boolean} hasKeys  a mouse, and so a keyboard
@@ -52,7 +51,7 @@ export const initialState = () => ({
   agreement: [],
   wheelAsked: false,
   wheelWaiting: false,
-  lesson: null,
+  session: null,
   readiness: null,
   setback: null,
   hasKeys: false,

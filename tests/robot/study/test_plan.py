@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.errors import ConfigurationError
-from robot.lab.protocol import TRIALS
-from robot.study.builtin import paper_plan
+from robot.study.builtin import TRIALS, paper_plan
 from robot.study.plan import PhaseKind, parse_plan
 
 from .scripted import SMALL_PLAN, small_plan

@@ -10,25 +10,31 @@ import pytest
 from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.devices.simulation.world import world_names
 from robot.errors import ConfigurationError
-from robot.lab.protocol import TRIALS
-from server.study.lesson import check_world
+from robot.study.builtin import TRIALS, trial_plan
+from robot.study.plan import Condition, parse_plan
+from robot.testing import FakeDriver
+from server.study.conductor import check_body
 from tests.server.test_teaching_routes import _teach, ask
 from tests.server.virtual_server import VirtualServer
+
+
+def condition(trial: int) -> Condition:
+    return parse_plan(trial_plan(trial, 90)).conditions[0]
 
 
 @pytest.mark.parametrize(("world", "trial"), list(itertools.product(world_names(), TRIALS)))
 def test_a_trial_in_another_world_is_refused_with_a_sentence(world: str, trial: int) -> None:
     body = SimDriver(SimOptions(world=world))
     if world == TRIALS[trial][0]:
-        check_world(body, trial)
+        check_body(body, condition(trial))
         return
     with pytest.raises(ConfigurationError, match=f"--world {TRIALS[trial][0]}") as refused:
-        check_world(body, trial)
+        check_body(body, condition(trial))
     assert repr(world) in str(refused.value)
 
 
 def test_of_a_real_robot_the_place_is_not_known() -> None:
-    check_world(object(), 1)
+    check_body(FakeDriver(), condition(1))
 
 
 @pytest.mark.parametrize("knows", [0, 40])
@@ -39,13 +45,25 @@ def test_a_trial_that_is_left_leaves_no_model(tmp_path: Path, knows: int) -> Non
             ask(server, "POST", "/api/models/save", json={})
         before = ask(server, "GET", "/api/models").json()
         moves = server.rig.loop.state.moves
-        begun = ask(server, "POST", "/api/lesson", json={"trial": 1, "teach_s": 90})
+        begun = ask(server, "POST", "/api/session", json={"trial": 1, "teach_s": 90})
         assert begun.status_code == 201, begun.text
+        assert begun.json()["session"]["participant"] == "T1"
+        driven = ask(server, "POST", "/api/session/drive", json={"confirmed": True})
+        assert driven.status_code == 200, driven.text
         assert ask(server, "GET", "/api/teaching").json()["lessons"] == 0
-        ask(server, "DELETE", "/api/lesson")
+        ask(server, "DELETE", "/api/session")
         after = ask(server, "GET", "/api/models").json()
         names = {model["name"] for model in after["models"]}
-        assert "Trial 1" not in names
         assert {model["name"] for model in before["models"]} == names
         assert ask(server, "GET", "/api/teaching").json()["lessons"] == knows
         assert server.rig.loop.history.policy.moves == moves
+        again = ask(server, "POST", "/api/session", json={"trial": 1, "teach_s": 90}).json()
+        assert again["session"]["participant"] == "T2", "each trial has a code of its own"
+
+
+@pytest.mark.parametrize("body", [{"trial": 4, "teach_s": 90}, {"trial": 1}, {"trial": [1]}])
+def test_there_is_no_other_trial(tmp_path: Path, body: dict[str, object]) -> None:
+    with VirtualServer(data=tmp_path) as server:
+        refused = ask(server, "POST", "/api/session", json=body)
+        assert refused.status_code == 409, refused.text
+        assert ask(server, "GET", "/api/studies").json()["studies"] == []

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
+import json
+import math
 import shutil
 import zipfile
 from pathlib import Path
@@ -13,11 +15,14 @@ from typing import Any
 import pytest
 
 from robot.devices.rig import Rig
+from robot.errors import ConfigurationError
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Mode, Sensors
 from server.persistence import Persistence
+from server.study.described import describe_place, describe_session
+from server.study.extension import StudyExtension
 from tests.server.test_teaching_routes import _teach, ask
 from tests.server.virtual_server import VirtualServer
 
@@ -61,7 +66,6 @@ CHANGES_THE_MODEL = (
     ("POST", "/api/models/mine/load"),
     ("DELETE", "/api/models/mine"),
     ("POST", "/api/retraining/keep"),
-    ("POST", "/api/lesson"),
 )
 
 
@@ -81,7 +85,7 @@ def drive(server: VirtualServer, seconds: float | None = None) -> None:
     """Drive in the mode of the phase, for some seconds or until the questions."""
     server.driver.sensors = Sensors(distance_m=0.8)
     pilot = server.pilot()
-    now = ask(server, "GET", "/api/lesson").json()["lesson"]
+    now = session(server)
     while now["mode"] is not None:
         pilot.mode(now["mode"])
         pilot.hold("forward" if now["mode"] == "train" else None)
@@ -93,7 +97,7 @@ def drive(server: VirtualServer, seconds: float | None = None) -> None:
             server.forward(0.25)
             if server.rig.loop.mode is Mode.STOPPED:
                 break
-        now = ask(server, "GET", "/api/lesson").json()["lesson"]
+        now = session(server)
     pilot.close()
 
 
@@ -203,7 +207,7 @@ def test_a_session_that_is_left_leaves_no_model_and_goes_on_where_it_was(
         server.set_mode(Mode.STOPPED)
         there = session(server)
         for method, path in CHANGES_THE_MODEL:
-            refused = ask(server, method, path, json={"trial": 1, "teach_s": 90})
+            refused = ask(server, method, path, json={})
             assert refused.status_code == 409 and "session is on" in refused.text, path
         assert session(server) == there
         taught = dict(server.rig.loop.state.taught)
@@ -309,7 +313,7 @@ def test_nothing_comes_out_of_its_turn_and_every_refusal_says_why(tmp_path: Path
         post(server, "/api/session", study="walk", participant="P01")
         assert "waits for 'consent'" in refused(server, "/api/session/drive", confirmed=True)
         assert "P01 is on" in refused(server, "/api/session", study="walk", participant="P02")
-        assert "session is on" in refused(server, "/api/lesson", trial=1, teach_s=90)
+        assert "P01 is on" in refused(server, "/api/session", trial=1, teach_s=90)
         post(server, "/api/session/consent", language="en")
         assert "waits for 'ready'" in refused(server, "/api/session/answers", answers=TRUST)
         assert ask(server, "DELETE", "/api/studies/walk/sessions/P01").status_code == 409
@@ -338,20 +342,156 @@ def test_answers_are_checked_and_all_are_needed(tmp_path: Path) -> None:
         assert (session(server)["step"], session(server)["position"]) == ("ready", 2)
 
 
+def files_with(folder: Path, words: set[bytes]) -> list[str]:
+    """What is called like one of these words, or holds one."""
+    found = (path for path in folder.rglob("*") if path.is_file())
+    return [
+        str(path.relative_to(folder))
+        for path in found
+        if any(word in str(path).encode() or word in path.read_bytes() for word in words)
+    ]
+
+
 def test_a_withdrawn_participant_leaves_nothing_and_frees_the_place(tmp_path: Path) -> None:
     with VirtualServer(data=tmp_path) as server:
+        pilot = server.pilot()
+        pilot.mode("train")
+        pilot.hold("forward")
+        server.forward(2.0)
+        pilot.close()
+        server.forward(12.0)
+        own = {e["id"] for e in ask(server, "GET", "/api/episodes").json()["episodes"]}
         take_part(server, "P01")
+        server.forward(11.0)
         begin(server, "P02")
         ask(server, "DELETE", "/api/session")
         assert "all 2 places" in refused(server, "/api/session", study="walk", participant="P03")
         kept = list((tmp_path / "studies/walk").rglob("P01*"))
         assert len(kept) == 3, "a log and two models"
-        assert ask(server, "DELETE", "/api/studies/walk/sessions/P01").status_code == 200
-        assert not list((tmp_path / "studies/walk").rglob("P01*"))
+        driven = {id for row in rows(server) for id in row["recordings"].split()}
+        assert len(driven) >= 2 and own and not own & driven
+        gone = ask(server, "DELETE", f"/api/episodes/{min(driven)}")
+        assert gone.status_code == 200, "one of the recordings is in the trash by now"
+        answer = ask(server, "DELETE", "/api/studies/walk/sessions/P01")
+        assert answer.status_code == 200, answer.text
+        deleted = answer.json()["deleted"]
+        recordings = {Path(path).stem for path in deleted if path.endswith(".mcap")}
+        assert recordings == driven
+        assert any(path.startswith("trash/") and path.endswith(".mcap") for path in deleted)
+        assert {"studies/walk/P01.csv", "studies/walk/models/P01-1.npz"} < set(deleted)
+        assert not [path for path in deleted if (tmp_path / path).exists()]
+        assert not list(tmp_path.rglob("*P01*"))
+        assert files_with(tmp_path / "episodes", {id.encode() for id in driven}) in (
+            [],
+            [".index.json"],
+        )
+        left = {e["id"] for e in ask(server, "GET", "/api/episodes").json()["episodes"]}
+        assert own <= left and not driven & left
         begin(server, "P03")
         assert session(server)["of"] == 2
         listed = ask(server, "GET", "/api/studies/walk").json()["sessions"]
         assert {s["participant"]: s["order"][0] for s in listed} == {"P02": "long", "P03": "short"}
+
+
+def test_a_session_that_is_still_recorded_is_not_withdrawn(tmp_path: Path) -> None:
+    with VirtualServer(data=tmp_path) as server:
+        begin(server)
+        post(server, "/api/session/drive", confirmed=True)
+        drive(server, 1.0)
+        ask(server, "DELETE", "/api/session")
+        conductor = server.services.extension(StudyExtension).conductor
+        assert conductor is not None
+        (recording,) = {
+            e.value for e in conductor.folder.events("walk", "P01") if e.event == "recording"
+        }
+        with pytest.raises(ConfigurationError, match="still being recorded"):
+            conductor.folder.withdraw("walk", "P01", recording)
+        assert (tmp_path / "studies/walk/P01.csv").exists()
+
+
+def test_a_viewer_reads_where_a_session_stands_and_neither_code_nor_answers(tmp_path: Path) -> None:
+    with VirtualServer(data=tmp_path) as server:
+        begin(server)
+        post(server, "/api/session/drive", confirmed=True)
+        drive(server)
+        post(server, "/api/session/answers", answers={"trust_reliable": 2})
+        conductor = server.services.extension(StudyExtension).conductor
+        assert conductor is not None
+        seen, whole = describe_place(conductor), describe_session(conductor)
+        assert whole == session(server) and whole["answers"] == {"trust_reliable": "2"}
+        names = ("step", "position", "of", "kind", "mode", "left_s")
+        assert seen == dict(zip(names, ("questions", 1, 2, None, None, 0.0), strict=True))
+
+
+def test_a_trial_ends_with_what_pilot_and_robot_did(tmp_path: Path) -> None:
+    with VirtualServer(data=tmp_path) as server:
+        conductor = server.services.extension(StudyExtension).conductor
+        assert conductor is not None
+        conductor.pace = 30.0
+        before = standing(server)
+        post(server, "/api/session", trial=1, teach_s=90)
+        post(server, "/api/session/drive", confirmed=True)
+        assert set(server.rig.loop.state.moves) == {"forward", "left"}
+        drive(server)
+        (question,) = session(server)["questions"]
+        post(server, "/api/session/answers", answers={question["name"]: 6}, done=True)
+        ended = session(server)
+        assert (ended["step"], ended["shows_result"]) == ("done", True)
+        (result,) = ask(server, "GET", "/api/studies/trial-1-90-published-8/sessions/T1").json()[
+            "conditions"
+        ]
+        ask(server, "DELETE", "/api/session")
+        assert standing(server) == before
+    assert result["moves"] == ["forward", "left"] and result["recordings"]
+    assert len(result["pilot"]["forward"]) == 201 and result["never_by_pilot"] == ["left"]
+
+
+def test_results_of_older_trials_are_listed_and_downloaded_whatever_else_is_there(
+    tmp_path: Path,
+) -> None:
+    good = {"began_at_s": 1.5, "trial": 1, "ssd": None, "answer": 6, "pictures": {}}
+    folder = tmp_path / "lessons"
+    folder.mkdir(parents=True)
+    for number, change in enumerate(
+        [
+            *({"ssd": math.nan}, {"began_at_s": math.inf}, {"ssd": [1]}, {"answer": "\ud800"}),
+            *({"trial": {}}, {"answer": "6"}),
+        ]
+    ):
+        text = json.dumps({**good, **change})
+        (folder / f"20260101-12000{number}-trial-1.json").write_text(text)
+    for name, text in (("list", "[1]"), ("deep", "[" * 100_000), ("huge", '{"ssd": 1e999}')):
+        (folder / f"{name}.json").write_text(text)
+    (folder / "20260101-130000-trial-1.json").mkdir()
+    whole = folder / "20260101-140000-trial-2.json"
+    whole.write_text(json.dumps(good))
+    with VirtualServer(data=tmp_path) as server:
+        listed = ask(server, "GET", "/api/studies")
+        assert listed.status_code == 200, listed.text
+        (line,) = listed.json()["older"]
+        path = f"/api/studies/older/{line['id']}.json"
+        assert ask(server, "GET", path).content == whole.read_bytes()
+        for name in ("20260101-130000-trial-1", "..%2F..%2Fx", "list"):
+            assert ask(server, "GET", f"/api/studies/older/{name}.json").status_code == 404
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("[]", "[" * 100_000, '{"study": "walk"}', "nan", '{"study": 1, "moves_before": 2}'),
+        '{"study": "../..", "participant": "P01", "position": 1, "own": "x", "before": null, '
+        '"learner_before": "x", "moves_before": ["left"]}',
+    ],
+)
+def test_a_damaged_note_of_the_model_in_use_keeps_no_robot_from_starting(
+    tmp_path: Path, text: str
+) -> None:
+    (tmp_path / "studies").mkdir(parents=True)
+    (tmp_path / "studies/active.json").write_text(text)
+    with VirtualServer(data=tmp_path) as server:
+        begin(server)
+        post(server, "/api/session/drive", confirmed=True)
+        assert session(server)["is_driving"]
 
 
 def test_a_damaged_log_is_named_and_stops_nobody_else(tmp_path: Path) -> None:

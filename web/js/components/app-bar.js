@@ -7,7 +7,7 @@ import { makeStop } from '../stop.js';
 import { minutes } from './teach-panel.js';
 
 /** Studies are in the menu of those alone who take part in one; others find them in the settings. */
-const SCREENS = ['drive', 'gallery', 'teaching', 'lesson', 'study', 'home', 'settings'];
+const SCREENS = ['drive', 'gallery', 'teaching', 'study', 'home', 'settings'];
 const LOW_BATTERY = 0.2;
 
 export class AppBar extends HTMLElement {
@@ -27,7 +27,7 @@ export class AppBar extends HTMLElement {
     this.menu = this.makeMenu();
     append(this, [this.back, this.plate, h('div', { class: 'name' }, this.heading, this.detail),
       ...stop, this.button, this.menu]);
-    page.store.watch(['robot', 'link', 'screen', 'delayMs', 'pictureAgeMs', 'robotName', 'lesson'], (state) => this.render(state));
+    page.store.watch(['robot', 'link', 'screen', 'delayMs', 'pictureAgeMs', 'robotName', 'session'], (state) => this.render(state));
     addEventListener('keydown', (event) => event.key === 'Escape' && this.toggle(false));
     addEventListener('pointerdown', (event) => {
       if (event.target instanceof Node && !this.contains(event.target)) this.toggle(false);
@@ -58,14 +58,13 @@ export class AppBar extends HTMLElement {
     this.plate?.classList.toggle('off', robot?.mode === 'autonomous');
     if (this.menu?.hidden) return;
     say(/** @type {Element} */ (this.figures), this.list(state).join('\n'));
-    const running = state.lesson?.mode || state.lesson?.phase === 'question' ? (state.lesson.participant ? '#study' : '#lesson') : null;
-    for (const link of this.links ?? []) link.hidden = ['#lesson', '#study'].includes(link.hash) && link.hash !== running;
+    for (const link of this.links ?? []) link.hidden = link.hash === '#study' && !state.session;
   }
 
   /** @param {import('../store.js').PageState} state */
-  describe({ robot, link, lesson }) {
+  describe({ robot, link, session }) {
     if (link !== 'open' || !robot) return t(link === 'lost' ? 'searching' : 'connecting');
-    if (lesson?.mode) return t(`lesson.now_${lesson.phase}`, { left: minutes(lesson.left_s), n: lesson.trial });
+    if (session?.mode) return t(`session.now_${session.kind}`, { left: minutes(session.left_s), n: session.position, of: session.of });
     return robot.battery !== null && robot.battery < LOW_BATTERY ? `${t('figure.battery')} ${percent(robot.battery)}` : '';
   }
 

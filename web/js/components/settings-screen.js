@@ -92,8 +92,7 @@ export class SettingsScreen extends Screen {
       h('label', { class: 'choice' }, sound, h('span', {}, t('settings.sound'))),
       h('label', { class: 'choice' }, h('span', {}, t('settings.language')), languages),
       hints), group(t('settings.keys'), t('settings.keys_hint')),
-      group(t('settings.studies'), t('settings.studies_hint'), h('div', { class: 'row' },
-        ...['lesson', 'study'].map((screen) => h('a', { class: 'button', href: `#${screen}` }, t(`screen.${screen}`))))));
+      group(t('settings.studies'), t('settings.studies_hint'), h('a', { class: 'button', href: '#study' }, t('screen.study'))));
   }
 }
 

@@ -27,15 +27,16 @@ export class TeachPanel extends HTMLElement {
       h('span', { class: 'big' }, this.agreement, this.agreementWord), chart,
       h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught'))));
     append(this, [this.summary, h('div', { class: 'says' }, this.advice, this.notice)]);
-    page.store.watch(['robot', 'link', 'lesson', 'readiness', 'setback', 'hint', 'notice', 'toast', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
-    page.store.watch(['agreement'], (state) => this.curve?.setAttribute('points', points(state.agreement)));
+    page.store.watch(['robot', 'link', 'session', 'readiness', 'setback', 'hint', 'notice', 'toast', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
+    // Who takes part in a study is not told how well it goes.
+    page.store.watch(['agreement', 'session'], (state) => this.curve?.setAttribute('points', points(state.session ? [] : state.agreement)));
   }
 
   /** @param {import('../store.js').PageState} state */
   render(state) {
     const { robot } = state;
     if (robot) {
-      say(/** @type {Node} */ (this.agreement), robot.agreement === null ? '–' : percent(robot.agreement));
+      say(/** @type {Node} */ (this.agreement), robot.agreement === null || state.session ? '–' : percent(robot.agreement));
       say(/** @type {Node} */ (this.lessons), count(robot.lessons));
     }
     const isNoticed = this.renderNotice(state);

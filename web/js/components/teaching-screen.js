@@ -41,7 +41,7 @@ export class TeachingScreen extends Screen {
   async refresh() {
     const [teaching, readiness] = await Promise.all([ask('GET', '/api/teaching').catch(() => null), askReadiness(true)]);
     if (!this.isConnected) return;
-    if (teaching) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
+    if (teaching && !this.page?.store.state.session) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
     if (readiness) drawReadiness(/** @type {Element} */ (this.readiness), readiness);
   }
 

@@ -1,12 +1,13 @@
-// <study-screen>: studies with participants. Without a session it is the researcher's; with one, it
-// leads a participant through it.
+// <study-screen>: a guided trial of one person, and studies with participants. Without a session it is
+// the researcher's; with one, it leads a participant through it.
 
 import { ask } from '../api.js';
 import { minutes } from '../components/teach-panel.js';
-import { Screen } from '../components/screen.js';
+import { Screen, segments } from '../components/screen.js';
 import { append, fill, h } from '../dom.js';
 import { language, learn, t } from '../i18n.js';
 import { inWords, questionForm } from './questions.js';
+import { drawOutcome } from './result.js';
 import words from './words.js';
 
 learn({ ...words.en, .../** @type {Record<string, Record<string, string>>} */ (words)[language] });
@@ -20,34 +21,32 @@ export class StudyScreen extends Screen {
   chosen = null;
   drawn = '';
 
-  build() {
+  async build() {
     append(this, [this.refusal, this.body]);
+    await this.page?.refreshSession(); // a page that was just loaded does not know of it yet
+    if (!this.isConnected) return undefined;
     /** @type {Promise<void> | undefined} */
     let shown;
-    this.watch(['lesson'], () => { shown = this.refresh(); });
+    this.watch(['session'], ({ session }) => { shown = this.show(session); });
     return shown;
-  }
-
-  async refresh() {
-    const answer = await ask('GET', '/api/session').catch(() => null);
-    if (answer && this.isConnected) await this.show(answer.session);
   }
 
   /** @param {any} session */
   async show(session) {
-    const stamp = session ? JSON.stringify([session.participant, session.step, session.position, session.phase, session.is_driving]) : '';
+    const stamp = session?.phases ? JSON.stringify([session.participant, session.step, session.position, session.phase, session.is_driving]) : '';
     if (stamp && stamp === this.drawn) {
       this.progress(session);
       return;
     }
     const isNew = stamp !== this.drawn;
     this.drawn = stamp;
-    if (!session) {
+    if (!session?.phases) { // a viewer is told no more than where it stands
       await this.list();
       return;
     }
     this.refuse('');
     fill(this.body, ...this.lead(session));
+    if (session.step === 'done' && session.shows_result) await this.showResult(session.study, session.participant);
     this.progress(session);
     if (isNew) document.querySelector('main#other')?.scrollTo(0, 0);
   }
@@ -74,7 +73,7 @@ export class StudyScreen extends Screen {
   /** Do something to the session, and show it. @param {string} method @param {string} path @param {any} [body] */
   async step(method, path, body) {
     const answer = await this.act(() => ask(method, path, body));
-    if (answer) await this.show(answer.session);
+    if (answer) this.page?.store.set({ session: answer.session }); // which shows it
     return answer;
   }
 
@@ -90,8 +89,44 @@ export class StudyScreen extends Screen {
       this.chosen = pick.value;
       this.list();
     } }, ...names.map((name) => h('option', { selected: name === this.chosen }, name)));
-    fill(this.body, ...(names.length ? [pick] : [h('p', { class: 'lead' }, t('study.none'))]),
-      ...(study ? this.study(study) : []), this.creation(!names.length));
+    if (this.drawn) return; // a session has begun meanwhile
+    fill(this.body, ...this.trial(), h('h2', {}, t('study.studies')), ...(names.length ? [pick] : [h('p', { class: 'lead' }, t('study.none'))]),
+      ...(study ? this.study(study) : []), this.creation(!names.length), ...this.older(answer.older));
+  }
+
+  /** The paper's trial of one person, ready to begin. */
+  trial() {
+    const hint = h('p', { class: 'hint' });
+    const chosen = { trial: 1, teach_s: 90 };
+    const describe = () => { hint.textContent = t(`study.trial_${chosen.trial}`); };
+    const choice = (/** @type {string} */ name, /** @type {'trial' | 'teach_s'} */ field, /** @type {[string, string][]} */ options) =>
+      segments(name, options, options[0][0], (/** @type {string} */ value) => {
+        chosen[field] = Number(value);
+        describe();
+      });
+    describe();
+    return [
+      h('p', { class: 'lead' }, t('study.lead')),
+      choice(t('study.which_trial'), 'trial', ['1', '2', '3'].map((n) => [n, t('study.trial_n', { n })])),
+      hint,
+      choice(t('study.how_long'), 'teach_s', ['90', '180'].map((s) => [s, t('study.teach_time', { s })])),
+      h('p', { class: 'hint' }, t('study.empty')),
+      h('button', { type: 'button', class: 'primary wide', onclick: () => this.step('POST', '/api/session', chosen) }, t('study.begin_trial')),
+    ];
+  }
+
+  /** Results of guided trials that an older version kept. @param {{id: string, began_at_s: number, trial: number}[]} results */
+  older(results) {
+    if (!results.length) return [];
+    const line = (/** @type {any} */ { id, began_at_s: began, trial }) => h('a', { class: 'panel line', href: `/api/studies/older/${id}.json`, download: '' },
+      h('b', {}, t('study.trial_n', { n: trial })), h('small', {}, new Date(began * 1000).toLocaleString(language, { dateStyle: 'medium', timeStyle: 'short' })));
+    return [h('h2', {}, t('study.older')), ...results.map(line)];
+  }
+
+  /** @param {string} study @param {string} code */
+  async showResult(study, code) {
+    const answer = await this.act(() => ask('GET', `/api/studies/${encodeURIComponent(study)}/sessions/${code}`));
+    if (answer && this.isConnected) this.body.append(...answer.conditions.flatMap(drawOutcome));
   }
 
   /** @param {any} study */
@@ -122,15 +157,25 @@ export class StudyScreen extends Screen {
       h('div', { class: 'row' }, h('h3', { class: 'grow' }, code), h('span', {}, state)),
       h('small', {}, order.join(', ')),
       h('div', { class: 'row' },
-        step === 'done' || fault ? null : h('button', { type: 'button', onclick: () => this.step('POST', '/api/session', { study: study.name, participant: code }) }, t('study.resume', { code })),
+        fault ? null : step === 'done' ? study.shows_result && this.resultButton(study.name, code) : h('button', { type: 'button', onclick: () => this.step('POST', '/api/session', { study: study.name, participant: code }) }, t('study.resume', { code })),
         h('button', { type: 'button', onclick: () => this.withdraw(study.name, code) }, t('study.withdraw', { code }))));
+  }
+
+  /** @param {string} study @param {string} code */
+  resultButton(study, code) {
+    const show = async () => {
+      fill(this.body, h('h2', {}, code), h('button', { type: 'button', onclick: () => this.list() }, t('study.studies')));
+      await this.showResult(study, code);
+    };
+    return h('button', { type: 'button', onclick: show }, t('study.result', { code }));
   }
 
   /** @param {string} study @param {string} code */
   withdraw(study, code) {
     this.page?.toast(t('study.withdraw_really', { code }), { label: t('study.withdraw_yes'), act: async () => {
-      await this.act(() => ask('DELETE', `/api/studies/${encodeURIComponent(study)}/sessions/${code}`));
+      const answer = await this.act(() => ask('DELETE', `/api/studies/${encodeURIComponent(study)}/sessions/${code}`));
       await this.list();
+      if (answer) this.page?.toast(t('study.withdrawn', { code, n: answer.deleted.length, r: answer.deleted.filter((/** @type {string} */ path) => path.endsWith('.mcap')).length }));
     } });
   }
 
@@ -163,7 +208,7 @@ export class StudyScreen extends Screen {
     const heading = h('h2', {}, t('study.part', { n: session.position, of: session.of }));
     if (session.step === 'consent') return [this.consent(session), this.forResearcher(session)];
     if (session.step === 'questions') {
-      return [heading, questionForm(session.questions, session.answers, (send) => this.act(send), (next) => this.show(next)), this.forResearcher(session)];
+      return [heading, questionForm(session.questions, session.answers, (send) => this.act(send), (next) => this.page?.store.set({ session: next })), this.forResearcher(session)];
     }
     if (session.step === 'done') {
       return [h('p', { class: 'lead' }, t('study.thanks')),
@@ -184,7 +229,7 @@ export class StudyScreen extends Screen {
     this.bars = session.phases.map(() => h('i'));
     this.left = session.phases.map(() => h('span', { class: 'bar-figure' }));
     const steps = session.phases.map((/** @type {any} */ phase, /** @type {number} */ i) => h('li', { class: i === session.phase ? 'now' : '' },
-      h('b', {}, `${i + 1}. ${t(`lesson.${phase.kind}`)}`), this.left[i],
+      h('b', {}, `${i + 1}. ${t(`study.${phase.kind}`)}`), this.left[i],
       h('span', { class: 'hint' }, inWords(phase.instructions) || t(`study.${phase.kind}_how`)),
       h('span', { class: 'track', 'aria-hidden': 'true' }, this.bars[i])));
     return h('div', { class: 'panel stack' }, h('h3', {}, t('study.what')), h('ol', { class: 'steps' }, ...steps), h('p', { class: 'hint' }, t('study.clock')));

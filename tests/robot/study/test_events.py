@@ -1,0 +1,92 @@
+"""A log is read as it was written or refused, and no spreadsheet runs what it holds."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import random
+import re
+
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from robot.errors import RecordingError
+from robot.study.archive import rebuild
+from robot.study.events import StudyEvent, read_events, recordings_in, write_events
+from robot.study.rows import condition_logs, outcome
+from robot.study.session import follow_log
+
+from .scripted import SMALL_PLAN, Participant, logs_of, small_plan
+
+_TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\r\n\0")) | st.text(
+    st.sampled_from("=+-@'; \t＝x\"|"), max_size=8
+)
+_FORMULA = re.compile(r"[ '\"]*[=+\-@＝＋－＠]")
+
+
+@given(_TEXTS, _TEXTS)
+@example("=1+1", "@SUM(1)")
+@example("'=x", "yes;=1")
+def test_a_text_comes_back_as_it_was(name: str, value: str) -> None:
+    event = StudyEvent(wall_s=1.0, event="answer", name=name, value=value)
+    assert read_events(write_events([event], with_head=True).encode()) == [event]
+
+
+@given(_TEXTS)
+@example("=cmd|' /C calc'!A0")
+@example("yes;=1+1")
+def test_no_cell_is_a_formula_whatever_separates_cells(text: str) -> None:
+    written = write_events([StudyEvent(wall_s=1.0, event="answer", value=text)])
+    for separator in ",;\t":
+        for line in csv.reader(io.StringIO(written), delimiter=separator):
+            assert not [cell for cell in line if _FORMULA.match(cell) and cell[0] != "'"]
+
+
+def test_an_answer_that_is_a_formula_is_one_in_no_file_of_the_zip() -> None:
+    person = Participant(small_plan(), "P01", 0)
+    person.consent()
+    person.begin()
+    person.drive(30.0)
+    for question in person.session.questions:
+        value = "=HYPERLINK(1)" if question.kind == "text" else question.check(question.most or 1)
+        person.say("answer", name=question.name, value=value)
+    person.say("answer", name="remark", value="=HYPERLINK(1)")
+    files = {"events/P01.csv": person.log.decode(), **rebuild(SMALL_PLAN, {"P01": person.log})}
+    for name, text in files.items():
+        if name.endswith(".csv"):
+            cells = [cell for line in csv.reader(io.StringIO(text)) for cell in line]
+            assert "=HYPERLINK(1)" not in cells, name
+    assert "'=HYPERLINK(1)" in files["events/P01.csv"]
+
+
+def test_a_log_that_is_damaged_anywhere_is_read_or_refused() -> None:
+    """Whatever stands in a file, the page gets a sentence or numbers that JSON can say."""
+    plan, dice = small_plan(), random.Random(4)
+    whole = logs_of(plan, 1)["P01"].split(b"\n")
+    odd = [b"nan", b"inf", b"1e999", b"-1", b"9" * 5000, b"", b"x", b"\0", b"Left!", b"\xff", b"0"]
+    refused = 0
+    for _ in range(300):
+        lines = whole[:200] + whole[-40:]
+        for _ in range(dice.randint(1, 3)):
+            row = dice.randrange(len(lines) - 1)
+            fields = lines[row].split(b",")
+            fields[dice.randrange(len(fields))] = dice.choice(odd)
+            lines[row] = b",".join(fields)
+        log = b"\n".join(lines)
+        try:
+            rebuild(SMALL_PLAN, {"P01": log})
+            follow_log(plan, "P01", read_events(log))
+            for condition in condition_logs(plan, "P01", log):
+                json.dumps(outcome(condition), allow_nan=False)
+        except RecordingError:
+            refused += 1
+    assert 100 < refused < 300
+
+
+def test_recordings_are_found_in_a_damaged_log_and_in_no_answer() -> None:
+    person = Participant(small_plan(), "P01", 0)
+    person.say("recording", value="2026-01-02_030405_678")
+    person.say("answer", name="remark", value="recording,2026-09-09_090909_999")
+    log = person.log + b"\xff\xfe,frame\n" + person.log + b"1.0,recording,0,,0,,,,,,,2026\n"
+    assert recordings_in(log) == ["2026-01-02_030405_678"]
