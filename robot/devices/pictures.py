@@ -48,7 +48,7 @@ def read_picture_file(folder: Path, name: str) -> Picture:
         if isinstance(error, RecordingError):
             raise
         raise RecordingError(f"the picture {name[:80]!r} cannot be read: {error}") from error
-    return read_picture(data, str(path))
+    return read_picture(data, repr(name[:80]))
 
 
 def read_picture(data: bytes, name: str) -> Picture:
@@ -66,6 +66,8 @@ def read_picture(data: bytes, name: str) -> Picture:
         raise RecordingError(
             f"{name} claims to be {width}x{height} pixels, more than the {MAX_SIDE_PX} allowed"
         )
+    if not _has_end(data):
+        raise RecordingError(f"{name} is a damaged picture: its end is missing")
     pixels = _decode(data)
     if pixels is None or pixels.shape != (height, width, 3):
         raise RecordingError(f"{name} is a damaged picture")
@@ -109,6 +111,13 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
     if size is None:
         raise RecordingError("not a JPEG")
     return size
+
+
+def _has_end(data: bytes) -> bool:
+    """True unless a picture is cut, which a decoder may fill up with grey in silence."""
+    if data.startswith(_PNG):
+        return b"IEND" in data
+    return data.rfind(b"\xff\xd9") > data.rfind(b"\xff\xda")  # the end, after the last scan
 
 
 def _decode(data: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from robot.clock import RealClock
 from robot.devices.pictures import Picture
 from robot.driver import CLASSIC, Move
 from robot.errors import RecordingError
+from robot.exchange.report import ImportReport
 from robot.policy.history import Taught
 from robot.store.episodes.messages import COMMAND, LESSON, describe_command
 from robot.store.episodes.writer import EpisodeWriter, Run
@@ -39,6 +40,8 @@ class Drive:
     moves: tuple[Action, ...] = DEFAULT_MOVES
     declared_moves: tuple[Move, ...] = ()
     started_at_s: float = 0.0
+    """Seconds since 1970; 0 if it is not known."""
+    report: ImportReport = field(default_factory=ImportReport)
 
 
 def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lambda: None) -> int:
@@ -48,7 +51,8 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
         RecordingError: If the drive is broken or empty; then no file is left.
         OSError: If the disk refuses; no file is left either.
     """
-    started_at_s = drive.started_at_s or RealClock().wall_s()
+    is_past = 0 < drive.started_at_s <= RealClock().wall_s()
+    started_at_s = drive.started_at_s if is_past else 0.0  # unknown: never newer than a drive here
     run = Run(
         episode_id=path.stem,
         run_id=path.stem,
@@ -67,7 +71,8 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
                 _write_shot(writer, frame_id, shot)
                 on_shot()
             if not writer.frames:
-                raise RecordingError(f"{drive.name} has no pictures")
+                why = drive.report.why_nothing()
+                raise RecordingError(f"{drive.name} has no pictures to use{why}")
             writer.close({"dropped_frames": "0", "lost_words": "0"})
         part.rename(path)
     finally:

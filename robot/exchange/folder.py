@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-import math
+import io
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
@@ -11,7 +11,9 @@ from robot.devices.pictures import read_picture_file, write_picture
 from robot.driver import CLASSIC, Move, describe, from_text, names, point_of, to_text
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, moves_with, read_label
-from robot.exchange.steering import DEFAULT_THRESHOLD, to_move
+from robot.exchange.report import ImportReport
+from robot.exchange.steering import DEFAULT_THRESHOLD, read_share, to_move
+from robot.exchange.timeline import make_timeline
 from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
@@ -36,6 +38,7 @@ _ANGLE = ("angle", "steering", "user/angle", "steering_angle")
 _THROTTLE = ("throttle", "user/throttle", "speed")
 _TIME = ("time_s", "t", "time", "timestamp", "seconds")
 _MOST_TABLE_BYTES, _MOST_MOVES_BYTES = 64 * 2**20, 2**20
+Row = dict[str, str]
 
 
 def write_folder(
@@ -83,29 +86,48 @@ def write_folder(
 
 
 def read_folder(
-    folder: Path, threshold: float = DEFAULT_THRESHOLD, table: Path | None = None
+    folder: Path,
+    threshold: float = DEFAULT_THRESHOLD,
+    table: Path | None = None,
+    report: ImportReport | None = None,
 ) -> Drive:
     """Read a folder of pictures with a CSV table of one row a picture.
 
     The table has a column for the file (`file`, `image`, `filename`, `path`), one for the label
     (`label`, `move`, `action`) or the steering angle (`angle`, `steering`), and may have one for
     the seconds (`time_s`, `t`, `timestamp`), and one that says `yes` where the pilot corrected
-    the robot (`correction`).
+    the robot (`correction`). A row that cannot be used is skipped.
 
     Raises:
-        RecordingError: If there is no such table, or more than one, or it is broken.
+        RecordingError: If there is no such table, or more than one, or none of its rows can be
+            used.
     """
+    report = report or ImportReport()
     path = table or _find_table(folder)
-    rows = _read_rows(path)
+    found = _read_rows(path, report)
     declared = _read_moves(path.with_name(MOVES))
     known = {*CLASSIC, *names(declared)}
-    labels = [_label(row, threshold, path, known) for row in rows]
+    rows: list[tuple[str, Row]] = []
+    labels: list[Action | None] = []
+    for place, row in found:
+        try:
+            label = _label(row, threshold, known)
+        except ValueError as error:
+            report.skip(place, str(error))
+        else:
+            rows.append((place, row))
+            labels.append(label)
+    if not rows:
+        raise RecordingError(f"the table {path} has no rows to use{report.why_nothing()}")
+    line = make_timeline([_seconds(_find(row, _TIME)) for _, row in rows])
+    report.remark(line.remark)
     return Drive(
         name=folder.name,
         source="folder",
-        shots=_shots(folder, rows, labels, path),
+        shots=_shots(folder, rows, line.times_s, labels, report),
         moves=moves_with(labels),
         declared_moves=declared,
+        report=report,
     )
 
 
@@ -127,67 +149,77 @@ def _find_table(folder: Path) -> Path:
     return tables[0]
 
 
-def _read_rows(path: Path) -> list[dict[str, str]]:
+def _read_rows(path: Path, report: ImportReport) -> list[tuple[str, Row]]:
+    """Return the whole rows, and where each stands."""
     try:
         if path.stat().st_size > _MOST_TABLE_BYTES:
             raise RecordingError(f"the table {path} is too large")
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = [
-                {(k or "").strip().lower(): v or "" for k, v in row.items() if isinstance(v, str)}
-                for row in csv.DictReader(file)
-            ]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
+        reader = csv.DictReader(io.StringIO(text, newline=""))
+        columns = {(name or "").strip().lower() for name in reader.fieldnames or ()}
+    except (OSError, csv.Error) as error:
         raise RecordingError(f"the table {path} cannot be read: {error}") from error
-    if not rows:
-        raise RecordingError(f"the table {path} has no rows")
-    if _find(rows[0], _FILE) is None:
+    if not columns.intersection(_FILE):
         raise RecordingError(f"the table {path} has no column {' or '.join(_FILE[:4])}")
-    if _find(rows[0], _LABEL) is None and _find(rows[0], _ANGLE) is None:
+    if not columns.intersection(_LABEL + _ANGLE):
         raise RecordingError(f"the table {path} has no column label or angle")
+    rows: list[tuple[str, Row]] = []
+    while True:
+        place = f"{path.name} line {reader.line_num + 1}"
+        try:
+            row = next(reader)
+        except StopIteration:
+            break
+        except csv.Error as error:
+            report.skip(place, f"cannot be read: {error}")
+            continue
+        if any(value is None for value in row.values()):
+            report.skip(place, "the row is cut")
+        else:
+            rows.append((place, {(k or "").strip().lower(): v for k, v in row.items() if k}))
+    if rows and not text.endswith(("\n", "\r")):
+        report.skip(rows.pop()[0], "no line break follows, so the row may be cut")
     return rows
 
 
-def _find(row: dict[str, str], names: tuple[str, ...]) -> str | None:
+def _seconds(text: str | None) -> float | None:
+    try:
+        return float(text or "")
+    except ValueError:
+        return None
+
+
+def _find(row: Row, names: tuple[str, ...]) -> str | None:
     return next((row[name] for name in names if name in row), None)
 
 
-def _label(
-    row: dict[str, str], threshold: float, path: Path, known: Collection[Action]
-) -> Action | None:
+def _label(row: Row, threshold: float, known: Collection[Action]) -> Action | None:
+    """Return the label of a row; raises ValueError if it has none that can be believed."""
     text = _find(row, _LABEL)
     if text is not None and not text.strip():
         return None
     label = read_label(text, known)
     if label is not None:
         return label
-    angle = _find(row, _ANGLE)
-    if text is not None and angle is None:
-        raise RecordingError(f"the table {path} has a label {text[:40]!r} that is not a move")
-    throttle = _find(row, _THROTTLE)
-    return to_move(_number(angle, path), _number(throttle, path) if throttle else None, threshold)
-
-
-def _number(text: str | None, path: Path) -> float:
-    try:
-        number = float(text or "")
-    except ValueError as error:
-        raise RecordingError(f"the table {path} has {text!r} where a number belongs") from error
-    if not math.isfinite(number):
-        raise RecordingError(f"the table {path} has {text!r} where a number belongs")
-    return number
+    angle_text, throttle = _find(row, _ANGLE), _find(row, _THROTTLE)
+    if text is not None and not angle_text:
+        raise ValueError(f"the label {text[:40]!r} is not a move")
+    angle = read_share(angle_text, "the angle")
+    return to_move(angle, read_share(throttle, "the throttle") if throttle else None, threshold)
 
 
 def _shots(
-    folder: Path, rows: list[dict[str, str]], labels: list[Action | None], table: Path
+    folder: Path,
+    rows: list[tuple[str, Row]],
+    times_s: list[float],
+    labels: list[Action | None],
+    report: ImportReport,
 ) -> Iterator[Shot]:
-    first_s: float | None = None
-    last_s = 0.0
-    for index, (row, label) in enumerate(zip(rows, labels, strict=True)):
-        time_text = _find(row, _TIME)
-        t_s = _number(time_text, table) if time_text else index / 20
-        first_s = t_s if first_s is None else first_s
-        last_s = max(t_s - first_s, last_s)
-        name = _find(row, _FILE) or ""
-        picture = read_picture_file(folder, name)
+    for (place, row), t_s, label in zip(rows, times_s, labels, strict=True):
+        try:
+            picture = read_picture_file(folder, _find(row, _FILE) or "")
+        except RecordingError as error:
+            report.skip(place, str(error))
+            continue
         is_correction = row.get("correction") == "yes"
-        yield Shot(t_s=last_s, picture=picture, label=label, is_intervention=is_correction)
+        yield Shot(t_s=t_s, picture=picture, label=label, is_intervention=is_correction)

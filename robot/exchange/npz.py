@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +15,12 @@ from numpy.typing import NDArray
 from robot.devices.pictures import read_picture
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot
+from robot.exchange.report import ImportReport
+from robot.exchange.timeline import make_timeline
+from robot.policy.image import to_rgb
+from robot.store.episodes.editing import moments
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import Episode
 from robot.store.npz import read_arrays
 from robot.types import DEFAULT_MOVES, Action, Encoding, Frame
 
@@ -66,17 +72,67 @@ def load_recording(path: Path | str) -> Recording:
     return _checked(path, arrays)
 
 
-def read_npz(path: Path) -> Drive:
+def read_npz(path: Path, report: ImportReport | None = None) -> Drive:
     """Read a recording of frames and labels; raises RecordingError as `load_recording` does."""
-    recording = load_recording(path)
-    return Drive(name=path.stem, source="npz", shots=_shots(recording))
+    recording, report = load_recording(path), report or ImportReport()
+    line = make_timeline(recording.t_s.tolist())
+    report.remark(line.remark)
+    shots = _shots(recording, line.times_s, report)
+    return Drive(name=path.stem, source="npz", shots=shots, report=report)
 
 
-def _shots(recording: Recording) -> Iterator[Shot]:
-    first_s = float(recording.t_s[0])
-    for index, (data, label) in enumerate(zip(recording.frames, recording.labels, strict=True)):
-        picture = read_picture(data, f"frame {index} of {recording.path}")
-        yield Shot(t_s=float(recording.t_s[index]) - first_s, picture=picture, label=label)
+def _shots(recording: Recording, times_s: list[float], report: ImportReport) -> Iterator[Shot]:
+    pairs = zip(recording.frames, recording.labels, times_s, strict=True)
+    for index, (data, label, t_s) in enumerate(pairs):
+        try:
+            picture = read_picture(data, "the picture")
+        except RecordingError as error:
+            report.skip(f"frame {index}", str(error))
+        else:
+            yield Shot(t_s=t_s, picture=picture, label=label)
+
+
+def write_npz(
+    episode: Episode, notes: Notes, path: Path, *, on_frame: Callable[[], None] = lambda: None
+) -> int:
+    """Write the taught pictures of an episode as a recording; return how many there are.
+
+    A JPEG of 160x120 keeps its bytes; any other picture is scaled. The form has three labels, so
+    pictures that were taught another move are left out.
+
+    Raises:
+        RecordingError: If no picture was taught one of the three.
+        MissingExtraError: If OpenCV is not installed.
+    """
+    files, labels, times_s = [], [], []
+    for moment in moments(episode, notes):
+        on_frame()
+        if not moment.is_deleted and moment.label in DEFAULT_MOVES:
+            files.append(_small_jpeg(episode.frame(moment.frame_id)))
+            labels.append(DEFAULT_MOVES.index(moment.label))
+            times_s.append(moment.at_s)
+    if not files:
+        raise RecordingError("there are no pictures to export: none was taught one of the 3 moves")
+    with path.open("xb") as file:
+        np.savez(
+            file,
+            jpeg=np.frombuffer(b"".join(files), np.uint8),
+            offsets=np.cumsum([0, *map(len, files)], dtype=np.int64),
+            labels=np.array(labels, np.uint8),
+            t=np.array(make_timeline(times_s).times_s, np.float32),
+            meta=np.array(json.dumps({"source": "drivelesson", "episode": episode.id})),
+        )
+    return len(files)
+
+
+def _small_jpeg(frame: Frame) -> bytes:
+    if frame.encoding is Encoding.JPEG and (frame.width, frame.height) == (WIDTH, HEIGHT):
+        return frame.data
+    pixels = to_rgb(frame)
+    import cv2
+
+    small = cv2.resize(pixels, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+    return cv2.imencode(".jpg", small[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
 
 
 def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:

@@ -32,6 +32,23 @@ def to_move(
     return Action.RIGHT if angle > threshold else Action.FORWARD
 
 
+def read_share(value: object, name: str) -> float:
+    """Return a steering angle or a throttle as a program wrote it, as a number or its text.
+
+    Raises:
+        ValueError: If it is not a number from -1 to 1: nothing is put in its place.
+    """
+    try:
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise ValueError
+        share = float(value)
+        if not -1.0 <= share <= 1.0:
+            raise ValueError
+    except (ValueError, OverflowError):
+        raise ValueError(f"{name} is {str(value)[:40]!r}, not a number from -1 to 1") from None
+    return share
+
+
 def check_threshold(threshold: float) -> float:
     """Return the threshold.
 

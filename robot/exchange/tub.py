@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-import re
-from collections.abc import Callable, Iterator
-from itertools import pairwise
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +18,28 @@ from robot.devices.pictures import read_picture_file, write_picture
 from robot.driver import CLASSIC, Move, Point, point_of
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, moves_with
-from robot.exchange.steering import DEFAULT_THRESHOLD, to_move
+from robot.exchange.report import ImportReport
+from robot.exchange.steering import DEFAULT_THRESHOLD, read_share, to_move
+from robot.exchange.timeline import make_timeline
+from robot.exchange.tub_records import (
+    IMAGE,
+    MOVES,
+    Placed,
+    Record,
+    own_name,
+    read_first,
+    read_second,
+)
 from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
 from robot.types import Action
 
-_IMAGE, _ANGLE, _THROTTLE, _MODE = "cam/image_array", "user/angle", "user/throttle", "user/mode"
+_ANGLE, _THROTTLE, _MODE = "user/angle", "user/throttle", "user/mode"
 _LABEL, _FRAME = "drivelesson/label", "drivelesson/frame"
 _CORRECTION = "drivelesson/correction"
 _INPUTS = {
-    _IMAGE: "image_array",
+    IMAGE: "image_array",
     _ANGLE: "float",
     _THROTTLE: "float",
     _MODE: "str",
@@ -39,141 +48,101 @@ _INPUTS = {
     _CORRECTION: "boolean",
 }
 _CATALOG_RECORDS = 1000
-_MOST_TEXT_BYTES = 64 * 2**20
-Record = dict[str, Any]
 
 
-def is_tub(folder: Path) -> bool:
-    """True if the folder looks like a tub of either version."""
-    return (folder / "manifest.json").is_file() or any(folder.glob("record_*.json"))
-
-
-def read_tub(folder: Path, threshold: float = DEFAULT_THRESHOLD) -> Drive:
+def read_tub(
+    folder: Path, threshold: float = DEFAULT_THRESHOLD, report: ImportReport | None = None
+) -> Drive:
     """Read a tub; its pictures are read when the drive is written.
 
+    Records that the autopilot drove, or of which it is not known, have no label.
+
     Raises:
-        RecordingError: If it is not a tub, or broken.
+        RecordingError: If it has no record that can be used.
     """
-    is_second = (folder / "manifest.json").is_file()
-    records = _read_second(folder) if is_second else _read_first(folder)
+    report = report or ImportReport()
+    is_first = any(folder.glob("record_*.json")) and not (folder / "manifest.json").is_file()
+    found, moves = (read_first(folder, report), None) if is_first else read_second(folder, report)
+    records: list[Placed] = []
+    labels: list[Action | None] = []
+    for place, record in found:
+        try:
+            label = _label(record, threshold, moves)
+        except ValueError as error:
+            report.skip(place, str(error))
+        else:
+            records.append((place, record))
+            labels.append(label)
     if not records:
-        raise RecordingError(f"the tub {folder} has no records")
-    pictures = folder / "images" if is_second else folder
-    labels = [_label(record, threshold) for record in records]
-    times_s = _times_s(records)
+        raise RecordingError(f"the tub {folder} has no records to use{report.why_nothing()}")
+    undriven = sum(_LABEL not in record and not _is_by_pilot(record) for _, record in records)
+    if undriven:
+        report.remark(f"not driven by the pilot, so no examples: {undriven} pictures")
+    stamps = [record.get("_timestamp_ms", record.get("milliseconds")) for _, record in records]
+    line = make_timeline([_seconds(stamp) for stamp in stamps])
+    report.remark(line.remark)
     return Drive(
         name=folder.name,
-        source="donkeycar tub v2" if is_second else "donkeycar tub v1",
-        shots=_shots(pictures, records, times_s, labels),
+        source="donkeycar tub v1" if is_first else "donkeycar tub v2",
+        shots=_shots(
+            folder if is_first else folder / "images", records, line.times_s, labels, report
+        ),
         moves=moves_with(labels),
         declared_moves=_declared(records, labels),
-        started_at_s=_started_at_s(records),
+        started_at_s=_seconds(records[0][1].get("_timestamp_ms")) or 0.0,
+        report=report,
     )
 
 
 def _shots(
-    pictures: Path, records: list[Record], times_s: list[float], labels: list[Action | None]
+    pictures: Path,
+    records: list[Placed],
+    times_s: list[float],
+    labels: list[Action | None],
+    report: ImportReport,
 ) -> Iterator[Shot]:
-    for record, t_s, label in zip(records, times_s, labels, strict=True):
-        picture = read_picture_file(pictures, str(record[_IMAGE]))
+    for (place, record), t_s, label in zip(records, times_s, labels, strict=True):
+        try:
+            picture = read_picture_file(pictures, own_name(record[IMAGE]))
+        except RecordingError as error:
+            report.skip(place, str(error))
+            continue
         is_correction = record.get(_CORRECTION) is True
         yield Shot(t_s=t_s, picture=picture, label=label, is_intervention=is_correction)
 
 
-def _label(record: Record, threshold: float) -> Action | None:
+def _is_by_pilot(record: Record) -> bool:
+    """True unless the record says that somebody else steered; old tubs do not say who did."""
+    mode = record.get(_MODE, "user")
+    return isinstance(mode, str) and mode.strip().lower() == "user"
+
+
+def _label(record: Record, threshold: float, moves: Sequence[str] | None) -> Action | None:
+    """Return the label of a record; raises ValueError if it has none that can be believed."""
     if _LABEL in record:  # a tub of ours
-        return _own_label(record[_LABEL])
-    throttle = record.get(_THROTTLE)
-    try:
-        return to_move(
-            float(record[_ANGLE]), None if throttle is None else float(throttle), threshold
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise RecordingError(f"a record of the tub has no usable {_ANGLE}: {error}") from error
-
-
-def _own_label(text: Any) -> Action | None:
-    try:
+        text = record[_LABEL]
+        if not isinstance(text, str) or (text and moves is not None and text not in moves):
+            raise ValueError(f"{_LABEL} is {str(text)[:40]!r}")
         return Action(text) if text else None
-    except ValueError as error:
-        raise RecordingError(f"a record of the tub has a broken {_LABEL}: {error}") from error
+    angle = read_share(record.get(_ANGLE), _ANGLE)
+    throttle = read_share(record[_THROTTLE], _THROTTLE) if _THROTTLE in record else None
+    return to_move(angle, throttle, threshold) if _is_by_pilot(record) else None
 
 
-def _declared(records: list[Record], labels: list[Action | None]) -> tuple[Move, ...]:
+def _declared(records: list[Placed], labels: list[Action | None]) -> tuple[Move, ...]:
     """Return steering and throttle of the driver's own moves, as in a tub that we wrote."""
     found: dict[Action, Move] = {}
-    for record, label in zip(records, labels, strict=True):
+    for (_, record), label in zip(records, labels, strict=True):
         if _LABEL in record and label is not None and label not in CLASSIC | found:
-            with contextlib.suppress(KeyError, TypeError, ValueError):
-                steering, throttle = float(record[_ANGLE]), float(record[_THROTTLE])
+            with contextlib.suppress(ValueError):
+                steering, throttle = (read_share(record.get(n), n) for n in (_ANGLE, _THROTTLE))
                 found[label] = Move(label, steering=steering, throttle=throttle)
     return tuple(found.values())
 
 
-def _times_s(records: list[Record]) -> list[float]:
-    """Return seconds from the first record; twenty a second where no times were written."""
-    stamps = [record.get("_timestamp_ms", record.get("milliseconds")) for record in records]
-    times_s = [stamp / 1000 for stamp in stamps if isinstance(stamp, int | float)]
-    if len(times_s) == len(records) and all(a <= b for a, b in pairwise(times_s)):
-        return [at_s - times_s[0] for at_s in times_s]
-    return [index / 20 for index in range(len(records))]
-
-
-def _started_at_s(records: list[Record]) -> float:
-    stamp = records[0].get("_timestamp_ms")
-    return stamp / 1000 if isinstance(stamp, int | float) and 0 < stamp < 1e14 else 0.0
-
-
-def _read_first(folder: Path) -> list[Record]:
-    numbered = []
-    for path in folder.glob("record_*.json"):
-        match = re.fullmatch(r"record_(\d{1,12})\.json", path.name)
-        if match:
-            numbered.append((int(match[1]), path))
-    return [_checked(_parse(_read_text(path), path), path) for _, path in sorted(numbered)]
-
-
-def _read_second(folder: Path) -> list[Record]:
-    manifest = folder / "manifest.json"
-    lines = [line for line in _read_text(manifest).splitlines() if line.strip()]
-    if len(lines) < 5:
-        raise RecordingError(f"{manifest} has {len(lines)} lines; a tub's has five")
-    catalogs = _parse(lines[4], manifest)
-    try:
-        names, deleted = list(catalogs["paths"]), {int(i) for i in catalogs["deleted_indexes"]}
-    except (KeyError, TypeError, ValueError) as error:
-        raise RecordingError(f"{manifest} is damaged: {error}") from error
-    records = []
-    for name in names:
-        if not isinstance(name, str) or Path(name).name != name:
-            raise RecordingError(f"{str(name)[:80]!r} in {manifest} leads out of the tub")
-        path = folder / name
-        for line in _read_text(path).splitlines():
-            if line.strip():
-                records.append(_checked(_parse(line, path), path))
-    return [r for i, r in enumerate(records) if r.get("_index", i) not in deleted]
-
-
-def _read_text(path: Path) -> str:
-    try:
-        if path.stat().st_size > _MOST_TEXT_BYTES:
-            raise RecordingError(f"{path} is too large")
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path} cannot be read: {error}") from error
-
-
-def _parse(text: str, path: Path) -> Any:
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise RecordingError(f"{path} is damaged: {error}") from error
-
-
-def _checked(record: Any, path: Path) -> Record:
-    if not isinstance(record, dict) or not isinstance(record.get(_IMAGE), str):
-        raise RecordingError(f"a record in {path} names no picture ({_IMAGE})")
-    return record
+def _seconds(stamp_ms: Any) -> float | None:
+    is_number = isinstance(stamp_ms, int | float) and not isinstance(stamp_ms, bool)
+    return stamp_ms / 1000 if is_number and 0 <= stamp_ms < 1e14 else None
 
 
 def write_tub(
@@ -213,7 +182,7 @@ def write_tub(
         index = len(records)
         records.append(
             {
-                _IMAGE: write_picture(frame, folder / "images", f"{index}_cam_image_array_"),
+                IMAGE: write_picture(frame, folder / "images", f"{index}_cam_image_array_"),
                 _MODE: "user" if moment.label else "local",
                 _LABEL: moment.label or "",
                 _FRAME: moment.frame_id,
@@ -237,6 +206,7 @@ def _write_catalogs(
     folder: Path, records: list[Record], episode: Episode, inputs: dict[str, str]
 ) -> None:
     created_s = episode.started_at_s
+    moves = sorted({record[_LABEL] for record in records} - {""})
     names = []
     for start in range(0, max(len(records), 1), _CATALOG_RECORDS):
         stem = f"catalog_{start // _CATALOG_RECORDS}"
@@ -267,7 +237,7 @@ def _write_catalogs(
         [
             list(inputs),
             list(inputs.values()),
-            {"drivelesson_episode": episode.id},
+            {"drivelesson_episode": episode.id, MOVES: moves},
             {"created_at": created_s, "sessions": sessions},
             catalogs,
         ],

@@ -121,7 +121,9 @@ def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storag
         return
     print(f"{'episode':27} {'began':16} {'length':>8} {'frames':>6} {'taught':>6} {'MB':>7}  notes")
     for summary in summaries:
-        began = datetime.fromtimestamp(summary.started_at_s).strftime("%Y-%m-%d %H:%M")
+        began = "unknown"
+        if summary.started_at_s:
+            began = datetime.fromtimestamp(summary.started_at_s).strftime("%Y-%m-%d %H:%M")
         print(
             f"{summary.id:27} {began:16} {summary.duration_s:7.1f}s {summary.frames:6} "
             f"{sum(summary.taught.values()):6} {summary.bytes / 1e6:7.1f}  {_remarks(summary)}"

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from robot.errors import ConfigurationError, MissingExtraError
+from robot.errors import ConfigurationError, MissingExtraError, RecordingError
 from robot.exchange.film import check_suffix
 from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
 from robot.store.episodes.store import EpisodeStore
@@ -19,7 +19,7 @@ from robot.store.folder import Storage
 from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_episodes
 from server.cli.parser import whole
 
-EXPORTS = ("tub", "lerobot", "folder", "film")
+EXPORTS = ("tub", "lerobot", "folder", "npz", "film")
 
 
 def configure_export(parser: argparse.ArgumentParser) -> None:
@@ -43,18 +43,59 @@ def configure_import(parser: argparse.ArgumentParser) -> None:
         default=DEFAULT_THRESHOLD,
         help="steering beyond it is a turn, 0 to 1 (default: %(default)s)",
     )
+    parser.add_argument(
+        "--strict", action="store_true", help="refuse what would be skipped, and import nothing"
+    )
 
 
 def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Import a drive of another program as an episode."""
+    """Import the drives of another program, each as an episode; all of them, or none."""
+    from robot.exchange.report import ImportReport
+    from robot.exchange.sources import find_drives, unpacked
+
+    threshold = check_threshold(args.threshold)
+    whole = ImportReport(is_strict=args.strict)
+    made: list[Path] = []
+    try:
+        with unpacked(args.path, storage.episodes, whole) as path:
+            sources = find_drives(path)
+            for source in sources:
+                try:
+                    made.append(_import_one(source, threshold, args, store))
+                except RecordingError as error:
+                    if len(sources) == 1:
+                        raise
+                    whole.skip(source.name, str(error))
+        if not made:
+            raise RecordingError(f"{args.path} has no drive to use{whole.why_nothing()}")
+    except BaseException:
+        for each in made:
+            each.unlink(missing_ok=True)
+        raise
+    for line in whole.lines():
+        print(line)
+
+
+def _import_one(
+    source: Path, threshold: float, args: argparse.Namespace, store: EpisodeStore
+) -> Path:
     from robot.exchange.drive import write_episode
+    from robot.exchange.report import ImportReport
     from robot.exchange.sources import read_drive
 
-    drive = read_drive(args.path, check_threshold(args.threshold))
-    path = store.new_path(args.name or drive.name)
+    drive = read_drive(source, threshold, ImportReport(is_strict=args.strict))
+    path = store.new_path(args.name or _tidy(drive.name))
     with _progress(None, "picture") as bar:
         count = write_episode(drive, path, on_shot=bar.update)
-    print(f"{path.stem}: {count} pictures from {args.path} ({drive.source})")
+    print(f"{path.stem}: {count} pictures from {source.name} ({drive.source})")
+    for line in drive.report.lines():
+        print(f"  {line}")
+    return path
+
+
+def _tidy(name: str) -> str:
+    """Return the name of a folder as the name of an episode."""
+    return re.sub(r"[^\w .()+,-]", "-", name).strip("-_ .")[:64] or "import"
 
 
 def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
@@ -93,13 +134,17 @@ def _export(
         from robot.exchange.folder import write_folder
 
         return f"{write_folder(episode, notes, out, on_frame=tick)} pictures"
+    if args.form == "npz":
+        from robot.exchange.npz import write_npz
+
+        return f"{write_npz(episode, notes, out, on_frame=tick)} examples"
     from robot.exchange.film import write_look
 
     return f"{write_look(episode, notes, out, fps=args.fps, on_frame=tick)} pictures"
 
 
 def _free_path(folder: Path, episode_id: str, form: str) -> Path:
-    ending = ".mp4" if form == "film" else ""
+    ending = {"film": ".mp4", "npz": ".npz"}.get(form, "")
     for number in itertools.count(1):
         name = re.sub(r"\s+", "-", f"{episode_id}-{form}")
         path = folder / f"{name}{'' if number == 1 else f'-{number}'}{ending}"
@@ -117,4 +162,6 @@ def _progress(total: int | None, unit: str) -> Any:
 
 
 EXPORT = EpisodeVerb("write episodes for other programs", configure_export, export_episodes)
-IMPORT = EpisodeVerb("read a tub, a folder with CSV, or an npz", configure_import, import_episode)
+IMPORT = EpisodeVerb(
+    "read tubs, folders with CSV, or npz; archives, too", configure_import, import_episode
+)

@@ -18,6 +18,7 @@ from robot.devices.pictures import read_picture
 from robot.driver import CLASSIC, point_of
 from robot.errors import RecordingError
 from robot.exchange.drive import write_episode
+from robot.exchange.report import ImportReport
 from robot.exchange.sources import read_drive
 from robot.exchange.steering import to_move
 from robot.store.episodes.edits import Notes
@@ -148,13 +149,13 @@ def refused(path: Path, folder: Path, complaint: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["../secret.jpg", "/etc/hostname", "a/../../secret.jpg", "link.jpg"]
+    "name", ["../secret.jpg", "a/../../secret.jpg", "link.jpg", "..\\secret.jpg", "/etc/hostname"]
 )
 def test_a_picture_outside_of_the_tub_is_not_read(tmp_path: Path, name: str) -> None:
     (tmp_path / "secret.jpg").write_bytes(jpeg(1))
     tub = tub_2(tmp_path / "tub", [{"user/angle": 0.0, "cam/image_array": name}])
     (tub / "images" / "link.jpg").symlink_to(tmp_path / "secret.jpg")
-    refused(tub, tmp_path, "leads out of")
+    refused(tub, tmp_path, "leads out of|cannot be read")
 
 
 def test_a_catalog_outside_of_the_tub_is_not_read(tmp_path: Path) -> None:
@@ -199,10 +200,12 @@ def test_an_image_that_is_no_image_is_refused(tmp_path: Path, data: bytes) -> No
 @pytest.mark.parametrize(
     "manifest", ["", "{}", "[]\n[]\n{}\n{}\n", "[]\n[]\n{}\n{}\n[]\n", "[" * 10_000]
 )
-def test_a_broken_manifest_is_refused(tmp_path: Path, manifest: str) -> None:
-    tub = tub_2(tmp_path / "tub", [{"user/angle": 0.0}])
+def test_without_its_manifest_a_tub_is_its_catalogs(tmp_path: Path, manifest: str) -> None:
+    tub = tub_2(tmp_path / "tub", [{"user/angle": 0.0}, {"user/angle": -1.0}])
     (tub / "manifest.json").write_text(manifest)
-    refused(tub, tmp_path, "manifest|no records")
+    assert imported(tub, tmp_path) == [Action.FORWARD, Action.LEFT]
+    with pytest.raises(RecordingError, match="it is lost"):
+        read_drive(tub, report=ImportReport(is_strict=True))
 
 
 @pytest.mark.parametrize("record", ["{", "[]", "{}", '{"cam/image_array": 7}', "null"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -84,14 +85,46 @@ def test_learn_gives_the_nodes_of_driving_and_saves_them(
     assert (tmp_path / "m.npz").stat().st_size > 1000
 
 
-@pytest.mark.parametrize("form", ["tub", "folder"])
+@pytest.mark.parametrize("form", ["tub", "folder", "npz"])
 def test_out_and_in_again(
     episode_id: str, data: Path, form: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    say(f"episodes export last --as {form} --out {data}/exports/{form}", capsys)
-    say(f"episodes import {data}/exports/{form} --name back", capsys)
+    out = data / f"exports/drive.{form}"
+    say(f"episodes export last --as {form} --out {out}", capsys)
+    say(f"episodes import {out} --name back", capsys)
     say("learn back --learner default --max-nodes 8 --out back", capsys)
     assert ModelStore(Storage(data)).load("back").summary.n_examples == 60
+
+
+def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(
+    episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("one!", "two"):
+        say(f"episodes export last --as folder --out {tmp_path}/drives/{name}", capsys)
+        say(f"episodes export last --as tub --out {tmp_path}/drives/tub-{name}", capsys)
+    next((tmp_path / "drives/two/images").iterdir()).write_bytes(b"")
+    archive = shutil.make_archive(str(tmp_path / "all"), "zip", tmp_path / "drives")
+    assert "is not a picture" in say(f"episodes import {archive} --strict", capsys, status=1)
+    assert EpisodeStore(Storage(data)).ids() == [episode_id]
+    assert not any(path.is_dir() for path in (data / "episodes").iterdir())
+    told = say(f"episodes import {archive}", capsys)
+    assert "60 pictures from two" in told and "skipped: 1" in told
+    assert set(EpisodeStore(Storage(data)).ids()) == {
+        episode_id,
+        "one",
+        "two",
+        "tub-one",
+        "tub-two",
+    }
+
+
+def test_an_import_without_times_is_not_the_last_recording(
+    episode_id: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    say(f"episodes export last --as folder --out {tmp_path}/out", capsys)
+    say(f"episodes import {tmp_path}/out --name zzz", capsys)
+    assert say("episodes show last", capsys) == say(f"episodes show {episode_id}", capsys)
+    assert "unknown" in say("episodes list", capsys)
 
 
 def test_films_and_datasets_go_to_the_exports(

@@ -98,7 +98,7 @@ async function change(home, path, words) {
 
 /** @param {any} episode */
 function title(episode) {
-  return episode.title || new Date(episode.started_at_s * 1000).toLocaleString(language, { dateStyle: 'medium', timeStyle: 'medium' });
+  return episode.title || (!episode.started_at_s && episode.id) || new Date(episode.started_at_s * 1000).toLocaleString(language, { dateStyle: 'medium', timeStyle: 'medium' });
 }
 
 /** @param {any} episode */

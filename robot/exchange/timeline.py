@@ -1,0 +1,129 @@
+"""A time line out of whatever times there are: equal, backward, with jumps, with holes, or none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby, pairwise
+from statistics import median
+
+LONGEST_GAP_S = 1.0
+"""Films and data sets are cut where more time than this passed between two pictures."""
+_LONGEST_PAUSE_S = 60.0
+"""What is longer is taken for a clock that was set, or for the end of a session."""
+_CUT_PAUSE_S = 2.0
+"""What remains of such a pause: still a gap."""
+_USUAL_S = 1 / 20
+_MOST_S = 1e11
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timeline:
+    """Seconds from the first picture, strictly ascending, and what had to be repaired."""
+
+    times_s: list[float]
+    usual_s: float
+    remark: str | None = None
+
+
+def make_timeline(stamps_s: Sequence[object]) -> Timeline:
+    """Return a time for each picture.
+
+    A stamp that is missing or out of order takes its place between its neighbours. Equal stamps
+    share the time until the next, or follow each other at the usual distance. Where the clock was
+    set back the time line runs on. A pause of more than a minute becomes two seconds.
+
+    Args:
+        stamps_s: Seconds of any clock; anything else than a finite number counts as missing.
+    """
+    read = [_seconds(stamp) for stamp in stamps_s]
+    if not read:
+        return Timeline(times_s=[], usual_s=_USUAL_S)
+    known = [stamp for stamp in read if stamp is not None]
+    if not known:
+        times_s = [index * _USUAL_S for index in range(len(read))]
+        remark = "no times: taken as 20 pictures a second" if len(read) > 1 else None
+        return Timeline(times_s=times_s, usual_s=_USUAL_S, remark=remark)
+    filled, outliers = _filled(read, known[0])
+    runs = [(stamp, len(list(same))) for stamp, same in groupby(filled)]
+    usual_s = _usual(runs)
+    times_s, at_s, pauses, backward = [0.0] * len(filled), 0.0, [], 0
+    index = 0
+    for number, (stamp, count) in enumerate(runs):
+        ahead_s = runs[number + 1][0] - stamp if number + 1 < len(runs) else count * usual_s
+        backward += ahead_s < 0
+        if ahead_s > _LONGEST_PAUSE_S:
+            pauses.append(ahead_s)
+            ahead_s = _CUT_PAUSE_S
+        step_s = ahead_s / count
+        if (count > 1 and not 0.75 * usual_s < step_s < 3 * usual_s) or step_s <= 0:
+            step_s = usual_s
+        end_s = max(at_s + ahead_s, at_s + count * step_s)
+        for place in range(count):
+            times_s[index] = at_s + place * step_s
+            index += 1
+        at_s = end_s
+    equal = len(known) - outliers - len(runs)
+    remark = _remark(len(read) - len(known), outliers, equal, backward, pauses)
+    return Timeline(times_s=times_s, usual_s=usual_s, remark=remark)
+
+
+def without_gaps(times_s: Sequence[float], usual_s: float) -> list[float]:
+    """Return the times with each gap shortened to the usual distance."""
+    at_s = 0.0
+    shortened = [at_s] if times_s else []
+    for before_s, after_s in pairwise(times_s):
+        step_s = after_s - before_s
+        at_s += usual_s if step_s > LONGEST_GAP_S else step_s
+        shortened.append(at_s)
+    return shortened
+
+
+def _seconds(stamp: object) -> float | None:
+    if isinstance(stamp, bool) or not isinstance(stamp, int | float):
+        return None
+    return float(stamp) if abs(stamp) < _MOST_S and math.isfinite(stamp) else None
+
+
+def _filled(read: list[float | None], first_s: float) -> tuple[list[float], int]:
+    """Give a stamp that is missing, or alone out of order, the one before it."""
+    filled, before_s, outliers = [], first_s, 0
+    known = [index for index, stamp in enumerate(read) if stamp is not None]
+    after = dict(pairwise(known))
+    for index, stamp in enumerate(read):
+        following = read[after[index]] if index in after else None
+        if stamp is not None and following is not None and before_s <= following:
+            is_outlier = index != known[0] and (stamp < before_s or stamp > following)
+            outliers += is_outlier
+            stamp = None if is_outlier else stamp
+        before_s = before_s if stamp is None else stamp
+        filled.append(before_s)
+    return filled, outliers
+
+
+def _usual(runs: list[tuple[float, int]]) -> float:
+    """Return the usual distance of two pictures, in seconds."""
+    steps_s = [
+        (after_s - stamp) / count
+        for (stamp, count), (after_s, _) in pairwise(runs)
+        for _ in range(count)
+        if 0 < after_s - stamp <= LONGEST_GAP_S * count
+    ]
+    return median(steps_s) if steps_s else _USUAL_S
+
+
+def _remark(
+    missing: int, outliers: int, equal: int, backward: int, pauses: list[float]
+) -> str | None:
+    found = [
+        f"{missing} without a time" if missing else "",
+        f"{equal} equal" if equal > 0 else "",
+        f"{outliers} out of order" if outliers else "",
+        f"{backward} times back" if backward else "",
+        f"{len(pauses)} pauses of up to {max(pauses):.0f} s shortened to {_CUT_PAUSE_S:g} s"
+        if pauses
+        else "",
+    ]
+    told = ", ".join(text for text in found if text)
+    return f"times repaired: {told}" if told else None

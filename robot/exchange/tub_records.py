@@ -1,0 +1,129 @@
+"""The records of a donkeycar tub, as far as they are whole.
+
+Cars are switched off while they write, and tubs are copied in part. So each record stands for
+itself: one that is damaged is skipped, and the others are taken.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from robot.exchange.report import ImportReport
+
+IMAGE = "cam/image_array"
+MOVES = "drivelesson_moves"
+"""Where a manifest of ours names the moves, so that a damaged label is none of them."""
+_MOST_TEXT_BYTES = 64 * 2**20
+_MOST_LINE_CHARS = 2**20
+_DECODER = json.JSONDecoder()
+Record = dict[str, Any]
+Placed = tuple[str, Record]
+"""A record, and where it was found."""
+
+
+def is_tub(folder: Path) -> bool:
+    """True if the folder looks like a tub of either version, whole or not."""
+    is_second = (folder / "manifest.json").is_file() or any(folder.glob("*.catalog"))
+    return is_second or any(folder.glob("record_*.json"))
+
+
+def read_first(folder: Path, report: ImportReport) -> list[Placed]:
+    """Return the records of a tub 1, in the order of their numbers."""
+    numbered = []
+    for path in folder.glob("record_*.json"):
+        match = re.fullmatch(r"record_(\d{1,12})\.json", path.name)
+        if match:
+            numbered.append((int(match[1]), path))
+    return [
+        (path.name, record)
+        for _, path in sorted(numbered)
+        for record in _records(_read_text(path, report), path.name, report)
+    ]
+
+
+def read_second(folder: Path, report: ImportReport) -> tuple[list[Placed], list[str] | None]:
+    """Return the records that were not deleted, and the moves that a tub of ours names."""
+    names, deleted, moves = _read_manifest(folder, report)
+    records = []
+    for name in names:
+        own = own_name(name)
+        if Path(own).name != own:
+            report.skip(name[:80], "leads out of the tub")
+            continue
+        for number, line in enumerate(_read_text(folder / own, report).split("\n"), start=1):
+            if line.strip():
+                place = f"{own} line {number}"
+                records += [(place, record) for record in _records(line, place, report)]
+    return [r for i, r in enumerate(records) if r[1].get("_index", i) not in deleted], moves
+
+
+def _read_manifest(
+    folder: Path, report: ImportReport
+) -> tuple[list[str], list[Any], list[str] | None]:
+    """Return the names of the catalogs, what was deleted, and the moves, as far as they are known.
+
+    Where the manifest is lost, the catalogs that are there are taken in their order.
+    """
+    path = folder / "manifest.json"
+    lines = [_parse(line) for line in _read_text(path, report).splitlines() if line.strip()]
+    catalogs = lines[4] if len(lines) > 4 and isinstance(lines[4], dict) else {}
+    named = catalogs.get("paths")
+    if not isinstance(named, list):
+        there = (p.name for p in folder.glob("*.catalog"))
+        names = sorted(there, key=lambda name: (int("0" + re.sub(r"[^0-9]", "", name)[:18]), name))
+        report.skip(path.name, "it is lost, so records that had been deleted cannot be told")
+        return names, [], None
+    deleted = catalogs.get("deleted_indexes")
+    if not isinstance(deleted, list):
+        deleted = []
+        report.remark("the manifest does not say which records were deleted: none is left out")
+    moves = lines[2].get(MOVES) if isinstance(lines[2], dict) else None
+    is_list = isinstance(moves, list)
+    return [str(name) for name in named], deleted, moves if is_list else None
+
+
+def _read_text(path: Path, report: ImportReport) -> str:
+    """Read a file as far as it is text; what cannot be read is skipped whole."""
+    try:
+        if path.stat().st_size > _MOST_TEXT_BYTES:
+            report.skip(path.name, "it is too large")
+            return ""
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        report.skip(path.name, f"cannot be read: {error.strerror or error}")
+        return ""
+
+
+def _records(text: str, place: str, report: ImportReport) -> Iterator[Record]:
+    """Yield the records of a line: one, or more where a power cut took a line break."""
+    left_out, at = "", 0
+    while len(text) <= _MOST_LINE_CHARS and (begin := text.find("{", at)) >= 0:
+        left_out += text[at:begin]
+        try:
+            record, at = _DECODER.raw_decode(text, begin)
+        except (ValueError, RecursionError):
+            left_out, at = "{", begin + 1
+            continue
+        if isinstance(record.get(IMAGE), str):
+            yield record
+        else:
+            report.skip(place, f"names no picture ({IMAGE})")
+    if (left_out + text[at:]).strip() or not text.strip():
+        report.skip(place, "the record is damaged or cut")
+
+
+def _parse(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+
+
+def own_name(name: str) -> str:
+    """Return the last part of an absolute path, of any system: a tub that was moved keeps them."""
+    is_absolute = name.startswith(("/", "\\")) or re.match(r"[A-Za-z]:[\\/]", name)
+    return re.split(r"[\\/]", name)[-1] if is_absolute else name
