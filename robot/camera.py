@@ -20,6 +20,16 @@ class Camera(StartStop):
     each to `_publish`, which overwrites the one slot and wakes the listener. Reading never
     blocks, so a frozen camera cannot hold up the loop. `start` and `stop` are idempotent.
     Options are declared as a driver declares its own.
+
+    Example:
+        >>> from robot.clock import ManualClock
+        >>> from robot.testing import FakeCamera
+        >>> camera = FakeCamera(ManualClock(), width=80, height=60)
+        >>> camera.latest() is None
+        True
+        >>> frame = camera.take()
+        >>> camera.latest() is frame, frame.frame_id, len(frame.data)
+        (True, 1, 14400)
     """
 
     name: ClassVar[str]

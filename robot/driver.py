@@ -41,6 +41,11 @@ class Move:
 
     Raises:
         ValueError: If a field is out of range; says which.
+
+    Example:
+        >>> drift = Move("drift", icon="↪", does="slides to the left", steering=-0.7, throttle=0.9)
+        >>> drift.point
+        (-0.7, 0.9)
     """
 
     name: Action
@@ -164,6 +169,15 @@ class Driver(ABC):
     moves in `declared_moves`.
     `connect`, `stop` and `disconnect` are idempotent, and the last two are safe on a
     half-built driver. All methods but `__init__` may be called from any one thread at a time.
+    `drivelesson new-driver NAME` writes one to begin with; `robot.testing` tests it.
+
+    Example:
+        >>> from robot.testing import FakeDriver
+        >>> with FakeDriver() as body:
+        ...     body.send_action(Action.FORWARD, speed_scale=0.5)
+        'forward'
+        >>> body.now
+        'stop'
     """
 
     name: ClassVar[str]

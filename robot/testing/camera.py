@@ -26,6 +26,14 @@ class FakeCamera(Camera):
         rate_hz: Pictures a second.
         age_s: How old a picture is when it arrives: exposure and transfer.
         is_frozen: No picture comes while it is set.
+
+    Example:
+        >>> from robot.testing import VirtualClock
+        >>> clock = VirtualClock()
+        >>> with FakeCamera(clock, rate_hz=10.0) as camera:
+        ...     clock.sleep(0.95)
+        ...     camera.latest().frame_id
+        10
     """
 
     name: ClassVar[str] = "fake"

@@ -27,6 +27,13 @@ class FakeDriver(Driver):
         failure: What `send_action` raises as a DriveError; None lets it work.
         sensors: What `sense` returns.
         button: What the next `take_button` returns.
+
+    Example:
+        >>> body = FakeDriver()
+        >>> body.failure = "the cable is out"
+        >>> body.send_action(Action.LEFT)
+        Traceback (most recent call last):
+        robot.errors.DriveError: the cable is out
     """
 
     name: ClassVar[str] = "fake"

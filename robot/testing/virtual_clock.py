@@ -31,6 +31,12 @@ class VirtualClock(ManualClock):
     Threads that it started run one at a time and change only where they wait, so a run is the
     same each time. An asyncio program runs on `run` or a `runner`, whose event loop has this
     clock's time and takes turns with the threads.
+
+    Example:
+        >>> clock = VirtualClock()
+        >>> clock.sleep(3600.0)  # at once
+        >>> clock.now_s()
+        3600.0
     """
 
     def __init__(self, start_s: float = 0.0, wall_start_s: float = WALL_START_S) -> None:

@@ -20,14 +20,16 @@ from robot.testing.virtual_clock import VirtualClock
 class VirtualRobot:
     """The parts that `Rig.start` would run on threads, here as events of one event loop.
 
-    Use it inside of `VirtualClock.run`, as an async context manager::
+    Use it inside of `VirtualClock.run`, as an async context manager.
 
-        async def main() -> None:
-            async with VirtualRobot(clock) as world:
-                await world.until(lambda: world.driver.now is Action.STOP)
-
-        clock = VirtualClock()
-        clock.run(main())
+    Example:
+        >>> async def main() -> int:
+        ...     async with VirtualRobot(clock) as world:
+        ...         await world.forward(1.0)
+        ...         return world.loop.state.frame_id
+        >>> clock = VirtualClock()
+        >>> clock.run(main())
+        30
 
     Args:
         clock: On which the event loop runs.
