@@ -1,12 +1,12 @@
-"""Beyond the paper: other behaviours (its future work), and more than three moves."""
+"""Beyond the paper: other behaviours (its future work)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from robot.lab.experiment import ExperimentSettings, Plot, group
-from robot.lab.tables import SSD_COLUMNS, Table, spread, ssd_cells
+from robot.lab.experiment import Experiment, ExperimentSettings, group
+from robot.lab.tables import Table, spread
 from robot.lab.task import Result, Task
 
 BEHAVIOURS: Mapping[str, dict[str, Any]] = {
@@ -41,7 +41,7 @@ BEHAVIOURS: Mapping[str, dict[str, Any]] = {
 LEARNERS = ("published-32", "default-32", "default-128")
 
 
-class Behaviours:
+class Behaviours(Experiment):
     """Wall following, following a thing, pushing a thing."""
 
     name = "behaviours"
@@ -85,10 +85,6 @@ class Behaviours:
             )
         return tables
 
-    def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """Tables say it all."""
-        return []
-
 
 _COLUMNS = ("runs", "right m", "in view", "at wall", "seconds", "longest push s", "m/min")
 _NAMES = ("right_m", "in_view", "brought_to_wall", "seconds", "longest_push_s", "driven_m_per_min")
@@ -100,53 +96,3 @@ def _cells(figures: Sequence[Mapping[str, float | None]]) -> tuple[float | int |
         return spread(values).mean if values else None
 
     return (len(figures), *(mean(name) for name in _NAMES))
-
-
-class MoreMoves:
-    """Turning on the spot in place of turning about one wheel."""
-
-    name = "moves"
-    title = "Beyond the paper: other moves"
-    text = (
-        "The office with the teacher of trial 3, who turns about one wheel, and with the same "
-        "teacher spinning on the spot. 90 s of teaching, 330 s of correction, 60 s alone."
-    )
-    SETS: Mapping[str, tuple[str, ...]] = {
-        "about one wheel": ("forward", "left", "right"),
-        "on the spot": ("forward", "spin_left", "spin_right"),
-    }
-
-    def plan(self, settings: ExperimentSettings) -> list[Task]:
-        """Plan each set of moves with each learner and seed."""
-        return [
-            Task(
-                kind="lesson",
-                params={
-                    "world": "office",
-                    "teacher": settings.teacher or "habit",
-                    "moves": moves,
-                    "how": how,
-                    "learner": learner,
-                    "teach_s": 90.0,
-                    "correct_s": 330.0,
-                    "seed": seed,
-                },
-            )
-            for how, moves in self.SETS.items()
-            for learner in settings.learners or ("default-32",)
-            for seed in range(settings.n_seeds)
-        ]
-
-    def tables(
-        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
-    ) -> list[Table]:
-        """Return one table."""
-        rows = tuple(
-            (f"{learner}, turns {how}", *ssd_cells([run["after"] for run in runs]))
-            for (learner, how), runs in group(tasks, results, "learner", "how").items()
-        )
-        return [Table(title="Moves, after retraining", columns=("SSD", *SSD_COLUMNS), rows=rows)]
-
-    def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """Tables say it all."""
-        return []

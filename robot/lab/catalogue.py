@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from robot.lab.ablation import Ablation
-from robot.lab.behaviours import Behaviours, MoreMoves
-from robot.lab.delay import Delay
+from robot.lab.behaviours import Behaviours
 from robot.lab.experiment import Experiment
 from robot.lab.figure3 import Figure3
 from robot.lab.figure5 import Figure5
-from robot.lab.figure6 import Figure6
-from robot.lab.figure7 import Figure7
-from robot.lab.figure8 import Figure8
 from robot.lab.ground.ground import Ground
 from robot.lab.habits import Habits
+from robot.lab.lessons import ABLATION, DELAY, FIGURE6, FIGURE7, FIGURE8, MOVES
 from robot.lab.mind import Mind
 from robot.lab.ready import Ready
 
 EXPERIMENTS: dict[str, Experiment] = {
     experiment.name: experiment
     for experiment in (
-        *(Figure3(), Figure5(), Figure6(), Figure7(), Figure8()),
-        *(Delay(), MoreMoves(), Behaviours(), Ablation(), Habits(), Ready(), Mind(), Ground()),
+        *(Figure3(), Figure5(), FIGURE6, FIGURE7, FIGURE8),
+        *(DELAY, MOVES, Behaviours(), ABLATION, Habits(), Ready(), Mind(), Ground()),
     )
 }
 """In the order in which `all` runs them."""

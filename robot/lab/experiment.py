@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from robot.lab.tables import Table
 from robot.lab.task import Result, Task
@@ -45,26 +45,26 @@ class Plot:
     log_y: bool = False
 
 
-class Experiment(Protocol):
+class Experiment(ABC):
     """One figure of the paper, or one question beyond it."""
 
     name: str
     title: str
     text: str
 
+    @abstractmethod
     def plan(self, settings: ExperimentSettings) -> list[Task]:
         """Return the tasks to run."""
-        ...
 
+    @abstractmethod
     def tables(
         self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
     ) -> list[Table]:
         """Return the results as tables."""
-        ...
 
     def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """Return the results as plots."""
-        ...
+        """Return the results as plots; none where the tables are enough."""
+        return []
 
 
 def group(

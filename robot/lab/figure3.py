@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from robot.lab.experiment import ExperimentSettings, Plot, group
-from robot.lab.figure7 import TRIALS
+from robot.lab.experiment import Experiment, ExperimentSettings, Plot, group
 from robot.lab.footage import recorded_pairs
+from robot.lab.lessons import TRIALS
 from robot.lab.published import FIGURE_3
 from robot.lab.tables import Cell, Table, spread
 from robot.lab.task import Result, Task
@@ -15,7 +15,7 @@ from robot.lab.task import Result, Task
 LEARNERS = ("knn-3", "knn-9", "published-32", "published-64", "published-128", "default-32")
 
 
-class Figure3:
+class Figure3(Experiment):
     """How many of 700 frames are classified correctly."""
 
     name = "figure3"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Sequence
 
-from robot.lab.experiment import ExperimentSettings, Plot, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Plot, group
 from robot.lab.published import FIGURE_5_APPLYING_HZ, FIGURE_5_LEARNING_HZ
 from robot.lab.tables import Table
 from robot.lab.task import Result, Task
@@ -14,7 +14,7 @@ NODES = (2, 4, 8, 16, 32, 64, 128)
 KINDS = ("published", "default")
 
 
-class Figure5:
+class Figure5(Experiment):
     """How the cycle slows down as nodes are added."""
 
     name = "figure5"

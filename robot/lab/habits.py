@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from robot.lab.experiment import ExperimentSettings, Plot, group
+from robot.lab.experiment import Experiment, ExperimentSettings, group
 from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.tables import Cell, Table
 from robot.lab.task import Result, Task
@@ -21,7 +21,7 @@ _DRAWS = 1000
 QUICK = (("irregular", "fork", 30.0), ("wall", "office", 10.0), ("sloppy", "box", 15.0))
 
 
-class Habits:
+class Habits(Experiment):
     """Does it drive like its pilot, for every kind of pilot, and never get stuck?"""
 
     name = "habits"
@@ -77,10 +77,6 @@ class Habits:
                 )
             )
         return tables
-
-    def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """Return no plots: the tables are enough."""
-        return []
 
 
 def _task(

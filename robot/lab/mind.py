@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Sequence
 
-from robot.lab.experiment import ExperimentSettings, Plot, group
+from robot.lab.experiment import Experiment, ExperimentSettings, group
 from robot.lab.tables import Cell, Table
 from robot.lab.task import Result, Task
 
@@ -15,7 +15,7 @@ FIRST_SEED = 900
 NEVER_LEFT = ", never taught left"
 
 
-class Mind:
+class Mind(Experiment):
     """What contrary teaching is worth, beside a robot that was never taught the other side."""
 
     name = "mind"
@@ -78,10 +78,6 @@ class Mind:
                 )
         columns = ("", "runs", "right, median", "mean", "least", "left", "of all", "own turns")
         return [Table(title="Where the pilot turns right", columns=columns, rows=tuple(rows))]
-
-    def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """Return no plots: the table is enough."""
-        return []
 
 
 def _percent(counts: Sequence[dict[str, int]], part: str, whole: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Sequence
 
-from robot.lab.experiment import ExperimentSettings, Plot
+from robot.lab.experiment import Experiment, ExperimentSettings
 from robot.lab.habits import RATES_HZ, WORLDS
 from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.tables import Cell, Table
@@ -17,7 +17,7 @@ LIMIT_S = 1200.0
 FIRST_SEED = 700
 
 
-class Ready:
+class Ready(Experiment):
     """What a robot that was called ready does in the minute after."""
 
     name = "ready"
@@ -60,10 +60,6 @@ class Ready:
         return [
             Table(title="The minute after", columns=("called ready", *_COLUMNS), rows=tuple(rows))
         ]
-
-    def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """Return no plots: the table is enough."""
-        return []
 
 
 _COLUMNS = (

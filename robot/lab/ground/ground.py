@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robot.lab.experiment import ExperimentSettings, Plot, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Plot, group
 from robot.lab.ground.run import TEACHER
 from robot.lab.ground.worlds import WORLDS
 from robot.lab.tables import Cell, Table
@@ -25,7 +25,7 @@ _DRAWS = 2000
 """Of the bootstrap that the intervals come from."""
 
 
-class Ground:
+class Ground(Experiment):
     """Each learner in each world, taught in each way."""
 
     name = "ground"
