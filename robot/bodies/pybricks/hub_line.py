@@ -9,10 +9,11 @@ import asyncio
 import contextlib
 import queue
 import struct
-import threading
+from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
+from robot.bodies.remote.event_loop import EventLoopThread, said
 from robot.clock import Clock
 
 SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
@@ -24,7 +25,6 @@ PROGRAM_RUNS = 1 << 6
 SCAN_S = 8.0
 SEND_S = 0.3
 """A write that takes longer has failed; the one under way is never followed by a second."""
-_AGAIN_S = 0.5
 _LONGEST_LINE = 200
 _MOST_WAITING = 20
 
@@ -41,35 +41,25 @@ class HubLine:
     """
 
     def __init__(self, bluetooth: Any, hub: str, clock: Clock) -> None:
-        self._bluetooth, self._hub, self._clock = bluetooth, hub, clock
+        self._bluetooth, self._hub = bluetooth, hub
         self._received: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)
         self._client: Any = None
-        self._trouble = "not connected"
         self._runs = True
         self._rest = b""
         self._chunk = 19
         self._writing: Future[None] | None = None
-        self._loop = asyncio.new_event_loop()
-        self._first: Future[None] = Future()
-        self._thread = threading.Thread(target=self._run, name="pybricks", daemon=True)
-        self._thread.start()
-        try:
-            self._first.result()
-        except BaseException:
-            self.close()
-            raise
+        self._worker = EventLoopThread("pybricks", clock)
+        self._worker.keep(self._connect_once)
 
     def send(self, message: bytes) -> None:
         """Write one line to the program; see `MessageLine`."""
         if self._client is None:
-            raise ConnectionError(self._trouble)
+            raise ConnectionError(self._worker.trouble)
         if not self._runs:
             raise ConnectionError("its program was ended; its button starts it again")
         if self._writing is not None and not self._writing.done():
             raise ConnectionError("it takes nothing more")
-        self._writing = asyncio.run_coroutine_threadsafe(
-            self._write(self._client, message), self._loop
-        )
+        self._writing = self._worker.submit(self._write(self._client, message))
         self._writing.result(SEND_S)
 
     def receive(self, timeout_s: float) -> bytes | None:
@@ -83,35 +73,11 @@ class HubLine:
 
     def close(self) -> None:
         """Disconnect and end the thread; see `MessageLine`."""
-        if self._loop.is_closed():
-            return
-        self._loop.call_soon_threadsafe(self._task.cancel)
-        self._thread.join()
-        self._loop.close()
+        self._worker.close()
 
     # On the thread -----------------------------------------------------------------------------
 
-    def _run(self) -> None:
-        self._task = self._loop.create_task(self._stay_connected())
-        with contextlib.suppress(asyncio.CancelledError):
-            self._loop.run_until_complete(self._task)
-        for task in asyncio.all_tasks(self._loop):  # a write that nobody waits for any more
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError, Exception):
-                self._loop.run_until_complete(task)
-
-    async def _stay_connected(self) -> None:
-        while True:
-            try:
-                await self._connect_once()
-            except Exception as error:  # the library has many kinds of "it is gone"
-                self._trouble = str(error) or type(error).__name__
-                if not self._first.done():
-                    self._first.set_exception(ConnectionError(self._trouble))
-                    return
-            await self._clock.pause(_AGAIN_S)
-
-    async def _connect_once(self) -> None:
+    async def _connect_once(self, connected: Callable[[], None]) -> None:
         """Find the hub, start its program, and return when the connection is lost."""
         device = await self._bluetooth.BleakScanner.find_device_by_filter(
             lambda found, said: (
@@ -134,11 +100,10 @@ class HubLine:
             with contextlib.suppress(self._bluetooth.BleakError):
                 await client.write_gatt_char(COMMAND_EVENT, bytes([START_PROGRAM]), True)
             self._runs, self._client = True, client
-            if not self._first.done():
-                self._first.set_result(None)
+            connected()
             try:
                 await lost.wait()
-                self._trouble = "the connection was lost"
+                self._worker.trouble = "the connection was lost"
             finally:
                 self._client = None
 
@@ -149,7 +114,7 @@ class HubLine:
             try:
                 await client.write_gatt_char(COMMAND_EVENT, bytes([WRITE_STDIN]) + part, True)
             except Exception as error:
-                raise ConnectionError(str(error) or type(error).__name__) from error
+                raise ConnectionError(said(error)) from error
 
     def _take(self, _: Any, data: bytearray) -> None:
         """Take an event of the hub: whether its program runs, or what that wrote."""

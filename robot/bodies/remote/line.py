@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import socket
-from collections.abc import Coroutine
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
+from robot.bodies.remote.event_loop import EventLoopThread
+from robot.clock import RealClock
 from robot.errors import ConfigurationError, MissingExtraError
 
-_T = TypeVar("_T")
 _OPENS_S, _OPENS_AGAIN_S, _SENDS_S = 4.0, 1.0, 0.5
 _MOST_UNANSWERED = 10
 """After so many messages without an answer, a second and a half, the connection is a dead one."""
@@ -57,7 +56,7 @@ class UdpLine:
 
 
 class WebsocketLine:
-    """A websocket that the robot serves; one event loop of its own, run by whoever calls.
+    """A websocket that the robot serves.
 
     A connection that fails, or on which nothing is heard any more, is closed, and the next message
     opens another. What was being sent is not sent again: what comes later is no order any more.
@@ -69,31 +68,21 @@ class WebsocketLine:
         except ImportError as error:
             raise MissingExtraError("the robot 'ws'", "demo") from error
         self._connect = connect
-        self._loop = asyncio.new_event_loop()
+        self._worker = EventLoopThread("websocket", RealClock())
+        self._run = self._worker.run
         self._address = host, port
         self._socket: Any = None
         self._unanswered = 0
         try:
             self._socket = self._run(self._open(*self._address), _OPENS_S)
         except BaseException:
-            self._loop.close()
+            self._worker.close()
             raise
 
     async def _open(self, host: str, port: int) -> Any:
         return await self._connect(
             f"ws://{host}:{port}/", compression=None, max_size=2048, close_timeout=_SENDS_S
         )
-
-    def _run(self, work: Coroutine[Any, Any, _T], timeout_s: float) -> _T:
-        async def in_time() -> _T:
-            return await asyncio.wait_for(work, timeout_s)
-
-        try:
-            return self._loop.run_until_complete(in_time())
-        except TimeoutError:
-            raise
-        except Exception as error:  # the library has many kinds of "it is gone"
-            raise ConnectionError(str(error) or type(error).__name__) from error
 
     def send(self, message: bytes) -> None:
         """Send a message of text; see `MessageLine`."""
@@ -125,9 +114,8 @@ class WebsocketLine:
 
     def close(self) -> None:
         """Let go; see `MessageLine`."""
-        if not self._loop.is_closed():
-            self._drop()
-            self._loop.close()
+        self._drop()
+        self._worker.close()
 
     def _drop(self) -> None:
         socket, self._socket, self._unanswered = self._socket, None, 0

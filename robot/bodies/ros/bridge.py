@@ -8,11 +8,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import Any
 
+from robot.bodies.remote.event_loop import EventLoopThread, said
 from robot.clock import Clock
 from robot.errors import MissingExtraError
 
@@ -23,7 +23,6 @@ PING_EVERY_S = 0.1
 GONE_S = 0.4
 """After so long without any sign of life the bridge counts as gone."""
 MAX_BYTES = 6 * 2**20
-_AGAIN_S = 0.5
 _LOST_S = 3.0
 """After so long the connection is closed and opened again."""
 
@@ -65,18 +64,10 @@ class RosBridge:
         self._on_message = on_message
         self._socket: Any = None
         self._heard_s = clock.now_s()
-        self._trouble = ""
         self._ends: dict[str, asyncio.TimerHandle] = {}
         self._sending: dict[str, Future[None]] = {}
-        self._first: Future[None] = Future()
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._run, name="rosbridge", daemon=True)
-        self._thread.start()
-        try:
-            self._first.result()
-        except BaseException:
-            self.close()
-            raise
+        self._worker = EventLoopThread("rosbridge", clock)
+        self._worker.keep(self._connect_once)
 
     @property
     def silent_s(self) -> float:
@@ -86,7 +77,7 @@ class RosBridge:
     @property
     def trouble(self) -> str:
         """What went wrong last, in brackets; empty if nothing did."""
-        return self._trouble
+        return f" ({self._worker.trouble})" if self._worker.trouble else ""
 
     def publish(self, topic: str, message: Message) -> None:
         """Publish one message, and wait until it is sent.
@@ -107,11 +98,7 @@ class RosBridge:
 
     def close(self) -> None:
         """Disconnect and end the thread; idempotent."""
-        if self._loop.is_closed():
-            return
-        self._loop.call_soon_threadsafe(self._task.cancel)
-        self._thread.join()
-        self._loop.close()
+        self._worker.close()
 
     def _send(
         self, topic: str, message: Message, ends: tuple[Message, float] | None
@@ -119,60 +106,41 @@ class RosBridge:
         before = self._sending.get(topic)
         if before is not None and not before.done():
             raise ConnectionError("the bridge takes nothing more")
-        if self._loop.is_closed():
-            raise ConnectionError("the connection is closed")
-        coming = self._publish(topic, message, ends)
-        future = self._sending[topic] = asyncio.run_coroutine_threadsafe(coming, self._loop)
+        future = self._sending[topic] = self._worker.submit(self._publish(topic, message, ends))
         return future
 
     # On the thread -----------------------------------------------------------------------------
 
-    def _run(self) -> None:
-        self._task = self._loop.create_task(self._stay_connected())
-        with contextlib.suppress(asyncio.CancelledError):
-            self._loop.run_until_complete(self._task)
-        for task in asyncio.all_tasks(self._loop):
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError, Exception):
-                self._loop.run_until_complete(task)
-        self._loop.run_until_complete(self._clock.pause(0.01))  # transports close a little later
-
-    async def _stay_connected(self) -> None:
+    async def _connect_once(self, connected: Callable[[], None]) -> None:
         from websockets import connect
 
-        while True:
-            try:
-                async with asyncio.timeout(CONNECT_S):
-                    socket = await connect(
-                        self._url,
-                        compression=None,
-                        max_size=MAX_BYTES,
-                        ping_interval=None,
-                        close_timeout=SEND_S,
-                    )
-                try:
-                    await self._serve(socket)
-                finally:
-                    self._socket = None
-                    self._end_all()
-                    with contextlib.suppress(Exception):
-                        await socket.close()
-            except Exception as error:  # the library has many kinds of "it is gone"
-                self._trouble = f" ({str(error) or type(error).__name__})"
-                if not self._first.done():
-                    self._first.set_exception(ConnectionError(str(error) or "no answer in time"))
-                    return
-            await self._clock.pause(_AGAIN_S)
+        try:
+            async with asyncio.timeout(CONNECT_S):
+                socket = await connect(
+                    self._url,
+                    compression=None,
+                    max_size=MAX_BYTES,
+                    ping_interval=None,
+                    close_timeout=SEND_S,
+                )
+        except TimeoutError as error:
+            raise ConnectionError("no answer in time") from error
+        try:
+            await self._serve(socket, connected)
+        finally:
+            self._socket = None
+            self._end_all()
+            with contextlib.suppress(Exception):
+                await socket.close()
 
-    async def _serve(self, socket: Any) -> None:
+    async def _serve(self, socket: Any, connected: Callable[[], None]) -> None:
         for topic, kind in self._advertised.items():
             await _tell(socket, op="advertise", topic=topic, type=kind)
         for topic, kind in self._subscribed.items():
             # One message at most waits for us: the newest counts.
             await _tell(socket, op="subscribe", topic=topic, type=kind, queue_length=1)
         self._socket, self._heard_s = socket, self._clock.now_s()
-        if not self._first.done():
-            self._first.set_result(None)
+        connected()
         pinging = asyncio.ensure_future(self._ping(socket))
         try:
             async for data in socket:
@@ -189,7 +157,7 @@ class RosBridge:
                     await (await socket.ping())
                 except TimeoutError:
                     break
-            self._heard_s, self._trouble = self._clock.now_s(), ""
+            self._heard_s, self._worker.trouble = self._clock.now_s(), ""
             await self._clock.pause(PING_EVERY_S)
         await socket.close()
 
@@ -215,16 +183,16 @@ class RosBridge:
             raise ConnectionError("not connected")
         if ends is not None:
             end, for_s = ends
-            self._ends[topic] = self._loop.call_later(for_s, self._end, topic, end)
+            loop = asyncio.get_running_loop()
+            self._ends[topic] = loop.call_later(for_s, self._end, topic, end)
         try:
             await _tell(socket, op="publish", topic=topic, msg=message)
         except Exception as error:
-            raise ConnectionError(str(error) or type(error).__name__) from error
+            raise ConnectionError(said(error)) from error
 
     def _end(self, topic: str, end: Message) -> None:
         self._ends.pop(topic, None)
-        coming = self._publish(topic, end, None)
-        task = self._loop.create_task(coming)
+        task = asyncio.ensure_future(self._publish(topic, end, None))
         task.add_done_callback(lambda done: done.cancelled() or done.exception())
 
     def _end_all(self) -> None:
