@@ -17,6 +17,7 @@ from robot.errors import ConfigurationError
 from robot.measures.profile import THRESHOLDS_M, Profile
 from robot.measures.table import Table, format_cell
 from robot.study import figures
+from robot.study.events import read_events, write_events
 from robot.study.plan import CODE, PhaseKind, StudyPlan, parse_plan
 from robot.study.rows import ConditionLog, Row, condition_logs, rows_of
 from robot.study.tables import make_tables, measures, rows_as_csv, table_as_csv, values_of
@@ -121,7 +122,11 @@ def pack(plan_text: str, logs: Mapping[str, bytes]) -> bytes:
     files: dict[str, bytes] = {
         "README.txt": _ABOUT.encode(),
         PLAN: plan_text.encode(),
-        **{f"{EVENTS}{code}.csv": logs[code] for code in sorted(logs)},
+        # Written anew: in a log that 0.2 wrote, an answer may still be a formula.
+        **{
+            f"{EVENTS}{code}.csv": write_events(read_events(log, code), with_head=True).encode()
+            for code, log in sorted(logs.items())
+        },
         **{path: text.encode() for path, text in rebuild(plan_text, logs).items()},
     }
     data = io.BytesIO()

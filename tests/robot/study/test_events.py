@@ -7,12 +7,13 @@ import io
 import json
 import random
 import re
+import zipfile
 
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from robot.errors import RecordingError
-from robot.study.archive import rebuild
+from robot.study.archive import pack, rebuild
 from robot.study.events import StudyEvent, read_events, recordings_in, write_events
 from robot.study.rows import condition_logs, outcome
 from robot.study.session import follow_log
@@ -58,6 +59,9 @@ def test_an_answer_that_is_a_formula_is_one_in_no_file_of_the_zip() -> None:
             cells = [cell for line in csv.reader(io.StringIO(text)) for cell in line]
             assert "=HYPERLINK(1)" not in cells, name
     assert "'=HYPERLINK(1)" in files["events/P01.csv"]
+    older = person.log.replace(b"'=HYPERLINK", b"=HYPERLINK")
+    with zipfile.ZipFile(io.BytesIO(pack(SMALL_PLAN, {"P01": older}))) as packed:
+        assert packed.read("events/P01.csv") == person.log, "a log of an older version, too"
 
 
 def test_a_log_that_is_damaged_anywhere_is_read_or_refused() -> None:
