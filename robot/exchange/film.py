@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from robot.errors import ConfigurationError, MissingExtraError, RecordingError
+from robot.exchange.beside import beside
+from robot.exchange.timeline import make_timeline
 from robot.policy.image import Pixels, to_rgb
 from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.edits import Notes
@@ -40,14 +43,15 @@ def write_film(
     """Write pictures of one size, evenly spaced in time; return how many.
 
     H.264 with 4:2:0 colour, which every player supports; it needs even sides, so an odd last row or
-    column is left out. A key frame each second makes seeking fast.
+    column is left out. A key frame each second makes seeking fast. Nothing is left after an error.
 
     Raises:
         MissingExtraError: If `av` is not installed.
     """
     av = require_av()
     count, stream = 0, None
-    with av.open(str(path), "w", options={"movflags": "faststart"}) as container:
+    options = {"movflags": "faststart"}
+    with beside(path) as part, av.open(str(part), "w", options=options) as container:
         for picture in pictures:
             even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
             if stream is None:
@@ -91,8 +95,8 @@ def write_look(
 ) -> int:
     """Write an episode as a film to look at: large, with label and prediction below the picture.
 
-    It lasts as long as the drive without what was deleted; while the camera gave no picture, the
-    last one stays. Returns how many pictures the film has.
+    It lasts as long as the drive without what was deleted. Where the camera gave no picture for a
+    moment, the last one stays; longer gaps are cut. Returns how many pictures the film has.
 
     Raises:
         ConfigurationError: If the suffix of the file's name is not supported.
@@ -114,20 +118,11 @@ def write_look(
 
 
 def _shown(found: list[EpisodeFrame]) -> tuple[list[EpisodeFrame], list[float]]:
-    """Return what was not deleted, with times that skip the deleted stretches."""
-    kept: list[EpisodeFrame] = []
-    times_s: list[float] = []
-    cut_s, deleted_from_s = 0.0, None
-    for moment in found:
-        if moment.is_deleted:
-            deleted_from_s = moment.at_s if deleted_from_s is None else deleted_from_s
-            continue
-        if deleted_from_s is not None:
-            cut_s += moment.at_s - deleted_from_s
-            deleted_from_s = None
-        kept.append(moment)
-        times_s.append(moment.at_s - cut_s)
-    return kept, times_s
+    """Return what was not deleted, with times that skip the deleted stretches and the gaps."""
+    shown_s = make_timeline([moment.at_s for moment in found]).shown_s
+    kept = [pair for pair in zip(found, shown_s, strict=True) if not pair[0].is_deleted]
+    times_s = [0.0, *accumulate(for_s for _, for_s in kept)][: len(kept)]
+    return [moment for moment, _ in kept], times_s
 
 
 def repeats(times_s: Sequence[float], rate: int) -> list[int]:

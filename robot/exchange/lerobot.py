@@ -8,7 +8,7 @@
     videos/observation.images.front/chunk-000/file-NNN.mp4
 
 Timestamps are frame_index / fps exactly, so pictures are resampled to one rate, and a recording is
-split where the robot stood for longer than a second. Source: lerobot, datasets/utils.py,
+split where pictures are missing for longer than a second. Source: lerobot, datasets/utils.py,
 datasets/dataset_writer.py and docs/source/lerobot-dataset-v3.mdx.
 """
 
@@ -34,6 +34,7 @@ from robot.exchange.lerobot_tables import (
     write_json,
     write_tasks,
 )
+from robot.exchange.timeline import make_timeline
 from robot.policy.image import Pixels, to_rgb
 from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.edits import Notes
@@ -43,7 +44,6 @@ from robot.types import Action
 
 CAMERA = "observation.images.front"
 TASK = "Drive as the pilot taught."
-_LONGEST_GAP_S = 1.0
 _FILES_A_CHUNK = 1000
 _STEERED = ("angle", "throttle")
 _SENSORS = ("distance_m", "bumped", "battery")
@@ -89,7 +89,8 @@ def write_lerobot(
     require_pyarrow()
     require_av()
     shown = [(episode, moments(episode, notes)) for episode, notes in episodes]
-    rate = fps or frame_rate([moment.at_s for moment in shown[0][1]])
+    first = make_timeline([moment.at_s for moment in shown[0][1]])
+    rate = fps or frame_rate(first.times_s)
     parts = [part for episode, found in shown for part in _split(episode, found, rate)]
     if not parts:
         raise RecordingError("there are no pictures to export")
@@ -115,22 +116,23 @@ def write_lerobot(
 
 def _split(episode: Episode, found: list[EpisodeFrame], fps: int) -> list[DatasetPart]:
     """Cut where time is missing, and take the nearest picture at each tick of the rate."""
-    kept = [moment for moment in found if not moment.is_deleted]
-    runs: list[list[EpisodeFrame]] = [kept[:1]] if kept else []
-    for before, moment in pairwise(kept):
-        if moment.at_s - before.at_s > _LONGEST_GAP_S:
+    line = make_timeline([moment.at_s for moment in found])
+    kept = [pair for pair in zip(found, line.times_s, strict=True) if not pair[0].is_deleted]
+    runs = [kept[:1]] if kept else []
+    for (_, before_s), pair in pairwise(kept):
+        if pair[1] - before_s > line.gap_s:
             runs.append([])
-        runs[-1].append(moment)
+        runs[-1].append(pair)
     return [DatasetPart(episode=episode, moments=_resample(run, fps)) for run in runs]
 
 
-def _resample(run: list[EpisodeFrame], fps: int) -> list[EpisodeFrame]:
-    times_s = np.array([moment.at_s for moment in run])
-    ticks_s = times_s[0] + np.arange(int((times_s[-1] - times_s[0]) * fps + 1e-6) + 1) / fps
+def _resample(run: list[tuple[EpisodeFrame, float]], fps: int) -> list[EpisodeFrame]:
+    times_s = np.array([at_s for _, at_s in run])
+    ticks_s = times_s[0] + np.arange(int((times_s[-1] - times_s[0]) * fps + 0.5) + 1) / fps
     after = np.clip(np.searchsorted(times_s, ticks_s), 0, len(run) - 1)
     before = np.clip(after - 1, 0, len(run) - 1)
     is_before_nearer = ticks_s - times_s[before] < times_s[after] - ticks_s
-    return [run[int(i)] for i in np.where(is_before_nearer, before, after)]
+    return [run[int(i)][0] for i in np.where(is_before_nearer, before, after)]
 
 
 def _action_names(parts: list[DatasetPart]) -> tuple[str, ...]:

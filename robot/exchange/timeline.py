@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from itertools import groupby, pairwise
 from statistics import median
 
-LONGEST_GAP_S = 1.0
-"""Films and data sets are cut where more time than this passed between two pictures."""
+_SHORTEST_GAP_S = 1.0
 _LONGEST_PAUSE_S = 60.0
 """What is longer is taken for a clock that was set, or for the end of a session."""
 _CUT_PAUSE_S = 2.0
@@ -25,6 +24,18 @@ class Timeline:
     times_s: list[float]
     usual_s: float
     remark: str | None = None
+
+    @property
+    def gap_s(self) -> float:
+        """Films and data sets are cut where more time than this passes between two pictures."""
+        return max(_SHORTEST_GAP_S, 3 * self.usual_s)
+
+    @property
+    def shown_s(self) -> list[float]:
+        """How long each picture is shown: until the next, or the usual time before a gap."""
+        steps_s = [after_s - before_s for before_s, after_s in pairwise(self.times_s)]
+        steps_s += [self.usual_s] if self.times_s else []
+        return [step_s if step_s <= self.gap_s else self.usual_s for step_s in steps_s]
 
 
 def make_timeline(stamps_s: Sequence[object]) -> Timeline:
@@ -69,17 +80,6 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
     return Timeline(times_s=times_s, usual_s=usual_s, remark=remark)
 
 
-def without_gaps(times_s: Sequence[float], usual_s: float) -> list[float]:
-    """Return the times with each gap shortened to the usual distance."""
-    at_s = 0.0
-    shortened = [at_s] if times_s else []
-    for before_s, after_s in pairwise(times_s):
-        step_s = after_s - before_s
-        at_s += usual_s if step_s > LONGEST_GAP_S else step_s
-        shortened.append(at_s)
-    return shortened
-
-
 def _seconds(stamp: object) -> float | None:
     if isinstance(stamp, bool) or not isinstance(stamp, int | float):
         return None
@@ -108,7 +108,7 @@ def _usual(runs: list[tuple[float, int]]) -> float:
         (after_s - stamp) / count
         for (stamp, count), (after_s, _) in pairwise(runs)
         for _ in range(count)
-        if 0 < after_s - stamp <= LONGEST_GAP_S * count
+        if 0 < after_s - stamp <= _LONGEST_PAUSE_S
     ]
     return median(steps_s) if steps_s else _USUAL_S
 

@@ -11,8 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError, MissingExtraError, RecordingError
+from robot.exchange.beside import beside
 from robot.exchange.film import check_suffix
 from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
+from robot.exchange.timeline import make_timeline
+from robot.store.episodes.editing import moments
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.teaching import EditedEpisode
 from robot.store.folder import Storage
@@ -110,11 +113,15 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
         raise ConfigurationError(f"{out} exists already; choose another with --out")
     total = sum(len(episode.frames) for episode, _ in episodes)
     try:
-        with _progress(total, "picture") as bar:
-            made = _export(args, episodes, out, bar.update)
+        with _progress(total, "picture") as bar, beside(out) as part:
+            made = _export(args, episodes, part, bar.update)
     except OSError as error:
         raise ConfigurationError(f"cannot write {out}: {error}") from error
     print(f"{out}: {made}")
+    for episode, notes in episodes if args.form in ("film", "lerobot", "npz") else ():
+        remark = make_timeline([moment.at_s for moment in moments(episode, notes)]).remark
+        if remark:
+            print(f"  {episode.id}: {remark}")
 
 
 def _export(

@@ -1,0 +1,121 @@
+"""Whatever times there are: every picture is kept, and exports have the right length."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import av
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.devices.pictures import Picture
+from robot.exchange.drive import Drive, Shot, write_episode
+from robot.exchange.film import write_film, write_look
+from robot.exchange.lerobot import CAMERA, write_lerobot
+from robot.exchange.timeline import make_timeline
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import Episode, open_episode
+from robot.types import Action, Encoding
+
+EVEN = [index / 20 for index in range(60)]
+STAMPS = st.none() | st.floats() | st.integers() | st.booleans() | st.text(max_size=2)
+
+
+def after(place: int, shift_s: float) -> list[float]:
+    return EVEN[:place] + [at_s + shift_s for at_s in EVEN[place:]]
+
+
+CASES: dict[str, tuple[list[float], int]] = {
+    "even": (EVEN, 1),
+    "all equal": ([7.0] * 60, 1),
+    "whole seconds": ([float(int(at_s)) for at_s in EVEN], 1),
+    "in pairs": ([EVEN[index // 2 * 2] for index in range(60)], 1),
+    "one equal": ([*EVEN[:20], EVEN[19], *EVEN[21:]], 1),
+    "an hour on": (after(30, 3600.0), 2),
+    "an hour back": (after(30, -3600.0), 1),
+    "a year on": (after(30, 365 * 86400.0), 2),
+    "half a second back": (after(30, -0.5), 1),
+    "one stamp of a year on": ([*EVEN[:30], 3e7, *EVEN[31:]], 1),
+    "backward": (EVEN[::-1], 1),
+    "five seconds without pictures": (after(30, 5.0), 2),
+    "slow": ([2.0 * index for index in range(60)], 1),
+}
+
+
+@given(st.lists(STAMPS, max_size=50))
+def test_any_stamps_make_a_line_that_ascends(stamps: list[object]) -> None:
+    line = make_timeline(stamps)
+    assert len(line.times_s) == len(line.shown_s) == len(stamps)
+    assert all(b > a for a, b in zip(line.times_s, line.times_s[1:], strict=False))
+    assert not stamps or (line.times_s[0] == 0.0 and line.times_s[-1] <= 61 * len(stamps))
+
+
+def test_what_is_in_order_is_left_as_it_is() -> None:
+    dice = random.Random(1)
+    times_s = [0.0]
+    for _ in range(500):
+        times_s.append(times_s[-1] + dice.choice([0.02, 0.05, 0.3, 7.0, 59.0]))
+    line = make_timeline([1.6e9 + at_s for at_s in times_s])
+    assert line.times_s == pytest.approx(times_s, abs=1e-3) and line.remark is None
+
+
+def recorded(times_s: list[float], folder: Path) -> Episode:
+    shots = [
+        Shot(
+            t_s=at_s,
+            picture=Picture(
+                data=np.full((12, 16, 3), 4 * index, np.uint8).tobytes(),
+                width=16,
+                height=12,
+                encoding=Encoding.RGB,
+            ),
+            label=Action.FORWARD,
+        )
+        for index, at_s in enumerate(times_s)
+    ]
+    write_episode(
+        Drive(name="x", source="test", shots=shots, started_at_s=1.6e9), folder / "x.mcap"
+    )
+    return open_episode(folder / "x.mcap")
+
+
+def frames_of(path: Path) -> list[int]:
+    with av.open(str(path)) as film:
+        return [
+            round(frame.to_ndarray(format="rgb24")[:9].mean() / 4) for frame in film.decode(video=0)
+        ]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_films_and_data_sets_have_all_pictures_and_the_right_length(
+    name: str, tmp_path: Path
+) -> None:
+    times_s, n_parts = CASES[name]
+    episode = recorded(times_s, tmp_path)
+    assert write_lerobot([(episode, Notes())], tmp_path / "set") == n_parts
+    table = pq.read_table(tmp_path / "set/data/chunk-000/file-000.parquet")
+    shown = [
+        n for f in sorted((tmp_path / f"set/videos/{CAMERA}").rglob("*.mp4")) for n in frames_of(f)
+    ]
+    expected = 119 if name == "slow" else 60  # one picture a second is the slowest rate
+    assert table.num_rows == len(shown) == expected
+    assert np.abs(np.unique(shown)[:, None] - np.arange(60)).min(axis=0).max() <= 1
+    count = write_look(episode, Notes(), tmp_path / "x.mp4")
+    assert abs(count - expected) <= 1
+    assert (make_timeline(times_s).remark is None) is (
+        name in ("even", "slow", "five seconds without pictures")
+    )
+
+
+def test_a_film_that_ends_in_an_error_is_not_there(tmp_path: Path) -> None:
+    def pictures():  # type: ignore[no-untyped-def]
+        yield np.zeros((12, 16, 3), np.uint8)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_film(pictures(), tmp_path / "x.mp4", 20)
+    assert not any(tmp_path.iterdir())
