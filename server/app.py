@@ -10,7 +10,7 @@ from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
 from server.hosting.network import host_names
-from server.hosting.static_files import CompressedFiles
+from server.hosting.static_files import PageFiles
 from server.routes import routers
 from server.security.access import Access
 from server.security.guard import Guard
@@ -34,7 +34,7 @@ def create_app(services: Services) -> FastAPI:
     extensions = list(services.extensions.values())
     for router in [*routers(), *(router for each in extensions for router in each.routers)]:
         app.include_router(router)
-    app.mount("/", CompressedFiles(directory=config.web_folder, html=True), name="web")
+    app.mount("/", PageFiles(config.web_folder), name="web")
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

@@ -1,29 +1,30 @@
-"""`/shell.json`: the page's files, so that the service worker caches them on the first visit."""
+"""`/shell.json`: the page's files, so that the service worker keeps them after the first visit."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from fastapi import APIRouter, Depends, Request
+from starlette.concurrency import run_in_threadpool
 
+from server.hosting.joined_page import join_page
 from server.security.guard import require_viewer
 from server.services import services_of
 
 router = APIRouter()
-_KEPT = {".css", ".js", ".png", ".svg", ".webmanifest"}
-_APART = ("sw.js", "js/pair.js", "css/pair.css", "js/eye", "css/eye.css", "js/study/", "board/")
-"""Not fetched by every visitor: the service worker itself, the pairing page, the page of a phone
-that is an eye, the study (cached once it was opened), and the teacher's board."""
+_ICONS = {".png", ".svg", ".webmanifest"}
+_APART = "-study.js"
+"""Not fetched by every visitor: the study is kept once it was opened."""
 
 
 def shell_files(folder: Path) -> list[str]:
     """List the addresses of the page's files."""
-    paths = (path.relative_to(folder) for path in folder.rglob("*") if path.suffix in _KEPT)
-    names = sorted(path.as_posix() for path in paths)
-    return ["/", *(f"/{name}" for name in names if not name.startswith(_APART))]
+    icons = sorted(path for path in folder.rglob("*") if path.suffix in _ICONS)
+    joined = [name for name in join_page(folder).files if not name.endswith(_APART)]
+    return ["/", *joined, *(f"/{path.relative_to(folder).as_posix()}" for path in icons)]
 
 
 @router.get("/shell.json", dependencies=[Depends(require_viewer)], include_in_schema=False)
-def list_shell(request: Request) -> list[str]:
+async def list_shell(request: Request) -> list[str]:
     """List what the page needs to open without the robot."""
-    return shell_files(services_of(request).config.web_folder)
+    return await run_in_threadpool(shell_files, services_of(request).config.web_folder)

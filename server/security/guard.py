@@ -11,7 +11,7 @@ import json
 import logging
 import re
 from collections import Counter, OrderedDict
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from typing import Any
 
 from fastapi import HTTPException
@@ -217,12 +217,28 @@ def _security_headers(scheme: str, host: str, path: str) -> list[tuple[bytes, by
             (b"cross-origin-resource-policy", b"same-origin"),
             (b"cache-control", b"no-cache"),
         ]
+    policy = content_policy(scheme, host)
+    return [
+        (b"content-security-policy", policy.encode("latin-1", "replace")),
+        (b"x-content-type-options", b"nosniff"),
+        (b"x-frame-options", b"DENY"),
+        (b"referrer-policy", b"no-referrer"),
+        (b"cross-origin-opener-policy", b"same-origin"),
+        (b"cross-origin-resource-policy", b"same-origin"),
+        (b"permissions-policy", b"camera=(), microphone=(), geolocation=()"),
+        (b"cache-control", b"no-cache"),
+    ]
+
+
+def content_policy(scheme: str, host: str, inline: Iterable[str] = ()) -> str:
+    """Return a document's content policy; `inline` are hashes of the scripts and styles in it."""
     socket = f"{'wss' if scheme == 'https' else 'ws'}://{host}"
-    policy = "; ".join(
+    own = " ".join(["'self'", *inline])
+    return "; ".join(
         [
             "default-src 'none'",
-            "script-src 'self'",
-            "style-src 'self'",
+            f"script-src {own}",
+            f"style-src {own}",
             "img-src 'self' blob: data:",
             "media-src 'self' blob:",
             "font-src 'self'",
@@ -234,16 +250,6 @@ def _security_headers(scheme: str, host: str, path: str) -> list[tuple[bytes, by
             "frame-ancestors 'none'",
         ]
     )
-    return [
-        (b"content-security-policy", policy.encode("latin-1", "replace")),
-        (b"x-content-type-options", b"nosniff"),
-        (b"x-frame-options", b"DENY"),
-        (b"referrer-policy", b"no-referrer"),
-        (b"cross-origin-opener-policy", b"same-origin"),
-        (b"cross-origin-resource-policy", b"same-origin"),
-        (b"permissions-policy", b"camera=(), microphone=(), geolocation=()"),
-        (b"cache-control", b"no-cache"),
-    ]
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:

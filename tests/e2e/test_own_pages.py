@@ -128,7 +128,7 @@ def test_directions_and_stop_stay_where_they_are_when_the_map_comes(
     """The map is fetched after the first picture, when a hand may be on its way to the pad."""
     context = new_context(chromium, size)
     on_its_way: list[Any] = []
-    context.route("**/drive-map.js", lambda route: on_its_way.append(route))
+    context.route("**/*-screens.js", lambda route: on_its_way.append(route))
     page = open_page(context, world.address)
     wait_for(lambda: page.evaluate("true") and on_its_way, "the map is asked for")
     places = (

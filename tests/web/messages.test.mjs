@@ -2,48 +2,51 @@ import assert from 'node:assert/strict';
 import { readFileSync, readdirSync } from 'node:fs';
 import { test } from 'node:test';
 
-import { pickLanguage } from '../../web/js/i18n.js';
+import { LANGUAGES, pickLanguage } from '../../web/js/i18n.js';
 
-const pages = [['the page', '../../web/js/', 60], ["the class's board", '../../web/board/', 20]];
+const web = new URL('../../web/', import.meta.url);
+const studies = (await import(new URL('js/study/words.js', web))).default;
+const read = async (code) => ({ ...(await import(new URL(`js/messages/${code}.js`, web))).default, ...studies[code] });
+const english = await read('en');
+const places = (sentence) => [...sentence.matchAll(/\{(\w+)\}/g)].map(([, name]) => name).sort();
 
-for (const [page, path, least] of pages) {
-  const folder = new URL(path, import.meta.url);
-  const studies = path.endsWith('/js/') ? (await import(new URL('study/words.js', folder))).default : {};
-  const read = async (code) => ({ ...(await import(new URL(`messages/${code}.js`, folder))).default, ...studies[code] });
-  const english = await read('en');
-  const places = (sentence) => [...sentence.matchAll(/\{(\w+)\}/g)].map(([, name]) => name).sort();
+test('each language that can be chosen has a file, and each file can be chosen', () => {
+  const files = readdirSync(new URL('js/messages/', web)).map((name) => name.replace('.js', ''));
+  assert.deepEqual(files.sort(), Object.keys(LANGUAGES).sort());
+});
 
-  for (const code of ['es', 'zh']) {
-    test(`${page}: ${code} says all that English says, with the same places to fill`, async () => {
-      const words = await read(code);
-      assert.deepEqual(Object.keys(words), Object.keys(english));
-      for (const [key, sentence] of Object.entries(words)) {
-        assert.ok(sentence.length, key);
-        assert.deepEqual(places(sentence), places(english[key]), key);
-      }
-    });
-  }
-
-  const sources = (below) => readdirSync(new URL(below, folder), { withFileTypes: true }).flatMap((entry) => {
-    if (entry.isDirectory()) return entry.name === 'messages' ? [] : sources(`${below}${entry.name}/`);
-    return [readFileSync(new URL(below + entry.name, folder), 'utf8')];
-  });
-
-  test(`${page}: every sentence that it asks for is there`, () => {
-    const asked = sources('./').flatMap((source) => [...source.matchAll(/\bt\('([\w.]+)'/g)].map(([, key]) => key));
-    assert.ok(asked.length > least);
-    assert.deepEqual([...new Set(asked)].filter((key) => !(key in english)), []);
-  });
-
-  test(`${page}: every sentence is used`, () => {
-    const all = sources('./').join('\n');
-    const stems = [...all.matchAll(/['`]([a-z_]+\.(?:[a-z_]+[._])?)\$\{/g)].map(([, stem]) => stem);
-    const unused = Object.keys(english).filter(
-      (key) => !all.includes(`'${key}'`) && !stems.some((stem) => key.startsWith(stem)),
-    );
-    assert.deepEqual(unused, []);
+for (const code of Object.keys(LANGUAGES)) {
+  test(`${code} says nothing that English does not say, with the same places to fill`, async () => {
+    const words = await read(code);
+    for (const [key, sentence] of Object.entries(words)) {
+      assert.ok(sentence.length, key);
+      assert.deepEqual(places(sentence), places(english[key] ?? `${key} is not in en.js`), key);
+    }
   });
 }
+
+test('the languages that come with the page are whole', async () => {
+  for (const code of ['es', 'zh']) assert.deepEqual(Object.keys(await read(code)), Object.keys(english));
+});
+
+const sources = (folder) => readdirSync(new URL(folder, web), { withFileTypes: true }).flatMap((entry) => {
+  if (entry.isDirectory()) return entry.name === 'messages' ? [] : sources(`${folder}${entry.name}/`);
+  return [readFileSync(new URL(folder + entry.name, web), 'utf8')];
+});
+const all = [...sources('js/'), ...sources('board/')];
+
+test('every sentence that is asked for is there', () => {
+  const asked = all.flatMap((source) => [...source.matchAll(/\bt\('([\w.]+)'/g)].map(([, key]) => key));
+  assert.ok(asked.length > 80);
+  assert.deepEqual([...new Set(asked)].filter((key) => !(key in english)), []);
+});
+
+test('every sentence is used', () => {
+  const text = [...all, readFileSync(new URL('index.html', web), 'utf8')].join('\n');
+  const stems = [...text.matchAll(/['`]((?:[a-z_]+\.)+(?:[a-z_]+_)?)\$\{/g)].map(([, stem]) => stem);
+  const used = (key) => text.includes(`'${key}'`) || text.includes(`'${key.replace('first.', '')}'`);
+  assert.deepEqual(Object.keys(english).filter((key) => !used(key) && !stems.some((stem) => key.startsWith(stem))), []);
+});
 
 test('the person chooses before the browser does, and English comes last', () => {
   assert.equal(pickLanguage(['es-MX', 'en'], null), 'es');

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -25,7 +26,13 @@ def node() -> str:
 
 def test_the_page_in_node(node: str) -> None:
     files = sorted(str(path) for path in HERE.glob("*.test.mjs"))
-    ran = subprocess.run([node, "--test", *files], capture_output=True, text=True, timeout=100)
+    ran = subprocess.run(
+        [node, "--test", *files],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        env={**os.environ, "PYTHON": sys.executable},
+    )
     assert ran.returncode == 0, ran.stdout + ran.stderr
 
 

@@ -8,11 +8,11 @@ import { percent, t } from '../js/i18n.js';
 
 /** Who drives, as a key of the messages. @param {Robot} robot */
 export function who(robot) {
-  if (robot.status !== 'there') return `status.${robot.status}`;
-  if (robot.stopped_by_teacher) return 'who.held';
-  if (robot.emergency) return 'who.stopped';
-  if (robot.asks_pilot) return 'who.asks';
-  return `who.${robot.driven_by ?? 'nobody'}`;
+  if (robot.status !== 'there') return `board.status.${robot.status}`;
+  if (robot.stopped_by_teacher) return 'board.who.held';
+  if (robot.emergency) return 'board.who.stopped';
+  if (robot.asks_pilot) return 'board.who.asks';
+  return `board.who.${robot.driven_by ?? 'nobody'}`;
 }
 
 export class Card {
@@ -27,12 +27,12 @@ export class Card {
     this.chipText = h('span');
     this.figures = h('p', { class: 'figures' });
     this.why = h('p', { class: 'why' });
-    this.stop = h('button', { class: 'halt', type: 'button' }, t('stop'));
+    this.stop = h('button', { class: 'halt', type: 'button' }, t('board.stop'));
     this.more = h('button', { type: 'button', onclick: () => acts.open(number) }, icon('more'));
     // Pressed counts, not lifted; the keyboard comes as a click that no pointer began.
     this.stop.addEventListener('pointerdown', () => acts.stop(number));
     this.stop.addEventListener('click', (event) => event.detail === 0 && acts.stop(number));
-    this.release = h('button', { type: 'button', hidden: true, onclick: () => acts.release(number) }, t('release'));
+    this.release = h('button', { type: 'button', hidden: true, onclick: () => acts.release(number) }, t('board.release'));
     this.element = h('article', { class: 'robot', 'data-number': number },
       h('div', { class: 'view' }, this.canvas, this.code),
       h('div', { class: 'title' }, h('i', { class: 'dot' }), this.name),
@@ -53,15 +53,15 @@ export class Card {
     this.element.classList.toggle('halted', robot.status === 'there' && Boolean(robot.emergency));
     say(this.name, robot.name);
     this.element.setAttribute('aria-label', robot.name);
-    this.stop.setAttribute('aria-label', t('stop_one', { name: robot.name }));
-    this.release.setAttribute('aria-label', t('release_one', { name: robot.name }));
+    this.stop.setAttribute('aria-label', t('board.stop_one', { name: robot.name }));
+    this.release.setAttribute('aria-label', t('board.release_one', { name: robot.name }));
     this.release.hidden = robot.status !== 'there' || !robot.stopped_by_teacher; // STOP does not move
-    this.more.setAttribute('aria-label', t('more', { name: robot.name }));
+    this.more.setAttribute('aria-label', t('board.more', { name: robot.name }));
     if (this.shown !== by) {
       this.shown = by;
       this.chip.replaceChildren(this.signs[by], this.chipText);
     }
-    say(this.chipText, robot.stop === 'not_reached' ? t('not_reached') : robot.stop === 'asked' ? t('stopping') : t(who(robot)));
+    say(this.chipText, robot.stop === 'not_reached' ? t('board.not_reached') : robot.stop === 'asked' ? t('board.stopping') : t(who(robot)));
     say(this.figures, robot.status === 'there' ? figures(robot).join(' · ') : '');
     say(this.why, robot.status === 'there' ? robot.fault ?? '' : robot.detail);
     this.showCode(robot, showsCode);
@@ -73,7 +73,7 @@ export class Card {
     this.canvas.hidden = isWanted;
     this.code.hidden = !isShown;
     if (!isShown) return;
-    this.code.alt = t('code_of', { name: robot.name });
+    this.code.alt = t('board.code_of', { name: robot.name });
     const source = codeOf(robot);
     if (this.code.getAttribute('src') !== source) this.code.src = source;
   }
@@ -90,7 +90,7 @@ export class Card {
     if (canvas.height !== bitmap.height) canvas.height = bitmap.height;
     canvas.getContext('2d')?.drawImage(bitmap, 0, 0);
     canvas.dataset.frames = String(Number(canvas.dataset.frames ?? 0) + 1);
-    bitmap.close();
+    if ('close' in bitmap) bitmap.close();
   }
 }
 
@@ -100,11 +100,11 @@ export const codeOf = (robot) => `/api/robots/${robot.number}/qr.svg?${robot.inv
 /** @param {Robot} robot @returns {string[]} */
 function figures(robot) {
   const found = [];
-  if (robot.agreement !== null) found.push(t('agrees', { share: percent(robot.agreement) }));
-  else if (robot.lessons === 0) found.push(t('untaught'));
-  if (robot.battery !== null) found.push(t('battery', { share: percent(robot.battery) }));
-  if (robot.link && robot.link !== 'good') found.push(t('link_slow'));
-  if (robot.delay_ms !== null) found.push(t('delay', { ms: Math.round(robot.delay_ms) }));
+  if (robot.agreement !== null) found.push(t('board.agrees', { share: percent(robot.agreement) }));
+  else if (robot.lessons === 0) found.push(t('board.untaught'));
+  if (robot.battery !== null) found.push(t('board.battery', { share: percent(robot.battery) }));
+  if (robot.link && robot.link !== 'good') found.push(t('board.link_slow'));
+  if (robot.delay_ms !== null) found.push(t('board.delay', { ms: Math.round(robot.delay_ms) }));
   return found;
 }
 

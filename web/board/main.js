@@ -12,8 +12,8 @@ import { Panel } from './panel.js';
 /** @param {string} id */
 const find = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
 
-await loadLanguage((code) => import(`./messages/${code}.js`));
-document.title = t('title');
+await loadLanguage();
+document.title = t('board.title');
 const link = new ClassLink(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/ws/board`);
 const panel = new Panel(find('panel'), () => [...link.robots.values()]);
 /** @type {Map<number, Card>} */
@@ -23,20 +23,20 @@ const inView = new Set();
 let showsCodes = false;
 
 const there = h('small', { role: 'status' });
-const [place, stop] = makeStop(() => link.stop(), '', t('stop_all'));
-const releaseAll = h('button', { type: 'button', disabled: true, onclick: () => link.release() }, t('release_all'));
+const [place, stop] = makeStop(() => link.stop(), '', t('board.stop_all'));
+const releaseAll = h('button', { type: 'button', disabled: true, onclick: () => link.release() }, t('board.release_all'));
 const views = ['pictures', 'codes'].map((view) => h('button', {
   type: 'button', role: 'radio', 'aria-checked': String(view === 'pictures'), 'data-view': view,
   onclick: () => choose(view),
-}, t(`view.${view}`)));
+}, t(`board.view.${view}`)));
 append(find('bar'), [
   h('span', { class: 'plate', 'aria-hidden': 'true' }, 'L'),
-  h('div', { class: 'name' }, h('h1', {}, t('class')), there),
-  h('div', { class: 'segments', role: 'radiogroup', 'aria-label': t('views') }, ...views),
-  h('button', { type: 'button', onclick: () => panel.open('all') }, t('class_settings')),
+  h('div', { class: 'name' }, h('h1', {}, t('board.class')), there),
+  h('div', { class: 'segments', role: 'radiogroup', 'aria-label': t('board.views') }, ...views),
+  h('button', { type: 'button', onclick: () => panel.open('all') }, t('board.class_settings')),
   releaseAll, place, stop,
 ]);
-say(find('empty'), t('searching'));
+say(find('empty'), t('board.searching'));
 // A robot's panel ends below the bar, however many lines that takes: STOP lies above everything.
 new ResizeObserver(() => document.body.style.setProperty('--bar', `${find('bar').getBoundingClientRect().bottom + 8}px`)).observe(find('bar'));
 
@@ -95,12 +95,12 @@ document.addEventListener('visibilitychange', watch);
 function summarize() {
   const robots = [...link.robots.values()];
   find('empty').hidden = robots.length > 0;
-  say(there, t('there', { n: robots.filter(({ status }) => status === 'there').length, of: robots.length }));
+  say(there, t('board.there', { n: robots.filter(({ status }) => status === 'there').length, of: robots.length }));
   releaseAll.disabled = !robots.some(({ stopped_by_teacher: isHeld }) => isHeld);
   const missed = robots.filter(({ stop: how }) => how === 'not_reached').map(({ name }) => name);
   const lines = [];
-  if (!link.isOpen && robots.length) lines.push(t('board_away'));
-  if (missed.length) lines.push(t('missed', { names: missed.join(', ') }));
+  if (!link.isOpen && robots.length) lines.push(t('board.board_away'));
+  if (missed.length) lines.push(t('board.missed', { names: missed.join(', ') }));
   const loud = find('loud');
   if (loud.textContent !== lines.join('')) fill(loud, ...lines.map((line) => h('p', {}, line)));
   layStops();

@@ -48,8 +48,8 @@ export class Panel {
 
   build() {
     const robot = this.robots().find(({ number }) => number === this.subject);
-    const title = h('h2', { id: 'panel-title' }, robot ? robot.name : t('class_settings'));
-    const close = h('button', { type: 'button', onclick: () => this.close() }, t('close'));
+    const title = h('h2', { id: 'panel-title' }, robot ? robot.name : t('board.class_settings'));
+    const close = h('button', { type: 'button', onclick: () => this.close() }, t('board.close'));
     this.element.setAttribute('aria-labelledby', 'panel-title');
     fill(this.element, h('div', { class: 'title' }, title, close), ...(robot ? this.one(robot) : this.all()), this.said);
   }
@@ -57,11 +57,11 @@ export class Panel {
   /** @param {Robot} robot */
   one(robot) {
     const change = (/** @type {object} */ words) => this.attempt(() => ask('PUT', `/api/robots/${robot.number}`, words));
-    const name = h('input', { value: robot.name, maxlength: 24, 'aria-label': t('name'), onchange: () => change({ name: name.value.trim() }) });
-    const colour = h('select', { 'aria-label': t('colour'), onchange: () => change({ colour: colour.value }) },
-      ...COLOURS.map((one) => h('option', { value: one, selected: one === robot.colour }, t(`colour.${one}`))));
+    const name = h('input', { value: robot.name, maxlength: 24, 'aria-label': t('board.name'), onchange: () => change({ name: name.value.trim() }) });
+    const colour = h('select', { 'aria-label': t('board.colour'), onchange: () => change({ colour: colour.value }) },
+      ...COLOURS.map((one) => h('option', { value: one, selected: one === robot.colour }, t(`board.colour.${one}`))));
     const code = robot.status === 'there'
-      ? h('figure', {}, h('img', { class: 'code', alt: t('code_of', { name: robot.name }), src: codeOf(robot) }), h('figcaption', {}, t('scan')))
+      ? h('figure', {}, h('img', { class: 'code', alt: t('board.code_of', { name: robot.name }), src: codeOf(robot) }), h('figcaption', {}, t('board.scan')))
       : null;
     return [
       code,
@@ -73,10 +73,10 @@ export class Panel {
 
   all() {
     const everywhere = LOCKS.filter((lock) => this.robots().length && this.robots().every(({ locks }) => locks.includes(lock)));
-    const choice = h('select', { 'aria-label': t('language'), onchange: () => chooseLanguage(choice.value) },
+    const choice = h('select', { 'aria-label': t('board.language'), onchange: () => chooseLanguage(choice.value) },
       ...Object.entries(LANGUAGES).map(([code, own]) => h('option', { value: code, selected: code === language, lang: code }, own)));
     return [
-      h('p', {}, t('all_hint')),
+      h('p', {}, t('board.all_hint')),
       locks(everywhere, (names) => this.attempt(async () => {
         const { faults } = await ask('PUT', '/api/locks', { locks: names });
         if (faults.length) throw new Error(faults.join('\n'));
@@ -96,16 +96,16 @@ export class Panel {
       const faults = copied.flatMap((/** @type {any} */ row) => row.fault ?? []);
       if (faults.length) throw new Error(faults.join('\n'));
     };
-    const give = h('button', { type: 'button', onclick: () => boxes.some((box) => box.checked) && this.attempt(copy) }, t('give'));
-    return h('fieldset', {}, h('legend', {}, t('give_to')), ...(rows.length ? [...rows, give] : [h('p', {}, t('no_others'))]));
+    const give = h('button', { type: 'button', onclick: () => boxes.some((box) => box.checked) && this.attempt(copy) }, t('board.give'));
+    return h('fieldset', {}, h('legend', {}, t('board.give_to')), ...(rows.length ? [...rows, give] : [h('p', {}, t('board.no_others'))]));
   }
 
   /** @param {() => Promise<any>} act */
   async attempt(act) {
-    this.said.textContent = t('wait');
+    this.said.textContent = t('board.wait');
     try {
       await act();
-      this.said.textContent = t('done');
+      this.said.textContent = t('board.done');
     } catch (error) {
       this.said.textContent = /** @type {Error} */ (error).message;
     }
@@ -118,6 +118,6 @@ function locks(locked, change) {
   for (const box of boxes) {
     box.addEventListener('change', () => change(boxes.filter(({ checked }) => checked).map(({ value }) => value)));
   }
-  const rows = boxes.map((box) => h('label', { class: 'choice' }, box, h('span', {}, t(`lock.${box.value}`))));
-  return h('fieldset', {}, h('legend', {}, t('locked')), ...rows);
+  const rows = boxes.map((box) => h('label', { class: 'choice' }, box, h('span', {}, t(`board.lock.${box.value}`))));
+  return h('fieldset', {}, h('legend', {}, t('board.locked')), ...rows);
 }

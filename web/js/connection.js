@@ -60,7 +60,7 @@ export class Connection extends EventTarget {
 
   /** Round trip of the last ping; null before the first. */
   get delayMs() {
-    return this.samples.at(-1)?.rttMs ?? null;
+    return this.samples[this.samples.length - 1]?.rttMs ?? null;
   }
 
   /** How old a moment of the server's clock is now; null before the first pong. @param {number} serverMs */

@@ -1,4 +1,6 @@
-// Browser features that driving needs: keep the screen on, and report what is unavailable and why.
+// Browser features that driving needs: keep the screen on, remember what a person wants.
+
+const KEY = 'drivelesson.preferences';
 
 /** Keep the screen on while `wanted` is true; unavailable over plain HTTP. */
 export class WakeLock {
@@ -22,11 +24,24 @@ export class WakeLock {
   }
 }
 
-const KEY = 'drivelesson.preferences';
+/** What this device remembers; where the browser forbids that, as long as the page is open. @type {Pick<Storage, 'getItem' | 'setItem'>} */
+export const memory = findMemory();
+
+function findMemory() {
+  try {
+    const { localStorage: kept } = globalThis;
+    kept.getItem(KEY);
+    return kept;
+  } catch {
+    /** @type {Map<string, string>} */
+    const kept = new Map();
+    return { getItem: (/** @type {string} */ key) => kept.get(key) ?? null, setItem: (/** @type {string} */ key, /** @type {string} */ value) => void kept.set(key, value) };
+  }
+}
 
 /** What this person wants on this device. */
 export class Preferences {
-  constructor(storage = localStorage) {
+  constructor(storage = memory) {
     this.storage = storage;
     /** @type {Record<string, any>} */
     this.values = { vibrate: true, sound: true, tilt: false, hintsShown: [], ...read(storage) };
@@ -52,11 +67,13 @@ export class Preferences {
   /** @param {string} name @param {unknown} value */
   set(name, value) {
     this.values[name] = value;
-    this.storage.setItem(KEY, JSON.stringify(this.values));
+    try {
+      this.storage.setItem(KEY, JSON.stringify(this.values));
+    } catch {} // full: it holds as long as the page is open
   }
 }
 
-/** @param {Storage} storage */
+/** @param {Pick<Storage, 'getItem'>} storage */
 function read(storage) {
   try {
     return JSON.parse(storage.getItem(KEY) ?? '{}');

@@ -40,7 +40,7 @@ export class Helm extends EventTarget {
 
   /** The one move that counts: the newest that is still held. */
   get held() {
-    return [...this.holds.values()].at(-1) ?? null;
+    return [...this.holds.values()].pop() ?? null;
   }
 
   get mayMove() {

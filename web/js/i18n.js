@@ -1,21 +1,22 @@
 // The page's texts in the user's language: plain message files, English where one is missing.
 
+import { memory } from './device.js';
+
 export const LANGUAGES = { en: 'English', es: 'Español', zh: '中文' };
 const KEY = 'drivelesson.language';
 
 /** @type {Record<string, string>} */
 let messages = {};
-export let language = 'en';
-
 /** @param {readonly string[]} wanted  as in `navigator.languages` @param {string | null} chosen */
 export function pickLanguage(wanted, chosen) {
   const codes = [chosen ?? '', ...wanted].map((tag) => tag.toLowerCase().split('-')[0]);
   return codes.find((code) => code in LANGUAGES) ?? 'en';
 }
 
+export const language = pickLanguage(globalThis.navigator?.languages ?? [], memory.getItem(KEY));
+
 /** @param {(code: string) => Promise<{default: Record<string, string>}>} [load]  a message file */
 export async function loadLanguage(load = (code) => import(`./messages/${code}.js`)) {
-  language = pickLanguage(navigator.languages, localStorage.getItem(KEY));
   const files = [load('en')];
   if (language !== 'en') files.push(load(language));
   messages = Object.assign({}, ...(await Promise.all(files)).map((file) => file.default));
@@ -29,7 +30,7 @@ export function learn(words) {
 
 /** A driver's own move without a text is shown by its name. @param {string} key */
 function nameOf(key) {
-  const name = key.match(/^moves?\.(\w+)$/)?.[1].replaceAll('_', ' ') ?? key;
+  const name = key.match(/^moves?\.(\w+)$/)?.[1].replace(/_/g, ' ') ?? key;
   return name === key ? key : name[0].toUpperCase() + name.slice(1);
 }
 
@@ -40,7 +41,7 @@ export function speak(words) {
 
 /** @param {string} code */
 export function chooseLanguage(code) {
-  localStorage.setItem(KEY, code);
+  memory.setItem(KEY, code);
   location.reload();
 }
 

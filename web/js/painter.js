@@ -12,7 +12,7 @@ export class Painter {
   /**
    * @param {HTMLCanvasElement | OffscreenCanvas} canvas
    * @param {{acknowledge: (frameId: number) => void, shown: (shown: Shown) => void, nowMs: () => number,
-   *   decode?: (picture: Picture) => Promise<ImageBitmap>}} around
+   *   decode?: (picture: Picture) => Promise<import('./picture.js').Drawable>}} around
    */
   constructor(canvas, around) {
     this.canvas = canvas;
@@ -51,7 +51,7 @@ export class Painter {
     this.isDrawing = false;
   }
 
-  /** @param {ImageBitmap} bitmap */
+  /** @param {import('./picture.js').Drawable} bitmap */
   draw(bitmap) {
     const { canvas } = this;
     if (canvas.width !== bitmap.width) canvas.width = bitmap.width;
@@ -59,6 +59,6 @@ export class Painter {
     // Asked for once: of a canvas that another thread made, Firefox gives its context only once.
     this.context ??= canvas.getContext('2d');
     this.context?.drawImage(bitmap, 0, 0);
-    bitmap.close();
+    if ('close' in bitmap) bitmap.close();
   }
 }

@@ -2,16 +2,43 @@
 
 /** @typedef {import('./protocol.js').Picture} Picture */
 
+/** @typedef {ImageBitmap | HTMLImageElement | HTMLCanvasElement} Drawable */
+
 /**
  * @param {Picture} picture
- * @returns {Promise<ImageBitmap>}
+ * @returns {Promise<Drawable>}
  */
-export function decode(picture) {
-  if (picture.encoding === 'jpeg') {
-    return createImageBitmap(new Blob([/** @type {Uint8Array<ArrayBuffer>} */ (picture.data)], { type: 'image/jpeg' }));
+export async function decode(picture) {
+  const isJpeg = picture.encoding === 'jpeg';
+  const bits = isJpeg ? new Blob([/** @type {Uint8Array<ArrayBuffer>} */ (picture.data)], { type: 'image/jpeg' }) : pixels(picture);
+  if ('createImageBitmap' in globalThis) return createImageBitmap(bits);
+  return bits instanceof Blob ? load(bits) : paint(bits);
+}
+
+// Safari has createImageBitmap since version 15.
+
+/** @param {Blob} jpeg */
+async function load(jpeg) {
+  const image = new Image();
+  image.src = URL.createObjectURL(jpeg);
+  try {
+    await image.decode();
+  } finally {
+    URL.revokeObjectURL(image.src);
   }
-  const rgba = picture.encoding === 'yuyv' ? yuyvToRgba(picture) : rgbToRgba(picture);
-  return createImageBitmap(new ImageData(rgba, picture.width, picture.height));
+  return image;
+}
+
+/** @param {ImageData} pixels */
+function paint(pixels) {
+  const canvas = Object.assign(document.createElement('canvas'), { width: pixels.width, height: pixels.height });
+  canvas.getContext('2d')?.putImageData(pixels, 0, 0);
+  return canvas;
+}
+
+/** @param {Picture} picture */
+function pixels(picture) {
+  return new ImageData(picture.encoding === 'yuyv' ? yuyvToRgba(picture) : rgbToRgba(picture), picture.width, picture.height);
 }
 
 /** @param {Picture} picture */

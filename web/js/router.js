@@ -17,6 +17,8 @@ const ELEMENTS = {
 /** @type {Record<string, string>} folders of screens that have one of their own */
 const ROOMS = { study: 'study' };
 
+const AGAIN_MS = 3000;
+
 export class Router {
   /** @param {import('./page.js').Page} page */
   constructor(page) {
@@ -46,6 +48,7 @@ export class Router {
     if (page.store.state.screen !== screen) return;
     if (!isThere) {
       other.append(h('p', { class: 'panel', role: 'alert' }, t('unreachable')));
+      setTimeout(() => page.store.state.screen === screen && this.show(), AGAIN_MS);
       return;
     }
     const element = /** @type {any} */ (document.createElement(ELEMENTS[screen]));

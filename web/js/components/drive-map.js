@@ -100,7 +100,7 @@ export class DriveMap extends HTMLElement {
 
   async refresh() {
     const { page, way: known } = this;
-    if (this.hidden || this.isAsking || document.hidden || page?.store.state.screen !== 'drive' || !this.checkVisibility()) return;
+    if (this.hidden || this.isAsking || document.hidden || page?.store.state.screen !== 'drive' || !this.getClientRects().length) return;
     this.isAsking = true;
     try {
       /** @type {Answer} */

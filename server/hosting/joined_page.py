@@ -1,0 +1,224 @@
+"""The page's modules and styles, joined: a first visit in few requests, without tools to build it.
+
+Modules stay plain ES modules, as they are tested and edited. Here those that the drive screen needs
+become one file, those of the other screens a second, and each further folder one of its own; a
+worker has its own. Each file's name begins with a hash of its content, so that a browser may keep
+it for ever. Comments and indentation go.
+
+What is joined keeps to a few forms, and anything else is refused by name: imports by `{names}` or
+of a default, exports where they are declared, no `await` outside of functions, no `export let`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import posixpath
+import re
+from base64 import b64encode
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+ENTRY = "js/main.js"
+STYLES = ("base.css", "drive.css", "screens.css")
+_BLOCK = r"/\*(?:[^*]|\*(?!/))*\*/"
+_COMMENT = re.compile(
+    rf"^[ \t]*(?://[^\n]*|{_BLOCK}[ \t]*)\n|/\*(?=\*)(?:[^*\n]|\*(?!/))*\*/ ?", re.M
+)
+_TRAILING = re.compile(r"[ \t]+// [^\n'\"`]*$", re.M)
+_INDENT = re.compile(r"^[ \t]+|\n(?=\n)", re.M)
+_IMPORT = re.compile(r"^import (?:(?:\{([^}]*)\}|(\w+)) from )?'([^']+)';\n", re.M)
+_EXPORT = re.compile(r"^export (default|(?:async )?function|class|const) ?(\w*)", re.M)
+_DYNAMIC = re.compile(r"\bimport\(([^()]*)\)")
+_WORKER = re.compile(r"new Worker\('/([^']+)', \{ type: 'module' \}\)")
+_CSS_COMMENT = re.compile(r"/\*.*?\*/", re.S)
+_SENTENCE = re.compile(r"^  '?((?:first\.\w+|emergency_stop))'?: '((?:[^'\\]|\\.)*)',$", re.M)
+
+
+class JoinError(ValueError):
+    """A module has a form that cannot be joined."""
+
+
+@dataclass(frozen=True, slots=True)
+class JoinedPage:
+    """The page as it is sent.
+
+    Attributes:
+        html: The document. Its inline script and style are allowed by `inline`, their hashes.
+        files: The content of each joined file, by its address.
+    """
+
+    html: bytes
+    inline: tuple[str, ...]
+    files: dict[str, bytes]
+
+
+def join_page(folder: Path) -> JoinedPage:
+    """Return the page of a folder as it is now; joined anew when a file has changed."""
+    sources = [path for path in folder.rglob("*") if path.suffix in (".js", ".css", ".html")]
+    newest = max(path.stat().st_mtime_ns for path in sources)
+    return _join(folder, (newest, len(sources)))
+
+
+@lru_cache(maxsize=4)
+def _join(folder: Path, _version: tuple[int, int]) -> JoinedPage:
+    joiner = _Joiner(folder)
+    html = (folder / "index.html").read_text("utf-8")
+    style = joiner.add("css", "page.css", _shrink_css(folder / "css" / name for name in STYLES))
+    languages = joiner.languages()
+    html = html.replace("'/css/page.css'", f"'{style}'")
+    html = html.replace(f"'/{ENTRY}'", f"'{joiner.entry(languages)}'")
+    html = html.replace("{/* words */}", _words(folder))
+    html = html.replace("{/* messages */}", json.dumps(languages))
+    inline = tuple(
+        f"'sha256-{b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+        for text in re.findall(r"<(?:script|style)>(.*?)</(?:script|style)>", html, re.S)
+    )
+    return JoinedPage(html.encode(), inline, joiner.files)
+
+
+def _words(folder: Path) -> str:
+    """Return the first sentences in every language, as the page's first script has them."""
+    words = {}
+    for path in sorted((folder / "js" / "messages").glob("*.js")):
+        pairs = _SENTENCE.findall(path.read_text("utf-8"))
+        words[path.stem] = {key.split(".")[-1]: text.replace("\\'", "'") for key, text in pairs}
+    return json.dumps(words, ensure_ascii=False).replace("<", "\\u003c")
+
+
+def _shrink_css(paths: Iterable[Path]) -> str:
+    text = "\n".join(path.read_text("utf-8") for path in paths)
+    return _INDENT.sub("", _CSS_COMMENT.sub("", text)).strip() + "\n"
+
+
+def shrink(source: str) -> str:
+    """Return a module without its comments and indentation."""
+    return _INDENT.sub("", _TRAILING.sub("", _COMMENT.sub("", source))).strip() + "\n"
+
+
+class _Joiner:
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._sources: dict[str, str] = {}
+        self.files: dict[str, bytes] = {}
+
+    def add(self, kind: str, name: str, text: str) -> str:
+        """Keep a file; returns its address."""
+        data = text.encode()
+        address = f"/{kind}/{hashlib.sha256(data).hexdigest()[:10]}-{name}"
+        self.files[address] = data
+        return address
+
+    def languages(self) -> dict[str, str]:
+        """Keep each language as a file of its own; returns the addresses."""
+        folder = self._folder / "js" / "messages"
+        return {
+            path.stem: self.add("js", f"{path.stem}.js", shrink(path.read_text("utf-8")))
+            for path in sorted(folder.glob("*.js"))
+        }
+
+    def entry(self, languages: dict[str, str]) -> str:
+        """Join all modules; returns the address of the first file."""
+        first = self._closure([ENTRY])
+        chunks, known = [], set(first)
+        addresses = {f"js/messages/{code}.js": [at] for code, at in languages.items()}
+        for name, below in self._rooms(known):
+            modules = [m for m in self._closure(below) if m not in known]
+            known |= set(modules)
+            text = "const { modules: $m, load: $load } = globalThis.joined;\n"
+            chunks.append(self.add("js", f"{name}.js", text + self._text(modules)))
+            addresses.update({module: list(chunks) for module in modules})
+        start = (
+            f"const $files = {json.dumps(addresses)};\n"
+            "if (globalThis.joined) throw new Error('the page is there already');\n"
+            "const $m = {}, $tries = {};\n"
+            "const $load = async (path) => {\nlet got;\n"
+            "for (const url of $files[path]) {\n"
+            "got = await import($tries[url] ? `${url}?${$tries[url]}` : url).catch((error) => {\n"
+            "$tries[url] = ($tries[url] || 0) + 1;\nthrow error;\n});\n}\n"
+            "return $m[path] || got;\n};\n"
+            "globalThis.joined = { modules: $m, load: $load };\n"
+        )
+        return self.add("js", "drive.js", start + self._text(first))
+
+    def _rooms(self, known: set[str]) -> list[tuple[str, list[str]]]:
+        """Return what is fetched when a screen is opened: components, then each other folder."""
+        below = self._folder / "js"
+        rooms = []
+        for room in sorted(path.name for path in below.iterdir() if path.is_dir()):
+            names = [f"js/{room}/{path.name}" for path in sorted((below / room).glob("*.js"))]
+            missing = [name for name in names if name not in known]
+            if room != "messages" and missing:
+                rooms.append(("screens" if room == "components" else room, missing))
+        return rooms
+
+    def _worker(self, module: str) -> str:
+        text = self._text(self._closure([module]))
+        start = f"'use strict';\nconst $m = {{}};\n{text}"
+        return self.add("js", posixpath.basename(module), start)
+
+    def _source(self, module: str) -> str:
+        if module not in self._sources:
+            try:
+                source = (self._folder / module).read_text("utf-8")
+            except FileNotFoundError:
+                raise JoinError(f"no module {module}: is its import spelt right?") from None
+            if found := re.search(r"^await .*", source, re.M):
+                raise JoinError(
+                    f"{module}: cannot join {found[0]!r}: it waits outside of a function"
+                )
+            self._sources[module] = shrink(source)
+        return self._sources[module]
+
+    def _closure(self, wanted: list[str]) -> list[str]:
+        """Return modules with all that they import, in the order in which they are evaluated."""
+        done: list[str] = []
+        begun: set[str] = set()
+
+        def visit(module: str) -> None:
+            if module in begun:
+                return
+            begun.add(module)
+            for _, _, path in _IMPORT.findall(self._source(module)):
+                visit(_resolve(module, path))
+            done.append(module)
+
+        for module in wanted:
+            visit(module)
+        return done
+
+    def _text(self, modules: list[str]) -> str:
+        return "".join(self._block(module) for module in modules)
+
+    def _block(self, module: str) -> str:
+        """Return one module as a block that puts what it exports into the table of modules."""
+        source = self._source(module)
+        exports: dict[str, str] = {}
+
+        def take(found: re.Match[str]) -> str:
+            names, default, path = found.groups()
+            if not names and not default:
+                return ""
+            picked = [part.strip().replace(" as ", ": ") for part in (names or "").split(",")]
+            wanted = [f"default: {default}"] if default else filter(None, picked)
+            return f"const {{ {', '.join(wanted)} }} = $m['{_resolve(module, path)}'];\n"
+
+        def give(found: re.Match[str]) -> str:
+            kind, name = found.groups()
+            exports["default" if kind == "default" else name] = name or "$default"
+            return "const $default = " if kind == "default" else f"{kind} {name}"
+
+        source = _EXPORT.sub(give, _IMPORT.sub(take, source))
+        here = posixpath.dirname(module)
+        source = _DYNAMIC.sub(rf"$load('{here}/' + (\1).slice(2))", source)
+        source = _WORKER.sub(lambda found: f"new Worker('{self._worker(found[1])}')", source)
+        if left := re.search(r"^(?:import|export) .*", source, re.M):
+            raise JoinError(f"{module}: cannot join {left[0]!r}")
+        given = ", ".join(f"{name}: {own}" for name, own in exports.items())
+        return f"{{\n{source}$m['{module}'] = {{ {given} }};\n}}\n"
+
+
+def _resolve(module: str, path: str) -> str:
+    return posixpath.normpath(posixpath.join(posixpath.dirname(module), path))

@@ -1,0 +1,84 @@
+"""The page's source keeps to what browsers of the end of 2020 know (docs/howto/page.md).
+
+The language's own library is checked by the compiler, whose `lib` is that of ES2021 (tsconfig.json).
+Here it is what a compiler does not know: syntax, what the browser offers, and styles.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from server.config import Config
+
+WEB = Config().web_folder
+APART = ("sw.js", "board/", "js/eye")
+"""The service worker is optional; the teacher's board and the eye are for newer browsers."""
+PAGE = sorted(
+    path for path in WEB.rglob("*.js") if not path.relative_to(WEB).as_posix().startswith(APART)
+)
+STYLES = [WEB / "css" / name for name in ("base.css", "drive.css")]
+
+SYNTAX = {
+    "await outside of a function (Chrome 89, Safari 15)": r"^await |^\}? ?await ",
+    "a private field (Safari 14.1)": r"[.\s{]#[a-z]\w*\s*[=;(]",
+    "a static field (Safari 14.1)": r"^\s+static \w+ =",
+    "looking behind in a pattern (Safari 16.4)": r"\(\?<[=!]",
+    "a class's static block (Safari 16.4)": r"^\s+static \{",
+}
+OFFERED = {
+    "createImageBitmap": "Safari 15",
+    "showPopover": "Chrome 114",
+    "transferControlToOffscreen": "Firefox 105, Safari 17",
+    "getCoalescedEvents": "Safari 17",
+    "requestVideoFrameCallback": "Firefox 132, Safari 15.4",
+    "checkVisibility": "Chrome 105",
+    "structuredClone": "Chrome 98",
+    "randomUUID": "Chrome 92",
+    "requestIdleCallback": "no Safari",
+    "setHTMLUnsafe": "Chrome 124",
+    "startViewTransition": "Chrome 111",
+}
+"""Asked for only where the same file has asked whether it is there."""
+STYLED = {
+    "inset": r"[;{ ]inset:(?! auto;)",
+    "a container": r"@container|container(-type)?:",
+    ":has, :is, :where": r":(has|is|where)\(",
+    "aspect-ratio": r"aspect-ratio:",
+    "a small, large or dynamic height": r"(?<!\(height: 100)\b\d+[dsl]vh",
+    "color-mix": r"color-mix\(",
+    "nesting": r"&[ .:]",
+    "a layer": r"@layer",
+}
+
+
+@pytest.mark.parametrize("path", PAGE, ids=lambda path: path.relative_to(WEB).as_posix())
+def test_scripts_keep_to_the_baseline(path: Path) -> None:
+    text = re.sub(r"(?<!:)//.*", "", path.read_text())
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    for what, pattern in SYNTAX.items():
+        assert not re.search(pattern, text, re.MULTILINE), what
+    for name, since in OFFERED.items():
+        if not re.search(rf"\b{name}\b", text):
+            continue
+        asked = rf"'{name}' in|\.{name}\?\.|!?\w+\.{name}\b *(\)|\|\||&&|\?)|\.{name};|{name}\) "
+        assert re.search(asked, text), f"{name} ({since}) is used, and not asked for"
+
+
+@pytest.mark.parametrize("path", STYLES, ids=lambda path: path.name)
+def test_the_drive_screens_styles_keep_to_the_baseline(path: Path) -> None:
+    text = re.sub(r"/\*.*?\*/", "", path.read_text(), flags=re.DOTALL)
+    text = re.sub(r"@supports [^{]*\{[^{}]*\{[^}]*\}\s*\}", "", text)
+    for what, pattern in STYLED.items():
+        found = re.search(pattern, text)
+        assert found is None, f"{what}: {found and text[found.start() - 40 : found.end()]!r}"
+
+
+def test_the_first_script_is_for_any_browser() -> None:
+    """It tells an old browser that it is too old, and so has to run there."""
+    [script] = re.findall(r"<script>(.*?)</script>", (WEB / "index.html").read_text(), re.DOTALL)
+    code = re.sub(r"'[^']*'|//.*|/\*.*?\*/", "", script)
+    for newer in (r"=>", r"\b(let|const|class|async|await)\b", "`", r"\?\.|\?\?", r"\.\.\."):
+        assert not re.search(newer, code), newer
