@@ -1,7 +1,7 @@
 """The page's source keeps to what browsers of the end of 2020 know (docs/howto/page.md).
 
-The language's own library is checked by the compiler, whose `lib` is that of ES2021 (tsconfig.json).
-Here it is what a compiler does not know: syntax, what the browser offers, and styles.
+The language's own library is checked by the compiler, whose `lib` is that of ES2021
+(tsconfig.json). Here it is what a compiler does not know: syntax, what the browser offers, styles.
 """
 
 from __future__ import annotations
