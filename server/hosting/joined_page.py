@@ -34,7 +34,7 @@ _EXPORT = re.compile(r"^export (default|(?:async )?function|class|const) ?(\w*)"
 _DYNAMIC = re.compile(r"\bimport\(([^()]*)\)")
 _WORKER = re.compile(r"new Worker\('/([^']+)', \{ type: 'module' \}\)")
 _CSS_COMMENT = re.compile(r"/\*.*?\*/", re.S)
-_SENTENCE = re.compile(r"^  '?((?:first\.\w+|emergency_stop))'?: '((?:[^'\\]|\\.)*)',$", re.M)
+_SENTENCE = re.compile(r"^  '?([\w.]+)'?: '((?:[^'\\]|\\.)*)',$", re.M)
 
 
 class JoinError(ValueError):
@@ -48,11 +48,13 @@ class JoinedPage:
     Attributes:
         html: The document. Its inline script and style are allowed by `inline`, their hashes.
         files: The content of each joined file, by its address.
+        pair: The script of the page that pairs a browser, with its sentences: it may load no more.
     """
 
     html: bytes
     inline: tuple[str, ...]
     files: dict[str, bytes]
+    pair: bytes
 
 
 def join_page(folder: Path) -> JoinedPage:
@@ -70,21 +72,34 @@ def _join(folder: Path, _version: tuple[int, int]) -> JoinedPage:
     languages = joiner.languages()
     html = html.replace("'/css/page.css'", f"'{style}'")
     html = html.replace(f"'/{ENTRY}'", f"'{joiner.entry(languages)}'")
-    html = html.replace("{/* words */}", _words(folder))
+    first = _words(folder, "first.")
+    for path in folder.glob("js/messages/*.js"):
+        said = dict(_SENTENCE.findall(path.read_text("utf-8")))
+        first[path.stem]["emergency_stop"] = said.get("emergency_stop", "STOP")
+    html = html.replace("{/* words */}", _literal(first))
+    pair = (folder / "js" / "pair.js").read_text("utf-8")
+    pair = pair.replace("{/* pair. */}", _literal(_words(folder, "pair.")))
     html = html.replace("{/* messages */}", json.dumps(languages))
     inline = tuple(
         f"'sha256-{b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
         for text in re.findall(r"<(?:script|style)>(.*?)</(?:script|style)>", html, re.S)
     )
-    return JoinedPage(html.encode(), inline, joiner.files)
+    return JoinedPage(html.encode(), inline, joiner.files, pair.encode())
 
 
-def _words(folder: Path) -> str:
-    """Return the first sentences in every language, as the page's first script has them."""
-    words = {}
-    for path in sorted((folder / "js" / "messages").glob("*.js")):
-        pairs = _SENTENCE.findall(path.read_text("utf-8"))
-        words[path.stem] = {key.split(".")[-1]: text.replace("\\'", "'") for key, text in pairs}
+def _words(folder: Path, part: str) -> dict[str, dict[str, str]]:
+    """Return the sentences of one part of the messages in every language, without its prefix."""
+    return {
+        path.stem: {
+            key.removeprefix(part): text.replace("\\'", "'")
+            for key, text in _SENTENCE.findall(path.read_text("utf-8"))
+            if key.startswith(part)
+        }
+        for path in sorted((folder / "js" / "messages").glob("*.js"))
+    }
+
+
+def _literal(words: dict[str, dict[str, str]]) -> str:
     return json.dumps(words, ensure_ascii=False).replace("<", "\\u003c")
 
 

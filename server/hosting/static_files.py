@@ -57,6 +57,9 @@ class PageFiles(CompressedFiles):
             self._page = await run_in_threadpool(join_page, self._folder)
         if is_document:
             return _document(self._page, scope)
+        if path == "js/pair.js":
+            fresh = {"content-type": _KINDS[".js"], "cache-control": "no-cache"}
+            return _answer(self._page.pair, scope, fresh)
         joined = self._page.files.get(f"/{path}")
         if joined is None:
             return await super().get_response(path, scope)

@@ -62,6 +62,17 @@ def test_only_what_changes_gets_another_name(web: Path) -> None:
     assert len(changed) == 4
 
 
+def test_a_new_language_is_one_file_and_may_be_half_done(web: Path) -> None:
+    messages = web / "js" / "messages"
+    few = "export default {\n  emergency_stop: 'HALT',\n  'pair.title': 'Einlass',\n};\n"
+    (messages / "de.js").write_text(few)
+    page = join_page(web)
+    assert '"de": {"emergency_stop": "HALT"}' in page.html.decode()
+    assert '"de": {"title": "Einlass"}' in page.pair.decode()
+    [address] = [address for address in page.files if name_of(address) == "de.js"]
+    assert f'"de": "{address}"' in page.html.decode()
+
+
 @pytest.mark.parametrize(
     "line", ["await later();\n", "export let changes = 1;\n", "import './misspelt.js';\n"]
 )

@@ -5,12 +5,9 @@ import { ask } from '../api.js';
 import { minutes } from '../components/teach-panel.js';
 import { Screen, segments } from '../components/screen.js';
 import { append, fill, h } from '../dom.js';
-import { language, learn, t } from '../i18n.js';
+import { language, t } from '../i18n.js';
 import { inWords, questionForm } from './questions.js';
 import { drawOutcome } from './result.js';
-import words from './words.js';
-
-learn({ ...words.en, .../** @type {Record<string, Record<string, string>>} */ (words)[language] });
 
 const OWN = 'plan';
 
