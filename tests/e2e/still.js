@@ -7,7 +7,7 @@ async ({ stopReasons, links, phases, moves, seed }) => {
   const { store } = page;
   const { HINTS } = await import('/js/hints.js');
   page.follow = () => {}; // the robot's own states would come in between
-  page.refreshLesson = () => {};
+  page.refreshSession = () => {};
   page.connection.dispatchEvent = () => true;
   const taught = Object.fromEntries(moves.map((move, i) => [move, 150 + i]));
   const calm = {
@@ -18,11 +18,11 @@ async ({ stopReasons, links, phases, moves, seed }) => {
   };
   const clean = {
     ...store.state, link: 'open', robot: calm, moves, held: null, role: 'pilot', localStop: null, notice: null, hint: null, toast: null,
-    lesson: null, readiness: null, setback: null, wheelAsked: false, wheelWaiting: false, pictureAgeMs: 30, drawnAgeMs: 30, drawingMs: 3,
+    session: null, readiness: null, setback: null, wheelAsked: false, wheelWaiting: false, pictureAgeMs: 30, drawnAgeMs: 30, drawingMs: 3,
   };
   const ready = (stage, more = {}) => ({ stage, alone_s: 12, alone_needed_s: 45, unknown_share: 0, moves, missing: [], ...more });
   const gap = (kind, move = null) => ({ kind, move, instead: null, have: 12, need: 40, distance_m: null });
-  const study = (phase, mode, more = {}) => ({ trial: 10, phase, mode, left_s: 123, ...more });
+  const study = (kind, more = {}) => ({ step: 'drive', position: 10, of: 12, kind, mode: kind === 'teach' ? 'train' : 'autonomous', left_s: 123, ...more });
   const drives = ['train', 'autonomous'];
   const states = [
     {}, { link: 'lost' }, { link: 'connecting' }, { robot: { stopped_by_teacher: true } }, { robot: { emergency: true } },
@@ -40,8 +40,8 @@ async ({ stopReasons, links, phases, moves, seed }) => {
     ...HINTS.flatMap((hint) => [true, false].map((hasKeys) => ({ hint, hasKeys }))),
     { toast: { text: 'It was relabelled, and this sentence is as long as any that a toast has to say.', step: { label: 'Undo', act() {} } } },
     { toast: { text: 'The model could not be saved: the disk is full.', step: null } },
-    ...phases.map((phase) => ({ lesson: study(phase, phase === 'question' ? null : 'train') })),
-    ...phases.map((phase) => ({ robot: { mode: 'train' }, lesson: study(phase, phase === 'question' ? null : 'train', { participant: 'P1' }) })),
+    { session: study(null, { step: 'questions', mode: null }) },
+    ...phases.flatMap((kind) => ['stopped', ...drives].map((mode) => ({ robot: { mode }, session: study(kind) }))),
     ...['stopped', ...drives].flatMap((mode) => [
       { robot: { mode, lessons: 0 } }, { robot: { mode, agreement: null } }, { robot: { mode, taught: { [moves[0]]: 300 } } },
       ...['teach', 'try', 'ready'].map((stage) => ({ robot: { mode }, readiness: ready(stage) })),

@@ -83,7 +83,7 @@ def test_the_drive_screen_holds_still(
             {
                 "stopReasons": [reason.value for reason in StopReason],
                 "links": [key.split(".")[1] for key in words if key.startswith("link.")],
-                "phases": ["teach", "correct", "alone", "question"],
+                "phases": ["teach", "correct", "alone"],
                 "moves": MOVES[moves],
                 "seed": 1000 * seed + 7,
             },
