@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -12,6 +13,7 @@ from starlette.requests import HTTPConnection
 
 from robot.clock import Clock
 from robot.devices.rig import Rig
+from robot.policy.history import TrainingHistory
 from server.clients.hub import Hub
 from server.config import Config
 from server.events import EventBus
@@ -25,6 +27,7 @@ from server.security.listener import connection_capacity
 from server.security.pairing import Pairing
 
 _E = TypeVar("_E", bound=Extension)
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +67,17 @@ class Services:
         found = self.extensions[kind]
         assert isinstance(found, kind)
         return found
+
+    async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> _T:
+        """Have the loop make a change; it is in the journal when this returns.
+
+        Raises what `change` raises.
+        """
+        history = self.robot.loop.history
+        made = await asyncio.wrap_future(self.robot.loop.submit(lambda: change(history)))
+        if self.persistence is not None:
+            await self.persistence.journal.written(history.changes)
+        return made
 
 
 def make_services(

@@ -34,7 +34,7 @@ def open_new(path: Path) -> BinaryIO:
 class RecordWriter:
     """Writes the same records to several new files; goes on while one of them takes them.
 
-    For one thread.
+    For one thread, but for `sync`, which another may call.
 
     Raises:
         OSError: If no file can be opened or written any more.
@@ -44,7 +44,8 @@ class RecordWriter:
         self, paths: Sequence[Path], open_file: Callable[[Path], BinaryIO] = open_new
     ) -> None:
         self._files: list[BinaryIO] = []
-        self.written_bytes = 0
+        self.written_bytes = self._synced_bytes = 0
+        self._refused: dict[BinaryIO, OSError] = {}
         last: OSError | None = None
         for path in paths:
             try:
@@ -54,13 +55,14 @@ class RecordWriter:
         self._raise_if_none(last)
 
     def write(self, payloads: Sequence[bytes]) -> None:
-        """Append records and have them reach the disk."""
+        """Append records: what is written survives the end of the process, but no power cut yet."""
         data = b"".join(map(frame_record, payloads))
         last: OSError | None = None
         for file in list(self._files):
             try:
+                if file in self._refused:
+                    raise self._refused.pop(file)
                 _write_all(file, data)
-                os.fsync(file.fileno())
             except OSError as error:
                 last = error
                 self._files.remove(file)
@@ -69,8 +71,22 @@ class RecordWriter:
         self.written_bytes += len(data)
         self._raise_if_none(last)
 
+    def sync(self) -> None:
+        """Have what was written reach the disk; if one refuses, the next `write` leaves it out."""
+        if self._synced_bytes == self.written_bytes:
+            return
+        self._synced_bytes = self.written_bytes
+        for file in list(self._files):
+            try:
+                os.fsync(file.fileno())
+            except ValueError:  # closed meanwhile
+                continue
+            except OSError as error:
+                self._refused[file] = error
+
     def close(self) -> None:
-        """Close what is open; idempotent."""
+        """Have all of it reach the disk, and close what is open; idempotent."""
+        self.sync()
         for file in self._files:
             with contextlib.suppress(OSError):
                 file.close()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from typing import Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
@@ -48,8 +47,7 @@ async def show_image(request: Request, node: int) -> Response:
 @router.post("/undo", dependencies=[PILOT])
 async def undo_edit(request: Request) -> dict[str, bool]:
     """Undo the last change to an image; `undone` is false if there is none to undo."""
-    loop = services_of(request).robot.loop
-    undone = await asyncio.wrap_future(loop.submit(lambda: loop.history.undo_edit()))
+    undone = await services_of(request).change_learner(lambda history: history.undo_edit())
     await services_of(request).progress.gallery(fresh=True)
     return {"undone": bool(undone)}
 
@@ -61,16 +59,16 @@ async def edit_image(request: Request, node: int) -> dict[str, Any]:
     verb, value = body.get("verb"), body.get("value")
     if not isinstance(verb, str):
         raise HTTPException(400, "'verb' must be relabel, pin or delete.")
-    loop = services_of(request).robot.loop
+    services = services_of(request)
     try:
-        await asyncio.wrap_future(loop.submit(lambda: loop.history.edit(verb, node, value)))
+        await services.change_learner(lambda history: history.edit(verb, node, value))
     except LookupError as error:
         raise HTTPException(
             404, "That image is no longer there; it may have been merged."
         ) from error
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
-    await services_of(request).progress.gallery(fresh=True)
+    await services.progress.gallery(fresh=True)
     return {"node": node}
 
 

@@ -63,8 +63,7 @@ async def show_last(request: Request, seconds: float = 5.0) -> dict[str, Any]:
 async def undo(request: Request) -> dict[str, Any]:
     """Undo the last seconds of training: {seconds}."""
     seconds = _checked((await read_body(request)).get("seconds"))
-    loop = services_of(request).robot.loop
-    gone = await asyncio.wrap_future(loop.submit(lambda: loop.history.undo(seconds)))
+    gone = await services_of(request).change_learner(lambda history: history.undo(seconds))
     return {"undone": len(gone)}
 
 

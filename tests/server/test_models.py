@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
 import pytest
 
+from robot.store.folder import Storage
+from robot.store.models.model import same_nodes
+from robot.store.models.replay import recover
+from robot.store.models.store import ModelStore
 from robot.types import Action, Example, Mode
 from server.config import Config
 
@@ -171,3 +176,25 @@ def test_a_mode_change_saves(bench: Bench) -> None:
     bench.server.set_mode(Mode.TRAIN)
     bench.persistence.autosave.stop()
     assert bench.names() == ["bench"]
+
+
+@pytest.mark.parametrize("what", ["pin", "relabel", "undo", "undo of an edit"])
+def test_a_change_that_is_acknowledged_survives_a_kill_at_that_very_moment(
+    bench: Bench, tmp_path: Path, what: str
+) -> None:
+    """The folder is copied when the answer is there; the models are left out: no save helps."""
+    bench.teach(6)
+    [node, *_] = [image["node"] for image in bench.client.get("/api/gallery").json()["images"]]
+    if what == "undo":
+        asked = bench.client.post("/api/teaching/undo", json={"seconds": 0.12})
+    else:
+        verb, value = ("relabel", "right") if what == "relabel" else ("pin", True)
+        asked = bench.client.post(f"/api/gallery/{node}", json={"verb": verb, "value": value})
+        if what == "undo of an edit":
+            asked = bench.client.post("/api/gallery/undo")
+    assert asked.status_code == 200
+    left = Storage(tmp_path / "left")
+    shutil.copytree(tmp_path / "journal", left.journal)
+    now = bench.server.ask_loop(lambda: bench.rig.loop.history.policy.get_state())
+    recovered = recover(left.journal, ModelStore(left))
+    assert recovered is not None and same_nodes(recovered.model.state, now)

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import random
 import shutil
+import threading
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from robot.clock import RealClock
+from robot.store.folder import Storage
 from robot.store.models.journal import list_parts
+from robot.store.models.replay import recover
+from robot.store.models.store import ModelStore
 from robot.store.records import RecordWriter, frame_record, read_records
 
 from .lives import Life, same
@@ -197,6 +203,39 @@ def test_nothing_is_replayed_after_a_start_in_which_nothing_changed(tmp_path: Pa
         assert not idle.recovered
         idle.die()
     assert len(list(tmp_path.glob("models/robot/*.npz"))) == 1
+
+
+@pytest.mark.realtime
+def test_a_disk_whose_flush_hangs_holds_up_no_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a kill takes is what is not written; it does not wait for what a power cut takes."""
+    hangs, goes_on = threading.Event(), threading.Event()
+
+    def flush(handle: int) -> None:
+        hangs.set()
+        assert goes_on.wait(60)
+
+    life = Life(tmp_path, [0.0], random.Random(5), writes=False)
+    monkeypatch.setattr(os, "fsync", flush)
+    life.journal._clock = RealClock()
+    life.journal.start()
+    try:
+        life.teach()
+        assert hangs.wait(60)
+        for _ in range(3):
+            life.teach()
+            changes = life.loop.history.changes
+            asyncio.run(asyncio.wait_for(life.journal.written(changes), 60))
+            assert life.journal._written == changes
+            monkeypatch.setattr(os, "fsync", lambda handle: None)  # only for the copy's own files
+            left = Storage(tmp_path / f"left-{changes}")
+            shutil.copytree(tmp_path / "journal", left.journal)
+            found = recover(left.journal, ModelStore(left))
+            assert found is not None and same(found.model.state, life.state())
+    finally:
+        goes_on.set()
+        life.journal.stop()
 
 
 class OneAtATime(random.Random):
