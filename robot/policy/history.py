@@ -9,7 +9,7 @@ the undone examples had never been.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,13 +59,14 @@ class Replaced:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _DriveBegun:
+class DriveBegun:
     """The policy was reset between two examples: some learners look for their place then."""
 
     at_s: float
 
 
-LogEvent = Taught | Edited | _DriveBegun
+LogEvent = Taught | Edited | DriveBegun
+"""What a learner is made of: making these again, in order, makes it again, bit for bit."""
 HistoryEvent = Taught | Edited | Undone | Replaced
 
 
@@ -128,14 +129,10 @@ class TrainingHistory:
         """Have the policy learn one labelled frame that was taken at `captured_s`."""
         step_s = captured_s - self._last_example_s if self._last_example_s is not None else 0.0
         teaching_s = self._teaching_s + min(max(step_s, 0.0), _LONGEST_STEP_S)
-        self.teach_again(Taught(example=example, x=x, at_s=teaching_s))
-        self._last_example_s = captured_s
-
-    def teach_again(self, event: Taught) -> None:
-        """Have the policy learn what was taught once, at the same teaching time."""
-        _learn(self.policy, event)
-        self._teaching_s = event.at_s
-        self.taught[event.example.label] += 1
+        event = Taught(example=example, x=x, at_s=teaching_s)
+        _make(self.policy, event)
+        self._last_example_s, self._teaching_s = captured_s, teaching_s
+        self.taught[example.label] += 1
         self._record(event)
         if self._teaching_s - self._snapshots[-1].at_s >= SNAPSHOT_EVERY_S:
             self._take_snapshot()
@@ -144,7 +141,7 @@ class TrainingHistory:
         """Reset the policy, because a drive ends here and another will begin."""
         self.policy.reset()
         if not self._is_drive_new:
-            self._events.append(_DriveBegun(at_s=self._teaching_s))
+            self._events.append(DriveBegun(at_s=self._teaching_s))
             self._is_drive_new = True
             self.drives += 1
 
@@ -156,7 +153,7 @@ class TrainingHistory:
             ValueError: If the verb is unknown or the policy refuses.
         """
         event = Edited(verb=verb, node_id=node_id, value=value, at_s=self._teaching_s)
-        _apply_edit(self.policy, event)
+        _make(self.policy, event)
         self._record(event)
 
     def last_examples(self, seconds: float) -> list[Taught]:
@@ -173,7 +170,7 @@ class TrainingHistory:
         if gone:
             self._rebuild_without(gone)
             self.taught = self.taught - Counter(taught.example.label for taught in gone)
-            kept = (e.at_s for e in reversed(self._events) if not isinstance(e, _DriveBegun))
+            kept = (e.at_s for e in reversed(self._events) if not isinstance(e, DriveBegun))
             last_s = next(kept, 0.0)
             self._teaching_s = max(last_s, self._snapshots[-1].at_s)
             self._tell(Undone(frame_ids=tuple(t.example.frame_id for t in gone)))
@@ -210,13 +207,7 @@ class TrainingHistory:
         snapshot = self._snapshots[-1]
         self._events = [event for event in self._events if id(event) not in identities]
         self.policy.restore(snapshot.state)
-        for event in self._events[snapshot.position - self._forgotten :]:
-            if isinstance(event, Taught):
-                _learn(self.policy, event)
-            elif isinstance(event, _DriveBegun):
-                self.policy.reset()
-            else:
-                _apply_edit_if_possible(self.policy, event)
+        replay(self.policy, self._events[snapshot.position - self._forgotten :])
 
     def _take_snapshot(self) -> None:
         """Remember the learner as it is, and forget what no undo can reach any more."""
@@ -233,13 +224,33 @@ class TrainingHistory:
         self._forgotten = self._snapshots[0].position
 
 
-def _learn(policy: Policy, event: Taught) -> None:
-    example = event.example
-    policy.learn(event.x, example.label, event.at_s, is_correction=example.is_intervention)
+def replay(
+    policy: Policy,
+    events: Iterable[LogEvent],
+    on_refused: Callable[[LogEvent, Exception], None] = lambda event, error: None,
+) -> None:
+    """Make these changes again, in order: undo, recovery and training from recordings all do.
+
+    Args:
+        policy: What learns.
+        events: The changes. An example of no known teaching time has a negative one.
+        on_refused: Called for a change that cannot be made here. An edit's image may never have
+            come to be, or be pinned, where other examples are left out.
+    """
+    for event in events:
+        try:
+            _make(policy, event)
+        except (LookupError, ValueError) as error:
+            on_refused(event, error)
 
 
-def _apply_edit(policy: Policy, event: Edited) -> None:
-    if event.verb == "relabel":
+def _make(policy: Policy, event: LogEvent) -> None:
+    if isinstance(event, Taught):
+        example, at_s = event.example, event.at_s if event.at_s >= 0.0 else None
+        policy.learn(event.x, example.label, at_s, is_correction=example.is_intervention)
+    elif isinstance(event, DriveBegun):
+        policy.reset()
+    elif event.verb == "relabel":
         policy.relabel_node(event.node_id, Action(event.value))
     elif event.verb == "delete":
         policy.delete_node(event.node_id)
@@ -247,11 +258,3 @@ def _apply_edit(policy: Policy, event: Edited) -> None:
         policy.pin_node(event.node_id, bool(event.value))
     else:
         raise ValueError(f"unknown edit {event.verb!r}; known: relabel, delete, pin")
-
-
-def _apply_edit_if_possible(policy: Policy, event: Edited) -> None:
-    """Apply an edit again; its image may never have come to be, or be pinned, without the rest."""
-    try:
-        _apply_edit(policy, event)
-    except (LookupError, ValueError):
-        return

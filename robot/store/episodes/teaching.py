@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 from robot.errors import ConfigurationError
 from robot.learner.base import Vector
-from robot.policy.history import Edited, Taught, Undone
+from robot.policy.history import Edited, LogEvent, Taught, Undone, replay
 from robot.policy.policy import Policy
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode, EventEntry
 from robot.store.models.model import same_nodes
-from robot.types import Action
+from robot.types import Action, Example
 
 EditedEpisode = tuple[Episode, Notes]
 """A recording with its edits."""
@@ -48,6 +48,10 @@ class Report:
     taught: Counter[Action]
     left_out_edits: int = 0
     missing_frames: int = 0
+
+    def leave_out(self, event: LogEvent, error: Exception) -> None:
+        """Count an edit that does not apply here."""
+        self.left_out_edits += 1
 
 
 def plan(episodes: Sequence[EditedEpisode]) -> list[Step]:
@@ -152,21 +156,29 @@ def learn_again(
     Raises:
         ConfigurationError: If a label is not one of the policy's moves.
     """
-    steps = [step for step in plan(episodes)[skip:] if only(step)]
     is_faithful = all(
         episode.run.get("learner") == policy.name and not notes.edits for episode, notes in episodes
     )
     report = Report(taught=Counter())
-    for step in steps:
-        if step.edit is not None:
-            _edit_again(policy, step.edit, report, is_faithful)
-        else:
-            _learn(policy, step, report)
+    for step in (step for step in plan(episodes)[skip:] if only(step)):
+        event = step.edit if step.edit is not None else _example_of(step, policy, report)
+        if isinstance(event, Taught):
+            replay(policy, [event], _raise)
+            report.taught[event.example.label] += 1
+        elif event is not None and is_faithful:
+            replay(policy, [event], report.leave_out)
+        elif event is not None:
+            report.left_out_edits += 1
         on_step()
     return report
 
 
-def _learn(policy: Policy, step: Step, report: Report) -> None:
+def _raise(event: LogEvent, error: Exception) -> None:
+    raise error
+
+
+def _example_of(step: Step, policy: Policy, report: Report) -> Taught | None:
+    """Return the example with this policy's own vector; None if its picture was not recorded."""
     assert step.label is not None
     if step.label not in policy.moves:
         raise ConfigurationError(
@@ -179,21 +191,6 @@ def _learn(policy: Policy, step: Step, report: Report) -> None:
         x = step.x
     else:
         report.missing_frames += 1
-        return
-    policy.learn(x, step.label, step.at_s, is_correction=step.is_correction)
-    report.taught[step.label] += 1
-
-
-def _edit_again(policy: Policy, edit: Edited, report: Report, is_faithful: bool) -> None:
-    if not is_faithful:
-        report.left_out_edits += 1
-        return
-    try:
-        if edit.verb == "relabel":
-            policy.relabel_node(edit.node_id, Action(edit.value))
-        elif edit.verb == "delete":
-            policy.delete_node(edit.node_id)
-        else:
-            policy.pin_node(edit.node_id, bool(edit.value))
-    except (LookupError, ValueError):
-        report.left_out_edits += 1
+        return None
+    example = Example(frame_id=step.frame_id, label=step.label, is_intervention=step.is_correction)
+    return Taught(example=example, x=x, at_s=-1.0 if step.at_s is None else step.at_s)

@@ -52,32 +52,19 @@ HEAD = b"\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Entry:
+class _Item:
+    """One record to be: an `event`, a `checkpoint` of the whole learner, or a word of two kinds.
+
+    `saved`: everything up to this change is in a model's file. `drive`: a drive began after this
+    change; some learners look for their place then.
+    """
+
+    kind: str
     change: int
-    event: HistoryEvent
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Checkpoint:
-    change: int
-    model: Model
-    name: str | None
-    begins_part: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _AllSaved:
-    change: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Drive:
-    """A drive began after this change: some learners look for their place then."""
-
-    change: int
-
-
-_Item = _Entry | _Checkpoint | _AllSaved | _Drive
+    event: HistoryEvent | None = None
+    model: Model | None = None
+    name: str | None = None
+    begins_part: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
@@ -192,7 +179,7 @@ class Journal:
         events = tick.history_events
         drives, self._drives = self._drives, history.drives
         if drives != history.drives and not self._needs_checkpoint:
-            self._put(_Drive(change=history.changes - len(events)))
+            self._put(_Item(kind="drive", change=history.changes - len(events)))
         if not events:
             if not self._needs_checkpoint or self._try_again_s == 0.0:
                 return
@@ -207,7 +194,7 @@ class Journal:
             return
         first = history.changes - len(events) + 1
         for change, event in enumerate(events, start=first):
-            self._put(_Entry(change=change, event=event))
+            self._put(_Item(kind="event", change=change, event=event))
 
     def _put_checkpoint(self, history: TrainingHistory, name: str | None, place: str) -> None:
         model = take_model(
@@ -221,7 +208,13 @@ class Journal:
         begins_part = self._begins_part
         self._needs_checkpoint = self._begins_part = False
         self._put(
-            _Checkpoint(change=history.changes, model=model, name=name, begins_part=begins_part)
+            _Item(
+                kind="checkpoint",
+                change=history.changes,
+                model=model,
+                name=name,
+                begins_part=begins_part,
+            )
         )
 
     def _put(self, item: _Item) -> None:
@@ -237,7 +230,7 @@ class Journal:
 
     def note_saved(self, change: int) -> None:
         """Record that everything up to this change is saved: recovery does not need it."""
-        self._put(_AllSaved(change=change))
+        self._put(_Item(kind="saved", change=change))
 
     async def written(self, change: int) -> None:
         """Wait until this change is written, so that no kill can lose it once it is acknowledged.
@@ -285,10 +278,10 @@ class Journal:
     def _write(self, items: list[_Item]) -> None:
         waiting: list[bytes] = []
         for item in items:
-            if isinstance(item, _Checkpoint) and item.begins_part:
+            if item.begins_part:
                 waiting = []  # the checkpoint holds what came before it
                 self._begin_part()
-            if self._writer is None and isinstance(item, _AllSaved | _Drive):
+            if self._writer is None and item.kind in ("saved", "drive"):
                 continue  # nothing was changed in this run
             if self._writer is None:
                 raise OSError("a part of the journal is missing")
@@ -334,18 +327,15 @@ class Journal:
 
 def _encode(item: _Item) -> bytes:
     """Return a record: a line of JSON, and what belongs to it, packed."""
-    head: dict[str, Any] = {"change": item.change}
-    if isinstance(item, _AllSaved):
-        return json.dumps({"kind": "saved", **head}).encode() + HEAD
-    if isinstance(item, _Drive):
-        return json.dumps({"kind": "drive", **head}).encode() + HEAD
-    if isinstance(item, _Checkpoint):
-        head = {"kind": "checkpoint", **head, "name": item.name}
-        body = encode_model(item.model)
-    else:
-        body = json.dumps(describe_event(item.event, with_vector=True), default=_plain).encode()
-        head = {"kind": "event", **head}
-    return json.dumps(head).encode() + HEAD + zlib.compress(body, 1)
+    head: dict[str, Any] = {"kind": item.kind, "change": item.change}
+    body = b""
+    if item.model is not None:
+        head["name"] = item.name
+        body = zlib.compress(encode_model(item.model), 1)
+    elif item.event is not None:
+        plain = describe_event(item.event, with_vector=True)
+        body = zlib.compress(json.dumps(plain, default=_plain).encode(), 1)
+    return json.dumps(head).encode() + HEAD + body
 
 
 def _plain(value: Any) -> Any:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import RobotError
-from robot.policy.history import Edited, HistoryEvent, Taught, TrainingHistory
+from robot.policy.history import DriveBegun, Edited, HistoryEvent, LogEvent, Taught, replay
 from robot.store.models.events import read_event
 from robot.store.models.journal import HEAD, Part, list_parts
 from robot.store.models.model import (
@@ -195,21 +195,23 @@ def newest_boot(store: ModelStore) -> int:
 
 def _learn_on(model: Model, run: _Run, numbers: list[int], position: JournalPosition) -> Model:
     """Return the model after these changes, as they were made."""
-    policy = model.to_policy()
+    policy, taught = model.to_policy(), Counter(model.summary.taught)
     policy.restore(model.state)  # it was taken in the middle of a drive
-    history = TrainingHistory(policy)
+    events: list[LogEvent] = []
     for number in numbers:
-        if number - 1 in run.drives:
-            history.begin_drive()
         event = run.events[number]
-        try:
-            if isinstance(event, Taught):
-                history.teach_again(event)
-            elif isinstance(event, Edited):
-                history.edit(event.verb, event.node_id, event.value)
-        except (ValueError, LookupError) as error:
-            log.warning("a change could not be made again: %s", error)
-    taught = Counter(model.summary.taught) + history.taught
+        if number - 1 in run.drives:
+            events.append(DriveBegun(at_s=0.0))
+        if isinstance(event, Taught | Edited):
+            events.append(event)
+    taught.update(event.example.label for event in events if isinstance(event, Taught))
+
+    def refuse(event: LogEvent, error: Exception) -> None:
+        log.warning("a change could not be made again: %s", error)
+        if isinstance(event, Taught):
+            taught.subtract([event.example.label])
+
+    replay(policy, events, refuse)
     summary = model.summary
     return take_model(
         policy, taught, saved_at_s=summary.saved_at_s, place=summary.place, position=position

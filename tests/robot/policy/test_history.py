@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from unittest import mock
 
@@ -138,9 +139,11 @@ def test_everything_that_changes_the_learner_is_told_in_order() -> None:
 def teach_at(history: TrainingHistory, *times_s: float) -> None:
     """Teach one example at each of these teaching times, to the last digit."""
     xs = vectors(history.policy, 3)
-    for number, at_s in enumerate(times_s):
-        example = Example(frame_id=number, label=MOVES[number % 3], is_intervention=False)
-        history.teach_again(Taught(example=example, x=xs[number % 3], at_s=at_s))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("robot.policy.history._LONGEST_STEP_S", math.inf)
+        for number, at_s in enumerate(times_s):
+            example = Example(frame_id=number, label=MOVES[number % 3], is_intervention=False)
+            history.teach(example, xs[number % 3], at_s)
 
 
 def test_an_undo_learns_again_only_what_came_after_the_snapshot_before_it(
