@@ -8,6 +8,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from robot.clock import ManualClock
+from robot.control.profile import (
+    behavior_profile,
+    compare,
+    move_shares,
+    rare_moves,
+)
 from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.lab.ideas import make_learner
 from robot.lab.metrics import driving
@@ -17,12 +23,6 @@ from robot.lab.simulated_pilots.pilot import SimulatedPilot
 from robot.lab.simulated_pilots.situation import observe
 from robot.lab.task import Result
 from robot.lab.trial import Place, Trial
-from robot.measures.profile import (
-    behavior_profile,
-    compare,
-    move_shares,
-    rare_moves,
-)
 from robot.types import Action, DrivenBy, Mode, Pose
 
 DRIFT_SHARE = 0.15

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from robot.control.profile import Profile, compare, move_shares, rare_moves
 from robot.lab.cycles import run_cycles
 from robot.lab.episodes import run_episodes
 from robot.lab.footage import run_recorded_footage, run_simulated_footage
@@ -19,7 +20,6 @@ from robot.lab.pilots import make_pilot
 from robot.lab.ready_run import run_ready
 from robot.lab.task import Result, Task
 from robot.lab.trial import Place, Trial
-from robot.measures.profile import Profile, compare, move_shares, rare_moves
 from robot.types import Action, DrivenBy, Mode
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robot.lab.task import Result
-from robot.measures.table import Cell, Table, format_cell
+from robot.store.table import Cell, Table, format_cell
 
 __all__ = ["SSD_COLUMNS", "Cell", "Spread", "Table", "format_cell", "spread", "ssd_cells"]
 

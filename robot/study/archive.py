@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from robot.control.profile import THRESHOLDS_M, Profile
 from robot.errors import ConfigurationError
-from robot.measures.profile import THRESHOLDS_M, Profile
-from robot.measures.table import Table, format_cell
+from robot.store.table import Table, format_cell
 from robot.study import figures
 from robot.study.events import read_events, write_events
 from robot.study.plan import CODE, PhaseKind, StudyPlan, parse_plan

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
+from robot.control.profile import THRESHOLDS_M, Profile, behavior_profile, compare
 from robot.errors import RecordingError
-from robot.measures.profile import THRESHOLDS_M, Profile, behavior_profile, compare
-from robot.measures.table import Cell
+from robot.store.table import Cell
 from robot.study.events import StudyEvent, check_begun, number_in, read_events
 from robot.study.plan import Condition, PhaseKind, PlannedPhase, StudyPlan
 from robot.study.questions import SCORES, scores

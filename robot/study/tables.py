@@ -6,7 +6,7 @@ import itertools
 import statistics
 from collections.abc import Iterator, Sequence
 
-from robot.measures.table import Cell, Table
+from robot.store.table import Cell, Table
 from robot.study.events import write_csv
 from robot.study.plan import PhaseKind, StudyPlan
 from robot.study.questions import SCORES

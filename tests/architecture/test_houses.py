@@ -20,20 +20,14 @@ import pytest
 from .house import HOUSES
 
 ROOT = Path(__file__).parents[2]
-NEEDED_BY = {"lab": ("study",)}
-"""Which houses go with a house, because they build on it."""
 QUICK = ("tests/robot/control/test_gate.py", "tests/server/clients/test_lease.py")
 QUICK += ("tests/server/cli/test_main.py", "tests/robot/devices/test_options.py")
 EVERYTHING = ("tests/robot", "tests/server", "tests/faults", "tests/contract")
 
 
-def houses_taken_with(house: str) -> set[str]:
-    """Return the packages of a house, and of those that build on it."""
-    return {
-        f"{package}.{name}"
-        for name in (house, *NEEDED_BY.get(house, ()))
-        for package in ("robot", "server")
-    }
+def packages_of(house: str) -> set[str]:
+    """Return the packages of a house."""
+    return {f"robot.{house}", f"server.{house}"}
 
 
 def imports(module: str, file: Path) -> set[str]:
@@ -76,7 +70,7 @@ def uses(names: set[str], packages: set[str]) -> bool:
 
 def copy_without(house: str, folder: Path) -> set[str]:
     """Copy the tree without a house; return the packages that are gone."""
-    gone = houses_taken_with(house)
+    gone = packages_of(house)
     ignored = shutil.ignore_patterns("__pycache__", "node_modules", "*.webp")
     for name in ("robot", "server", "web", "tests", "docs"):
         shutil.copytree(ROOT / name, folder / name, ignore=ignored)

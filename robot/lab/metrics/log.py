@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robot.measures.profile import Profile, behavior_profile
+from robot.control.profile import Profile, behavior_profile
 from robot.types import Action, DrivenBy, Pose
 
 

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
+from robot.control.profile import RARE_SHARE, move_shares, rare_moves
 from robot.lab.metrics.driving import STUCK_S, is_stuck, longest_stay_s
 from robot.lab.metrics.log import DriveLog, DriveSample
-from robot.measures.profile import RARE_SHARE, move_shares, rare_moves
 from robot.types import Action, DrivenBy, Pose
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT

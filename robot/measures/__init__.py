@@ -1,1 +1,0 @@
-"""Measures and tables that several houses share."""
