@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import base64
 import contextlib
-import importlib.util
 import re
 import socket
-import threading
 from dataclasses import dataclass, field
 from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 from urllib.parse import unquote, urlsplit
 
-from robot.camera import Camera
-from robot.clock import Clock, Worker
-from robot.devices.freshness import REOPEN_S, Freshness
+from robot.clock import Clock
+from robot.devices.freshness import REOPEN_S
 from robot.devices.pictures import MAX_SIDE_PX, jpeg_size
-from robot.driver import Driver
-from robot.errors import CameraError, ConfigurationError, MissingExtraError, RecordingError
+from robot.devices.watched_camera import WatchedCamera
+from robot.errors import CameraError, ConfigurationError, RecordingError
 from robot.types import Encoding
 
 MAX_PART_BYTES = 4 * 2**20
-_WATCH_EVERY_S = 0.05
 _SILENT_S = 2.0
 _LENGTH = re.compile(rb"content-length:\s*(\d{1,9})", re.IGNORECASE)
 _SOI, _HEAD_END = b"\xff\xd8", b"\r\n\r\n"
@@ -90,7 +86,7 @@ class Parts:
         return picture if length is not None else picture.removesuffix(b"\r\n")
 
 
-class MjpegCamera(Camera):
+class MjpegCamera(WatchedCamera):
     """Reads on a thread, newest only; another watches the time. A lost stream is opened again.
 
     A picture is stamped when its first bytes came: the camera's own delay is not known.
@@ -100,8 +96,7 @@ class MjpegCamera(Camera):
     options_type: ClassVar[type[Any]] = MjpegOptions
 
     def __init__(self, options: MjpegOptions, clock: Clock) -> None:
-        super().__init__(clock)
-        self.options = options
+        super().__init__(options, clock)
         url = urlsplit(options.source)
         if url.scheme not in ("http", "https") or not url.hostname:
             raise ConfigurationError(
@@ -109,16 +104,8 @@ class MjpegCamera(Camera):
                 "as in --source http://192.168.4.1:81/stream"
             )
         self._url = url
-        self._freshness = Freshness(clock.now_s())
-        self._ending = threading.Event()
-        self._threads: list[Worker] = []
         self._socket: socket.socket | None = None
         self._reason: str | None = None
-
-    @classmethod
-    def for_driver(cls, driver: Driver, options: MjpegOptions, clock: Clock) -> Self:
-        """Build the camera; it goes with every driver."""
-        return cls(options, clock)
 
     def start(self) -> None:
         """Open the stream, and read it on a thread.
@@ -129,24 +116,15 @@ class MjpegCamera(Camera):
         """
         if self._threads:
             return
-        for library in ("cv2", "imagesize"):
-            if importlib.util.find_spec(library) is None:
-                raise MissingExtraError("the camera 'mjpeg'", "camera")
-        self._ending.clear()
+        self._need("cv2", "imagesize")
         stream = self._open()
-        self._freshness = Freshness(self.clock.now_s())
-        self._threads = [
-            self.clock.start_thread(lambda: self._read(stream), "mjpeg-camera"),
-            self.clock.start_thread(self._watch, "mjpeg-watch"),
-        ]
+        self._watch_over(lambda: self._read(stream))
 
     def stop(self) -> None:
         """End the threads and close the stream."""
         self._ending.set()
         self._close()
-        for thread in self._threads:
-            thread.join(timeout=2 * _SILENT_S)
-        self._threads = []
+        self._join(2 * _SILENT_S)
 
     def _open(self) -> HTTPResponse:
         url = self._url
@@ -223,9 +201,6 @@ class MjpegCamera(Camera):
             jpeg, width=width, height=height, encoding=Encoding.JPEG, captured_s=captured_s
         )
 
-    def _watch(self) -> None:
-        while not self.clock.wait(self._ending, _WATCH_EVERY_S):
-            wrong = self._freshness.fault(self.clock.now_s())
-            if wrong is not None and self._fault is None:
-                why = f" ({self._reason})" if self._reason else ""
-                self._report_fault(f"The camera at {self._url.hostname} {wrong}{why}.")
+    def _name_fault(self, wrong: str) -> str:
+        why = f" ({self._reason})" if self._reason else ""
+        return f"The camera at {self._url.hostname} {wrong}{why}."

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
-import threading
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
-from robot.camera import Camera
-from robot.clock import Clock, Worker
-from robot.devices.freshness import Freshness
-from robot.driver import Driver
-from robot.errors import MissingExtraError
+from robot.clock import Clock
+from robot.devices.watched_camera import WatchedCamera
 from robot.types import Encoding
 
 NOBODY = "No phone is the robot's eye: open the address that the terminal shows on the phone."
-_WATCH_EVERY_S = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,28 +27,19 @@ class PhoneOptions:
     )
 
 
-class PhoneCamera(Camera):
+class PhoneCamera(WatchedCamera):
     """Receives pictures from a phone's page; the socket's owner calls `offer` and `lose`."""
 
     name: ClassVar[str] = "phone"
     options_type: ClassVar[type[Any]] = PhoneOptions
 
     def __init__(self, options: PhoneOptions, clock: Clock) -> None:
-        super().__init__(clock)
-        self.options = options
+        super().__init__(options, clock)
         self.source: object | None = None
         """Whoever holds the phone's socket now; it sets this itself."""
-        self._freshness = Freshness(clock.now_s())
         self._captured_s = 0.0
         self._reason: str | None = NOBODY
         self._is_running = False
-        self._ending = threading.Event()
-        self._thread: Worker | None = None
-
-    @classmethod
-    def for_driver(cls, driver: Driver, options: PhoneOptions, clock: Clock) -> Self:
-        """Build the camera; it goes with every driver."""
-        return cls(options, clock)
 
     def start(self) -> None:
         """Begin to take pictures, and to watch that they go on coming.
@@ -62,22 +47,15 @@ class PhoneCamera(Camera):
         Raises:
             MissingExtraError: If the libraries that read JPEG are not installed.
         """
-        for library in ("cv2", "imagesize"):
-            if importlib.util.find_spec(library) is None:
-                raise MissingExtraError("the camera 'phone'", "camera")
-        if self._thread is None:
-            self._ending.clear()
+        self._need("cv2", "imagesize")
+        if not self._threads:
             self._is_running = True
-            self._freshness = Freshness(self.clock.now_s())
-            self._thread = self.clock.start_thread(self._watch, "phone-camera")
+            self._watch_over()
 
     def stop(self) -> None:
         """Stop receiving pictures."""
         self._is_running = False
-        self._ending.set()
-        if self._thread is not None:
-            self._thread.join(timeout=2.0)
-            self._thread = None
+        self._join()
 
     def offer(
         self, jpeg: bytes, *, width: int, height: int, captured_s: float, covered: bool = False
@@ -117,8 +95,5 @@ class PhoneCamera(Camera):
         if self._is_running and self._fault != reason:
             self._report_fault(reason)
 
-    def _watch(self) -> None:
-        while not self.clock.wait(self._ending, _WATCH_EVERY_S):
-            wrong = self._freshness.fault(self.clock.now_s())
-            if wrong is not None:
-                self._lose(self._reason or f"The phone {wrong}: is its page in front and awake?")
+    def _name_fault(self, wrong: str) -> str:
+        return self._reason or f"The phone {wrong}: is its page in front and awake?"

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import threading
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
-from robot.camera import Camera
-from robot.clock import Clock, Worker
-from robot.devices.freshness import Freshness
-from robot.driver import Driver
+from robot.clock import Clock
+from robot.devices.watched_camera import WatchedCamera
 from robot.errors import CameraError, ConfigurationError, MissingExtraError
 from robot.types import Encoding
 
 MAX_SIDE_PX, MAX_RATE_HZ = 1920, 120.0
-_WATCH_EVERY_S = 0.05
 _OLDEST_S = 2.0
 """A stamp that says that a picture is older than this is none."""
 
@@ -51,7 +47,7 @@ class Picamera2Options:
                 )
 
 
-class Picamera2Camera(Camera):
+class Picamera2Camera(WatchedCamera):
     """Takes each picture on the library's own thread; another watches the time.
 
     A picture is stamped with the sensor's time of exposure.
@@ -61,18 +57,9 @@ class Picamera2Camera(Camera):
     options_type: ClassVar[type[Any]] = Picamera2Options
 
     def __init__(self, options: Picamera2Options, clock: Clock, library: Any = None) -> None:
-        super().__init__(clock)
-        self.options = options
+        super().__init__(options, clock)
         self._library = library
         self._device: Any = None
-        self._freshness = Freshness(clock.now_s())
-        self._ending = threading.Event()
-        self._thread: Worker | None = None
-
-    @classmethod
-    def for_driver(cls, driver: Driver, options: Picamera2Options, clock: Clock) -> Self:
-        """Build the camera; it goes with every driver."""
-        return cls(options, clock)
 
     def start(self) -> None:
         """Open the camera, and have the library give its pictures.
@@ -113,8 +100,6 @@ class Picamera2Camera(Camera):
                 )
             )
             device.pre_callback = self._take
-            self._ending.clear()
-            self._freshness = Freshness(self.clock.now_s())
             device.start()
         except Exception as error:
             self.stop()
@@ -122,7 +107,7 @@ class Picamera2Camera(Camera):
                 f"the camera module {options.camera_number} refuses {options.width}x"
                 f"{options.height} at {options.frame_rate} a second: {error}"
             ) from error
-        self._thread = self.clock.start_thread(self._watch, "picamera2-watch")
+        self._watch_over()
 
     def stop(self) -> None:
         """Close the camera and end the watching thread."""
@@ -133,9 +118,7 @@ class Picamera2Camera(Camera):
             with contextlib.suppress(Exception):
                 device.stop()
             device.close()
-        if self._thread is not None:
-            self._thread.join(timeout=2.0)
-            self._thread = None
+        self._join()
 
     def _take(self, request: Any) -> None:
         """Take one picture, on the library's thread."""
@@ -156,8 +139,5 @@ class Picamera2Camera(Camera):
             captured_s=exposed_s if 0 <= now_s - exposed_s <= _OLDEST_S else now_s,
         )
 
-    def _watch(self) -> None:
-        while not self.clock.wait(self._ending, _WATCH_EVERY_S):
-            wrong = self._freshness.fault(self.clock.now_s())
-            if wrong is not None and self._fault is None:
-                self._report_fault(f"The camera module {wrong}; check its ribbon cable.")
+    def _name_fault(self, wrong: str) -> str:
+        return f"The camera module {wrong}; check its ribbon cable."

@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import base64
 import binascii
-import importlib.util
-import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from robot.bodies.remote.line import split_address
 from robot.bodies.ros.bridge import PORT, RosBridge
 from robot.bodies.ros.driver import is_topic
-from robot.camera import Camera
-from robot.clock import Clock, Worker
-from robot.devices.freshness import Freshness
+from robot.clock import Clock
 from robot.devices.pictures import MAX_SIDE_PX, jpeg_size
-from robot.driver import Driver
-from robot.errors import CameraError, ConfigurationError, MissingExtraError, RecordingError
+from robot.devices.watched_camera import WatchedCamera
+from robot.errors import CameraError, ConfigurationError, RecordingError
 from robot.types import Encoding
 
 _IMAGE = "sensor_msgs/msg/CompressedImage"
-_WATCH_EVERY_S = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +38,7 @@ class RosCameraOptions:
             )
 
 
-class RosCamera(Camera):
+class RosCamera(WatchedCamera):
     """Takes the newest picture of a topic; a thread watches the time.
 
     A picture is stamped when it came: the robot's clock is another one.
@@ -53,18 +48,9 @@ class RosCamera(Camera):
     options_type: ClassVar[type[Any]] = RosCameraOptions
 
     def __init__(self, options: RosCameraOptions, clock: Clock) -> None:
-        super().__init__(clock)
-        self.options = options
+        super().__init__(options, clock)
         self._bridge: RosBridge | None = None
-        self._freshness = Freshness(clock.now_s())
         self._reason = ""
-        self._ending = threading.Event()
-        self._thread: Worker | None = None
-
-    @classmethod
-    def for_driver(cls, driver: Driver, options: RosCameraOptions, clock: Clock) -> Self:
-        """Build the camera; it goes with every driver."""
-        return cls(options, clock)
 
     def start(self) -> None:
         """Subscribe to the topic.
@@ -75,12 +61,8 @@ class RosCamera(Camera):
         """
         if self._bridge is not None:
             return
-        for library in ("cv2", "imagesize"):
-            if importlib.util.find_spec(library) is None:
-                raise MissingExtraError("the camera 'ros'", "camera")
+        self._need("cv2", "imagesize")
         host, port = split_address(self.options.address, PORT)
-        self._ending.clear()
-        self._freshness = Freshness(self.clock.now_s())
         try:
             self._bridge = RosBridge(
                 host,
@@ -93,7 +75,7 @@ class RosCamera(Camera):
             raise CameraError(
                 f"no rosbridge can be reached at {host}:{port} ({error}); is it running?"
             ) from error
-        self._thread = self.clock.start_thread(self._watch, "ros-watch")
+        self._watch_over()
 
     def stop(self) -> None:
         """Unsubscribe, by closing the connection."""
@@ -101,9 +83,7 @@ class RosCamera(Camera):
         bridge, self._bridge = self._bridge, None
         if bridge is not None:
             bridge.close()
-        if self._thread is not None:
-            self._thread.join(timeout=2.0)
-            self._thread = None
+        self._join()
 
     def _take(self, message: Mapping[str, Any]) -> None:
         """Take one image, on the bridge's thread."""
@@ -122,8 +102,5 @@ class RosCamera(Camera):
                 picture, width=width, height=height, encoding=Encoding.JPEG, captured_s=now_s
             )
 
-    def _watch(self) -> None:
-        while not self.clock.wait(self._ending, _WATCH_EVERY_S):
-            wrong = self._freshness.fault(self.clock.now_s())
-            if wrong is not None and self._fault is None:
-                self._report_fault(f"The topic {self.options.image_topic} {wrong}{self._reason}.")
+    def _name_fault(self, wrong: str) -> str:
+        return f"The topic {self.options.image_topic} {wrong}{self._reason}."

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
-import threading
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
-from robot.camera import Camera
-from robot.clock import Clock, Worker
-from robot.devices.freshness import REOPEN_S, Freshness
-from robot.driver import Driver
-from robot.errors import CameraError, MissingExtraError
+from robot.devices.freshness import REOPEN_S
+from robot.devices.watched_camera import WatchedCamera
+from robot.errors import CameraError
 from robot.types import Encoding
 
 JPEG_QUALITY = 80
@@ -33,7 +29,7 @@ class OpencvOptions:
     )
 
 
-class OpencvCamera(Camera):
+class OpencvCamera(WatchedCamera):
     """Frames through OpenCV, reduced and sent as JPEG.
 
     OpenCV goes on returning the last frame of an unplugged camera, and may block for seconds in
@@ -43,18 +39,6 @@ class OpencvCamera(Camera):
 
     name: ClassVar[str] = "opencv"
     options_type: ClassVar[type[Any]] = OpencvOptions
-
-    def __init__(self, options: OpencvOptions, clock: Clock) -> None:
-        super().__init__(clock)
-        self.options = options
-        self._freshness = Freshness(0.0)
-        self._ending = threading.Event()
-        self._threads: list[Worker] = []
-
-    @classmethod
-    def for_driver(cls, driver: Driver, options: OpencvOptions, clock: Clock) -> Self:
-        """Build the camera; it needs nothing of the driver."""
-        return cls(options, clock)
 
     @property
     def _is_film(self) -> bool:
@@ -69,27 +53,18 @@ class OpencvCamera(Camera):
         """
         if self._threads:
             return
-        if importlib.util.find_spec("cv2") is None:
-            raise MissingExtraError("the camera 'opencv'", "camera")
+        self._need("cv2")
         capture = self._open()
         if capture is None:
             raise CameraError(
                 f"OpenCV cannot open {self.options.source!r}; plug the camera in, or name "
                 "another number, file or address with --source"
             )
-        self._ending.clear()
-        self._freshness = Freshness(self.clock.now_s())
-        self._threads = [
-            self.clock.start_thread(lambda: self._read(capture), "opencv-camera"),
-            self.clock.start_thread(self._watch, "opencv-watch"),
-        ]
+        self._watch_over(lambda: self._read(capture))
 
     def stop(self) -> None:
         """End the threads and let go of the source; a read that hangs is left behind."""
-        self._ending.set()
-        for thread in self._threads:
-            thread.join(timeout=2.0)
-        self._threads.clear()
+        self._join()
 
     def _open(self) -> Any:
         """Return an open capture, or None."""
@@ -147,9 +122,5 @@ class OpencvCamera(Camera):
             captured_s=now_s,
         )
 
-    def _watch(self) -> None:
-        while not self.clock.wait(self._ending, 0.05):
-            wrong = self._freshness.fault(self.clock.now_s())
-            fault = f"The camera {self.options.source} {wrong}; check its cable." if wrong else None
-            if fault is not None and self._fault is None:
-                self._report_fault(fault)
+    def _name_fault(self, wrong: str) -> str:
+        return f"The camera {self.options.source} {wrong}; check its cable."
