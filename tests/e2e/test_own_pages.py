@@ -115,6 +115,7 @@ def test_a_second_tab_watches_asks_and_takes_over_politely(
     fingers.lift()
     phone.locator(".notice button").tap()
     wait_until_free(second)
+    second.locator(".notice", has_text="You have the wheel now").wait_for()
     assert world.mode is Mode.STOPPED, "a change of hands stops the robot"
     second.locator("drive-pad .stop").tap()
     wait_for(lambda: world.rig.loop.state.emergency, "anybody may stop it")

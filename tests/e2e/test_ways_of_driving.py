@@ -168,3 +168,54 @@ def test_turning_the_phone_while_holding_stops_or_goes_on_never_sticks(
     wait_until_standing(world)
     hold_until(world, fingers, "right", lambda: world.action is Action.RIGHT)
     fingers.lift()
+
+
+def test_arrows_move_between_modes_and_drive_nothing_and_space_keeps_the_focus(
+    desktop: Any, world: World
+) -> None:
+    focused = "document.activeElement.dataset.mode"
+    desktop.locator("mode-bar [data-mode=train]").focus()
+    desktop.keyboard.press("Enter")
+    wait_for(lambda: world.mode is Mode.TRAIN, "Enter chooses")
+    desktop.keyboard.down("ArrowRight")
+    assert desktop.evaluate(focused) == "autonomous"
+    desktop.wait_for_timeout(300)
+    assert (world.mode, world.action) == (Mode.TRAIN, Action.STOP)
+    desktop.keyboard.up("ArrowRight")
+    desktop.keyboard.press("Space")
+    wait_for(lambda: world.rig.loop.state.emergency, "space stops wherever the focus is")
+    desktop.wait_for_selector("mode-bar [data-mode=train][aria-disabled=true]")
+    assert desktop.evaluate(focused) == "autonomous", "the focus stays"
+
+
+def test_what_is_ready_is_celebrated_once_and_what_is_to_be_pressed_is_lit(phone: Any) -> None:
+    phone.evaluate(
+        """() => {
+          window.notes = 0;
+          const { createOscillator } = AudioContext.prototype;
+          AudioContext.prototype.createOscillator = function () {
+            window.notes += 1;
+            return createOscillator.call(this);
+          };
+          const { page } = document.querySelector('app-bar');
+          page.follow = () => {};
+          window.tell = (mode, stage) => page.store.set({
+            robot: { ...page.store.state.robot, mode, lessons: 300, stop_reason: null,
+              taught: { forward: 200, left: 90, right: 90 } },
+            readiness: { stage, alone_s: 0, alone_needed_s: 45, unknown_share: 0, missing: [] },
+          });
+        }"""
+    )
+    for stage, lit in (("teach", 0), ("try", 1), ("ready", 1)):
+        phone.evaluate(f"tell('train', '{stage}')")
+        assert phone.locator("mode-bar [data-mode=autonomous].lit").count() == lit, stage
+    phone.evaluate("tell('autonomous', 'try')")
+    assert phone.locator(".lit, .joy").count() == 0
+    for _ in range(3):
+        phone.evaluate("tell('autonomous', 'ready')")
+    assert phone.locator("teach-panel.joy.ready").count() == 1
+    assert phone.evaluate("notes") == 3
+    phone.evaluate("tell('autonomous', 'try')")
+    phone.evaluate("document.querySelector('app-bar').page.preferences.set('sound', false)")
+    phone.evaluate("tell('autonomous', 'ready')")
+    assert phone.evaluate("notes") == 3, "muted"

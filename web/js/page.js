@@ -120,7 +120,7 @@ export class Page {
     if (!this.isWorthShowing(robot)) return;
     const isSame = String(moves) === String(store.state.moves);
     const before = store.state.robot;
-    const hasGotIt = before && !before.you_are_pilot && robot.you_are_pilot && robot.mode === 'stopped';
+    const hasGotIt = before && !before.you_are_pilot && before.pilot !== null && robot.you_are_pilot;
     store.set({
       robot,
       pictureAgeMs: this.lastAgeMs,
