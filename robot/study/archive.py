@@ -17,10 +17,10 @@ from robot.control.profile import THRESHOLDS_M, Profile
 from robot.errors import ConfigurationError
 from robot.store.table import Table, format_cell
 from robot.study import figures
-from robot.study.events import read_events, write_events
+from robot.study.events import read_events, write_csv, write_events
 from robot.study.plan import CODE, PhaseKind, StudyPlan, parse_plan
-from robot.study.rows import ConditionLog, Row, condition_logs, rows_of
-from robot.study.tables import make_tables, measures, rows_as_csv, table_as_csv, values_of
+from robot.study.rows import ConditionLog, Row, columns, condition_logs, rows_of
+from robot.study.tables import make_tables, measures, values_of
 from robot.types import Action, DrivenBy
 
 PLAN, EVENTS = "plan.toml", "events/"
@@ -54,11 +54,11 @@ def rebuild(plan_text: str, logs: Mapping[str, bytes]) -> dict[str, str]:
     plan = parse_plan(plan_text, PLAN)
     found = [log for code in sorted(logs) for log in condition_logs(plan, code, logs[code])]
     rows = [row for log in found for row in rows_of(plan, log)]
-    tables = make_tables(plan, rows)
+    head, tables = columns(plan), make_tables(plan, rows)
     drawn = _draw(plan, rows, found)
     return {
-        "phases.csv": rows_as_csv(plan, rows),
-        **{f"tables/{name}.csv": table_as_csv(table) for name, table in tables.items()},
+        "phases.csv": write_csv([head, *([row.get(column) for column in head] for row in rows)]),
+        **{f"tables/{name}.csv": write_csv([t.columns, *t.rows]) for name, t in tables.items()},
         **{f"figures/{name}.svg": svg for name, svg in drawn.items()},
         "report.html": _report(plan, len(logs), tables, drawn),
     }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from typing import Any
@@ -154,17 +154,10 @@ def _condition(
 ) -> Condition:
     name = reader.name("name")
     seconds = reader.table("seconds")
-    timed = tuple(
-        PlannedPhase(
-            name=phase.name,
-            kind=phase.kind,
-            seconds=seconds.number(
-                phase.name, above=0.0, most=LONGEST_PHASE_S, default=phase.seconds
-            ),
-            instructions=phase.instructions,
-        )
-        for phase in phases
-    )
+    own_s = {
+        p.name: seconds.number(p.name, above=0.0, most=LONGEST_PHASE_S, default=p.seconds)
+        for p in phases
+    }
     seconds.refuse_unknown()
     condition = Condition(
         name=name,
@@ -172,7 +165,7 @@ def _condition(
         moves=reader.moves("moves", default=defaults["moves"]),
         learner=reader.learner("learner", default=defaults["learner"]),
         instructions=reader.words("instructions"),
-        phases=timed,
+        phases=tuple(replace(phase, seconds=own_s[phase.name]) for phase in phases),
     )
     reader.refuse_unknown()
     return condition
@@ -191,31 +184,20 @@ def _own_question(reader: TableReader) -> Question:
     kind = reader.one_of("kind", ("scale", "choice", "text"), default="scale")
     name, text = reader.name("name"), reader.words("text", needed=True)
     is_at_the_end = reader.one_of("when", ("each", "end"), default="each") == "end"
-    least = most = step = 0
-    options: tuple[Words, ...] = ()
-    low: Words = {}
-    high: Words = {}
+    more: dict[str, Any] = {"least": 0, "most": 0, "step": 0}
     if kind == "scale":
         least = reader.whole("least", 0, 100, default=1)
         most = reader.whole("most", least + 1, 100, default=max(7, least + 1))
-        step = reader.whole("step", 1, most - least, default=1)
-        low, high = reader.words("low"), reader.words("high")
+        more = {
+            "least": least,
+            "most": most,
+            "step": reader.whole("step", 1, most - least, default=1),
+        }
+        more |= {"low": reader.words("low"), "high": reader.words("high")}
     elif kind == "choice":
-        options = reader.list_of_words("options", 2, 20)
-    question = Question(
-        name=name,
-        text=text,
-        kind=kind,
-        least=least,
-        most=most,
-        step=step,
-        low=low,
-        high=high,
-        options=options,
-        is_at_the_end=is_at_the_end,
-    )
+        more["options"] = reader.list_of_words("options", 2, 20)
     reader.refuse_unknown()
-    return question
+    return Question(name=name, text=text, kind=kind, is_at_the_end=is_at_the_end, **more)
 
 
 def _refuse_twins(reader: TableReader, what: str, names: list[str]) -> None:

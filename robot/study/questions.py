@@ -64,20 +64,6 @@ class Question:
             )
         return str(answer)
 
-    def describe(self) -> dict[str, Any]:
-        """Return plain values for a page."""
-        return {
-            "name": self.name,
-            "text": dict(self.text),
-            "kind": self.kind,
-            "least": self.least,
-            "most": self.most,
-            "step": self.step,
-            "low": dict(self.low),
-            "high": dict(self.high),
-            "options": [dict(option) for option in self.options],
-        }
-
 
 SCORES = {"nasa_tlx": "nasa-tlx", "trust": "trust"}
 """Columns of scores, and the questionnaires of whose answers they are the mean."""

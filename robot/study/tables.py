@@ -7,10 +7,9 @@ import statistics
 from collections.abc import Iterator, Sequence
 
 from robot.store.table import Cell, Table
-from robot.study.events import write_csv
 from robot.study.plan import PhaseKind, StudyPlan
 from robot.study.questions import SCORES
-from robot.study.rows import QUESTIONS, Row, columns
+from robot.study.rows import QUESTIONS, Row
 
 _DIGITS = 6
 _OF_KIND = {
@@ -128,14 +127,3 @@ def _count_answers(plan: StudyPlan, rows: Sequence[Row]) -> Iterator[tuple[Cell,
 
 def _round(value: float) -> float:
     return round(value, _DIGITS)
-
-
-def rows_as_csv(plan: StudyPlan, rows: Sequence[Row]) -> str:
-    """Return all rows as CSV."""
-    head = columns(plan)
-    return write_csv([head, *([row.get(column) for column in head] for row in rows)])
-
-
-def table_as_csv(table: Table) -> str:
-    """Return a table as CSV."""
-    return write_csv([table.columns, *table.rows])

@@ -140,7 +140,7 @@ class Conductor(StartStop):
             NotFoundError, RecordingError: If study or log cannot be read.
         """
         if self.session is not None:
-            if (study, participant) == (self.study, self.session.participant):
+            if self._is_on(study, participant):
                 return self.session
             raise ConfigurationError(
                 f"the session of {self.session.participant} is on; leave it first"
@@ -168,6 +168,10 @@ class Conductor(StartStop):
             event_log.flush()
         self._tell()
         return session
+
+    def _is_on(self, study: str, participant: str) -> bool:
+        session = self.session
+        return session is not None and (study, participant) == (self.study, session.participant)
 
     def _free_slot(self, study: str, places: int) -> int:
         taken = {summary.slot for summary in self.folder.summaries(study)}
@@ -273,10 +277,7 @@ class Conductor(StartStop):
             ConfigurationError: If that session is on, or still being recorded.
             NotFoundError, RecordingError, OSError: If there is none, or the disk refuses.
         """
-        if self.session is not None and (study, participant) == (
-            self.study,
-            self.session.participant,
-        ):
+        if self._is_on(study, participant):
             raise ConfigurationError("this session is on: leave it first")
         return self.folder.withdraw(study, participant, self._recording())
 

@@ -71,7 +71,7 @@ def describe_session(conductor: Conductor) -> dict[str, Any] | None:
             for index, phase in enumerate(condition.phases)
         ],
         "phase": session.phase_index if session.phase else None,
-        "questions": [question.describe() for question in session.questions] if is_asked else [],
+        "questions": [asdict(question) for question in session.questions] if is_asked else [],
         "answers": dict(session.answers) if is_asked else {},
         "shows_result": session.plan.shows_result,
         "fault": conductor.fault,

@@ -418,7 +418,9 @@ def test_a_viewer_reads_where_a_session_stands_and_neither_code_nor_answers(tmp_
         conductor = server.services.extension(StudyExtension).conductor
         assert conductor is not None
         seen, whole = describe_place(conductor), describe_session(conductor)
-        assert whole == session(server) and whole["answers"] == {"trust_reliable": "2"}
+        assert json.loads(json.dumps(whole)) == session(server) and whole["answers"] == {
+            "trust_reliable": "2"
+        }
         names = ("step", "position", "of", "kind", "mode", "left_s")
         assert seen == dict(zip(names, ("questions", 1, 2, None, None, 0.0), strict=True))
 
