@@ -31,7 +31,9 @@ export class VideoView extends HTMLElement {
     this.votes = h('div', { class: 'votes', role: 'group', 'aria-label': t('would_do') });
     this.drawnMs = performance.now();
     append(this, [h('div', { class: 'picture' }, this.canvas, h('div', { class: 'corner' }, this.who, this.facts), this.likeLink, this.votes)]);
-    new ResizeObserver(() => this.measure()).observe(this);
+    const observer = new ResizeObserver(() => this.measure());
+    observer.observe(this);
+    observer.observe(this.who); // as high as the text is large
     const { store } = page;
     store.watch(['robot', 'link', 'held', 'moves'], (state) => this.render(state));
     this.ready = this.receive(this.canvas);
