@@ -9,6 +9,8 @@ STILL_S = 0.35
 500 ms and the period."""
 LONGEST_PERIOD_S = 0.25
 """A camera slower than this does not make us more patient."""
+_BURST_S = 0.02
+"""Pictures that come closer together were sent together: that is not the camera's period."""
 
 
 class Freshness:
@@ -25,7 +27,7 @@ class Freshness:
         self._seen_s = now_s
         if data == self._last:
             return False
-        if self._last:
+        if self._last and now_s - self._new_s > _BURST_S:
             self._learn_period(now_s - self._new_s)
         self._last, self._new_s = data, now_s
         return True

@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
@@ -324,11 +323,13 @@ def mjpeg_camera() -> Iterator[CameraCase]:
     clock, frozen = VirtualClock(), threading.Event()
     camera = MjpegCamera(MjpegOptions(source="http://camera/stream"), clock)
 
-    class Stream:
-        msg = SimpleNamespace(get_boundary=lambda: "frame")
-
+    class Line:
         def __init__(self) -> None:
             self._indices = itertools.count()
+
+        def open(self) -> None: ...
+
+        def close(self) -> None: ...
 
         def read1(self, size: int) -> bytes:
             while not clock.wait(camera._ending, 0.03):
@@ -338,7 +339,7 @@ def mjpeg_camera() -> Iterator[CameraCase]:
                     return head.encode() + jpeg + b"\r\n"
             raise OSError("the stream was closed")
 
-    camera._open = Stream  # type: ignore[assignment, method-assign]
+    camera._line = Line()  # type: ignore[assignment]
     yield CameraCase(camera, frozen.set, frozen.clear)
 
 

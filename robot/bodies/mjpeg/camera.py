@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-import base64
-import contextlib
-import re
-import socket
 from dataclasses import dataclass, field
-from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
 from typing import Any, ClassVar
-from urllib.parse import unquote, urlsplit
+from urllib.parse import urlsplit
 
+from robot.bodies.mjpeg.finder import PictureFinder
+from robot.bodies.mjpeg.line import CameraLine
 from robot.clock import Clock
-from robot.devices.freshness import REOPEN_S
-from robot.devices.pictures import MAX_SIDE_PX, jpeg_size
+from robot.devices.freshness import LONGEST_PERIOD_S, REOPEN_S
+from robot.devices.pictures import MAX_SIDE_PX, Picture, jpeg_size, read_picture
 from robot.devices.watched_camera import WatchedCamera
 from robot.errors import CameraError, ConfigurationError, RecordingError
 from robot.types import Encoding
 
-MAX_PART_BYTES = 4 * 2**20
-_SILENT_S = 2.0
-_LENGTH = re.compile(rb"content-length:\s*(\d{1,9})", re.IGNORECASE)
-_SOI, _HEAD_END = b"\xff\xd8", b"\r\n\r\n"
+_JOIN_S = 4.0
+_JPEG = b"\xff\xd8"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,58 +27,6 @@ class MjpegOptions:
         default="",
         metadata={"help": "address (URL) of the stream, as http://192.168.4.1:81/stream"},
     )
-
-
-class Parts:
-    """Cuts a multipart stream into pictures. Pure: bytes in, whole pictures out.
-
-    Args:
-        boundary: What stands between the parts, without its two dashes.
-
-    Raises:
-        CameraError: From `feed`, if a part is larger than `MAX_PART_BYTES`.
-    """
-
-    def __init__(self, boundary: bytes) -> None:
-        self._mark = b"--" + boundary
-        self._buffer = bytearray()
-
-    @property
-    def has_begun(self) -> bool:
-        """True if part of the next picture is there."""
-        return _SOI in self._buffer
-
-    def feed(self, data: bytes) -> list[bytes]:
-        """Take in more of the stream, and return the pictures that are complete now."""
-        self._buffer += data
-        found = []
-        while (picture := self._next()) is not None:
-            if picture.startswith(_SOI):
-                found.append(picture)
-        if len(self._buffer) > MAX_PART_BYTES:
-            raise CameraError("a picture of the stream is larger than 4 MB")
-        return found
-
-    def _next(self) -> bytes | None:
-        start = self._buffer.find(self._mark)
-        head_end = self._buffer.find(_HEAD_END, max(start, 0))
-        if start < 0 or head_end < 0:
-            return None
-        begin = head_end + len(_HEAD_END)
-        length = _LENGTH.search(self._buffer, start, head_end)
-        if length is not None:
-            end = begin + int(length[1])
-            if end > begin + MAX_PART_BYTES:
-                raise CameraError("a picture of the stream is larger than 4 MB")
-            if len(self._buffer) < end:
-                return None
-        else:
-            end = self._buffer.find(self._mark, begin)
-            if end < 0:
-                return None
-        picture = bytes(self._buffer[begin:end])
-        del self._buffer[:end]
-        return picture if length is not None else picture.removesuffix(b"\r\n")
 
 
 class MjpegCamera(WatchedCamera):
@@ -103,9 +46,11 @@ class MjpegCamera(WatchedCamera):
                 f"the camera 'mjpeg' needs the address of a stream, not {options.source!r}; "
                 "as in --source http://192.168.4.1:81/stream"
             )
-        self._url = url
-        self._socket: socket.socket | None = None
+        self._host = url.hostname
+        self._line = CameraLine(url)
         self._reason: str | None = None
+        self._shown_s: float | None = None
+        self._gap_s = 0.0
 
     def start(self) -> None:
         """Open the stream, and read it on a thread.
@@ -117,90 +62,97 @@ class MjpegCamera(WatchedCamera):
         if self._threads:
             return
         self._need("cv2", "imagesize")
-        stream = self._open()
-        self._watch_over(lambda: self._read(stream))
+        self._line.open()
+        self._watch_over(self._read)
 
     def stop(self) -> None:
         """End the threads and close the stream."""
         self._ending.set()
-        self._close()
-        self._join(2 * _SILENT_S)
+        self._line.close()
+        self._join(_JOIN_S)
 
-    def _open(self) -> HTTPResponse:
-        url = self._url
-        kind = HTTPSConnection if url.scheme == "https" else HTTPConnection
-        line = kind(url.hostname or "", url.port, timeout=_SILENT_S)
-        headers = {"User-Agent": "drivelesson"}
-        if url.username is not None:
-            user = f"{unquote(url.username)}:{unquote(url.password or '')}"
-            headers["Authorization"] = "Basic " + base64.b64encode(user.encode()).decode()
-        path = (url.path or "/") + (f"?{url.query}" if url.query else "")
-        try:
-            line.connect()
-            self._socket = line.sock  # an answer without length takes it away from the line
-            line.request("GET", path, headers=headers)
-            answer = line.getresponse()
-        except (OSError, HTTPException) as error:
-            self._close()
-            raise CameraError(
-                f"the camera at {url.hostname} does not answer ({error}); is it switched on and in "
-                "the same network?"
-            ) from error
-        if answer.status != 200 or answer.msg.get_boundary() is None:
-            self._close()
-            raise CameraError(
-                f"{url.hostname}{path} answers {answer.status} {answer.msg.get_content_type()}; a "
-                "stream answers 200 multipart/x-mixed-replace"
-            )
-        return answer
-
-    def _close(self) -> None:
-        """End the connection, whoever still holds its stream, and wake a thread that reads.
-
-        A camera that serves one client at a time would serve nobody else until then.
-        """
-        sock, self._socket = self._socket, None
-        if sock is not None:
-            with contextlib.suppress(OSError):
-                sock.shutdown(socket.SHUT_RDWR)
-            sock.close()
-
-    def _read(self, stream: HTTPResponse | None) -> None:
+    def _read(self) -> None:
+        is_open = True
         while not self._ending.is_set():
             try:
-                self._read_out(stream or self._open())
-            except (CameraError, OSError, HTTPException, AttributeError) as error:
+                if not is_open:
+                    self._line.open()
+                self._read_out()
+            except (CameraError, OSError, AttributeError) as error:
                 self._reason = str(error)  # the watching thread says so
-            stream = None
-            self._close()
+            is_open = False
+            self._line.close()
             self.clock.wait(self._ending, REOPEN_S)
 
-    def _read_out(self, stream: HTTPResponse) -> None:
-        boundary = (stream.msg.get_boundary() or "").encode().removeprefix(b"--")
-        parts, began_s = Parts(boundary), None
+    def _read_out(self) -> None:
+        finder, began_s = PictureFinder(), None
+        self._reason = finder.explain()
         while not self._ending.is_set():
-            data = stream.read1(65_536)
+            try:
+                data = self._line.read1(65_536)
+            except TimeoutError as error:
+                why = finder.explain() or self._reason or "nothing has come for 2 s"
+                raise CameraError(why) from error
             now_s = self.clock.now_s()
             if not data:
-                raise CameraError("the stream ended")
-            began_s = now_s if began_s is None else began_s
-            pictures = parts.feed(data)
+                raise CameraError(finder.explain() or self._reason or _ended(finder.n_whole))
+            pictures = finder.feed(data)
             if pictures:
-                self._show(pictures[-1], began_s)
-                began_s = now_s if parts.has_begun else None
+                self._show(pictures[-1], now_s if began_s is None or pictures[1:] else began_s)
+                began_s = None
+            else:
+                self._reason = finder.explain() or self._reason
+            began_s = now_s if began_s is None and finder.has_begun else began_s
 
-    def _show(self, jpeg: bytes, captured_s: float) -> None:
+    def _show(self, data: bytes, captured_s: float) -> None:
         try:
-            width, height = jpeg_size(jpeg)
-        except RecordingError:
+            picture = _open_picture(data)
+        except RecordingError as error:
+            self._reason = str(error)
             return
-        if max(width, height) > MAX_SIDE_PX or not self._freshness.is_new(jpeg, self.clock.now_s()):
+        now_s = self.clock.now_s()
+        if not self._freshness.is_new(data, now_s):
             return
         self._reason = None
+        self._gap_s = 0.0 if self._shown_s is None else now_s - self._shown_s
+        self._shown_s = now_s
         self._publish(
-            jpeg, width=width, height=height, encoding=Encoding.JPEG, captured_s=captured_s
+            picture.data,
+            width=picture.width,
+            height=picture.height,
+            encoding=picture.encoding,
+            captured_s=captured_s,
         )
 
+    def _lose(self, sentence: str) -> None:
+        if sentence != self._fault:  # more may be known by now
+            self._report_fault(sentence)
+
     def _name_fault(self, wrong: str) -> str:
-        why = f" ({self._reason})" if self._reason else ""
-        return f"The camera at {self._url.hostname} {wrong}{why}."
+        return f"The camera at {self._host} {self._explain(wrong)}."
+
+    def _explain(self, wrong: str) -> str:
+        since_s = self.clock.now_s() - (self._shown_s or 0.0)
+        is_slow = self._gap_s > LONGEST_PERIOD_S and since_s < 1.5 * self._gap_s
+        if is_slow and self._reason is None:
+            return (
+                f"gives a picture only every {self._gap_s:.1f} s, too slow to drive by; choose a "
+                "higher rate or smaller pictures in its settings"
+            )
+        return f"{wrong} ({self._reason})" if self._reason else wrong
+
+
+def _ended(n_pictures: int) -> str:
+    if n_pictures == 1:
+        return "it hangs up after one picture; give the address of its stream, not of one picture"
+    return "the stream ended"
+
+
+def _open_picture(data: bytes) -> Picture:
+    """Read a JPEG's size, or a PNG's pixels; raises RecordingError if that cannot be."""
+    if not data.startswith(_JPEG):
+        return read_picture(data, "what it sends")
+    width, height = jpeg_size(data)
+    if max(width, height) > MAX_SIDE_PX:
+        raise RecordingError(f"its pictures are {width}x{height}; choose smaller ones")
+    return Picture(encoding=Encoding.JPEG, width=width, height=height, data=data)

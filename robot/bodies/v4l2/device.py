@@ -18,7 +18,8 @@ BUFFER = struct.Struct("@5Ill16s2IL3I0L")
 CAPTURE, MMAP = 1, 1
 FLAG_ERROR, FLAG_MONOTONIC, CLOCK_MASK = 0x40, 0x2000, 0xE000
 CAN_CAPTURE, CAN_STREAM, DEVICE_CAPS = 0x1, 0x04000000, 0x80000000
-FOURCC = {"yuyv": b"YUYV", "jpeg": b"MJPG"}
+FOURCC = {"yuyv": (b"YUYV",), "jpeg": (b"MJPG", b"JPEG")}
+"""What the kernel calls an encoding; drivers differ in what they call a JPEG."""
 N_BUFFERS = 2
 
 VideoFrame = NamedTuple("VideoFrame", [("data", bytes), ("taken_s", float)])
@@ -57,7 +58,7 @@ class Video:
         self._maps = []  # type: List[mmap.mmap]
         try:
             self._check_abilities()
-            self.encoding = self._choose_encoding(encoding)
+            self.encoding, self._code = self._choose_encoding(encoding)
             self.width, self.height, self._stride = self._set_format(width, height)
             self._shrinking = plan_shrinking(self.width, self.height, width, height)
             self._n_rows = self.height
@@ -98,12 +99,13 @@ class Video:
                 "{} is no camera that streams; name another with --device".format(self.path)
             )
 
-    def _choose_encoding(self, wanted: str) -> str:
+    def _choose_encoding(self, wanted: str) -> Tuple[str, bytes]:
         """YUYV where there is a choice: it needs no decoder here, and the page can show it."""
         offered = _offered_codes(self._fd)
         for name in ("yuyv", "jpeg") if wanted == "auto" else (wanted,):
-            if FOURCC[name] in offered:
-                return name
+            for code in FOURCC[name]:
+                if code in offered:
+                    return name, code
         raise CaptureError(
             "the camera {} gives no {}; it offers: {}".format(
                 self.path,
@@ -114,7 +116,7 @@ class Video:
 
     def _set_format(self, width: int, height: int) -> Tuple[int, int, int]:
         """Ask for a size; the camera answers with the nearest it has, and its bytes per row."""
-        code = struct.unpack("=I", FOURCC[self.encoding])[0]
+        code = struct.unpack("=I", self._code)[0]
         wanted = PIX.pack(width, height, code, 1, 0, 0)
         data = fcntl.ioctl(self._fd, S_FMT, FMT.pack(CAPTURE, wanted))
         width, height, given, _, stride, _ = PIX.unpack_from(FMT.unpack(data)[1])

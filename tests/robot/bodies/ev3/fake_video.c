@@ -6,7 +6,7 @@
  *   freeze   no pictures
  *   gone     unplugged: open fails, and an open one says ENODEV
  * The rest is set once, in the environment, as FAKE_VIDEO_*:
- *   FORMAT     the formats offered, YUYV and MJPG, joined by a comma
+ *   FORMAT     the formats offered, YUYV, MJPG and JPEG, joined by a comma
  *   SIZES      the sizes offered, joined by commas; the nearest is taken without a word
  *   PERIOD_MS, JITTER_MS   a picture each PERIOD, more or less
  *   AGE_MS, AGE_SPREAD_MS  how long ago it was taken, by its stamp: from AGE to AGE + SPREAD
@@ -165,7 +165,7 @@ static int offered_size(unsigned number, int *w, int *h) {
 static int set_format(struct v4l2_pix_format *pix) {
     long wanted = (long)pix->width * pix->height, nearest = -1;
     int w, h;
-    is_jpeg = pix->pixelformat == V4L2_PIX_FMT_MJPEG;
+    is_jpeg = pix->pixelformat != V4L2_PIX_FMT_YUYV;
     for (unsigned number = 0; offered_size(number, &w, &h); number++)
         if (nearest < 0 || labs((long)w * h - wanted) < nearest) {
             nearest = labs((long)w * h - wanted);
@@ -183,7 +183,7 @@ static int answer(unsigned long request, void *data) {
     struct v4l2_fmtdesc *format = data;
     struct v4l2_capability *ability = data;
     struct v4l2_buffer *buffer = data;
-    const char *codes[] = {"YUYV", "MJPG"};
+    const char *codes[] = {"YUYV", "MJPG", "JPEG"};
     unsigned n = 0;
     if (is("gone")) return fail(ENODEV);
     switch ((unsigned)request) {
@@ -192,7 +192,7 @@ static int answer(unsigned long request, void *data) {
         ability->device_caps = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
         return 0;
     case VIDIOC_ENUM_FMT:
-        for (int i = 0; i < 2; i++)
+        for (int i = 0; i < 3; i++)
             if (offers(codes[i]) && n++ == format->index) {
                 memcpy(&format->pixelformat, codes[i], 4);
                 return 0;

@@ -82,8 +82,9 @@ def test_frames_are_stamped_by_the_kernel(probe: Probe) -> None:
     assert said["age_s"] >= 0.00499, "the made-up camera takes its pictures 5 ms before"
 
 
-def test_mjpeg_goes_through_untouched(tmp_path: Path) -> None:
-    running = Probe(FakeVideo(tmp_path, replace(QUICK, formats="MJPG")))
+@pytest.mark.parametrize("format_name", ["MJPG", "JPEG"])
+def test_a_jpeg_goes_through_untouched(tmp_path: Path, format_name: str) -> None:
+    running = Probe(FakeVideo(tmp_path, replace(QUICK, formats=format_name)))
     said = running.wait_for(lambda said: "frame" in said)
     running.end()
     assert said["encoding"] == "jpeg"

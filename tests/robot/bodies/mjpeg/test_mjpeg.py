@@ -9,53 +9,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.bodies.mjpeg.camera import MAX_PART_BYTES, MjpegCamera, MjpegOptions, Parts
+from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
+from robot.bodies.mjpeg.finder import MAX_PART_BYTES, PictureFinder
 from robot.clock import RealClock
 from robot.errors import CameraError, ConfigurationError
 from tests.contract.real_parts import check_camera_on_its_real_line
 from tests.standins.mjpeg import MjpegServer
 
-JPEGS = st.binary(max_size=300).map(lambda body: b"\xff\xd8" + body.replace(b"--frame", b""))
-SIZES = st.lists(st.integers(1, 50), min_size=1)
 
-
-def stream(pictures: list[bytes], *, with_length: bool) -> bytes:
-    out = b""
-    for picture in pictures:
-        length = b"Content-Length: %d\r\n" % len(picture) if with_length else b""
-        out += b"--frame\r\nContent-Type: image/jpeg\r\n" + length + b"\r\n" + picture + b"\r\n"
-    return out + b"--frame"
-
-
-@given(st.lists(JPEGS, max_size=6), SIZES, st.booleans())
-def test_however_the_stream_is_cut_the_pictures_come_whole(
-    pictures: list[bytes], sizes: list[int], with_length: bool
-) -> None:
-    if not with_length:  # then the last line break belongs to the stream, not the picture
-        pictures = [picture.rstrip(b"\r\n") for picture in pictures]
-    parts, data, found, at = Parts(b"frame"), stream(pictures, with_length=with_length), [], 0
-    for turn in range(len(data) + 1):
-        size = sizes[turn % len(sizes)]
-        found += parts.feed(data[at : at + size])
-        at += size
-    assert found == pictures
-    assert not parts.has_begun
-
-
-@given(st.binary(max_size=2000))
-def test_rubbish_is_no_picture_and_no_crash(data: bytes) -> None:
-    assert all(picture.startswith(b"\xff\xd8") for picture in Parts(b"frame").feed(data))
+@given(st.binary(max_size=2000), st.integers(1, 50))
+def test_rubbish_is_no_crash_however_it_is_cut(data: bytes, size: int) -> None:
+    rubbish = b"\xff\xd8\xff" + data + b"\xff\xd9"
+    whole, finder = PictureFinder().feed(rubbish), PictureFinder()
+    found = [p for i in range(0, len(rubbish), size) for p in finder.feed(rubbish[i : i + size])]
+    assert found == whole
 
 
 def test_a_picture_without_end_is_refused() -> None:
-    parts = Parts(b"frame")
-    head = b"--frame\r\nContent-Length: 999999999\r\n\r\n"
-    with pytest.raises(CameraError):
-        parts.feed(head + b"\xff\xd8")
-    parts = Parts(b"frame")
-    parts.feed(b"--frame\r\n\r\n\xff\xd8")
-    with pytest.raises(CameraError):
-        parts.feed(bytes(MAX_PART_BYTES))
+    finder = PictureFinder()
+    finder.feed(b"--frame\r\n\r\n\xff\xd8\xff\xda\x00\x02")
+    with pytest.raises(CameraError, match="4 MB"):
+        finder.feed(bytes(MAX_PART_BYTES))
 
 
 def camera(source: str) -> MjpegCamera:

@@ -1,0 +1,128 @@
+"""What a camera answers over HTTP, read as cameras write it. Pure: bytes in, words out."""
+
+from __future__ import annotations
+
+import base64
+import re
+from dataclasses import dataclass
+from urllib import request as urllib_request
+
+_BLANK = re.compile(rb"\r?\n[ \t]*\r?\n")
+_PICTURE = re.compile(rb"\xff\xd8\xff|\x89PNG")
+_STATUS = re.compile(r"[A-Za-z]+(?:/[\d.]*)?[ \t]+(\d{3})\b")
+_CHUNK = re.compile(rb"[ \t]*([0-9a-fA-F]{0,7})[ \t]*(?:;.*)?\r?")
+_MOST_HEAD_BYTES = 64 * 2**10
+_PAGES = ("text/", "application/json", "application/xml", "application/xhtml")
+_ADVICE = {
+    403: "it lets nobody in from here; look into its settings",
+    404: "there is nothing at this path; look up the address of the stream in its manual",
+    503: "it is busy; end its other viewers, or restart it",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Head:
+    """Status and fields of an answer; a camera without a status line has answered with 200.
+
+    Names of fields are in small letters; each has all its values.
+    """
+
+    status: int
+    fields: dict[str, list[str]]
+
+    def first(self, name: str) -> str:
+        """Return the first value of a field, or nothing."""
+        return self.fields.get(name, [""])[0]
+
+    @property
+    def kind(self) -> str:
+        """The media type, without its parameters."""
+        return self.first("content-type").partition(";")[0].strip().lower()
+
+    @property
+    def complaint(self) -> str | None:
+        """Why there is no stream, and what to do; None if pictures may follow."""
+        if self.status // 100 == 2 and not self.kind.startswith(_PAGES):
+            return None
+        advice = "that is a page; give the address of the stream itself, as its manual names it"
+        if self.status // 100 != 2:
+            advice = _ADVICE.get(self.status, "restart it, or look up the address in its manual")
+        return f"answers {self.status} {self.kind}".rstrip() + f": {advice}"
+
+
+def read_head(data: bytes) -> tuple[Head, int] | None:
+    """Return the head of an answer and where its body begins; None if more has to come."""
+    text_at = len(data) - len(data.lstrip(b"\r\n"))
+    blank, picture = _BLANK.search(data, text_at), _PICTURE.search(data)
+    ends = [found for found in (blank and blank.end(), picture and picture.start()) if found]
+    if picture and picture.start() == 0:
+        ends = [0]
+    if not ends and len(data) < _MOST_HEAD_BYTES:
+        return None
+    end = min(ends, default=0)
+    lines = data[text_at:end].decode("latin-1").splitlines()
+    status = _STATUS.match(lines[0]) if lines else None
+    fields: dict[str, list[str]] = {}
+    for line in lines:
+        name, colon, value = line.partition(":")
+        if colon:
+            fields.setdefault(name.strip().lower(), []).append(value.strip())
+    if lines and lines[0].startswith("--"):  # the stream began at once
+        return Head(status=200, fields={}), 0
+    return Head(status=int(status[1]) if status else 200, fields=fields), end
+
+
+class Chunks:
+    """Takes the lengths out of a body that comes in chunks; what has none is passed on."""
+
+    def __init__(self) -> None:
+        self._buffer = b""
+        self._left = 0
+        self._is_plain = False
+
+    def feed(self, data: bytes) -> bytes:
+        """Return what is body of the bytes that have come."""
+        self._buffer += data
+        body = []
+        while self._buffer:
+            if self._left or self._is_plain:
+                size = len(self._buffer) if self._is_plain else self._left
+                body.append(self._buffer[:size])
+                self._left = max(0, self._left - len(self._buffer))
+                self._buffer = self._buffer[size:]
+                continue
+            line, end, rest = self._buffer.partition(b"\n")
+            if not end and len(line) < 1024:
+                break
+            length = _CHUNK.fullmatch(line)
+            self._is_plain = length is None
+            if length is not None:
+                self._left, self._buffer = int(length[1] or b"0", 16), rest
+        return b"".join(body)
+
+
+def basic(user: str, password: str) -> str:
+    """Return the field `Authorization` for a camera that has not asked."""
+    return "Basic " + base64.b64encode(f"{user}:{password}".encode()).decode()
+
+
+def digest(head: Head, address: str, user: str, password: str) -> str | None:
+    """Return the field `Authorization` for a 401 that asks for a digest; None if it does not.
+
+    Raises:
+        ValueError: If the camera's kind of digest is not known here.
+    """
+    asked = [
+        text for text in head.fields.get("www-authenticate", []) if text[:7].lower() == "digest "
+    ]
+    if not asked:
+        return None
+    parts = filter(None, urllib_request.parse_http_list(asked[0][7:]))
+    challenge = urllib_request.parse_keqv_list(list(parts))
+    passwords = urllib_request.HTTPPasswordMgrWithDefaultRealm()
+    passwords.add_password(None, address, user, password)
+    handler = urllib_request.HTTPDigestAuthHandler(passwords)
+    words = handler.get_authorization(urllib_request.Request(address), challenge)
+    if words is None:
+        raise ValueError("its question is incomplete")
+    return f"Digest {words}"

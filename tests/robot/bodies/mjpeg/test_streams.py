@@ -1,0 +1,282 @@
+"""Streams as cameras write them: a picture is shown, or a true sentence; never silence."""
+
+from __future__ import annotations
+
+import os
+import random
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from robot.bodies.mjpeg.answer import Chunks, read_head
+from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
+from robot.bodies.mjpeg.finder import PictureFinder
+from robot.clock import ManualClock
+from robot.errors import CameraError
+from robot.types import Encoding
+
+STREAMS = int(os.environ.get("DRIVELESSON_STREAMS", "60"))
+SOURCE = "http://camera.local/stream?key=hush"
+
+
+def encoded(ending: str, number: int, *, side: int = 24) -> bytes:
+    pixels = np.random.default_rng(number).integers(0, 256, (side, side + 8, 3), dtype=np.uint8)
+    return cv2.imencode(ending, pixels)[1].tobytes()
+
+
+JPEGS = [encoded(".jpg", number, side=side) for number, side in enumerate((16, 40, 90, 200))]
+PNGS = [encoded(".png", number) for number in range(3)]
+THUMBNAIL = b"\xff\xe1" + (len(JPEGS[0]) + 2).to_bytes(2, "big") + JPEGS[0]
+WITH_THUMBNAIL = JPEGS[2][:2] + THUMBNAIL + JPEGS[2][2:]
+PROGRESSIVE = cv2.imencode(
+    ".jpg", cv2.imdecode(np.frombuffer(JPEGS[2], np.uint8), 1), [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
+)[1].tobytes()
+WHOLE = [*JPEGS, *PNGS, WITH_THUMBNAIL, PROGRESSIVE]
+
+
+class FakeSocket:
+    """Gives what a camera sends, a piece at a time; the clock stands for the time between."""
+
+    def __init__(
+        self, pieces: list[bytes], clock: ManualClock, pause_s: float, *, stalls: bool
+    ) -> None:
+        self._pieces, self._clock, self._pause_s, self._stalls = pieces, clock, pause_s, stalls
+        self.asked = b""
+
+    def sendall(self, data: bytes) -> None:
+        self.asked += data
+
+    def recv(self, size: int) -> bytes:
+        self._clock.advance(self._pause_s)
+        if self._pieces:
+            return self._pieces.pop(0)
+        if self._stalls:
+            raise TimeoutError("timed out")
+        return b""
+
+    def shutdown(self, how: int) -> None: ...
+
+    def close(self) -> None: ...
+
+
+def cut(data: bytes, dice: random.Random) -> list[bytes]:
+    pieces, at = [], 0
+    most = dice.choice([1, 7, 100, 1460, 65_536]) if len(data) < 30_000 else 1460
+    while at < len(data):
+        size = dice.randint(1, most)
+        pieces.append(data[at : at + size])
+        at += size
+    return pieces
+
+
+def watch(answers: list[list[bytes]], *, pause_s: float = 0.01, stalls: bool = False,
+          source: str = SOURCE) -> tuple[list[Any], str, list[bytes]]:  # fmt: skip
+    """Run a camera over what a server sends at each request: what it showed, said and asked."""
+    clock, shown, sockets = ManualClock(), [], []
+    camera = MjpegCamera(MjpegOptions(source=source), clock)
+
+    def connect(url: object) -> None:
+        sockets.append(FakeSocket(answers[len(sockets)], clock, pause_s, stalls=stalls))
+        camera._line._socket = sockets[-1]  # type: ignore[assignment]
+
+    camera._line._connect = connect  # type: ignore[method-assign, assignment]
+    camera.listen(lambda: shown.append(camera.latest()))
+    said = ""
+    try:
+        camera._line.open()
+        camera._read_out()
+    except CameraError as error:
+        said = str(error)
+    return shown, said, [sock.asked for sock in sockets]
+
+
+def made_stream(dice: random.Random) -> tuple[bytes, list[bytes], str, bool]:
+    """Return what some camera sends, its whole pictures, words that are said, and if it stalls."""
+    end = dice.choice([b"\r\n", b"\n"])
+    what = dice.choice(["whole"] * 5 + ["cut", "other", "none", "status", "page"])
+    boundary = dice.choice(
+        [b"frame", b"--frame", b"=_x y_=", b"ipcamera", b"myboundary", b"x" * 70]
+    )
+    kinds = [b"multipart/x-mixed-replace;boundary=" + boundary, b"multipart/x-mixed-replace", b""]
+    kinds += [b'Multipart/Mixed; boundary="other"', b"image/jpeg", b"application/octet-stream"]
+    kind = dice.choice(kinds)
+    status = dice.choice([b"HTTP/1.0 200 OK", b"HTTP/1.1 200", b"HTTP 200 OK", b"ICY 200 OK", b""])
+    if what == "status":
+        status = dice.choice([b"HTTP/1.1 404 Not Found", b"HTTP/1.0 503 Busy", b"HTTP 403 No"])
+    if what == "page":
+        status, kind = b"HTTP/1.1 200 OK", b"text/html; charset=utf-8"
+    is_chunked = bool(status) and dice.random() < 0.3
+    head = [status] if status else []
+    head += [b"Content-Type: " + kind] if kind else []
+    head += [b"Transfer-Encoding: chunked"] if is_chunked else []
+    head += [b"Server: x"] * dice.randint(0, 2)
+    begin = end.join(head) + end * dice.choice([2, 2, 2, 3])
+    if not status and dice.random() < 0.5:
+        begin = b""  # the stream begins at once
+    if what in ("status", "page"):
+        return begin + b"<html>no</html>", [], str(status.split()[1].decode()), False
+    pictures = [dice.choice(WHOLE) for _ in range(dice.randint(2, 6))]
+    body = b""
+    for number, picture in enumerate(pictures):
+        data = picture
+        if what == "cut":
+            data = picture[: dice.randint(len(picture) // 4, len(picture) - 2)]
+        elif what == "other":
+            data = bytes(dice.randrange(128) for _ in range(200))
+        fields = [
+            dice.choice(
+                [b"Content-Type: image/jpeg", b"content-type:image/webp", b"X-Timestamp: 0.1"]
+            )
+        ]
+        length = len(data) + dice.choice([0, 0, -100, -1, 1, 5000])
+        name = dice.choice([b"Content-Length", b"X-Original-Content-Length", b""])
+        fields += [name + b": %d" % length] if name else []
+        dashes = dice.choice([b"--", b"--", b"", b"----"])
+        if what != "none":
+            body += dashes + dice.choice([boundary, b"another"]) + end
+            body += end.join(fields) + end * dice.choice([1, 2, 2, 2, 3]) + data
+            body += dice.choice([end, b"", end * 2]) if number < len(pictures) - 1 else b""
+    if is_chunked:
+        chunks = b"".join(b"%x" % len(p) + end + p + end for p in cut(body, dice))
+        body = chunks
+    words = {"cut": "cut", "other": "no JPEG or PNG", "none": "", "whole": ""}[what]
+    return begin + body, pictures if what == "whole" else [], words, dice.random() < 0.5
+
+
+def test_of_any_stream_a_picture_is_shown_or_the_reason_is_said() -> None:
+    n_shown = n_said = 0
+    for seed in range(STREAMS):
+        dice = random.Random(seed)
+        data, pictures, words, stalls = made_stream(dice)
+        shown, said, _ = watch([cut(data, dice)], stalls=stalls)
+        assert said and "hush" not in said, seed
+        if pictures:
+            jpegs = [frame.data for frame in shown if frame.encoding is Encoding.JPEG]
+            assert shown and set(jpegs) <= set(pictures), (seed, said)
+            last = shown[-1]
+            decoded = cv2.imdecode(np.frombuffer(pictures[-1], np.uint8), 1)
+            assert (last.height, last.width) == decoded.shape[:2], seed
+            n_shown += 1
+        else:
+            assert (words in said or "does not end" in said) and not shown, (
+                seed,
+                said,
+            )
+            n_said += 1
+    print(
+        f"{STREAMS} streams: {n_shown} showed their pictures, {n_said} said why not, 0 were silent"
+    )
+    assert n_shown > STREAMS / 4 and n_said > STREAMS / 4
+
+
+def test_each_picture_is_there_with_its_last_byte() -> None:
+    finder = PictureFinder()
+    for picture in [*WHOLE, *WHOLE]:
+        assert finder.feed(b"\n--x\nContent-Length: 3\n\n" + picture[:-1]) == []
+        assert finder.feed(picture[-1:]) == [picture]
+        assert not finder.has_begun
+
+
+def test_a_picture_that_was_cut_costs_no_other() -> None:
+    finder = PictureFinder()
+    cut_one = JPEGS[3][: len(JPEGS[3]) // 2]
+    assert finder.feed(b"--x\r\n\r\n" + cut_one + b"\r\n--x\r\n\r\n" + JPEGS[1]) == [JPEGS[1]]
+    in_its_tables = JPEGS[3][:100]
+    assert finder.feed(in_its_tables + JPEGS[1] + JPEGS[2] + JPEGS[1])[-1] == JPEGS[1]
+
+
+@pytest.mark.parametrize("size", [1, 2, 5, 1000])
+def test_chunks_however_they_are_cut(size: int) -> None:
+    data = b"5\r\nhello\r\n1;x=y\r\n \nA\nwide world\r\n0\r\n\r\n"
+    chunks = Chunks()
+    assert b"".join(chunks.feed(data[i : i + size]) for i in range(0, len(data), size)) == (
+        b"hello wide world"
+    )
+    assert Chunks().feed(b"--frame\r\nplain") == b"--frame\r\nplain"
+
+
+def test_a_head_may_lack_what_it_likes() -> None:
+    assert read_head(b"HTTP/1.1 200 OK\r\nA: b\r\n") is None
+    for text in (b"HTTP/1.1 404 x\r\nA: b\r\n\r\nbody", b"\r\nHTTP 404\nA: b\n\nbody"):
+        found = read_head(text)
+        assert found is not None and found[0].status == 404 and found[0].first("a") == "b"
+        assert text[found[1] :] == b"body"
+
+
+def answer(status: str, *fields: str) -> list[bytes]:
+    return ["\r\n".join([f"HTTP/1.1 {status}", *fields, "", ""]).encode()]
+
+
+STREAM = [*answer("200 OK", "Content-Type: multipart/x-mixed-replace; boundary=x"), JPEGS[1]]
+DIGEST = 'WWW-Authenticate: Digest realm="cam", nonce="abc", qop="auth,auth-int", algorithm=MD5'
+
+
+def test_a_redirect_is_followed_and_takes_no_password_elsewhere() -> None:
+    source = "http://me:secret@camera.local/old"
+    shown, _, asked = watch([answer("302 Found", "Location: /new"), list(STREAM)], source=source)
+    assert shown and b"GET /new " in asked[1] and b"Authorization" in asked[1]
+    shown, _, asked = watch(
+        [answer("301 Moved", "Location: http://other.local:81/new"), list(STREAM)], source=source
+    )
+    assert shown and b"Host: other.local:81" in asked[1] and b"Authorization" not in asked[1]
+
+
+@pytest.mark.parametrize("place", ["ftp://a/b", "http://[", "http://a:99999999/"])
+def test_a_redirect_to_nowhere_is_said(place: str) -> None:
+    assert "an address that is none" in watch([answer("302 Found", f"Location: {place}")])[1]
+
+
+def test_a_redirect_in_a_circle_is_said() -> None:
+    assert "circle" in watch([answer("302 Found", "Location: /") for _ in range(9)])[1]
+
+
+def test_digest_is_answered_and_what_does_not_fit_is_said() -> None:
+    source = "http://me:secret@camera.local/stream?a=b"
+    shown, _, asked = watch([answer("401 No", DIGEST), list(STREAM)], source=source)
+    assert shown and b'Authorization: Digest username="me", realm="cam"' in asked[1]
+    assert b'uri="/stream?a=b"' in asked[1] and b"secret" not in asked[0] + asked[1]
+    _, said, _ = watch([answer("401 No", DIGEST), answer("401 No", DIGEST)], source=source)
+    assert "does not take this user" in said
+    assert "--source http://USER" in watch([answer("401 No", DIGEST)])[1]
+    unknown = DIGEST.replace("MD5", "SHA3-x")
+    assert "not known here" in watch([answer("401 No", unknown)], source=source)[1]
+
+
+FAULTS: dict[str, Callable[[], str]] = {
+    "hung up without a word": lambda: watch([[]])[1],
+    "sends nothing": lambda: watch([STREAM[:1]], stalls=True)[1],
+    "hangs up after one picture": lambda: watch([list(STREAM)])[1],
+    "a page": lambda: watch([answer("200 OK", "Content-Type: text/html")])[1],
+    "image/webp": lambda: watch([[*STREAM[:1], b"Content-Type: image/webp\r\n\r\nRIFF" * 9]])[1],
+    "does not end": lambda: watch([[*STREAM[:1], JPEGS[1][:-9]]], stalls=True)[1],
+}
+
+
+@pytest.mark.parametrize("words", FAULTS)
+def test_the_reason_is_true(words: str) -> None:
+    assert words in FAULTS[words]()
+
+
+@pytest.mark.parametrize(
+    ("burst", "pause_s", "is_slow"), [(5, 0.4, False), (1, 0.04, False), (1, 1.0, True)]
+)
+def test_bursts_are_no_fault_and_a_slow_camera_is_called_slow(
+    burst: int, pause_s: float, is_slow: bool
+) -> None:
+    clock = ManualClock()
+    camera = MjpegCamera(MjpegOptions(source=SOURCE), clock)
+    faults = set()
+    for number in range(40):
+        camera._show(encoded(".jpg", number), clock.now_s())
+        clock.advance(0.001)
+        if number % burst == 0:
+            for _ in range(int(pause_s / 0.05)):
+                clock.advance(0.05)
+                wrong = camera._freshness.fault(clock.now_s())
+                if number > burst:
+                    faults.add(camera._explain(wrong) if wrong else None)
+    slow = {text for text in faults if text}
+    assert bool(slow) is is_slow and all("a picture only every 1.0 s" in text for text in slow)
