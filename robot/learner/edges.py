@@ -18,7 +18,6 @@ class Edges:
     def __init__(self, max_nodes: int) -> None:
         self.weights = np.full((max_nodes, max_nodes), np.inf, np.float32)
         self._n = max_nodes
-        self._flat = self.weights.reshape(-1)
         self._is_cached = max_nodes >= CACHED_FROM
         self._least = np.full(max_nodes, np.inf, np.float32)
         self._partner = np.zeros(max_nodes, np.int64)
@@ -28,8 +27,8 @@ class Edges:
         if self._is_cached:
             one = int(self._least.argmin())
             return float(self._least[one]), one, int(self._partner[one])
-        least = int(self._flat.argmin())
-        return float(self._flat[least]), *divmod(least, self._n)
+        one, two = divmod(int(self.weights.argmin()), self._n)
+        return float(self.weights[one, two]), one, two
 
     def set_row(self, node: int, weights: Floats) -> None:
         """Write one node's weights to the first `len(weights)` nodes."""
@@ -55,7 +54,6 @@ class Edges:
 
     def rebuild(self) -> None:
         """Find each row's smallest weight again, after the weights were replaced."""
-        self._flat = self.weights.reshape(-1)
         self._partner = self.weights.argmin(axis=1)
         self._least = self.weights[np.arange(self._n), self._partner]
 

@@ -93,7 +93,6 @@ class FloatImages:
         self.is_empty = False
         self._origin = origin
         self._shape = origin.shape
-        self._x = np.zeros_like(origin)
         self._step = np.zeros_like(origin)
 
     def measure(self, x: Vector, size: int) -> Floats:
@@ -101,13 +100,12 @@ class FloatImages:
         array = np.asarray(x)
         if array.shape != self._shape:
             checked_vector(array, self._origin.size)
-        centred = self._x
-        centred[:] = array
-        centred -= self._origin
+        # New memory each time: several threads may ask at once.
+        centred = np.asarray(array, np.float32) - self._origin
         norm = 0.5 * float(centred.dot(centred))
         if not norm < np.inf:
             raise ValueError("the vector holds values that are not finite, or too large")
-        self._x_norm = norm
+        self._x, self._x_norm = centred, norm
         is_full = size == self.max_nodes
         distances: Floats = (self._rows if is_full else self._rows[:size]).dot(centred)
         np.subtract(self._norms if is_full else self._norms[:size], distances, out=distances)
