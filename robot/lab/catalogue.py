@@ -11,12 +11,13 @@ from robot.lab.habits import Habits
 from robot.lab.lessons import ABLATION, DELAY, FIGURE6, FIGURE7, FIGURE8, MOVES
 from robot.lab.mind import Mind
 from robot.lab.ready import Ready
+from robot.lab.streams import Streams
 
 EXPERIMENTS: dict[str, Experiment] = {
     experiment.name: experiment
     for experiment in (
         *(Figure3(), Figure5(), FIGURE6, FIGURE7, FIGURE8),
-        *(DELAY, MOVES, Behaviours(), ABLATION, Habits(), Ready(), Mind(), Ground()),
+        *(DELAY, MOVES, Behaviours(), ABLATION, Habits(), Ready(), Mind(), Ground(), Streams()),
     )
 }
 """In the order in which `all` runs them."""

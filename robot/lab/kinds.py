@@ -18,6 +18,7 @@ from robot.lab.metrics.log import DriveLog
 from robot.lab.mind_run import run_mind
 from robot.lab.pilots import make_pilot
 from robot.lab.ready_run import run_ready
+from robot.lab.streams import run_stream
 from robot.lab.task import Result, Task
 from robot.lab.trial import Place, Trial
 from robot.types import Action, DrivenBy, Mode
@@ -110,5 +111,6 @@ RUNNERS: dict[str, Callable[[Mapping[str, Any]], Result]] = {
     "ready": run_ready,
     "mind": run_mind,
     "ground": run_ground,
+    "stream": run_stream,
 }
 """Every kind of task."""

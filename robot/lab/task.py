@@ -58,6 +58,7 @@ _PARTS_THAT_COUNT = (
         "lab/episodes.py",
     ),
     *("lab/habit_run.py", "lab/ready_run.py", "lab/mind_run.py", "lab/ground"),
+    *("lab/streams.py", "lab/adapters"),
     *("clock.py", "driver.py", "types.py"),
 )
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 NAMES = (
     *("figure3", "figure5", "figure6", "figure7", "figure8"),
-    *("delay", "moves", "behaviours", "ablation", "habits", "ready", "mind", "ground"),
+    *("delay", "moves", "behaviours", "ablation", "habits", "ready", "mind", "ground", "streams"),
 )
 
 

@@ -58,6 +58,8 @@ def made_up(task: Task) -> dict[str, Any]:
     if task.kind == "ground":
         stage = {"examples": 100, "takeovers": 7, "decisions": 300, "scores": [0.0, 1.0]}
         return {"stages": [stage] * len(task.params["counts"])}
+    if task.kind == "stream":
+        return {"right": 90, "examples": 100}
     if task.kind == "cycles":
         return {"timing": {"learning_hz": 100.0, "applying_hz": 200.0}}
     return {"correct": 600, "frames": 700, "accuracy": 6 / 7, "balanced_accuracy": 0.8}

@@ -1,0 +1,120 @@
+"""BSOC as a river classifier: dicts in, any hashable label, features that come and go."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.errors import MissingExtraError
+from robot.learner.classifier import GROUP_COST, N_VOTERS, BSOCClassifier
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+try:
+    from river import base
+except ImportError as error:
+    raise MissingExtraError("BSOC for river", "learners") from error
+
+_ROOM = 16
+"""Vectors have room for so many features, and for twice as many each time it is too small."""
+
+
+class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
+    """An online classifier of at most `max_nodes` images.
+
+    Scale the features before (`preprocessing.StandardScaler`): distances are sums over them.
+    A feature that is missing counts as 0.
+
+    Parameters
+    ----------
+    max_nodes
+        How many images to keep at most.
+    n_voters
+        How many of the nearest images vote.
+    group_cost
+        How many times dearer it is to merge images of two classes.
+
+    Examples
+    --------
+    >>> from robot.lab.adapters.for_river import RiverBSOC
+    >>> model = RiverBSOC(max_nodes=4)
+    >>> model.learn_one({"light": 0.9}, "day")
+    >>> model.learn_one({"light": 0.1}, "night")
+    >>> model.predict_one({"light": 0.8})
+    'day'
+
+    """
+
+    def __init__(
+        self, max_nodes: int = 32, n_voters: int = N_VOTERS, group_cost: float = GROUP_COST
+    ) -> None:
+        self.max_nodes = max_nodes
+        self.n_voters = n_voters
+        self.group_cost = group_cost
+        self._learner = BSOCClassifier(
+            max_nodes, n_voters=n_voters, group_cost=group_cost, forgets=False
+        )
+        self._columns: dict[Hashable, int] = {}
+        self._room = _ROOM
+        self._labels: list[Any] = []
+
+    @property
+    def _multiclass(self) -> bool:
+        return True
+
+    def learn_one(self, x: Mapping[Any, Any], y: Any) -> None:
+        """Learn one example."""
+        # In an order of their own, so that the order in the dict does not matter.
+        for name in sorted((name for name in x if name not in self._columns), key=repr):
+            self._columns[name] = len(self._columns)
+        if len(self._columns) > self._room:
+            self._make_room()
+        if y not in self._labels:
+            self._labels.append(y)
+        self._learner.learn_one(self._vector(x), str(self._labels.index(y)))
+
+    def predict_proba_one(self, x: Mapping[Any, Any]) -> dict[Any, float]:
+        """Return each label's share; nothing before the first example."""
+        if not self._labels:
+            return {}
+        shares = self._learner.predict_proba_one(self._vector(x))
+        return dict(zip(self._labels, shares.values(), strict=True))
+
+    def learn_many(self, X: pd.DataFrame, y: pd.Series) -> None:  # noqa: N803 - river's name
+        """Learn a frame of examples, in their order."""
+        for row, label in zip(X.to_dict(orient="records"), y.tolist(), strict=True):
+            self.learn_one(row, label)
+
+    def predict_proba_many(self, X: pd.DataFrame) -> pd.DataFrame:  # noqa: N803
+        """Return each label's share for each row."""
+        import pandas as pd  # river's own choice: whoever passes frames has it
+
+        rows = [self.predict_proba_one(row) for row in X.to_dict(orient="records")]
+        return pd.DataFrame(rows, index=X.index, columns=self._labels)
+
+    def _vector(self, x: Mapping[Any, Any]) -> NDArray[np.float32]:
+        """Return known features as a vector; one that was never learned is not known."""
+        vector = np.zeros(self._room, np.float32)
+        for name, value in x.items():
+            column = self._columns.get(name)
+            if column is not None:
+                vector[column] = value
+        return vector
+
+    def _make_room(self) -> None:
+        """Lengthen the images: features that nobody had seen were 0 in all of them."""
+        wider = self._room
+        while wider < len(self._columns):
+            wider *= 2
+        if self._learner.n_nodes_:
+            state = self._learner.get_state()
+            more = wider - self._room
+            images = state.arrays["cluster_images"]
+            state.arrays["cluster_images"] = np.pad(images, ((0, 0), (0, more)))
+            state.arrays["cluster_origin"] = np.pad(state.arrays["cluster_origin"], (0, more))
+            self._learner.set_state(state)
+        self._room = wider

@@ -1,0 +1,101 @@
+"""BSOC as a classifier of scikit-learn: `fit`, `partial_fit`, pipelines, `clone`."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robot.errors import MissingExtraError
+from robot.learner.classifier import GROUP_COST, N_VOTERS, BSOCClassifier
+from robot.learner.ridge import RecursiveRidge
+
+try:
+    from sklearn.base import BaseEstimator, ClassifierMixin
+    from sklearn.utils.multiclass import check_classification_targets, unique_labels
+    from sklearn.utils.validation import check_is_fitted, validate_data
+except ImportError as error:
+    raise MissingExtraError("BSOC for scikit-learn (1.6 or newer)", "learners") from error
+
+
+class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
+    """An online classifier of at most `max_nodes` images, with an online ridge if wanted.
+
+    Scale the features to about [0, 1] or to variance 1 before: distances are sums over them.
+    Predicting changes nothing that was learned, and may be done on several threads.
+
+    Args:
+        max_nodes: How many images to keep at most.
+        n_voters: How many of the nearest images vote.
+        group_cost: How many times dearer it is to merge images of two classes.
+        penalty: Of the linear part's squared coefficients; None: there is none.
+
+    Attributes:
+        classes_: The classes, sorted, shape (n,).
+        learner_: The learner; its labels are numbers of classes in the order that they came.
+    """
+
+    def __init__(
+        self,
+        max_nodes: int = 32,
+        *,
+        n_voters: int = N_VOTERS,
+        group_cost: float = GROUP_COST,
+        penalty: float | None = None,
+    ) -> None:
+        self.max_nodes = max_nodes
+        self.n_voters = n_voters
+        self.group_cost = group_cost
+        self.penalty = penalty
+
+    def fit(self, X: ArrayLike, y: ArrayLike) -> Self:  # noqa: N803 - scikit-learn's name
+        """Forget, and learn examples in their order; X of shape (n, d), y of shape (n,)."""
+        return self._learn(X, y, None, is_new=True)
+
+    def partial_fit(self, X: ArrayLike, y: ArrayLike, classes: Any = None) -> Self:  # noqa: N803
+        """Learn further examples; `classes`: all that there will be, if known."""
+        return self._learn(X, y, classes, is_new=not hasattr(self, "learner_"))
+
+    def _learn(self, X: ArrayLike, y: ArrayLike, classes: Any, *, is_new: bool) -> Self:  # noqa: N803
+        xs, ys = validate_data(self, X, y, reset=is_new)
+        check_classification_targets(ys)
+        given = unique_labels(ys) if classes is None else unique_labels(ys, classes)
+        if is_new:
+            linear = None
+            if self.penalty is not None:
+                linear = RecursiveRidge(xs.shape[1], penalty=self.penalty, scale=1.0)
+            self.learner_ = BSOCClassifier(
+                self.max_nodes,
+                n_voters=self.n_voters,
+                group_cost=self.group_cost,
+                linear=linear,
+                forgets=False,  # a stream of examples in any order is no pilot who changes his mind
+            )
+            self._came: list[Any] = []
+            self.classes_ = given
+        else:
+            self.classes_ = unique_labels(self.classes_, given)
+        places = {label: place for place, label in enumerate(self._came)}
+        for x, label in zip(xs, ys.tolist(), strict=True):
+            if label not in places:
+                places[label] = len(self._came)
+                self._came.append(label)
+            self.learner_.learn_one(x, str(places[label]))
+        return self
+
+    def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:  # noqa: N803
+        """Return each class's share, shape (n, classes), in the order of `classes_`."""
+        check_is_fitted(self)
+        xs = validate_data(self, X, reset=False)
+        columns = np.searchsorted(self.classes_, np.asarray(self._came, self.classes_.dtype))
+        shares = np.zeros((len(xs), len(self.classes_)))
+        for row, x in zip(shares, xs, strict=True):
+            row[columns] = list(self.learner_.predict_proba_one(x).values())
+        return shares
+
+    def predict(self, X: ArrayLike) -> NDArray[Any]:  # noqa: N803
+        """Return the likeliest class of each row, shape (n,)."""
+        check_is_fitted(self)
+        found: NDArray[Any] = self.classes_[self.predict_proba(X).argmax(axis=1)]
+        return found

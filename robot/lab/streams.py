@@ -1,0 +1,190 @@
+"""Streams beyond driving: digits, parts of images, text; predicted first, learned then."""
+
+from __future__ import annotations
+
+import inspect
+import pkgutil
+import re
+import statistics
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.errors import MissingExtraError
+from robot.lab.experiment import Experiment, ExperimentSettings, group
+from robot.lab.ground.ground import interval
+from robot.lab.tables import Table
+from robot.lab.task import Result, Task
+
+STREAMS = ("digits", "image segments", "text")
+_N_HASHES = 512
+_SENTENCES = 500
+Example = tuple[NDArray[np.float64], str]
+
+
+class Streams(Experiment):
+    """BSOC beside learners of river and scikit-learn, all online, all on the same vectors."""
+
+    name = "streams"
+    title = "Streams beyond driving"
+    text = (
+        "Share of examples that were predicted right before they were learned. Digits: "
+        "scikit-learn's, 64 pixels. Image segments: river's, 18 numbers. Text: of which library's "
+        "documentation (numpy, scikit-learn, river) a sentence is, by hashed words. Values are "
+        "standardised online. All data comes inside the libraries; seeds shuffle its order. "
+        "In brackets the 95 % interval of the mean (bootstrap)."
+    )
+
+    def plan(self, settings: ExperimentSettings) -> list[Task]:
+        """Plan every learner on every stream."""
+        return [
+            Task(kind="stream", params={"stream": stream, "learner": learner, "seed": seed})
+            for stream in STREAMS
+            for learner in (tuple(LEARNERS)[:3] if settings.quick else LEARNERS)
+            for seed in range(settings.n_seeds)
+        ]
+
+    def tables(
+        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
+    ) -> list[Table]:
+        """Return one table: learners down, streams across."""
+        grouped = group(tasks, results, "learner", "stream")
+        rows = []
+        for learner in dict.fromkeys(learner for learner, _ in grouped):
+            cells = []
+            for stream in STREAMS:
+                rights = [run["right"] / run["examples"] for run in grouped[learner, stream]]
+                low, high = interval(rights)
+                cells.append(f"{statistics.fmean(rights):.3f} [{low:.3f}, {high:.3f}]")
+            rows.append((str(learner), *cells))
+        return [Table(title="Predicted right", columns=("", *STREAMS), rows=tuple(rows))]
+
+
+def run_stream(params: Mapping[str, Any]) -> Result:
+    """Predict and learn one stream. Parameters: `stream`, `learner`, `seed`."""
+    try:
+        from river import preprocessing
+    except ImportError as error:
+        raise MissingExtraError("the experiment streams", "learners") from error
+    examples = read_stream(params["stream"])
+    order = np.random.default_rng(params["seed"]).permutation(len(examples))
+    scaler, learner = preprocessing.StandardScaler(), LEARNERS[params["learner"]]()
+    right = 0
+    for i in order:
+        x = dict(enumerate(examples[i][0].tolist()))
+        scaler.learn_one(x)
+        scaled = scaler.transform_one(x)
+        right += learner.predict_one(scaled) == examples[i][1]
+        learner.learn_one(scaled, examples[i][1])
+    return {"right": int(right), "examples": len(examples)}
+
+
+def _bsoc(max_nodes: int) -> Any:
+    from robot.lab.adapters.for_river import RiverBSOC
+
+    return RiverBSOC(max_nodes=max_nodes)
+
+
+class _OneByOne:
+    """A scikit-learn classifier on dicts; its classes are those of the streams."""
+
+    def __init__(self, model: Any, classes: list[str] | None = None) -> None:
+        self._model, self._classes, self._is_new = model, classes, True
+
+    def predict_one(self, x: Mapping[int, float]) -> Any:
+        """Return the class; None before the first example."""
+        return None if self._is_new else self._model.predict([list(x.values())])[0]
+
+    def learn_one(self, x: Mapping[int, float], y: str) -> None:
+        """Learn one example."""
+        self._model.partial_fit([list(x.values())], [y], classes=self._classes)
+        self._is_new = False
+
+
+def _bsoc_with_ridge(max_nodes: int) -> Any:
+    from robot.lab.adapters.for_sklearn import BSOCEstimator
+
+    return _OneByOne(BSOCEstimator(max_nodes, penalty=10.0))
+
+
+def _river(module: str, name: str, **options: Any) -> Callable[[], Any]:
+    return lambda: getattr(import_module(f"river.{module}"), name)(**options)
+
+
+def _sklearn(module: str, name: str, **options: Any) -> Callable[[], Any]:
+    classes = [*map(str, range(10)), *_SEGMENTS, *_LIBRARIES]
+
+    def make() -> _OneByOne:
+        return _OneByOne(getattr(import_module(f"sklearn.{module}"), name)(**options), classes)
+
+    return make
+
+
+_SEGMENTS = ("brickface", "cement", "foliage", "grass", "path", "sky", "window")
+_LIBRARIES = ("numpy", "sklearn", "river")
+LEARNERS: dict[str, Callable[[], Any]] = {
+    "BSOC-32": lambda: _bsoc(32),
+    "BSOC-128": lambda: _bsoc(128),
+    "BSOC-128 with its ridge": lambda: _bsoc_with_ridge(128),
+    "river, 5-nn of the last 1000": _river("neighbors", "KNNClassifier"),
+    "river, softmax regression": _river("linear_model", "SoftmaxRegression"),
+    "river, naive Bayes": _river("naive_bayes", "GaussianNB"),
+    "river, Hoeffding tree": _river("tree", "HoeffdingTreeClassifier"),
+    "scikit-learn, logistic by SGD": _sklearn(
+        "linear_model", "SGDClassifier", loss="log_loss", random_state=0
+    ),
+    "scikit-learn, perceptron": _sklearn("linear_model", "Perceptron", random_state=0),
+}
+
+
+def read_stream(stream: str) -> list[Example]:
+    """Return all examples of a stream: a vector and its label each."""
+    if stream == "digits":
+        from sklearn.datasets import load_digits
+
+        xs, ys = load_digits(return_X_y=True)
+        return [(x, str(y)) for x, y in zip(xs, ys, strict=True)]
+    if stream == "image segments":
+        from river.datasets import ImageSegments
+
+        return [(np.array(list(x.values()), float), str(y)) for x, y in ImageSegments()]
+    return [
+        (_hashed(sentence), library)
+        for library in _LIBRARIES
+        for sentence in _sentences(library)[:_SENTENCES]
+    ]
+
+
+def _hashed(sentence: str) -> NDArray[np.float64]:
+    """Return how often the words of each hash occur, as square roots."""
+    from sklearn.feature_extraction.text import HashingVectorizer
+
+    vectorizer = HashingVectorizer(n_features=_N_HASHES, alternate_sign=False, norm=None)
+    counts: NDArray[np.float64] = np.sqrt(vectorizer.transform([sentence]).toarray()[0])
+    return counts
+
+
+def _sentences(library: str) -> list[str]:
+    """Return sentences of a library's documentation, without its own name and code."""
+    texts: dict[str, None] = {}
+    package = import_module(library)
+    for found in sorted(pkgutil.iter_modules(package.__path__), key=lambda each: each.name):
+        if found.name.startswith("_") or found.name in ("tests", "conftest", "testing", "f2py"):
+            continue
+        try:
+            module = import_module(f"{library}.{found.name}")
+        except ImportError:  # what needs a library that is not here
+            continue
+        for _, member in sorted(inspect.getmembers(module, callable), key=lambda pair: pair[0]):
+            texts.update(dict.fromkeys(_of_text(inspect.getdoc(member) or "", library)))
+    return list(texts)
+
+
+def _of_text(text: str, library: str) -> Iterator[str]:
+    for part in re.split(r"[.:]\s+|\n\s*\n", text):
+        words = " ".join(part.split())
+        if re.fullmatch(r"[A-Z][\w ,'()-]{40,300}", words) and library not in words.lower():
+            yield words

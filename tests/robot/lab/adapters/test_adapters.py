@@ -1,0 +1,92 @@
+"""The adapters pass all checks of the libraries they are for, and predict on threads."""
+
+from __future__ import annotations
+
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("sklearn", reason="NOT TESTED: the extra learners is not installed")
+pytest.importorskip("river", reason="NOT TESTED: the extra learners is not installed")
+
+from river import checks
+from sklearn.base import clone
+from sklearn.utils.estimator_checks import estimator_checks_generator
+
+from robot.lab.adapters.for_river import RiverBSOC
+from robot.lab.adapters.for_sklearn import BSOCEstimator
+
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+ESTIMATORS = (BSOCEstimator(), BSOCEstimator(max_nodes=8, penalty=1.0))
+
+
+@pytest.mark.parametrize(
+    ("estimator", "check"),
+    [pair for estimator in ESTIMATORS for pair in estimator_checks_generator(estimator)],
+    ids=str,
+)
+def test_it_passes_each_check_of_scikit_learn(estimator: Any, check: Any) -> None:
+    check(estimator)
+
+
+RIVER = RiverBSOC(max_nodes=8)
+
+
+@pytest.mark.parametrize(
+    "check",
+    list(checks.yield_checks(RIVER)),
+    ids=lambda check: getattr(check, "__name__", str(check)),
+)
+def test_it_passes_each_check_of_river(check: Any) -> None:
+    check(RIVER.clone())
+
+
+def blobs(n: int = 300) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(7)
+    ys = rng.integers(0, 3, n)
+    return rng.normal(size=(n, 5)) + 3.0 * np.eye(5)[ys], ys
+
+
+def test_predictions_on_many_threads_and_read_only_memory_are_those_of_one() -> None:
+    xs, ys = blobs()
+    estimator = BSOCEstimator(max_nodes=16, penalty=1.0).fit(xs, ys)
+    kept: list[Any] = []
+    text = pickle.dumps(estimator, protocol=5, buffer_callback=kept.append)
+    frozen = pickle.loads(text, buffers=[bytes(buffer.raw()) for buffer in kept])
+    assert not frozen.learner_.cluster._images._rows.flags.writeable
+    alone = [estimator.predict_proba(row[None]) for row in xs]
+    with ThreadPoolExecutor(8) as pool:
+        together = list(pool.map(lambda row: frozen.predict_proba(row[None]), xs))
+    np.testing.assert_array_equal(alone, together)
+
+
+def test_in_parts_is_as_at_once_and_a_class_may_come_late() -> None:
+    xs, ys = blobs()
+    words = np.array(["stop", "left", "go"])[ys]
+    at_once = BSOCEstimator().fit(xs, words)
+    in_parts = clone(at_once)
+    late = np.argsort(words == "go", kind="stable")
+    xs, words = xs[late], words[late]
+    at_once.fit(xs, words)
+    for i in range(0, len(xs), 37):
+        in_parts.partial_fit(xs[i : i + 37], words[i : i + 37])
+    assert in_parts.classes_.tolist() == ["go", "left", "stop"]
+    np.testing.assert_array_equal(at_once.predict_proba(xs), in_parts.predict_proba(xs))
+    assert at_once.score(xs, words) > 0.9
+
+
+def test_river_takes_any_label_and_features_that_come_late() -> None:
+    model = RiverBSOC()
+    labels = [None, 3, ("a", 1), 2.5]
+    for i in range(120):
+        kind = i % 4
+        names = {f"{kind}-{j}": 1.0 + 0.01 * i for j in range(12)}  # 48 names in all
+        model.learn_one(names, labels[kind])
+    for kind, label in enumerate(labels):
+        assert model.predict_one({f"{kind}-{j}": 1.5 for j in range(12)}) == label
+    assert model.predict_proba_one({"never seen": 1.0}).keys() == set(labels)
