@@ -56,6 +56,7 @@ def create_app(services: Services) -> FastAPI:
         allows_addresses=config.lan,
         sessions=services.pairing,
         cookie=cookie_name(config),
+        proxies=frozenset(config.proxies),
         members=next((each.members for each in extensions if each.members), None),
     )
     app.add_middleware(

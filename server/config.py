@@ -21,10 +21,14 @@ class Limits:
     """Acknowledgements of one client on `/ws/video`."""
     refused_before_closing: int = 500
     """A client is disconnected after so many refused messages."""
-    clients: int = 64
-    """Open websockets of all clients together."""
+    clients: int = 160
+    """Open websockets and streams of all clients together."""
+    clients_each: int = 8
+    """The same of one paired browser; the page has two."""
+    connections_each: int = 24
+    """Connections of one paired browser."""
     requests_per_second: float = 50.0
-    """Requests of one address, on average."""
+    """Requests of one paired browser, or of one address, on average."""
     requests_burst: float = 300.0
     body_bytes: int = 1_000_000
     """The largest body of a request that has no limit of its own."""
@@ -35,9 +39,9 @@ class Limits:
     pairing_failures: int = 10
     """Wrong tokens from one address in a minute before it has to wait. The right token is
     accepted even then."""
-    pending: int = 128
+    pending: int = 384
     """Connections that the guard has not admitted yet, of all addresses together."""
-    pending_per_address: int = 32
+    pending_per_address: int = 384
     """The same of one address; for IPv6, of one /64 network."""
     pending_s: float = 5.0
     """A pending connection is closed so long after its last complete request."""
@@ -57,6 +61,8 @@ class Config:
     web: Path | None = None
     jpeg_quality: int = 75
     lease_lapse_s: float = 1.5
+    proxies: tuple[str, ...] = ()
+    """Addresses of proxies whose X-Forwarded-For and X-Forwarded-Proto are believed."""
     limits: Limits = field(default_factory=Limits)
 
     def __post_init__(self) -> None:

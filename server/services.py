@@ -22,6 +22,7 @@ from server.identity import IdentityFile
 from server.persistence import Persistence
 from server.progress import Progress
 from server.retraining import Retraining
+from server.security.access import TEACHER
 from server.security.door import Door
 from server.security.listener import connection_capacity
 from server.security.pairing import Pairing
@@ -61,6 +62,11 @@ class Services:
     door: Door
     turned_away: Counter[str] = field(default_factory=Counter)
     extensions: dict[type[Extension], Extension] = field(default_factory=dict)
+
+    def is_kept(self, person: str) -> bool:
+        """True of the owner, the pilot and the teacher: they have a place whoever wants one."""
+        is_owner = self.pairing is not None and self.pairing.is_owner(person)
+        return is_owner or person in (self.hub.pilot, TEACHER)
 
     def extension(self, kind: type[_E]) -> _E:
         """Return the part that a house added; KeyError if the house is not there."""
@@ -121,6 +127,11 @@ def make_services(
         pairing=pairing,
         door=Door(config.limits, connection_capacity()),
     )
+    if pairing is not None:
+        pairing.is_in_use = lambda name: (
+            services.door.sockets.has(name) or name == services.hub.pilot
+        )
+    services.door.keeps = services.is_kept
     services.extensions.update({kind: kind(services, options or {}) for kind in installed()})
     return services
 

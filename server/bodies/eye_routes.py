@@ -11,7 +11,7 @@ from server.bodies.eye import EyeClock, parse_frame, parse_text
 from server.clients.hub import Hub
 from server.clients.telemetry import describe_state
 from server.protocol import ProtocolError, encode_acknowledgement, encode_message
-from server.routes.sockets import end_with_either, received
+from server.routes.sockets import close_for_abuse, end_with_either, hear_stop, received
 from server.security.access import Role
 from server.security.guard import role_of
 from server.security.pace import Pace
@@ -45,6 +45,7 @@ class _Eye:
 
     async def run(self) -> None:
         """Serve the phone until it disconnects or another one takes its place."""
+        hear_stop(self._websocket, self._stop)
         before, self._camera.source = self._camera.source, self
         if isinstance(before, _Eye):
             await before.disconnect()
@@ -65,6 +66,9 @@ class _Eye:
                 self._camera.source = None
                 self._camera.lose()
 
+    def _stop(self) -> None:
+        self._hub.emergency.latch("eye", Role.EYE)
+
     async def disconnect(self) -> None:
         """Close the socket, because another phone is the eye now."""
         await self._websocket.close(4001, "another phone is the eye now")
@@ -82,7 +86,7 @@ class _Eye:
                 self._hub.refused[error.code] += 1
                 self._refusals_left -= 1
                 if self._refusals_left <= 0:
-                    await self._websocket.close(1008, "too many refused messages")
+                    await close_for_abuse(self._websocket, self._stop)
                     return
 
     async def _take(self, data: bytes | None, text: str | None) -> None:
@@ -93,8 +97,8 @@ class _Eye:
                 self._eye_clock.note(
                     message_fields["server_ms"], message_fields["eye_ms"], now_s * 1000
                 )
-            else:  # a stop passes before the rate limit
-                self._hub.emergency.latch("eye", Role.EYE)
+            else:
+                self._stop()
         elif data is not None:
             frame = parse_frame(data)
             await self._websocket.send_bytes(encode_acknowledgement(frame.seq))

@@ -97,6 +97,13 @@ def _add_network(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--lan", action="store_true", help="serve the local network, to paired browsers only"
     )
+    group.add_argument(
+        "--proxy",
+        action="append",
+        default=[],
+        metavar="ADDRESS",
+        help="believe who this proxy says that asks (X-Forwarded-For); may be given several times",
+    )
     group.add_argument("--tls", action="store_true", help="serve https, with a certificate of ours")
     group.add_argument(
         "--hostname",
@@ -249,6 +256,7 @@ def _make_config(args: argparse.Namespace) -> Config:
         port=args.port,
         lan=args.lan,
         tls=args.tls,
+        proxies=tuple(args.proxy),
         hostname=args.hostname,
         data=args.data,
         jpeg_quality=args.jpeg_quality,

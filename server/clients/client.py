@@ -24,10 +24,13 @@ class Client:
     Answers and events wait in a short queue; of states only the newest waits.
     """
 
-    def __init__(self, client_id: str, role: Role, config: Config, now_s: float) -> None:
+    def __init__(
+        self, client_id: str, role: Role, config: Config, now_s: float, person: str = ""
+    ) -> None:
         limits = config.limits
         self.id = client_id
         self.role = role
+        self.person = person
         self.order = Order()
         self.pace = Pace(per_second=limits.messages_per_second, burst=limits.messages_burst)
         self.refused = 0

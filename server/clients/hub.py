@@ -50,6 +50,8 @@ class Hub:
         self.refused: Counter[ErrorCode] = Counter()
         self.clients: dict[str, Client] = {}
         self._limit_s = robot.loop.config.gate.command_timeout_s
+        self.pilot = ""
+        """What the last client that had the wheel is counted by: it may come back."""
         driver = robot.driver
         self._declared_moves = describe_moves(driver.moves, driver.declared_moves)
         self._ids = itertools.count(1)
@@ -104,10 +106,15 @@ class Hub:
 
     # Clients -----------------------------------------------------------------------------------
 
-    def join(self, role: Role) -> Client:
-        """Add a client; it gets the wheel if it may drive and the wheel is free."""
+    def join(self, role: Role, person: str = "") -> Client:
+        """Add a client; it gets the wheel if it may drive and the wheel is free.
+
+        Args:
+            role: What it may do.
+            person: What it is counted by.
+        """
         now_s = self.clock.now_s()
-        client = Client(f"c{next(self._ids)}", role, self.config, now_s)
+        client = Client(f"c{next(self._ids)}", role, self.config, now_s, person)
         self.clients[client.id] = client
         client.send(
             encode_message(
@@ -265,6 +272,8 @@ class Hub:
     def _pilot_changed(self) -> None:
         """The wheel has another owner, or none: drop the last command."""
         self.robot.loop.empty_command()
+        if self.lease.owner is not None:
+            self.pilot = self.clients[self.lease.owner].person
         log.info("wheel pilot=%s", self.lease.owner)
         self.publish_state()
 

@@ -66,6 +66,7 @@ def uvicorn_settings(certificates: Certificates | None = None) -> dict[str, Any]
         "log_level": "warning",
         "server_header": False,
         "timeout_keep_alive": 15,
+        "backlog": 512,
         "lifespan": "on",
     }
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
+from server.protocol import MAX_DRIVE_MESSAGE_BYTES, is_stop
+
 if TYPE_CHECKING:
     from websockets.frames import Frame
     from websockets.http11 import Request
@@ -22,6 +24,8 @@ class FastPath(Protocol):
 
     on_bytes: Callable[[bytes], None] | None
     """Called with each binary message, in place of ASGI's `receive`."""
+    on_stop: Callable[[], None] | None
+    """Called for each STOP, in place of ASGI's `receive`; after the server's close, too."""
 
     def write_now(self, wire: bytes) -> None:
         """Write whole websocket frames; nothing is written after the close."""
@@ -39,6 +43,7 @@ def make_protocol() -> type[Any] | None:
         """Uvicorn's own protocol, with the fast path."""
 
         on_bytes: Callable[[bytes], None] | None = None
+        on_stop: Callable[[], None] | None = None
 
         def handle_connect(self, event: Request) -> None:
             super().handle_connect(event)
@@ -51,6 +56,14 @@ def make_protocol() -> type[Any] | None:
                 self.on_bytes(bytes(event.data))
             else:
                 super().handle_bytes(event)
+
+        def handle_text(self, event: Frame) -> None:
+            data = event.data
+            is_short = event.fin and len(data) <= MAX_DRIVE_MESSAGE_BYTES
+            if self.on_stop and is_short and is_stop(bytes(data).decode("utf-8", "replace")):
+                self.on_stop()
+            else:
+                super().handle_text(event)
 
         def shutdown(self) -> None:
             # Uvicorn raises for a client that is just leaving, and the app is then not shut down.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 from fastapi import APIRouter, Depends, WebSocket
 from starlette.requests import Request
 
@@ -9,8 +12,8 @@ from robot.clock import Clock
 from server.clients.client import Client
 from server.clients.hub import Hub
 from server.protocol import ErrorCode, ProtocolError
-from server.routes.sockets import end_with_either, received
-from server.security.guard import STOP_PATH, require_viewer, role_of
+from server.routes.sockets import close_for_abuse, end_with_either, hear_stop, received
+from server.security.guard import STOP_PATH, person_of, require_viewer, role_of
 from server.services import services_of
 
 router = APIRouter()
@@ -28,14 +31,20 @@ async def drive(websocket: WebSocket) -> None:
     """Serve one client until it disconnects."""
     hub = services_of(websocket).hub
     await websocket.accept()
-    client = hub.join(role_of(websocket))
+    client = hub.join(role_of(websocket), person_of(websocket))
+    stop = partial(hub.emergency.latch, client.id, client.role)
+    hear_stop(websocket, stop)
     try:
-        await end_with_either(_receive(websocket, hub, client), _send(websocket, hub.clock, client))
+        await end_with_either(
+            _receive(websocket, hub, client, stop), _send(websocket, hub.clock, client)
+        )
     finally:
         hub.leave(client)
 
 
-async def _receive(websocket: WebSocket, hub: Hub, client: Client) -> None:
+async def _receive(
+    websocket: WebSocket, hub: Hub, client: Client, stop: Callable[[], None]
+) -> None:
     limits = hub.config.limits
     async for message in received(websocket, limits.idle_s):
         text = message.get("text")
@@ -45,7 +54,7 @@ async def _receive(websocket: WebSocket, hub: Hub, client: Client) -> None:
         else:
             hub.receive(client, text)
         if client.refused >= limits.refused_before_closing:
-            await websocket.close(1008, "too many refused messages")
+            await close_for_abuse(websocket, stop)
             return
 
 

@@ -8,7 +8,7 @@ from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import FileResponse, JSONResponse, Response
 
 from server.security.access import Refusal, session_of
-from server.security.guard import address_of
+from server.security.guard import person_of
 from server.security.pairing import Pairing, cookie_name
 from server.services import services_of
 
@@ -24,7 +24,7 @@ async def pair_page(request: Request) -> Response:
     return FileResponse(config.web_folder / "pair.html")
 
 
-@router.post("/api/pair", responses={400: {}, 403: {}, 404: {}, 429: {}})
+@router.post("/api/pair", responses={400: {}, 403: {}, 404: {}, 429: {}, 503: {}})
 async def pair(request: Request) -> JSONResponse:
     """Exchange `{"token": ...}` for a session cookie. The token is never sent in an address."""
     pairing = _require_pairing(request)
@@ -34,12 +34,13 @@ async def pair(request: Request) -> JSONResponse:
         raise HTTPException(400, 'The body must be {"token": "..."}.') from error
     if not isinstance(token, str):
         raise HTTPException(400, "The token must be text.")
-    result = pairing.redeem(token, services_of(request).robot.clock.now_s(), address_of(request))
+    config, now_s = services_of(request).config, services_of(request).robot.clock.now_s()
+    secret = session_of({"cookie": request.headers.get("cookie", "")}, cookie_name(config))
+    result = pairing.redeem(token, now_s, person_of(request), secret)
     if isinstance(result, Refusal):
         return JSONResponse(
             {"error": result.reason, "detail": result.sentence}, status_code=result.status
         )
-    config = services_of(request).config
     response = JSONResponse({"role": result.role.value})
     response.set_cookie(
         cookie_name(config),

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Coroutine
+import contextlib
+from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any
 
 from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
+
+from server.hosting.uvicorn_fastpath import EXTENSION, FastPath
+from server.protocol import is_stop
+
+_LAST_S = 1.0
+"""So long a client that is shown out is still read."""
 
 
 async def received(websocket: WebSocket, idle_s: float) -> AsyncIterator[dict[str, Any]]:
@@ -21,6 +28,27 @@ async def received(websocket: WebSocket, idle_s: float) -> AsyncIterator[dict[st
         if message["type"] == "websocket.disconnect":
             return
         yield message
+
+
+def hear_stop(websocket: WebSocket, stop: Callable[[], None]) -> None:
+    """Have STOP read where bytes become messages, before all queues, and while the socket closes.
+
+    Where uvicorn is too old for that, STOP is read in its turn.
+    """
+    direct: FastPath | None = websocket.scope.get("extensions", {}).get(EXTENSION)
+    if direct is not None:
+        direct.on_stop = stop
+
+
+async def close_for_abuse(websocket: WebSocket, stop: Callable[[], None]) -> None:
+    """Close a socket of which too much was refused. In what it has sent, STOP is still heard."""
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(_LAST_S):
+            while (message := await websocket.receive())["type"] != "websocket.disconnect":
+                if is_stop(message.get("text") or ""):
+                    stop()
+            return
+    await websocket.close(1008, "too many refused messages")
 
 
 async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:

@@ -12,6 +12,7 @@ from server.clients.video import EncodedFrame, Viewer
 from server.hosting.uvicorn_fastpath import EXTENSION, FastPath
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.sockets import end_with_either
+from server.security.guard import note_use
 from server.security.pace import Pace
 from server.services import services_of
 
@@ -42,6 +43,7 @@ class _VideoClient:
         """Receive one message from the viewer; refused ones are counted."""
         try:
             now_s = self._hub.clock.now_s()
+            note_use(self._websocket.scope, now_s)
             if not self._pace.allows(now_s):
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many acknowledgements a second")
             if not isinstance(message, bytes):

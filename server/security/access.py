@@ -45,6 +45,8 @@ class Role(StrEnum):
     """The board of a class: changes what a pilot may and what is locked, and never drives."""
 
 
+TEACHER = "teacher"
+"""What the session of the board is counted by."""
 PAIRED = (Role.VIEWER, Role.PILOT, Role.EYE)
 """What a browser can be paired as."""
 
@@ -64,17 +66,20 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
-    """An admitted client: its role, and a name for its rate limit; "" where pairing is off."""
+    """A client: what it may do, and what it is counted by."""
 
     role: Role
-    name: str = ""
+    name: str
+    """Of a paired browser that of its session, and else the address."""
+    is_crowd: bool = False
+    """The address of a server without pairing, or of a proxy: many people may be behind it."""
 
 
 class Sessions(Protocol):
     """Looks up sessions: `server.security.pairing.Pairing`."""
 
-    def role_of(self, secret: str) -> Role | None:
-        """Return the role of a session, or None."""
+    def find(self, secret: str) -> Session | None:
+        """Return the session that this is the secret of, or None."""
         ...
 
 
@@ -100,6 +105,7 @@ class Access:
         sessions: The paired browsers; None where every client is admitted.
         cookie: Name of the cookie that carries the session.
         members: The class that the robot belongs to; None for a robot in no class.
+        proxies: Addresses whose X-Forwarded-For and X-Forwarded-Proto are believed.
     """
 
     names: frozenset[str]
@@ -107,6 +113,20 @@ class Access:
     sessions: Sessions | None = None
     cookie: str = ""
     members: Members | None = None
+    proxies: frozenset[str] = frozenset()
+
+    def caller(self, headers: Mapping[str, str], scheme: str, address: str) -> tuple[str, str]:
+        """Return scheme and address of the client: a trusted proxy says them, nobody else."""
+        if address not in self.proxies:
+            return scheme, address
+        for hop in reversed(headers.get("x-forwarded-for", "").split(",")):
+            if not _is_address(hop.strip()):
+                break  # what stands before it may be anybody's
+            address = hop.strip()
+            if address not in self.proxies:
+                break
+        is_tls = headers.get("x-forwarded-proto", scheme) == "https"
+        return "https" if is_tls else "http", address
 
     def check_host(self, headers: Mapping[str, str]) -> Refusal | None:
         """Refuse a request whose Host is another name: DNS rebinding."""
@@ -140,38 +160,39 @@ class Access:
             status=403, reason="origin", sentence="A page of another site has sent this request."
         )
 
-    def session_of(self, headers: Mapping[str, str]) -> Session | None:
-        """Return the session of a request; None for an unpaired browser."""
-        if self._is_teacher(headers):
-            return Session(role=Role.TEACHER, name="teacher")
-        if self.sessions is None:
-            return Session(role=Role.PILOT)
-        secret = session_of(headers, self.cookie)
-        role = self.sessions.role_of(secret)
-        return None if role is None else Session(role=role, name=f"session {secret}")
+    def session_of(self, headers: Mapping[str, str], address: str) -> Session | None:
+        """Return the session of a request; None for an unpaired browser.
 
-    def admit(self, path: str, headers: Mapping[str, str], address: str) -> Role | Refusal:
-        """Return the role of the client, or why it is refused."""
-        if self._is_teacher(headers):
-            return Role.TEACHER
+        Args:
+            headers: Those of the request.
+            address: What the client is counted by where pairing is off.
+        """
+        if self.members is not None and self.members.knows(headers.get("authorization", "")):
+            return Session(role=Role.TEACHER, name=TEACHER)
         if self.sessions is None:
-            return Role.PILOT
-        role = self.sessions.role_of(session_of(headers, self.cookie))
-        if role is Role.EYE and not EYE_PATHS.fullmatch(path) and path not in PUBLIC_PATHS:
-            return Refusal(
-                status=303 if "text/html" in headers.get("accept", "") else 403,
-                reason="role",
-                sentence="This phone is the robot's eye; it may see and stop, not drive.",
-                location="/eye",
-            )
-        if role is not None:
-            return role
-        if path in PUBLIC_PATHS or (path == "/metrics" and _is_loopback(address)):
+            return Session(role=Role.PILOT, name=address, is_crowd=True)
+        return self.sessions.find(session_of(headers, self.cookie))
+
+    def admit(
+        self, path: str, headers: Mapping[str, str], session: Session | None
+    ) -> Role | Refusal:
+        """Return the role of the client, or why it is refused."""
+        is_public = path in PUBLIC_PATHS
+        if session is not None:
+            if session.role is not Role.EYE or is_public or EYE_PATHS.fullmatch(path):
+                return session.role
+            status, reason, location = 403, "role", "/eye"
+            sentence = "This phone is the robot's eye; it may see and stop, not drive."
+        elif is_public:
             return Role.VIEWER
-        sentence = "This browser is not paired. Open the address that the robot's terminal shows."
+        else:
+            status, reason, location = 401, "unpaired", "/pair"
+            sentence = (
+                "This browser is not paired. Open the address that the robot's terminal shows."
+            )
         if "text/html" in headers.get("accept", ""):
-            return Refusal(status=303, reason="unpaired", sentence=sentence, location="/pair")
-        return Refusal(status=401, reason="unpaired", sentence=sentence)
+            return Refusal(status=303, reason=reason, sentence=sentence, location=location)
+        return Refusal(status=status, reason=reason, sentence=sentence)
 
     def check_lock(self, path: str, method: str | None, role: Role) -> Refusal | None:
         """Refuse to change what the teacher has locked."""
@@ -180,9 +201,6 @@ class Access:
         if not self.members.is_locked(path, method):
             return None
         return Refusal(status=423, reason="locked", sentence="The teacher has locked this.")
-
-    def _is_teacher(self, headers: Mapping[str, str]) -> bool:
-        return self.members is not None and self.members.knows(headers.get("authorization", ""))
 
 
 def session_of(headers: Mapping[str, str], cookie: str) -> str:
@@ -208,7 +226,3 @@ def _is_address(name: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _is_loopback(address: str) -> bool:
-    return _is_address(address) and ipaddress.ip_address(address).is_loopback

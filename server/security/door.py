@@ -1,25 +1,29 @@
-"""Limits on connections that are not admitted yet. Pure.
+"""What each person may use of the server: the one place that counts. Pure: time is an argument.
 
-Anyone who can reach the port can open connections, and each costs a file descriptor. So a
-connection is *pending* until the guard admits it: it has little time, and few of them may be open,
-per address and in all. When the limit is reached, the oldest pending connection of the address
-that has most is closed. A flood so evicts itself, and a new client always has a moment to send its
-cookie. Connections that the guard has admitted are never evicted.
+Who has a session is counted by it, and only who has none by address. A connection is *pending*
+until the guard has read a session on it; pending ones have little time, and places of their own.
+So whoever has filled all other places, a new connection is accepted and read: it may be a STOP.
+
+Where no place is left, the person who has most gives up the one that was used longest ago. A
+flood so evicts itself. The owner, the pilot and the teacher give way to each other alone.
 """
 
 from __future__ import annotations
 
 import ipaddress
-from collections import Counter, OrderedDict, deque
-from collections.abc import Callable, Hashable, Iterator
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 from server.config import Limits
+from server.security.access import Role, Session
+from server.security.pace import Pace
 
 Peer = tuple[str, int]
 """Address and port of the remote side, as the socket reports them."""
+_PERSONS = 1024
+"""For how many persons the request rate is remembered."""
 
 
 @lru_cache(maxsize=1024)
@@ -36,67 +40,125 @@ def address_key(address: str) -> str:
     return str(ip)
 
 
-@dataclass(slots=True)
-class _Pending:
-    address: str
-    deadline_s: float
+@dataclass(slots=True, eq=False)
+class Place:
+    """One place in use: a connection or a websocket."""
+
+    person: str
+    used_s: float
     close: Callable[[], None]
+    is_taken: bool = True
 
 
-class Newest:
-    """The newest connections of each address, in the order in which they came.
+class Places:
+    """Places of one kind.
 
     Args:
-        per_address: So many of one address.
-        in_all: So many of all; beyond it the address that has most loses its oldest.
+        in_all: How many there are.
+        each: How many of them one person may have; a crowd may have all.
+        keeps: True of persons who give way to each other alone.
     """
 
-    def __init__(self, per_address: int, in_all: int) -> None:
-        self._per_address, self._in_all = per_address, in_all
-        self._of_address: dict[str, deque[int]] = {}
-        self._kept: dict[int, Any] = {}
-        self._count = 0
+    def __init__(self, in_all: int, each: int, keeps: Callable[[str], bool]) -> None:
+        self._in_all, self._each, self._keeps = max(1, in_all), max(1, each), keeps
+        self._of: dict[str, list[Place]] = {}
+        self.taken = self.evicted = 0
 
-    def add(self, address: str, connection: Any) -> list[Any]:
-        """Add one that has just come; return those that have to go for it."""
-        self._count += 1
-        own = self._of_address.setdefault(address, deque())
-        own.append(self._count)
-        self._kept[self._count] = connection
-        if len(own) > self._per_address:
-            return [self._kept.pop(own.popleft())]
-        if len(self._kept) > self._in_all:
-            most = max(self._of_address.values(), key=len)
-            return [self._kept.pop(most.popleft())]
-        return []
+    def take(self, session: Session, now_s: float, close: Callable[[], None]) -> Place | None:
+        """Take a place; None if there is none to be had.
 
-    def __iter__(self) -> Iterator[Any]:
-        return iter(self._kept.values())
+        Args:
+            session: Who takes it.
+            now_s: The time.
+            close: Ends what has the place, when another needs it more.
+        """
+        own = self._of.get(session.name, [])
+        if not session.is_crowd and len(own) >= self._each:
+            self._evict(own)
+        elif self.is_full:
+            most = self._most(session.name)
+            # The newcomer must not have more than the other has left, or both would take turns.
+            if not most or not (
+                self._keeps(session.name) or most is own or len(most) > len(own) + 1
+            ):
+                return None
+            self._evict(most)
+        place = Place(session.name, now_s, close)
+        self._of.setdefault(session.name, []).append(place)
+        self.taken += 1
+        return place
+
+    def give_back(self, place: Place) -> None:
+        """Free a place; again does nothing."""
+        own = self._of.get(place.person, [])
+        if place in own:
+            own.remove(place)
+            place.is_taken = False
+            self.taken -= 1
+            if not own:
+                del self._of[place.person]
+
+    @property
+    def is_full(self) -> bool:
+        """True if the next one needs the place of another."""
+        return self.taken >= self._in_all
+
+    def has(self, person: str) -> bool:
+        """True while this person has a place."""
+        return person in self._of
+
+    def __iter__(self) -> Iterator[Place]:
+        return (place for own in list(self._of.values()) for place in list(own))
+
+    def end(self, place: Place) -> None:
+        """Free a place, and close what has it."""
+        self.give_back(place)
+        self.evicted += 1
+        place.close()
+
+    def _most(self, newcomer: str) -> list[Place]:
+        """Return the places of who has most, of those who have to give way to the newcomer."""
+        yielding = [own for person, own in self._of.items() if not self._keeps(person)]
+        if not yielding and self._keeps(newcomer):
+            yielding = list(self._of.values())
+        return max(yielding, key=len, default=[])
+
+    def _evict(self, own: list[Place]) -> None:
+        self.end(min(own, key=lambda place: place.used_s))
 
 
 class Door:
-    """Counts connections, and closes pending ones that are too many or too slow.
+    """All that is counted: connections, websockets and requests.
 
     Args:
-        limits: How many pending connections, and for how long.
+        limits: How many of each.
         capacity: Connections in all, as the process's file descriptors allow.
     """
 
     def __init__(self, limits: Limits, capacity: int) -> None:
         self.limits = limits
-        self._capacity = max(1, capacity)
-        self._pending: OrderedDict[Hashable, _Pending] = OrderedDict()
-        self._admitted: set[Hashable] = set()
-        self._of_address: Counter[str] = Counter()
-        self.evicted = 0
+        self.keeps: Callable[[str], bool] = lambda person: False
+        """True of the owner, the pilot and the teacher."""
+        n_pending = min(limits.pending, max(1, capacity // 2))
+        # Newcomers have nothing but an address: none of them goes before another.
+        self.pending = Places(n_pending, limits.pending_per_address, lambda address: True)
+        self.admitted = Places(capacity - n_pending, limits.connections_each, self._is_kept)
+        self.sockets = Places(limits.clients, limits.clients_each, self._is_kept)
+        self._connections: dict[Peer, Place] = {}
+        self._paces: OrderedDict[str, Pace] = OrderedDict()
 
     @property
     def open(self) -> int:
         """How many connections are open."""
-        return len(self._pending) + len(self._admitted)
+        return len(self._connections)
 
-    def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> bool:
-        """Add a new connection as pending; False if there is no room for it.
+    @property
+    def evicted(self) -> int:
+        """How many connections were closed, because they were too many or too slow."""
+        return self.pending.evicted + self.admitted.evicted
+
+    def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> None:
+        """Add a new connection as pending.
 
         Args:
             peer: Its address and port.
@@ -104,58 +166,68 @@ class Door:
             close: Ends the connection; `left` need not have been called before it returns.
         """
         self.expire(now_s)
-        address = address_key(peer[0])
-        if self._of_address[address] >= self.limits.pending_per_address:
-            self._evict(address)
-        elif len(self._pending) >= self.limits.pending:
-            self._evict(self._of_address.most_common(1)[0][0])
-        while self.open >= self._capacity:
-            if not self._pending:
-                return False
-            self._evict(self._of_address.most_common(1)[0][0])
-        self._pending[peer] = _Pending(address, now_s + self.limits.pending_s, close)
-        self._of_address[address] += 1
-        return True
+        stranger = Session(role=Role.VIEWER, name=address_key(peer[0]))
+        place = self.pending.take(stranger, now_s, lambda: self._close(peer, close))
+        assert place is not None, "a newcomer always finds a place"
+        self._connections[peer] = place
 
-    def asked(self, peer: Peer, now_s: float) -> None:
-        """Record a complete request: the timeout of a pending connection starts again."""
-        connection = self._pending.get(peer)
-        if connection is not None:
-            connection.deadline_s = now_s + self.limits.pending_s
+    def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> None:
+        """Record a complete request; one of a session admits the connection.
 
-    def admit(self, peer: Peer) -> None:
-        """Mark a connection as admitted by the guard; it is no longer pending."""
-        if self._forget(peer) is not None:
-            self._admitted.add(peer)
+        Args:
+            peer: The connection.
+            session: Whose request it is; None for an unpaired client's.
+            now_s: The time.
+            lasts: It is the last one: a websocket or a stream, which is no idle connection.
+        """
+        place = self._connections.get(peer)
+        if place is None:
+            return
+        place.used_s = now_s
+        if session is not None and place.person != session.name:
+            self.pending.give_back(place)
+            self.admitted.give_back(place)
+            admitted = self.admitted.take(session, now_s, place.close)
+            if admitted is None:  # crowded out by people who come before it
+                place.close()
+                return
+            self._connections[peer] = place = admitted
+        if lasts:
+            place.used_s = float("inf")
 
     def left(self, peer: Peer) -> None:
         """Remove a closed connection."""
-        self._forget(peer)
-        self._admitted.discard(peer)
+        place = self._connections.pop(peer, None)
+        if place is not None:
+            self.pending.give_back(place)
+            self.admitted.give_back(place)
 
     def expire(self, now_s: float) -> None:
         """Close pending connections that have timed out."""
-        for peer, connection in list(self._pending.items()):
-            if now_s >= connection.deadline_s:
-                self._end(peer)
+        for place in self.pending:
+            if now_s - place.used_s >= self.limits.pending_s:
+                self.pending.end(place)
 
-    def _evict(self, address: str) -> None:
-        """Close the oldest pending connection of an address."""
-        for peer, connection in self._pending.items():
-            if connection.address == address:
-                self._end(peer)
-                return
+    def close_all(self) -> None:
+        """Close every connection: the server ends."""
+        for place in list(self._connections.values()):
+            place.close()
 
-    def _end(self, peer: Hashable) -> None:
-        connection = self._forget(peer)
-        if connection is not None:
-            self.evicted += 1
-            connection.close()
+    def may_ask(self, session: Session, now_s: float) -> bool:
+        """Count a request; False if there were too many. A crowd may ask as often as all."""
+        share = self.limits.clients if session.is_crowd else 1
+        pace = self._paces.pop(session.name, None) or Pace(
+            per_second=share * self.limits.requests_per_second,
+            burst=share * self.limits.requests_burst,
+        )
+        self._paces[session.name] = pace
+        if len(self._paces) > _PERSONS:
+            self._paces.popitem(last=False)
+        return pace.allows(now_s)
 
-    def _forget(self, peer: Hashable) -> _Pending | None:
-        connection = self._pending.pop(peer, None)
-        if connection is not None:
-            self._of_address[connection.address] -= 1
-            if not self._of_address[connection.address]:
-                del self._of_address[connection.address]
-        return connection
+    def _is_kept(self, person: str) -> bool:
+        return self.keeps(person)
+
+    def _close(self, peer: Peer, close: Callable[[], None]) -> None:
+        self._connections.pop(peer, None)
+        close()

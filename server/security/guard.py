@@ -6,12 +6,14 @@ security headers. Routes that change something also depend on `require_pilot`.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
 import logging
 import re
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from functools import partial
 from typing import Any
 
 from fastapi import HTTPException
@@ -19,9 +21,8 @@ from starlette.requests import ClientDisconnect, HTTPConnection, Request
 
 from robot.clock import Clock
 from server.config import Limits
-from server.security.access import Access, Refusal, Role
-from server.security.door import Door, address_key
-from server.security.pace import Pace
+from server.security.access import Access, Refusal, Role, Session
+from server.security.door import Door, Place, address_key
 
 log = logging.getLogger(__name__)
 
@@ -34,11 +35,11 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 STOP_PATH = "/api/stop"
 """The emergency stop for a page without a websocket."""
 _PARTS = ("/js/", "/css/", "/icons/")
-_ROLE = "drivelesson.role"
+_ROLE, _PERSON, _PLACE = "drivelesson.role", "drivelesson.person", "drivelesson.place"
 _UPLOADS = re.compile(r"/api/models/[^/]+/file")
 """Paths whose bodies may be as large as a model."""
-_ADDRESSES = 1024
-"""For how many addresses the request rate is remembered."""
+_LASTING = "/video.mjpg"
+"""A request that lasts as a websocket does, and is counted as one."""
 
 
 def role_of(connection: HTTPConnection) -> Role:
@@ -47,9 +48,16 @@ def role_of(connection: HTTPConnection) -> Role:
     return role if isinstance(role, Role) else Role.VIEWER
 
 
-def address_of(connection: HTTPConnection) -> str:
-    """Return the address of the remote side; empty if it is unknown."""
-    return connection.client.host if connection.client else ""
+def person_of(connection: HTTPConnection) -> str:
+    """Return what the client is counted by: its session, or its address."""
+    return str(connection.scope.get(_PERSON, ""))
+
+
+def note_use(scope: Scope, now_s: float) -> None:
+    """Note that a websocket is in use; of two of one person the idle one goes first."""
+    place = scope.get(_PLACE)
+    if isinstance(place, Place):
+        place.used_s = now_s
 
 
 def require_viewer(request: Request) -> Role:
@@ -90,8 +98,6 @@ class Guard:
         self._limits = limits
         self._access = access
         self._refused = refused
-        self._paces: OrderedDict[str, Pace] = OrderedDict()
-        self._open_sockets = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse the request, or pass it on with a role."""
@@ -106,64 +112,77 @@ class Guard:
             await _refuse(scope, receive, send, verdict)
             return
         scope[_ROLE] = verdict
-        if scope["type"] == "websocket":
-            await self._pass_socket(scope, receive, send)
-        else:
-            await self._pass_request(scope, receive, send, headers)
+        try:
+            if scope["type"] == "websocket":
+                await self._app(scope, self._noting_use(scope, receive), send)
+            else:
+                await self._pass_request(scope, receive, send, headers)
+        except asyncio.CancelledError:
+            if _PLACE not in scope or scope[_PLACE].is_taken:
+                raise
+            await _close(scope, send)  # another needed the place more
+        finally:
+            if _PLACE in scope:
+                self._door.sockets.give_back(scope[_PLACE])
 
     def _judge(self, scope: Scope, headers: dict[str, str]) -> Role | Refusal:
+        access, method, now_s = self._access, scope.get("method"), self._clock.now_s()
+        peer = tuple(scope.get("client") or ("", 0))
         scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
-        address = scope["client"][0] if scope.get("client") else ""
-        access, method = self._access, scope.get("method")
-        if scope.get("client"):
-            self._door.asked(tuple(scope["client"]), self._clock.now_s())
+        scheme, address = access.caller(headers, scheme, peer[0])
+        is_lasting = scope["type"] == "websocket" or scope["path"] == _LASTING
         refusal = access.check_host(headers) or access.check_origin(headers, scheme, method)
+        session = None if refusal else access.session_of(headers, address_key(address))
+        line = session if peer[0] not in access.proxies else _proxy(peer[0])
+        self._door.asked(peer, line, now_s, lasts=is_lasting)
         if refusal is not None:
             return refusal
-        session = access.session_of(headers)
-        if session is not None and scope.get("client"):
-            self._door.admit(tuple(scope["client"]))
         if scope["path"] == STOP_PATH and session is not None:
             return session.role  # a stop passes before all limits
-        # A paired browser has its own rate limit: unpaired clients at its address do not use it up.
-        payer = session.name if session is not None and session.name else address_key(address)
-        refusal = self._check_limits(scope, headers, payer)
-        verdict = refusal or access.admit(scope["path"], headers, address)
+        person = session or Session(role=Role.VIEWER, name=address_key(address))
+        scope[_PERSON] = person.name
+        refusal = self._check_limits(scope, headers, person)
+        verdict = refusal or access.admit(scope["path"], headers, session)
         if isinstance(verdict, Refusal):
             return verdict
-        return access.check_lock(scope["path"], method, verdict) or verdict
+        refusal = access.check_lock(scope["path"], method, verdict)
+        if refusal is None and is_lasting:
+            refusal = self._seat(scope, person, now_s)
+        return refusal or verdict
 
-    def _check_limits(self, scope: Scope, headers: dict[str, str], payer: str) -> Refusal | None:
+    def _check_limits(
+        self, scope: Scope, headers: dict[str, str], person: Session
+    ) -> Refusal | None:
         if "\0" in scope["path"]:
             return Refusal(status=400, reason="path", sentence="This address is not valid.")
-        if scope["type"] == "websocket" and self._open_sockets >= self._limits.clients:
-            return Refusal(status=503, reason="clients", sentence="Too many pages are open.")
-        if not self._pace(payer).allows(self._clock.now_s()):
+        if not self._door.may_ask(person, self._clock.now_s()):
             return Refusal(status=429, reason="rate", sentence="Too many requests; wait a little.")
         length = headers.get("content-length", "0")
         if not length.isdecimal() or int(length[:20]) > self._most_bytes(scope):
             return Refusal(status=413, reason="size", sentence="That is too large.")
         return None
 
+    def _seat(self, scope: Scope, person: Session, now_s: float) -> Refusal | None:
+        """Take a place for what lasts; it ends when it has to give the place up."""
+        task = asyncio.current_task()
+        assert task is not None
+        place = self._door.sockets.take(person, now_s, partial(_cancel, task))
+        if place is None:
+            return Refusal(status=503, reason="clients", sentence="Too many pages are open.")
+        scope[_PLACE] = place
+        return None
+
+    def _noting_use(self, scope: Scope, receive: Receive) -> Receive:
+        async def receive_noting() -> Message:
+            message = await receive()
+            note_use(scope, self._clock.now_s())
+            return message
+
+        return receive_noting
+
     def _most_bytes(self, scope: Scope) -> int:
         is_upload = scope["type"] == "http" and _UPLOADS.fullmatch(scope["path"])
         return self._limits.upload_bytes if is_upload else self._limits.body_bytes
-
-    def _pace(self, payer: str) -> Pace:
-        pace = self._paces.pop(payer, None) or Pace(
-            per_second=self._limits.requests_per_second, burst=self._limits.requests_burst
-        )
-        self._paces[payer] = pace
-        if len(self._paces) > _ADDRESSES:
-            self._paces.popitem(last=False)
-        return pace
-
-    async def _pass_socket(self, scope: Scope, receive: Receive, send: Send) -> None:
-        self._open_sockets += 1
-        try:
-            await self._app(scope, receive, send)
-        finally:
-            self._open_sockets -= 1
 
     async def _pass_request(
         self, scope: Scope, receive: Receive, send: Send, headers: dict[str, str]
@@ -250,6 +269,27 @@ def content_policy(scheme: str, host: str, inline: Iterable[str] = ()) -> str:
             "frame-ancestors 'none'",
         ]
     )
+
+
+def _proxy(address: str) -> Session:
+    """Return what a proxy's connections are counted by: each may carry many people's requests."""
+    return Session(role=Role.VIEWER, name=f"proxy {address}", is_crowd=True)
+
+
+def _cancel(task: asyncio.Task[Any]) -> None:
+    task.cancel()
+
+
+async def _close(scope: Scope, send: Send) -> None:
+    """End what had to give up its place."""
+    task = asyncio.current_task()
+    if task is not None:
+        task.uncancel()
+    with contextlib.suppress(Exception):  # it may be closed already
+        if scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1013})
+        else:
+            await send({"type": "http.response.body", "body": b""})
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:

@@ -12,17 +12,17 @@ import errno
 import os
 import socket
 import struct
-from collections import deque
 from typing import Any
 
 from robot.clock import Clock
-from server.security.door import Door, Newest, Peer, address_key
+from server.security.door import Door, Peer
 
-_AT_ONCE = 1024
-"""Connections taken from the kernel at once, before the event loop does other work."""
+_AT_ONCE, _IN_ROUND = 1024, 64
+"""So many that have ended already, and so many that have not, are taken from the kernel at once
+before the event loop does other work."""
 _KEPT_BACK = 128
 """File descriptors reserved for files, cameras and the brick."""
-_MOST_CONNECTIONS = 512
+_MOST_CONNECTIONS = 1024
 _SWEEP_S = 1.0
 _RESET = struct.pack("ii", 1, 0)
 _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
@@ -49,46 +49,24 @@ class DoorListener(socket.socket):
         """Return a listener in place of `listener`, which is used up."""
         own = cls(listener.family, listener.type, listener.proto, fileno=listener.detach())
         own.door, own.clock = door, clock
-        own._is_round_over, own._arrived = False, deque()
         own._spare = os.open(os.devnull, os.O_RDONLY)
-        own._is_sweeping = False
         return own
 
-    _is_round_over: bool
-    _arrived: deque[tuple[socket.socket, Any]]
     _spare: int | None
-    _is_sweeping: bool
+    _in_round = 0
+    _is_sweeping = False
 
     def accept(self) -> tuple[socket.socket, Any]:
-        """Accept the next connection that there is room for; see `socket.socket.accept`.
+        """Accept the next connection; see `socket.socket.accept`.
 
         Raises:
-            BlockingIOError: If none waits, or enough were accepted for now.
+            BlockingIOError: If none waits, or enough were accepted for now: what has come is read
+                before those behind it can push it out.
         """
         self._start_sweeping()
-        if not self._is_round_over and not self._arrived:
-            self._arrived = self._take_queue()
-        self._is_round_over = True
-        while self._arrived:
-            plain, address = self._arrived.popleft()
-            peer = (str(address[0]), int(address[1]))
-            connection = _Connection(plain.family, plain.type, plain.proto, fileno=plain.detach())
-            if self.door.arrive(peer, self.clock.now_s(), connection.abort):
-                connection.door, connection.peer = self.door, peer
-                return connection, address
-            connection.abort()
-            connection.close()
-        self._is_round_over = False
-        raise BlockingIOError(errno.EAGAIN, "enough for now")
-
-    def _take_queue(self) -> deque[tuple[socket.socket, Any]]:
-        """Empty the kernel's queue; return the newest of each address, as many as may be pending.
-
-        What would be evicted at once is closed here, which costs a hundredth of handing it over:
-        else a client would wait for thousands of a flood that came before it.
-        """
-        found = Newest(self.door.limits.pending_per_address, self.door.limits.pending)
         for _ in range(_AT_ONCE):
+            if self._in_round >= _IN_ROUND and self.door.pending.is_full:
+                break
             try:
                 plain, address = super().accept()
             except OSError as error:
@@ -96,17 +74,20 @@ class DoorListener(socket.socket):
                     break
                 self._reject_one()
                 continue
-            for old, _ in found.add(address_key(str(address[0])), (plain, address)):
-                _reset(old)
-                old.close()
-                self.door.evicted += 1
-        return deque(found)
+            connection = _Connection(plain.family, plain.type, plain.proto, fileno=plain.detach())
+            if connection.has_ended():
+                connection.close()
+                continue
+            self._in_round += 1
+            connection.door, connection.peer = self.door, (str(address[0]), int(address[1]))
+            self.door.arrive(connection.peer, self.clock.now_s(), connection.abort)
+            return connection, address
+        self._in_round = 0
+        raise BlockingIOError(errno.EAGAIN, "enough for now")
 
     def close(self) -> None:
         """Stop listening."""
         super().close()
-        while self._arrived:
-            self._arrived.popleft()[0].close()
         if self._spare is not None:
             os.close(self._spare)
             self._spare = None
@@ -144,10 +125,20 @@ class _Connection(socket.socket):
     door: Door | None = None
     peer: Peer = ("", 0)
 
+    def has_ended(self) -> bool:
+        """True if the client has left already, or died."""
+        try:
+            self.setblocking(False)
+            return not self.recv(1, socket.MSG_PEEK)
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+
     def abort(self) -> None:
         """Reset the connection, so that both sides see the end; its owner then closes it."""
-        _reset(self)
         with contextlib.suppress(OSError):
+            self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
             self.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
@@ -156,9 +147,3 @@ class _Connection(socket.socket):
         if self.door is not None:
             door, self.door = self.door, None
             door.left(self.peer)
-
-
-def _reset(connection: socket.socket) -> None:
-    """Have the connection end with a reset when it is closed."""
-    with contextlib.suppress(OSError):
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)

@@ -14,13 +14,12 @@ import os
 import secrets
 from collections import OrderedDict, deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from robot.store.records import read_regular
 from server.config import Config
-from server.security.access import PAIRED, Refusal, Role
-from server.security.door import address_key
+from server.security.access import PAIRED, Refusal, Role, Session
 
 log = logging.getLogger(__name__)
 
@@ -28,6 +27,7 @@ _ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """Without letters and digits that look alike."""
 _TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
 _SESSIONS = 64
+"""Sessions of one kind: of one role, by the terminal or by invitation to a class."""
 INVITATION_S = 300.0
 """A token shown on a class's board is valid so long, for any number of phones."""
 _INVITATIONS = 16
@@ -41,6 +41,17 @@ class Paired:
 
     role: Role
     secret: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Kind:
+    """How a browser was paired."""
+
+    role: Role
+    invited: bool = False
+    """By a class's board; else by what the terminal shows."""
+    owner: bool = False
+    """The first pilot that the terminal paired."""
 
 
 def cookie_name(config: Config) -> str:
@@ -58,6 +69,9 @@ class Pairing:
         failures_a_minute: Wrong tokens of one address before it has to wait.
         file: Where sessions are saved; None to lose them at a restart.
         on_token: Called with each new token and its role, to show it on the terminal.
+
+    Attributes:
+        is_in_use: True of a session that is connected now, by its name.
     """
 
     def __init__(
@@ -70,27 +84,33 @@ class Pairing:
         self._failed_s: OrderedDict[str, deque[float]] = OrderedDict()
         self._file = file
         self._on_token = on_token
-        self._sessions: dict[str, Role] = _load(file) if file else {}
+        self._sessions: OrderedDict[str, _Kind] = _load(file) if file else OrderedDict()
+        """By the hash of their secrets; what was used last stands last, what never was first."""
+        self._unsaved = set(self._sessions)
+        self.is_in_use: Callable[[str], bool] = lambda name: False
         self.tokens: dict[Role, str] = {role: _new_token() for role in PAIRED}
         self._invitations: OrderedDict[str, tuple[Role, float]] = OrderedDict()
 
-    def redeem(self, token: str, now_s: float, address: str = "") -> Paired | Refusal:
+    def redeem(
+        self, token: str, now_s: float, address: str = "", secret: str = ""
+    ) -> Paired | Refusal:
         """Exchange a token for a session. Each token works once and is then replaced.
 
+        A browser has one session: `secret` is that of the session it has already, which is renewed.
         The right token is accepted whatever came before: wrong ones from the same address lock
         nobody out, and 78 bits cannot be guessed at any rate that the guard allows.
         """
         given = "".join(letter for letter in token.upper()[:64] if letter in _ALPHABET)
         for role, wanted in self.tokens.items():
             if hmac.compare_digest(given.encode(), wanted.replace("-", "").encode()):
-                paired = self._pair(role)
+                paired = self._pair(_Kind(role=role), secret)
                 self.tokens[role] = _new_token()
                 self._on_token(role, self.tokens[role])
                 return paired
         invited = self._invited_as(given, now_s)
         if invited is not None:
-            return self._pair(invited)
-        if self._must_wait(now_s, address_key(address)):
+            return self._pair(_Kind(role=invited, invited=True), secret)
+        if self._must_wait(now_s, address):
             return Refusal(
                 status=429,
                 reason="pairing_rate",
@@ -121,9 +141,21 @@ class Pairing:
                 found = role
         return found
 
-    def role_of(self, secret: str) -> Role | None:
-        """Return the role of a session; None if there is no such session."""
-        return self._sessions.get(_hash(secret))
+    def find(self, secret: str) -> Session | None:
+        """Return the session that this is the secret of; None if there is none."""
+        name = _hash(secret)
+        kind = self._sessions.get(name)
+        if kind is None:
+            return None
+        self._sessions.move_to_end(name)
+        if name in self._unsaved:  # once a run: who comes often outlives a restart, too
+            self._unsaved.discard(name)
+            self._save()
+        return Session(role=kind.role, name=name)
+
+    def is_owner(self, name: str) -> bool:
+        """True of the first pilot that was paired by the terminal."""
+        return name in self._sessions and self._sessions[name].owner
 
     def forget(self, secret: str) -> None:
         """End a session."""
@@ -145,20 +177,34 @@ class Pairing:
         failed_s.append(now_s)
         return False
 
-    def _pair(self, role: Role) -> Paired:
+    def _pair(self, kind: _Kind, before: str) -> Paired | Refusal:
+        known = self._sessions.get(_hash(before))
+        if known is not None and known.role is kind.role and (kind.invited or not known.invited):
+            return Paired(role=kind.role, secret=before)
+        if not kind.invited and kind.role is Role.PILOT:
+            has_owner = any(one.owner for one in self._sessions.values())
+            kind = replace(kind, owner=not has_owner)
+        same = [name for name, one in self._sessions.items() if one == kind]
+        if len(same) >= _SESSIONS:
+            idle = next((name for name in same if not self.is_in_use(name)), None)
+            if idle is None:
+                return Refusal(
+                    status=503, reason="sessions", sentence="Too many browsers are connected."
+                )
+            del self._sessions[idle]
+        self._sessions.pop(_hash(before), None)
         secret = secrets.token_urlsafe(32)
-        self._sessions[_hash(secret)] = role
-        while len(self._sessions) > _SESSIONS:
-            del self._sessions[next(iter(self._sessions))]
+        self._sessions[_hash(secret)] = kind
+        self._sessions.move_to_end(_hash(secret), last=False)  # one that is never used goes first
         self._save()
-        log.info("paired role=%s", role.value)
-        return Paired(role=role, secret=secret)
+        log.info("paired role=%s", kind.role.value)
+        return Paired(role=kind.role, secret=secret)
 
     def _save(self) -> None:
         """Write the sessions' hashes to a new file, which replaces the old one."""
         if self._file is None:
             return
-        rows = [{"sha256": key, "role": role.value} for key, role in self._sessions.items()]
+        rows = [{"sha256": name, **asdict(kind)} for name, kind in self._sessions.items()]
         new = self._file.with_suffix(".new")
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)
@@ -169,16 +215,20 @@ class Pairing:
             log.warning("pairing not saved file=%s error=%r", self._file, str(error))
 
 
-def _load(file: Path) -> dict[str, Role]:
+def _load(file: Path) -> OrderedDict[str, _Kind]:
+    found = OrderedDict[str, _Kind]()
     try:
-        rows = json.loads(read_regular(file, 1 << 20))["sessions"]
-        roles = {str(row["sha256"]): Role(row["role"]) for row in rows}
-        return {key: role for key, role in roles.items() if role in PAIRED}
+        for row in json.loads(read_regular(file, 1 << 20))["sessions"]:
+            role = Role(row["role"])
+            invited, owner = row.get("invited") is True, row.get("owner") is True
+            if role in PAIRED:
+                found[str(row["sha256"])] = _Kind(role=role, invited=invited, owner=owner)
     except FileNotFoundError:
-        return {}
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        pass
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         log.warning("pairing file unreadable, all must pair again file=%s error=%r", file, error)
-        return {}
+        found.clear()
+    return found
 
 
 def _hash(secret: str) -> str:

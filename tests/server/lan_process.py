@@ -1,12 +1,18 @@
-"""A bench robot served with pairing, in a process with few descriptors: for test_strangers."""
+"""A bench robot served with pairing, in a process with few descriptors, and how to ask it."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import resource
+import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+import httpx
 
 from robot.clock import RealClock
 from robot.devices.rig import Rig
@@ -19,7 +25,52 @@ from server.hosting.serving import served
 from server.security.pairing import Pairing
 from server.services import make_services
 
+from .live_robot import WEB
+from .stranger import PATIENCE_S
+
 DESCRIPTORS = 1024
+
+
+class Process:
+    """The server, and its report on itself."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+        self.address = str(json.loads(self._line())["address"])
+        self.port = int(self.address.rsplit(":", 1)[1])
+
+    def ask(self, command: str = "") -> dict[str, Any]:
+        """Return what it says of itself; `release` releases an emergency first."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{command}\n")
+        self._process.stdin.flush()
+        notes: dict[str, Any] = json.loads(self._line())
+        return notes
+
+    def pair(self, role: str = "pilot") -> str:
+        """Pair a browser; return its cookie."""
+        token = self.ask()["tokens"][role]
+        answer = httpx.post(self.address + "/api/pair", json={"token": token}, timeout=PATIENCE_S)
+        assert answer.status_code == 200, answer.text
+        return answer.headers["set-cookie"].split(";")[0]
+
+    def _line(self) -> str:
+        assert self._process.stdout is not None
+        return self._process.stdout.readline()
+
+
+@contextlib.contextmanager
+def lan_process(log: Path) -> Iterator[Process]:
+    """Serve while the block runs; the server's log goes to a file."""
+    words = [sys.executable, "-m", "tests.server.lan_process", str(WEB)]
+    with log.open("w") as errors:
+        process = subprocess.Popen(
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, text=True
+        )
+        try:
+            yield Process(process)
+        finally:
+            process.communicate(timeout=100)
 
 
 def main(web: str) -> None:
@@ -34,7 +85,11 @@ def main(web: str) -> None:
     with rig, served(create_app(services), config) as address:
         notes = {"address": address, "threads": threading.active_count()}
         print(json.dumps(notes), flush=True)
-        for _ in sys.stdin:
+        for command in sys.stdin:
+            if command.strip() == "release":
+                rig.loop.release_emergency()
+                while rig.loop.state.emergency:
+                    clock.sleep(0.001)
             tokens = {role.value: token for role, token in pairing.tokens.items()}
             driver = rig.driver
             assert isinstance(driver, FakeDriver)
@@ -54,6 +109,7 @@ def main(web: str) -> None:
                         "longest_stand_s": max(stood_s[1:], default=0.0),
                         "moves": sum(one.value != "stop" for _, one in driver.changes),
                         "mode": rig.loop.state.decision.mode.value,
+                        "emergency": rig.loop.state.emergency,
                         "stops": sum(rig.loop.state.stops.values()),
                     }
                 ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import datetime as dt
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from server.security.certificates import make_certificates
 from server.security.pairing import Pairing, cookie_name
 
 from .live_robot import WEB
+from .virtual_connections import VirtualSocket
 from .virtual_pilot import VirtualPilot
 from .virtual_server import VirtualServer, connect
 
@@ -174,15 +176,35 @@ def test_no_page_has_script_or_style_inside_but_the_first_one() -> None:
         assert text.count("<script") == text.count('<script type="module" src=') + inside, page
 
 
-def test_too_many_pages_are_refused() -> None:
-    config = Config(port=0, web=WEB, limits=Limits(clients=1))
-    with VirtualServer(config) as server, server.pilot():
-        assert _socket_status(server) == 503
+def test_who_comes_when_all_places_are_taken(tmp_path: Path) -> None:
+    limits = Limits(clients=4, clients_each=3)
+    config = Config(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
+    with VirtualServer(config, pairing=Pairing(3)) as server:
+        owner, greedy, second, third = (
+            _pair(server, role) for role in (Role.PILOT, *3 * [Role.VIEWER])
+        )
+        with contextlib.ExitStack() as stack:
+
+            def page(cookie: dict[str, str]) -> VirtualSocket:
+                socket = connect(server.ws("/ws/drive"), additional_headers=cookie)
+                server.forward(0.1)  # until who gave way is gone
+                return stack.enter_context(socket)  # type: ignore[no-any-return]
+
+            many = [page(greedy) for _ in range(5)]
+            assert [one.close_code for one in many] == [1013, 1013, None, None, None]
+            page(second)
+            page(third)  # who has most makes room
+            assert many[2].close_code == 1013
+            assert _socket_status(server, **third) == 503, "who would have as many as greedy"
+            stack.enter_context(VirtualPilot(server, headers=owner))
+            server.forward(0.1)
+            assert many[3].close_code == 1013, "the owner comes in whoever wants a place"
 
 
-def test_too_many_requests_are_refused() -> None:
-    config = Config(port=0, web=WEB, limits=Limits(requests_burst=10, requests_per_second=1))
-    with VirtualServer(config) as server, httpx.Client() as client:
+def test_too_many_requests_are_refused(tmp_path: Path) -> None:
+    limits = Limits(requests_burst=10, requests_per_second=1)
+    config = Config(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
+    with VirtualServer(config, pairing=Pairing(3)) as server, httpx.Client() as client:
         statuses = [client.get(server.address + "/healthz").status_code for _ in range(12)]
         assert statuses[:10] == [200] * 10
         assert statuses[-1] == 429
@@ -204,7 +226,7 @@ def test_too_many_words_are_refused_and_then_shown_out() -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "/api/unpair", "/openapi.json", "/index.html", "/js/main.js"]
+    "path", ["/", "/api/unpair", "/openapi.json", "/index.html", "/js/main.js", "/metrics"]
 )
 def test_an_unpaired_client_gets_nothing(lan: VirtualServer, path: str) -> None:
     assert httpx.get(lan.address + path).status_code == 401
@@ -271,7 +293,8 @@ def test_pairings_outlive_a_restart_as_hashes_only(lan: VirtualServer, tmp_path:
     file = tmp_path / "paired.json"
     assert secret not in file.read_text()
     assert file.stat().st_mode & 0o077 == 0
-    assert Pairing(3, file=file).role_of(secret) is Role.PILOT
+    session = Pairing(3, file=file).find(secret)
+    assert session is not None and session.role is Role.PILOT
 
 
 def test_any_address_but_no_foreign_name_reaches_a_robot_on_the_network(lan: VirtualServer) -> None:

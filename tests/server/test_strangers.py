@@ -17,7 +17,7 @@ import pytest
 from robot.clock import RealClock
 from server.protocol import encode_acknowledgement, parse_picture
 
-from .live_robot import WEB
+from .lan_process import Process, lan_process
 from .stranger import HALF_REQUESTS, IDLE, PATIENCE_S, WRONG_TOKENS
 
 client = pytest.importorskip(
@@ -30,46 +30,11 @@ MOST_LOG_BYTES = 100_000
 RECONNECTS = 10
 
 
-class Process:
-    """The server, and its report on itself."""
-
-    def __init__(self, process: subprocess.Popen[str]) -> None:
-        self._process = process
-        self.address = str(json.loads(self._line())["address"])
-        self.port = int(self.address.rsplit(":", 1)[1])
-
-    def ask(self) -> dict[str, Any]:
-        assert self._process.stdin is not None
-        self._process.stdin.write("\n")
-        self._process.stdin.flush()
-        notes: dict[str, Any] = json.loads(self._line())
-        return notes
-
-    def _line(self) -> str:
-        assert self._process.stdout is not None
-        return self._process.stdout.readline()
-
-
 @pytest.fixture
 def lan(tmp_path: Path) -> Iterator[tuple[Process, Path]]:
     log = tmp_path / "log"
-    words = [sys.executable, "-m", "tests.server.lan_process", str(WEB)]
-    with log.open("w") as errors:
-        process = subprocess.Popen(
-            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, text=True
-        )
-        try:
-            yield Process(process), log
-        finally:
-            process.communicate(timeout=100)
-
-
-def pair(server: Process) -> str:
-    """Pair a browser; return its cookie."""
-    token = server.ask()["tokens"]["pilot"]
-    answer = httpx.post(server.address + "/api/pair", json={"token": token}, timeout=PATIENCE_S)
-    assert answer.status_code == 200, answer.text
-    return answer.headers["set-cookie"].split(";")[0]
+    with lan_process(log) as process:
+        yield process, log
 
 
 class Phone:
@@ -160,7 +125,7 @@ def test_a_flood_neither_stops_the_pilot_nor_locks_out_a_new_phone(
         return driving
 
     async def scenario() -> tuple[Phone, int, list[float]]:
-        phone = Phone(server, await asyncio.to_thread(pair, server))
+        phone = Phone(server, await asyncio.to_thread(server.pair))
         driving = asyncio.create_task(phone.drive())
         while phone.mode != "train":
             await asyncio.sleep(0.05)
@@ -171,7 +136,7 @@ def test_a_flood_neither_stops_the_pilot_nor_locks_out_a_new_phone(
         while server.ask()["evicted"] < 100:
             await asyncio.sleep(0.05)
         before = phone.driven
-        second = Phone(server, await asyncio.to_thread(pair, server))  # new, in the middle of it
+        second = Phone(server, await asyncio.to_thread(server.pair))  # new, in the middle of it
         coming = asyncio.create_task(second.drive())
         while not second.states:
             await asyncio.sleep(0.05)
@@ -207,4 +172,4 @@ def the_right_token_is_admitted_whoever_tried_wrong_ones(server: Process) -> Non
         for _ in range(WRONG_TOKENS)
     ]
     assert wrong[0] == 403 and wrong[-1] == 429
-    assert pair(server)
+    assert server.pair()

@@ -21,7 +21,7 @@ from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from server.bodies.eye import encode_frame
 from server.protocol import parse_acknowledgement
-from server.security.access import Access, Refusal, Role
+from server.security.access import Access, Refusal, Role, Session
 from tests.server.virtual_connections import VirtualSocket
 from tests.server.virtual_server import VirtualServer, connect
 
@@ -147,8 +147,8 @@ def test_a_robot_with_another_camera_says_so() -> None:
 class Everybody:
     """Sessions in which everybody is the eye."""
 
-    def role_of(self, secret: str) -> Role | None:
-        return Role.EYE
+    def find(self, secret: str) -> Session | None:
+        return Session(role=Role.EYE, name="eye")
 
 
 @pytest.mark.parametrize(
@@ -172,7 +172,8 @@ class Everybody:
 def test_a_phone_paired_as_the_eye_reaches_that_page_alone(path: str, may: bool) -> None:
     access = Access(names=frozenset({"robot"}), sessions=Everybody(), cookie="c")
     for accept in ("text/html", "*/*"):
-        verdict = access.admit(path, {"accept": accept}, "10.0.0.7")
+        headers = {"accept": accept}
+        verdict = access.admit(path, headers, access.session_of(headers, "10.0.0.7"))
         assert (verdict is Role.EYE) == may
         if not may:
             assert isinstance(verdict, Refusal)

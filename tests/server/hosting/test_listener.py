@@ -74,7 +74,7 @@ def an_evicted_connection_sees_the_end() -> None:
             for connection in accepted:
                 connection.close()
         listener.close()
-        assert len(accepted) == 1 and end == b"" and door.evicted == 1
+        assert len(accepted) == 2 and end == b"" and door.evicted == 1 and door.open == 0
 
     asyncio.run(scenario())
 
@@ -107,8 +107,8 @@ def without_descriptors_it_turns_away_and_does_not_spin(
 
 
 def after_many_it_lets_others_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.security.listener._AT_ONCE", 40)
-    door = Door(Limits(pending_per_address=500, pending=500), 500)
+    monkeypatch.setattr("server.security.listener._IN_ROUND", 40)
+    door = Door(Limits(pending=20), 500)
 
     async def scenario() -> None:
         listener = _listener(door)

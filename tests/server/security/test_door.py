@@ -1,68 +1,96 @@
-"""Whatever pending connections do: limits hold, and admitted connections stay."""
+"""Whatever people do with connections: limits hold, and who has few places keeps them."""
 
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from server.config import Limits
-from server.security.door import Door, Newest, Peer, address_key
+from server.security.access import Access, Role, Session
+from server.security.door import Door, Peer, Places, address_key
 
-LIMITS = Limits(pending=6, pending_per_address=3, pending_s=5.0)
-ADDRESSES = ("10.0.0.1", "10.0.0.2", "fe80::1", "fe80::2", "2001:db8::1")
-STEPS = st.lists(
-    st.tuples(
-        st.sampled_from(["arrive", "asked", "admit", "leave", "wait"]),
-        st.sampled_from(ADDRESSES),
-        st.integers(1, 8),
-    ),
-    max_size=120,
+LIMITS = Limits(
+    pending=6, pending_per_address=4, pending_s=5.0, connections_each=4, clients=8, clients_each=3
 )
+CAPACITY = 16
+ADDRESSES = ("10.0.0.1", "10.0.0.2", "fe80::1", "fe80::2", "2001:db8::1")
+PEOPLE = ("owner", "pilot", "viewer", "greedy", "other")
+KEPT = ("owner", "pilot")
 
 
-@settings(deadline=None)
-@given(STEPS, st.integers(1, 12))
-def test_bounds_hold_and_the_admitted_stay(
-    steps: list[tuple[str, str, int]], capacity: int
-) -> None:
-    door, now_s = Door(LIMITS, capacity), 0.0
-    pending: dict[Peer, float] = {}
-    admitted: set[Peer] = set()
+class PeopleAtTheDoor(RuleBasedStateMachine):
+    """Connections come, ask, idle and go; some people want all of them."""
 
-    for what, address, port in steps:
-        peer = (address, port)
-        if what == "arrive" and peer not in pending and peer not in admitted:
+    def __init__(self) -> None:
+        super().__init__()
+        self.door, self.now_s, self.port = Door(LIMITS, CAPACITY), 0.0, 0
+        self.door.keeps = KEPT.__contains__
+        self.connections: dict[Peer, str | None] = {}
+        self.closed: list[Peer] = []
+
+    @rule(address=st.sampled_from(ADDRESSES), times=st.sampled_from([1, 1, 3, 40]))
+    def arrive(self, address: str, times: int) -> None:
+        for _ in range(times):
+            self.port += 1
+            peer = (address, self.port)
+            self.connections[peer] = None
 
             def close(peer: Peer = peer) -> None:
-                assert peer not in admitted, "an admitted connection is closed"
-                del pending[peer]
+                del self.connections[peer]
+                self.closed.append(peer)
+                self.door.left(peer)
 
-            pending[peer] = now_s
-            if not door.arrive(peer, now_s, close):
-                del pending[peer]
-                assert len(admitted) == capacity, "turned away although there is room"
-        elif what == "asked":
-            door.asked(peer, now_s)
-            if peer in pending:
-                pending[peer] = now_s
-        elif what == "admit" and peer in pending:
-            door.admit(peer)
-            del pending[peer]
-            admitted.add(peer)
-        elif what == "leave":
-            door.left(peer)
-            pending.pop(peer, None)
-            admitted.discard(peer)
-        elif what == "wait":
-            now_s += port
-            door.expire(now_s)
-            assert all(now_s - since_s < LIMITS.pending_s for since_s in pending.values())
-        assert door.open == len(pending) + len(admitted) <= capacity
-        assert len(pending) <= LIMITS.pending
-        for one in ADDRESSES:
-            mine = [p for p in pending if address_key(p[0]) == address_key(one)]
-            assert len(mine) <= LIMITS.pending_per_address
+            self.door.arrive(peer, self.now_s, close)
+            assert peer in self.connections, "the newest is always accepted"
+
+    @rule(person=st.sampled_from((*PEOPLE, None)), pick=st.integers(0, 50), lasts=st.booleans())
+    def ask(self, person: str | None, pick: int, lasts: bool) -> None:
+        if self.connections:
+            peer = list(self.connections)[pick % len(self.connections)]
+            person = person or self.connections[peer]
+            role = Role.PILOT if person in KEPT else Role.VIEWER
+            session = None if person is None else Session(role=role, name=person)
+            self.door.asked(peer, session, self.now_s, lasts=lasts)
+            if peer in self.connections:
+                self.connections[peer] = person
+
+    @rule(pick=st.integers(0, 50))
+    def leave(self, pick: int) -> None:
+        if self.connections:
+            peer = list(self.connections)[pick % len(self.connections)]
+            del self.connections[peer]
+            self.door.left(peer)
+
+    @rule(seconds=st.floats(0.0, 6.0))
+    def wait(self, seconds: float) -> None:
+        self.now_s += seconds
+        self.door.expire(self.now_s)
+
+    @rule(address=st.sampled_from(ADDRESSES), person=st.sampled_from(KEPT))
+    def a_stop_arrives(self, address: str, person: str) -> None:
+        """Whatever came before: the connection is accepted, and still there when it was read."""
+        self.arrive(address, 1)
+        peer = (address, self.port)
+        self.door.asked(peer, Session(role=Role.PILOT, name=person), self.now_s, lasts=False)
+        assert peer in self.connections
+        self.connections[peer] = person
+
+    @invariant()
+    def the_books_agree(self) -> None:
+        assert self.door.open == len(self.connections) <= CAPACITY
+        pending = [peer for peer, person in self.connections.items() if person is None]
+        assert self.door.pending.taken == len(pending) <= LIMITS.pending
+        assert self.door.admitted.taken == len(self.connections) - len(pending)
+        for person in PEOPLE:
+            n_own = sum(one == person for one in self.connections.values())
+            assert n_own <= LIMITS.connections_each
+            assert self.door.admitted.has(person) == (n_own > 0)
+
+
+TestPeopleAtTheDoor = PeopleAtTheDoor.TestCase
+TestPeopleAtTheDoor.settings = settings(deadline=None, max_examples=200, stateful_step_count=60)
 
 
 def test_a_newcomer_has_a_moment_in_the_middle_of_a_flood() -> None:
@@ -74,6 +102,23 @@ def test_a_newcomer_has_a_moment_in_the_middle_of_a_flood() -> None:
         door.arrive(("10.0.0.1", port), 0.0, lambda port=port: gone.append(port))
     assert 0 not in gone, "a flood pushes out itself, not others"
     assert gone == sorted(gone), "the oldest first"
+
+
+def test_who_comes_often_enough_is_never_at_the_expense_of_who_has_less() -> None:
+    places = Places(8, 6, KEPT.__contains__)
+    gone = list[str]()
+
+    def come(person: str, now_s: float) -> bool:
+        session = Session(role=Role.VIEWER, name=person)
+        return places.take(session, now_s, lambda: gone.append(person)) is not None
+
+    assert all(come("greedy", n) for n in range(8)) and gone == ["greedy"] * 2
+    assert come("viewer", 9) and come("other", 10) and gone == ["greedy"] * 2
+    assert come("third", 11) and gone == ["greedy"] * 3
+    assert all(come("owner", 12 + n) for n in range(6))
+    assert gone.count("owner") == 0 and places.has("owner")
+    assert not come("fourth", 20), "two are left for three others"
+    assert come("pilot", 21), "who drives has a place whoever wants one"
 
 
 @pytest.mark.parametrize(
@@ -91,25 +136,20 @@ def test_what_counts_as_one_address(one: str, other: str, same: bool) -> None:
     assert (address_key(one) == address_key(other)) == same
 
 
-@given(st.lists(st.sampled_from(ADDRESSES), max_size=200))
-def test_of_a_flood_the_newest_of_each_address_are_kept(arrivals: list[str]) -> None:
-    newest = Newest(per_address=3, in_all=6)
-    gone: list[int] = []
-    for number, address in enumerate(arrivals):
-        gone += newest.add(address, number)
-    kept = list(newest)
-    assert sorted(kept + gone) == list(range(len(arrivals))), "none is forgotten, none is doubled"
-    assert kept == sorted(kept) and len(kept) <= 6
-    for address in ADDRESSES:
-        own = [number for number, one in enumerate(arrivals) if one == address]
-        still = [number for number in own if number in kept]
-        assert len(still) <= 3
-        assert still == own[len(own) - len(still) :], "the oldest goes first"
-
-
-def test_a_flood_costs_another_address_nothing() -> None:
-    newest = Newest(per_address=3, in_all=6)
-    newest.add("10.0.0.1", "a phone")
-    for number in range(5_000):
-        assert "a phone" not in newest.add("10.0.0.2", number)
-    assert "a phone" in list(newest)
+@pytest.mark.parametrize(
+    ("address", "forwarded", "counted"),
+    [
+        ("10.0.0.9", "10.0.0.1", "10.0.0.9"),
+        ("127.0.0.1", "", "127.0.0.1"),
+        ("127.0.0.1", "10.0.0.1", "10.0.0.1"),
+        ("127.0.0.1", "6.6.6.6, 10.0.0.1", "10.0.0.1"),
+        ("127.0.0.1", "6.6.6.6, 10.0.0.1, 10.0.0.2", "10.0.0.1"),
+        ("127.0.0.1", "6.6.6.6, forged, 10.0.0.2", "10.0.0.2"),
+        ("127.0.0.1", "forged", "127.0.0.1"),
+    ],
+)
+def test_only_what_a_trusted_proxy_says_counts(address: str, forwarded: str, counted: str) -> None:
+    access = Access(names=frozenset(), proxies=frozenset({"127.0.0.1", "10.0.0.2"}))
+    headers = {"x-forwarded-for": forwarded, "x-forwarded-proto": "https"}
+    scheme = "https" if address == "127.0.0.1" else "http"
+    assert access.caller(headers, "http", address) == (scheme, counted)
