@@ -41,7 +41,7 @@ def address_key(address: str) -> str:
 
 
 @dataclass(slots=True, eq=False)
-class Place:
+class PlaceInUse:
     """One place in use: a connection or a websocket."""
 
     person: str
@@ -61,10 +61,10 @@ class Places:
 
     def __init__(self, in_all: int, each: int, keeps: Callable[[str], bool]) -> None:
         self._in_all, self._each, self._keeps = max(1, in_all), max(1, each), keeps
-        self._of: dict[str, list[Place]] = {}
+        self._of: dict[str, list[PlaceInUse]] = {}
         self.taken = self.evicted = 0
 
-    def take(self, session: Session, now_s: float, close: Callable[[], None]) -> Place | None:
+    def take(self, session: Session, now_s: float, close: Callable[[], None]) -> PlaceInUse | None:
         """Take a place; None if there is none to be had.
 
         Args:
@@ -83,12 +83,12 @@ class Places:
             ):
                 return None
             self._evict(most)
-        place = Place(session.name, now_s, close)
+        place = PlaceInUse(session.name, now_s, close)
         self._of.setdefault(session.name, []).append(place)
         self.taken += 1
         return place
 
-    def give_back(self, place: Place) -> None:
+    def give_back(self, place: PlaceInUse) -> None:
         """Free a place; again does nothing."""
         own = self._of.get(place.person, [])
         if place in own:
@@ -107,23 +107,23 @@ class Places:
         """True while this person has a place."""
         return person in self._of
 
-    def __iter__(self) -> Iterator[Place]:
+    def __iter__(self) -> Iterator[PlaceInUse]:
         return (place for own in list(self._of.values()) for place in list(own))
 
-    def end(self, place: Place) -> None:
+    def end(self, place: PlaceInUse) -> None:
         """Free a place, and close what has it."""
         self.give_back(place)
         self.evicted += 1
         place.close()
 
-    def _most(self, newcomer: str) -> list[Place]:
+    def _most(self, newcomer: str) -> list[PlaceInUse]:
         """Return the places of who has most, of those who have to give way to the newcomer."""
         yielding = [own for person, own in self._of.items() if not self._keeps(person)]
         if not yielding and self._keeps(newcomer):
             yielding = list(self._of.values())
         return max(yielding, key=len, default=[])
 
-    def _evict(self, own: list[Place]) -> None:
+    def _evict(self, own: list[PlaceInUse]) -> None:
         self.end(min(own, key=lambda place: place.used_s))
 
 
@@ -144,7 +144,7 @@ class Door:
         self.pending = Places(n_pending, limits.pending_per_address, lambda address: True)
         self.admitted = Places(capacity - n_pending, limits.connections_each, self._is_kept)
         self.sockets = Places(limits.clients, limits.clients_each, self._is_kept)
-        self._connections: dict[Peer, Place] = {}
+        self._connections: dict[Peer, PlaceInUse] = {}
         self._paces: OrderedDict[str, Pace] = OrderedDict()
 
     @property

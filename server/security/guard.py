@@ -22,7 +22,7 @@ from starlette.requests import ClientDisconnect, HTTPConnection, Request
 from robot.clock import Clock
 from server.config import Limits
 from server.security.access import Access, Refusal, Role, Session
-from server.security.door import Door, Place, address_key
+from server.security.door import Door, PlaceInUse, address_key
 
 log = logging.getLogger(__name__)
 
@@ -56,7 +56,7 @@ def person_of(connection: HTTPConnection) -> str:
 def note_use(scope: Scope, now_s: float) -> None:
     """Note that a websocket is in use; of two of one person the idle one goes first."""
     place = scope.get(_PLACE)
-    if isinstance(place, Place):
+    if isinstance(place, PlaceInUse):
         place.used_s = now_s
 
 
