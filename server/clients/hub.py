@@ -50,8 +50,7 @@ class Hub:
         self.refused: Counter[ErrorCode] = Counter()
         self.clients: dict[str, Client] = {}
         self._limit_s = robot.loop.config.gate.command_timeout_s
-        self.pilot = ""
-        """What the last client that had the wheel is counted by: it may come back."""
+        self.pilot = ""  # whose client had the wheel last: that person may come back
         driver = robot.driver
         self._declared_moves = describe_moves(driver.moves, driver.declared_moves)
         self._ids = itertools.count(1)
@@ -63,8 +62,6 @@ class Hub:
         self._unsubscribe: list[Callable[[], None]] = []
         self._tasks: list[asyncio.Task[None]] = []
         self._event_loop: asyncio.AbstractEventLoop | None = None
-
-    # Starting and stopping ---------------------------------------------------------------------
 
     async def start(self) -> None:
         """Subscribe to the control loop and the event bus."""
@@ -107,12 +104,7 @@ class Hub:
     # Clients -----------------------------------------------------------------------------------
 
     def join(self, role: Role, person: str = "") -> Client:
-        """Add a client; it gets the wheel if it may drive and the wheel is free.
-
-        Args:
-            role: What it may do.
-            person: What it is counted by.
-        """
+        """Add a client of a person; it gets the wheel if it may drive and the wheel is free."""
         now_s = self.clock.now_s()
         client = Client(f"c{next(self._ids)}", role, self.config, now_s, person)
         self.clients[client.id] = client

@@ -22,6 +22,8 @@ from server.security.pace import Pace
 
 Peer = tuple[str, int]
 """Address and port of the remote side, as the socket reports them."""
+_READ_S = 0.25
+"""By then the first request of a new connection has been read, whatever else goes on."""
 _PERSONS = 1024
 """For how many persons the request rate is remembered."""
 
@@ -47,6 +49,7 @@ class PlaceInUse:
     person: str
     used_s: float
     close: Callable[[], None]
+    came_s: float = 0.0
     is_taken: bool = True
 
 
@@ -146,6 +149,7 @@ class Door:
         self.sockets = Places(limits.clients, limits.clients_each, self._is_kept)
         self._connections: dict[Peer, PlaceInUse] = {}
         self._paces: OrderedDict[str, Pace] = OrderedDict()
+        self._read_until_s = self._asked_s = 0.0
 
     @property
     def open(self) -> int:
@@ -157,7 +161,21 @@ class Door:
         """How many connections were closed, because they were too many or too slow."""
         return self.pending.evicted + self.admitted.evicted
 
-    def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> None:
+    def has_room(self, now_s: float) -> bool:
+        """True if a new connection need push out none that has had no time to be read."""
+        # A computer that is busy has read nothing meanwhile: few of its milliseconds count.
+        self._read_until_s += min(now_s - self._asked_s, _READ_S / 8)
+        self._asked_s = now_s
+        if not self.pending.is_full:
+            return True
+        return self._read_until_s - min(place.came_s for place in self.pending) >= _READ_S
+
+    def arrive(
+        self,
+        peer: Peer,
+        now_s: float,
+        close: Callable[[], None],
+    ) -> None:
         """Add a new connection as pending.
 
         Args:
@@ -169,6 +187,7 @@ class Door:
         stranger = Session(role=Role.VIEWER, name=address_key(peer[0]))
         place = self.pending.take(stranger, now_s, lambda: self._close(peer, close))
         assert place is not None, "a newcomer always finds a place"
+        place.came_s = self._read_until_s
         self._connections[peer] = place
 
     def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> None:

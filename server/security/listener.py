@@ -17,9 +17,8 @@ from typing import Any
 from robot.clock import Clock
 from server.security.door import Door, Peer
 
-_AT_ONCE, _IN_ROUND = 1024, 64
-"""So many that have ended already, and so many that have not, are taken from the kernel at once
-before the event loop does other work."""
+_AT_ONCE = 1024
+"""So many that have ended already are taken from the kernel at once."""
 _KEPT_BACK = 128
 """File descriptors reserved for files, cameras and the brick."""
 _MOST_CONNECTIONS = 1024
@@ -53,7 +52,6 @@ class DoorListener(socket.socket):
         return own
 
     _spare: int | None
-    _in_round = 0
     _is_sweeping = False
 
     def accept(self) -> tuple[socket.socket, Any]:
@@ -65,7 +63,7 @@ class DoorListener(socket.socket):
         """
         self._start_sweeping()
         for _ in range(_AT_ONCE):
-            if self._in_round >= _IN_ROUND and self.door.pending.is_full:
+            if not self.door.has_room(self.clock.now_s()):
                 break
             try:
                 plain, address = super().accept()
@@ -75,14 +73,12 @@ class DoorListener(socket.socket):
                 self._reject_one()
                 continue
             connection = _Connection(plain.family, plain.type, plain.proto, fileno=plain.detach())
-            if connection.has_ended():
+            if connection.peek() == b"":
                 connection.close()
                 continue
-            self._in_round += 1
             connection.door, connection.peer = self.door, (str(address[0]), int(address[1]))
             self.door.arrive(connection.peer, self.clock.now_s(), connection.abort)
             return connection, address
-        self._in_round = 0
         raise BlockingIOError(errno.EAGAIN, "enough for now")
 
     def close(self) -> None:
@@ -125,15 +121,14 @@ class _Connection(socket.socket):
     door: Door | None = None
     peer: Peer = ("", 0)
 
-    def has_ended(self) -> bool:
-        """True if the client has left already, or died."""
+    def peek(self) -> bytes | None:
+        """Return the first byte that waits: empty if the client has left, None if none waits."""
         try:
-            self.setblocking(False)
-            return not self.recv(1, socket.MSG_PEEK)
+            return self.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
         except BlockingIOError:
-            return False
+            return None
         except OSError:
-            return True
+            return b""
 
     def abort(self) -> None:
         """Reset the connection, so that both sides see the end; its owner then closes it."""

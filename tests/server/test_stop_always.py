@@ -198,12 +198,9 @@ def test_who_takes_all_places_holds_up_no_stop(
     with lan_process(tmp_path / "log") as server:
         cookies = {person: server.pair() for person in ("owner", "pilot")}
         url = f"ws://127.0.0.1:{server.port}/ws/drive"
-        greedy = [
-            subprocess.Popen(
-                [sys.executable, "-m", "tests.server.greedy", str(server.port), server.pair(role)]
-            )
-            for role in ("viewer", "pilot")
-        ]
+        words = [sys.executable, "-m", "tests.server.greedy", str(server.port)]
+        theirs = [server.pair(role) for role in ("viewer", "pilot")]
+        greedy = [subprocess.Popen([*words, cookie]) for cookie in theirs]
         try:
             while server.ask()["evicted"] < 100:
                 clock.sleep(0.1)

@@ -134,6 +134,8 @@ def test_whoever_sends_rubbish_is_shown_out(robot: VirtualServer) -> None:
         with pytest.raises(ConnectionClosed) as closed:
             for index in range(100_000):
                 eye.socket.send(b"rubbish" if index % 2 else "[]")
+                if index % 100 == 99:
+                    robot.forward(0.1)
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 1008
 
 
