@@ -73,7 +73,7 @@ class Environment:
     Args:
         name: As for `make`.
         options: As for `make`.
-        picture: `observed`, `rendered`, or `auto`: observed if observations are pictures.
+        picture: `observed`, `rendered`, or `auto`: observed if 160x120 or more.
         seed: Of the first game; each further game has the next.
 
     Attributes:
@@ -113,9 +113,12 @@ class Environment:
         Raises:
             CameraError: If the environment gives no picture.
         """
-        found = None if self._picture == "rendered" else _picture_in(self._seen)
-        if found is None and self._picture != "observed":
-            found = _picture_in(self.env.render())
+        observed = None if self._picture == "rendered" else _picture_in(self._seen)
+        found = observed
+        is_small = observed is None or observed.shape[0] < 120 or observed.shape[1] < 160
+        if is_small and self._picture != "observed":
+            rendered = _picture_in(self.env.render())
+            found = observed if rendered is None else rendered
         if found is None:
             raise CameraError(
                 f"the environment {self.name!r} gives no pictures in this way; try another "

@@ -83,7 +83,9 @@ def test_options_for_the_maker() -> None:
 @pytest.mark.parametrize(
     ("options", "shape"),
     [
-        ({}, (40, 84, 3)),
+        ({}, (120, 84, 3)),
+        ({"env_picture": "observed"}, (40, 84, 3)),
+        ({"env_options": "height=120,width=50"}, (120, 200, 3)),
         ({"env_picture": "rendered"}, (120, 84, 3)),
         ({"env_options": "form=blind"}, (120, 84, 3)),
     ],
