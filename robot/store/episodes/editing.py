@@ -16,7 +16,7 @@ from robot.policy.history import Taught, Undone
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode, FrameEntry, taught_frames
 from robot.store.episodes.messages import CAMERA, DECISION, LESSON, PREDICTION, SENSORS
-from robot.store.episodes.scan import Message, scan
+from robot.store.episodes.reader import Message, scan
 from robot.store.episodes.teaching import Step, plan
 from robot.store.episodes.writer import MODEL_BEFORE, EpisodeWriter, Run
 from robot.store.models.events import describe_event

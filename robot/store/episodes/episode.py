@@ -7,7 +7,6 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from robot.driver import Move, from_text
 from robot.errors import RecordingError
@@ -24,8 +23,8 @@ from robot.store.episodes.messages import (
     SENSORS,
     Fields,
 )
-from robot.store.episodes.scan import Attachment, Cut, Message, Metadata, read_chunk, scan
-from robot.store.episodes.writer import FORMAT, MODEL_AFTER, MODEL_BEFORE, RUN
+from robot.store.episodes.reader import Attachment, Cut, Message, Metadata, read_chunk, scan
+from robot.store.episodes.writer import FORMAT, MODEL_AFTER, MODEL_BEFORE, RUN, SUMMARY
 from robot.store.models.events import read_event
 from robot.store.models.model import Model, decode_model
 from robot.types import Action, Frame
@@ -64,7 +63,7 @@ class Episode:
     messages: dict[str, list[tuple[float, Fields]]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     damage: str | None = None
-    _chunks: OrderedDict[int, list[Any]] = field(default_factory=OrderedDict)
+    _chunks: OrderedDict[int, list[bytes]] = field(default_factory=OrderedDict)
 
     @property
     def id(self) -> str:
@@ -123,7 +122,7 @@ class Episode:
             self._chunks[offset] = read_chunk(self.path, offset)
             while len(self._chunks) > _CHUNKS_KEPT:
                 self._chunks.popitem(last=False)
-        return _frame(entry, self._chunks[offset][index].data)
+        return _frame(entry, self._chunks[offset][index])
 
     def model_before(self) -> Model | None:
         """Return what the learner knew when the recording began; None if it is not known."""
@@ -170,11 +169,22 @@ def _take(episode: Episode, record: Message | Metadata | Attachment | Cut) -> No
     elif isinstance(record, Cut):
         episode.damage = record.reason
     elif record.name == RUN:
-        if int(record.values["format"]) > FORMAT:
-            raise RecordingError("it was recorded by a newer version; update this program")
-        int(record.values["origin_ns"])
-        from_text(record.values.get("declared_moves", ""))
-        episode.run = record.values
+        episode.run = check_run(record.values)
+    elif record.name == SUMMARY:
+        episode.damage = record.values.get("damage")
+
+
+def check_run(values: dict[str, str]) -> dict[str, str]:
+    """Return what a recording says of itself.
+
+    Raises:
+        RecordingError, ValueError, KeyError: If it is of a newer version, or makes no sense.
+    """
+    if int(values["format"]) > FORMAT:
+        raise RecordingError("it was recorded by a newer version; update this program")
+    int(values["origin_ns"])
+    from_text(values.get("declared_moves", ""))
+    return values
 
 
 def _take_message(episode: Episode, message: Message) -> None:

@@ -33,7 +33,7 @@ from robot.store.episodes.messages import (
     describe_prediction,
     describe_sensors,
 )
-from robot.store.episodes.scan import require_mcap
+from robot.store.episodes.reader import require_mcap
 from robot.store.episodes.writer import Run
 from robot.store.episodes.writer_thread import (
     Close,

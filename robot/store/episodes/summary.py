@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from robot.errors import RecordingError
+from robot.policy.history import Taught, Undone
 from robot.store.episodes.edits import Notes, read_notes
-from robot.store.episodes.ends import read_metadata
-from robot.store.episodes.episode import Episode, open_episode, taught_frames
-from robot.store.episodes.scan import Metadata, scan
-from robot.store.episodes.tally import count_cut_recording
+from robot.store.episodes.episode import check_run
+from robot.store.episodes.messages import CAMERA, LESSON
+from robot.store.episodes.reader import Cut, Message, Metadata, read_metadata, scan
 from robot.store.episodes.writer import RUN, SUMMARY
+from robot.store.models.events import read_event
 
 _UNUSABLE = (
     RecordingError,
@@ -61,7 +63,7 @@ def read_summary(path: Path) -> EpisodeSummary:
     except RecordingError as error:
         notes, complaint = Notes(), str(error)
     try:
-        facts = _read_ends(path) or _count_cut(path) or _read_all(open_episode(path))
+        facts = _read_ends(path) or _count(path)
     except (RecordingError, ValueError, OSError) as error:
         facts = {"is_readable": False, "damage": str(error)}
     facts.setdefault("taught", {})
@@ -100,23 +102,54 @@ def _read_ends(path: Path) -> dict[str, Any] | None:
             "duration_s": _finite(summary["duration_s"]),
             "frames": int(summary["frames"]),
             "taught": {str(k): int(v) for k, v in json.loads(summary["taught"]).items()},
+            "damage": summary.get("damage"),
         }
     except _UNUSABLE:
         return None
 
 
-def _count_cut(path: Path) -> dict[str, Any] | None:
-    """Count what a recording holds that was cut short; None if it is anything else."""
-    tally = count_cut_recording(path)
-    if tally is None:
-        return None
+def _count(path: Path) -> dict[str, Any]:
+    """Count what a recording without a sound end holds, keeping nothing of its pictures."""
+    run: dict[str, str] = {}
+    frames: set[int] = set()
+    labels: dict[int, str] = {}
+    first_ns, last_ns, damage = None, 0, None
+    try:
+        for record in scan(path):
+            if isinstance(record, Cut):
+                damage = record.reason
+            elif isinstance(record, Metadata) and record.name == RUN:
+                run = check_run(record.values)
+            elif isinstance(record, Message) and run:
+                first_ns = record.log_ns if first_ns is None else min(first_ns, record.log_ns)
+                last_ns = max(last_ns, record.log_ns)
+                if record.topic == CAMERA:
+                    frames.add(record.sequence)
+                elif record.topic == LESSON:
+                    note_event(labels, record.data)
+    except (RecordingError, KeyError, ValueError, TypeError, RecursionError) as error:
+        if not run:
+            raise RecordingError(f"{path.name} cannot be read: {error}") from error
+        damage = str(error)
+    if not run:
+        raise RecordingError(f"{path.name} is not a recording of this program, or is empty")
     return {
-        **_facts_of_run(tally.run),
-        "duration_s": tally.duration_s,
-        "frames": len(tally.frames),
-        "taught": dict(tally.taught),
-        "damage": tally.damage,
+        **_facts_of_run(run),
+        "duration_s": 0.0 if first_ns is None else (last_ns - first_ns) / 1e9,
+        "frames": len(frames),
+        "taught": dict(Counter(labels.values())),
+        "damage": damage,
     }
+
+
+def note_event(labels: dict[int, str], data: bytes) -> None:
+    """Note which frames are taught which move after this message of the topic `/lesson`."""
+    event, _ = read_event(json.loads(data))
+    if isinstance(event, Taught):
+        labels[event.example.frame_id] = event.example.label.value
+    elif isinstance(event, Undone):
+        for frame_id in event.frame_ids:
+            labels.pop(frame_id, None)
 
 
 def _facts_of_run(run: Mapping[str, str]) -> dict[str, Any]:
@@ -134,17 +167,3 @@ def _finite(text: str) -> float:
     if not math.isfinite(number):
         raise ValueError(f"{text!r} is not a finite number")
     return number
-
-
-def _read_all(episode: Episode) -> dict[str, Any]:
-    """Go through a recording that is damaged, or that another program wrote."""
-    taught: dict[str, int] = {}
-    for label in taught_frames(episode).values():
-        taught[label.value] = taught.get(label.value, 0) + 1
-    return {
-        **_facts_of_run(episode.run),
-        "duration_s": episode.duration_s,
-        "frames": len(episode.frames),
-        "taught": taught,
-        "damage": episode.damage,
-    }

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 from robot.driver import Move, to_text
 from robot.store.episodes.images import encode_image, image_schema, schema_name
 from robot.store.episodes.messages import CAMERA, DECISION, LESSON, SCHEMAS, Fields, to_json
-from robot.store.episodes.scan import Message, require_mcap
+from robot.store.episodes.reader import Message, require_mcap
 from robot.types import Action, Frame
 
 FORMAT = 1

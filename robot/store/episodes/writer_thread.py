@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from robot.clock import Clock, Worker
+from robot.store.episodes.ending import end_cut_recordings
 from robot.store.episodes.messages import Fields
 from robot.store.episodes.writer import EpisodeWriter, Run
 from robot.store.models.autosave import Announce
@@ -163,6 +164,7 @@ class WriterThread:
     # On the recorder's thread --------------------------------------------------------------------
 
     def _run(self) -> None:
+        end_cut_recordings(self._folder)
         while True:
             self._clock.wait(self._wake, self._config.flush_every_s)
             self._wake.clear()

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from robot.errors import RecordingError
-from robot.store.episodes import ends
-from robot.store.episodes.ends import read_metadata
+from robot.store.episodes import reader
+from robot.store.episodes.reader import read_metadata
 from robot.store.episodes.summary import read_summary
 
 from .drives import record_drive
@@ -30,8 +30,8 @@ def by_library(path: Path) -> dict[str, dict[str, str]]:
 def test_it_finds_what_the_library_finds(
     tmp_path: Path, frames: int, read_bytes: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ends, "_HEAD_BYTES", read_bytes)
-    monkeypatch.setattr(ends, "_TAIL_BYTES", read_bytes)
+    monkeypatch.setattr(reader, "_FIRST_BYTES", read_bytes)
+    monkeypatch.setattr(reader, "_LAST_BYTES", read_bytes)
     path = record_drive(tmp_path, frames=frames).path
     assert read_metadata(path) == by_library(path)
     assert len(read_metadata(path)) == 2
@@ -50,9 +50,9 @@ def test_little_is_read_of_a_large_file(tmp_path: Path) -> None:
             return data
 
     with Counting(path) as file:
-        found = ends._Ends(file)
+        found = reader._Ends(file)
         assert len([found.metadata(*place) for place in found.places()]) == 2
-        assert file.total <= ends._HEAD_BYTES + ends._TAIL_BYTES
+        assert file.total <= reader._FIRST_BYTES + reader._LAST_BYTES
 
 
 @pytest.mark.parametrize("seed", range(150))
