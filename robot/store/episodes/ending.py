@@ -71,6 +71,7 @@ def end_recording(path: Path) -> bool:
         try:
             for offset, opcode, body in records(file):
                 if opcode in (DATA_END, FOOTER):  # the data are whole, their index was cut
+                    contents.is_whole = True
                     break
                 contents.note(offset, opcode, body)
         except CutError:
@@ -93,6 +94,7 @@ class _Contents:
     """What a recording holds up to its cut, for the index; `end` is where it is good up to."""
 
     end: int = len(MAGIC)
+    is_whole: bool = False
     schemas: dict[int, bytes] = field(default_factory=dict)
     channels: dict[int, bytes] = field(default_factory=dict)
     topics: dict[int, str] = field(default_factory=dict)
@@ -140,7 +142,7 @@ class _Contents:
     def closing(self) -> bytes:
         """Return what belongs behind the last good record."""
         data = b""
-        if SUMMARY not in self.metadata:
+        if not self.is_whole:  # a summary that is there already was written before the last chunk
             data = _record(METADATA, _text(SUMMARY) + _map(self._summary()))
             self.metadata[SUMMARY] = self.end, len(data)
         data += _record(DATA_END, struct.pack("<I", 0))
