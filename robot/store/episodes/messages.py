@@ -89,14 +89,14 @@ SCHEMAS: dict[str, Fields] = {
                     "is_estimate": _TRUTH,
                 },
             },
-            "game": {
-                "type": ["object", "null"],
-                "properties": {
-                    "number": _COUNT,
-                    "score": _NUMBER,
-                    "reward": _NUMBER,
-                    "is_over": _TRUTH,
-                },
+        },
+        game={
+            "type": "object",
+            "properties": {
+                "number": _COUNT,
+                "score": _NUMBER,
+                "reward": _NUMBER,
+                "is_over": _TRUTH,
             },
         },
     ),
