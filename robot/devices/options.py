@@ -1,7 +1,7 @@
 """Options that a driver or camera declares: a frozen dataclass whose fields become flags.
 
 Each field has a default and `metadata={"help": ...}`; `choices`, and for a number its `range` as
-`(least, most)`, may be among the metadata.
+`(least, most)`, may be among the metadata; so may `secret`: the value is never recorded.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ class Option:
     help: str
     choices: tuple[str, ...] | None = None
     range: tuple[float, float] | None = None
+    is_secret: bool = False
 
     @property
     def flag(self) -> str:
@@ -87,6 +88,7 @@ def options_of(options_type: type[Any]) -> list[Option]:
             help=field.metadata.get("help", ""),
             choices=field.metadata.get("choices"),
             range=field.metadata.get("range"),
+            is_secret=field.metadata.get("secret", False),
         )
         for field in fields(options_type)
     ]

@@ -167,7 +167,7 @@ def run(args: argparse.Namespace) -> int:
     addresses = page_addresses(config)
     pairing = _open_pairing(config, addresses[0], rig) if config.lan else None
     events = EventBus()
-    options = {name: str(value) for name, value in vars(args).items() if _is_given(value)}
+    options = _recorded(args, rig)
     identity = IdentityFile(config.data, args.name)
     persistence = Persistence(
         Storage(config.data, must_be_usable=False),
@@ -213,6 +213,14 @@ def _report_problems(prepared: Prepared, events: EventBus) -> None:
     if prepared.fault:
         log.warning("nothing can be saved: %s", prepared.fault)
         events.publish_lasting("nothing_kept", detail=prepared.fault)
+
+
+def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:
+    """Return the options as every recording and model has them: without what is secret."""
+    kinds = (type(rig.driver).options_type, type(rig.camera).options_type)
+    secret = {one.name for kind in kinds for one in options_of(kind) if one.is_secret}
+    given = {name: str(value) for name, value in vars(args).items() if _is_given(value)}
+    return {name: value for name, value in given.items() if name not in secret}
 
 
 def _is_given(value: Any) -> bool:

@@ -17,6 +17,8 @@ from server.services import door_of
 MAX_MESSAGE_BYTES = 65_536
 """A larger websocket message closes the connection before it is read into memory."""
 _DEAD_PEER_MS = 15_000
+_END_S = 1.5
+"""Connections have so long to end by themselves, and as long to be closed."""
 
 
 def open_socket(host: str, port: int) -> socket.socket:
@@ -77,7 +79,20 @@ def serve(app: Any, listener: socket.socket, certificates: Certificates | None =
 
     server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(certificates)))
     with contextlib.closing(_behind_door(app, listener)) as guarded:
-        asyncio.run(server.serve(sockets=[guarded]))
+        asyncio.run(_serve(server, guarded))
+
+
+async def _serve(server: Any, guarded: DoorListener) -> None:
+    """Serve until told to end; then close what hangs: an upload, a half handshake."""
+    serving = asyncio.ensure_future(server.serve(sockets=[guarded]))
+    while not server.should_exit and not serving.done():
+        await asyncio.wait([serving], timeout=0.1)
+    await asyncio.wait([serving], timeout=_END_S)
+    if not serving.done():
+        guarded.door.close_all()
+        await asyncio.wait([serving], timeout=_END_S)
+        server.force_exit = True
+    await serving
 
 
 def _behind_door(app: Any, listener: socket.socket) -> DoorListener:

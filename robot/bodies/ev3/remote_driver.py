@@ -19,7 +19,10 @@ class Ev3RemoteOptions(ChassisOptions):
     )
     brick_secret: str = field(
         default="",
-        metadata={"help": "secret shared with the agent; else the one that `brick agent` kept"},
+        metadata={
+            "help": "secret shared with the agent; else the one that `brick agent` kept",
+            "secret": True,
+        },
     )
 
 

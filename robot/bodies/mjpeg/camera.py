@@ -25,7 +25,10 @@ class MjpegOptions:
 
     source: str = field(
         default="",
-        metadata={"help": "address (URL) of the stream, as http://192.168.4.1:81/stream"},
+        metadata={
+            "help": "address (URL) of the stream, as http://192.168.4.1:81/stream",
+            "secret": True,  # it may hold a password
+        },
     )
 
 

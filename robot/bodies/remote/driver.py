@@ -172,7 +172,9 @@ class RemoteOptions:
     """Where the robot is, and what it can do."""
 
     address: str = field(default="", metadata={"help": "the robot's HOST, or HOST:PORT"})
-    secret: str = field(default="", metadata={"help": "secret that the robot knows, too"})
+    secret: str = field(
+        default="", metadata={"help": "secret that the robot knows, too", "secret": True}
+    )
     body_moves: str = field(
         default="forward,left,right,backward",
         metadata={"help": "what the body can do, as forward,left or fast:0:1 (steering:throttle)"},
