@@ -46,7 +46,7 @@ class MjpegCamera(WatchedCamera):
         url = urlsplit(options.source)
         if url.scheme not in ("http", "https") or not url.hostname:
             raise ConfigurationError(
-                f"the camera 'mjpeg' needs the address of a stream, not {options.source!r}; "
+                "the camera 'mjpeg' needs the address of a stream, "
                 "as in --source http://192.168.4.1:81/stream"
             )
         self._host = url.hostname
