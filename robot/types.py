@@ -77,16 +77,6 @@ DEFAULT_MOVES: tuple[Action, ...] = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 """The paper's three moves, in the order in which the page and the tables show them."""
 
 
-OPPOSITE: Mapping[Action, Action] = {
-    Action.LEFT: Action.RIGHT,
-    Action.RIGHT: Action.LEFT,
-    Action.SPIN_LEFT: Action.SPIN_RIGHT,
-    Action.SPIN_RIGHT: Action.SPIN_LEFT,
-}
-"""For each turn the one that takes it back."""
-TURNS = frozenset(OPPOSITE)
-
-
 class Mode(StrEnum):
     """What the pilot has asked for. Only an explicit request leaves STOPPED."""
 
@@ -225,6 +215,8 @@ class Prediction:
     novelty: float = 0.0
     is_stalled: bool = False
     """True while the robot drives straight and the picture, or a bumper, says that it stands."""
+    is_turn: bool = False
+    """True if the action is known to steer to one side."""
     needs_help: bool = False
     """True if nothing that the robot tried led anywhere: it stands and waits for the pilot."""
 

@@ -16,7 +16,6 @@ import math
 from dataclasses import dataclass, replace
 
 from robot.types import (
-    TURNS,
     Action,
     Decision,
     DrivenBy,
@@ -194,7 +193,7 @@ class Gate:
                 self._stand(DrivenBy.ROBOT, asks_pilot=True), stop_reason=StopReason.NEEDS_HELP
             )
         # Turning away is the way out of a view that is not known: never slower.
-        is_slow = prediction.is_novel and prediction.action not in TURNS
+        is_slow = prediction.is_novel and not prediction.is_turn
         scale = self.config.novel_speed_scale if is_slow else 1.0
         return Decision(
             action=prediction.action,

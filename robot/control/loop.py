@@ -86,7 +86,7 @@ class ControlLoop:
         self._gate = Gate(self.config.gate)
         self._governor = LinkGovernor(self.config.governor)
         self._camera_timing = CameraTiming(self.config.gate.frame_timeout_s, self.config.camera)
-        self._online_learning = OnlineLearning(policy, clock)
+        self._online_learning = OnlineLearning(policy, clock, driver.declared_moves)
         self._dead_reckoning = DeadReckoning(driver)
         self._mailbox = Mailbox(wake)
         self._board = StatePublisher(

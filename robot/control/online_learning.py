@@ -7,13 +7,14 @@ was looking at, which is a little older than the newest.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from robot.clock import Clock
 from robot.control.agreement import Agreement
 from robot.control.labelling import Labeller
 from robot.control.state import Timing
+from robot.driver import Move
 from robot.learner.base import Vector
 from robot.policy.history import HistoryEvent, Replaced, TrainingHistory, Undone
 from robot.policy.policy import Policy
@@ -44,10 +45,10 @@ class OnlineLearning:
         timings: How long predicting and learning took, by name.
     """
 
-    def __init__(self, policy: Policy, clock: Clock) -> None:
+    def __init__(self, policy: Policy, clock: Clock, declared: Collection[Move] = ()) -> None:
         self._clock = clock
         self._events: list[HistoryEvent] = []
-        self.history = TrainingHistory(policy, self._note_event)
+        self.history = TrainingHistory(policy, self._note_event, declared)
         self.frame: Frame | None = None
         self.prediction: Prediction | None = None
         self.agreement = Agreement()

@@ -7,7 +7,6 @@ in closed loop. Each is an entry point of `drivelesson.variants`.
 from __future__ import annotations
 
 from robot.policy.action_filter import ActionFilter
-from robot.policy.commitment import Commitment
 from robot.policy.design import Design
 from robot.policy.features import GreyFeatures
 from robot.policy.policy import Policy
@@ -19,13 +18,9 @@ VARIANTS: dict[str, Design] = {
     "linear-alone": Design(linear_share=1.0),
     "labels-merged-freely": Design(group_cost=1.0),
     "one-voter": Design(n_voters=1),
-    "without-average": Design(action_filter=lambda: ActionFilter(votes_kept=0.0, images_kept=0.0)),
-    "images-averaged-once": Design(action_filter=lambda: ActionFilter(images_kept=0.0)),
-    "without-commitment": Design(
-        action_filter=lambda: ActionFilter(commitment=Commitment(bars_opposite=False))
-    ),
+    "without-average": Design(action_filter=lambda kinds: ActionFilter(kinds, votes_kept=0.0)),
     "without-context": Design(is_contextual=False),
-    "without-reflex": Design(action_filter=lambda: ActionFilter(gives_up=False)),
+    "without-reflex": Design(action_filter=lambda kinds: ActionFilter(kinds, gives_up=False)),
     "without-forgetting": Design(forgets=False),
     "without-calibration": Design(calibrates=False),
     "without-adaptation": Design(adapts=False),

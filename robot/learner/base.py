@@ -50,8 +50,6 @@ class Evidence:
     `novelty` is 0 for a familiar view; 1 or more means: unlike all that was learned. It is always 0
     if the learner's abilities lack novelty.
     `node` is the id of the nearest learned image (None where the learner keeps none).
-    `from_images` is the part of each probability that single images vote for, where they are not
-    all of it: this part jumps as another image becomes the nearest.
     """
 
     label: Label
@@ -60,7 +58,6 @@ class Evidence:
     novelty: float = 0.0
     node: int | None = None
     distance: float = 0.0
-    from_images: Mapping[Label, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,13 +183,10 @@ class ContextualLearner(Learner, Protocol):
     another. A context is a small number; what it stands for is its user's affair.
     """
 
-    def learn_in(
-        self, x: Vector, y: Label, contexts: Collection[int], *, is_correction: bool = False
-    ) -> None:
+    def learn_in(self, x: Vector, y: Label, contexts: Collection[int]) -> None:
         """Add one labelled vector that counts in these contexts; refuses as `learn_one`.
 
-        `learn_one` adds one that counts in all. A correction, by which the pilot overrules the
-        robot, may count more.
+        `learn_one` adds one that counts in all.
         """
         ...
 

@@ -52,7 +52,7 @@ class BSOC:
         last_distance_: Squared distance of the latest frame from the nearest node before it that
             none of the `HELD_OUT` frames before it went into (of all, if there is no such node);
             None for the first frames.
-        last_held_: That node's index before any merge; None if every node had such frames.
+        last_distances_: Squared distances of the latest frame from the nodes before any merge.
     """
 
     measures_novelty = True
@@ -74,7 +74,7 @@ class BSOC:
         self.integer = integer
         self.last_merge_: Merge | None = None
         self.last_distance_: float | None = None
-        self.last_held_: int | None = None
+        self.last_distances_ = np.zeros(0, np.float32)
         self._size = 0
         self._next_id = 0
         self._n_pinned = 0
@@ -157,6 +157,7 @@ class BSOC:
         distances = self._images.measure(x, size)  # halved, here and in all that follows
         self.last_merge_ = None
         self.last_distance_ = self._held_out(distances)
+        self.last_distances_ = 2.0 * distances
         name = self._next_id
         self._next_id = name + 1
         if size < self.max_nodes:
@@ -178,7 +179,6 @@ class BSOC:
 
     def _held_out(self, distances: Floats) -> float | None:
         """Find the nearest node that no recent frame went into; return its squared distance."""
-        self.last_held_ = None
         if self._next_id <= HELD_OUT or not distances.size:
             return None
         is_recent = self._touched[: distances.size] >= self._next_id - HELD_OUT
@@ -186,8 +186,6 @@ class BSOC:
         nearest = int(held.argmin())
         if is_recent[nearest]:  # few nodes are all touched all the time; then the nearest has to do
             nearest = int(distances.argmin())
-        else:
-            self.last_held_ = nearest
         return 2.0 * float(distances[nearest])
 
     def _absorb(self, node: int, distances: Floats) -> None:

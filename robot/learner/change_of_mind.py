@@ -1,89 +1,123 @@
-"""Notices that the pilot has changed his mind: a label that is no longer used where it was taught.
+"""Notices that the pilot has changed his mind: the same view is labelled anew, again and again.
 
-Recorded labels disagree with confident nodes all the time: between a turn and driving on, the same
-view means both. So one contradiction says nothing. A label counts as given up when
+A label that is no longer used is no evidence: a pilot who turns round and drives the other way has
+not changed his mind about the way there. One contradiction is none either: between a turn and
+driving on the same view means both. So each image counts the examples of its own view, no farther
+from it than views of one place usually are, that have got another label since it was last
+confirmed. An image with enough of them passes most of its label's votes on to the new label; where
+many images of a label do, all of them do. That is read when votes are counted: no histogram is
+changed, and the old label used there once more takes it all back.
 
-1. views that an older image remembers as this label now get another one, for a second in sum;
-2. it was left out for longer than ever before: two more runs of the other labels than its longest
-   absence so far. A pilot who turns left or right as it comes leaves both out for a while;
-3. neither of the two labels is the one that is always taken up in between, such as FORWARD.
+The label that is taken up most often, such as FORWARD, is left out: it follows every other, and
+where is a matter of a tenth of a second.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections import Counter
-
 import numpy as np
 from numpy.typing import NDArray
 
-CONTRADICTIONS = 10
-"""So many examples, a second of teaching, have to contradict what was remembered,"""
-LONGER_RUNS = 2
-"""and the label has to be absent for so many runs of other labels more than ever before."""
-_FEWEST_RUNS = 3
-_SHORTEST_RUN = 3
-"""A shorter run of a label is a slip of the finger."""
-_REMEMBERED_RUNS = 64
+from robot.learner.votes import Distances, Floats
+
+FEW, ENOUGH = 4, 12
+"""As many examples of its view as it sums up itself overrule an image, within these bounds,"""
+MANY = 0.4
+"""and such a share of a label's images all of them."""
+STILL_VALID = 0.3
+"""Share of the old label's votes that are left then."""
 
 
 class ChangeOfMind:
-    """Follows the labels of the examples; labels are columns 0, 1, ... in the order of learning."""
+    """Counts for each image how often its view was labelled anew; labels are columns 0, 1, ...
 
-    def __init__(self) -> None:
-        self._runs: list[int] = []
-        self._label = -1
-        self._length = 0
-        self._contrary = np.zeros((0, 0), np.int64)
+    Args:
+        max_nodes: How many images there are at most.
+    """
+
+    def __init__(self, max_nodes: int) -> None:
+        self._anew = np.zeros((max_nodes, 0), np.int64)
+        self._starts = np.zeros(0, np.int64)
+        self._last = -1
 
     def add_label(self) -> None:
         """Make room for one more label."""
-        self._contrary = np.pad(self._contrary, (0, 1))
+        self._anew = np.pad(self._anew, ((0, 0), (0, 1)))
+        self._starts = np.append(self._starts, 0)
 
-    def note(self, label: int, remembered: int | None) -> int | None:
-        """Process one example; return the label that was given up for this one, if one was.
+    def note(
+        self, label: int, distances: Distances, histograms: NDArray[np.int64], reach: float
+    ) -> None:
+        """Process one example.
 
         Args:
-            label: The example's label.
-            remembered: What the nearest image without recent examples says; None: there is none.
+            label: Its label.
+            distances: Its squared distances to the images, shape (n,).
+            histograms: Labels counted per image, shape (n, n_labels).
+            reach: Squared distance up to which it is an image's own view.
         """
-        if label != self._label:
-            self._label, self._length = label, 0
-        self._length += 1
-        if self._length == _SHORTEST_RUN:
-            self._runs = [*self._runs[1 - _REMEMBERED_RUNS :], label]
-            self._contrary[label] = 0  # it is in use
-        if remembered is None or remembered == label or self._length < _SHORTEST_RUN:
-            return None
-        self._contrary[remembered, label] += 1
-        if self._contrary[remembered, label] < CONTRADICTIONS:
-            return None
-        if not self._is_given_up(remembered, label):
-            return None
-        self._contrary[remembered, label] = 0
-        return remembered
+        self._starts[label] += label != self._last
+        self._last = label
+        if not distances.size or not reach:
+            return
+        own = histograms.argmax(axis=1)
+        near, usual = distances <= reach, int(self._starts.argmax())
+        self._anew[: len(own)][near & (own == label)] = 0
+        if label != usual:
+            self._anew[: len(own), label] += near & (own != label) & (own != usual)
 
-    def _is_given_up(self, old: int, new: int) -> bool:
-        counts = Counter(self._runs)
-        usual = counts.most_common(1)[0][0]
-        if usual in (old, new) or counts[old] < _FEWEST_RUNS:
-            return False
-        others = [label for label in self._runs if label != usual]
-        at = [i for i, label in enumerate(others) if label == old]
-        longest = max(b - a - 1 for a, b in itertools.pairwise(at))
-        return len(others) - 1 - at[-1] >= longest + LONGER_RUNS
+    def follow(self, kept: int, removed: int) -> None:
+        """Take the counts of a merged image over."""
+        np.maximum(self._anew[kept], self._anew[removed], out=self._anew[kept])
+        self._anew[removed] = 0
+
+    def move(self, source: int, target: int) -> None:
+        """Let one image take the place of another, which is gone."""
+        self._anew[target] = self._anew[source]
+        self._anew[source] = 0
+
+    def forget(self, node: int) -> None:
+        """Forget what speaks against an image: a person edited it."""
+        self._anew[node] = 0
+
+    def applied(
+        self, shares: Floats, distances: Distances, histograms: NDArray[np.int64]
+    ) -> Floats:
+        """Return the shares after what was labelled anew near a view.
+
+        Args:
+            shares: Of each label, shape (n_labels,).
+            distances: Squared distances to the images, shape (n,).
+            histograms: Labels counted per image, shape (n, n_labels).
+        """
+        anew = self._anew[: len(histograms)]
+        enough = histograms.max(axis=1).clip(FEW, ENOUGH)
+        is_overruled = anew.max(axis=1, initial=0) >= enough
+        if not is_overruled.any():
+            return shares
+        own, to, shares = histograms.argmax(axis=1), anew.argmax(axis=1), shares.copy()
+        for old in np.unique(own[is_overruled]).tolist():
+            images = np.flatnonzero(own == old)
+            nearest = int(images[distances[images].argmin()])
+            news = to[images[is_overruled[images]]]
+            if len(news) >= MANY * len(images):
+                new = int(np.bincount(news).argmax())
+            elif is_overruled[nearest]:
+                new = int(to[nearest])
+            else:
+                continue
+            passed = (1.0 - STILL_VALID) * shares[old]
+            shares[old] -= passed
+            shares[new] += passed
+        return shares
 
     def get_arrays(self) -> dict[str, NDArray[np.int64]]:
-        """Return the runs and counts as arrays of a fixed shape."""
-        runs = np.zeros(_REMEMBERED_RUNS + 2, np.int64)  # 0: none, else the column and 1
-        runs[:2] = self._length, self._label + 1
-        runs[2 : 2 + len(self._runs)] = [label + 1 for label in self._runs]
-        return {"runs": runs, "contrary": self._contrary.copy()}
+        """Return copies of all that is kept."""
+        starts = np.append(self._starts, self._last + 1)  # 0: none
+        return {"anew": self._anew.copy(), "starts": starts}
 
     def set_arrays(self, arrays: dict[str, NDArray[np.int64]], n_labels: int) -> None:
-        """Restore what `get_arrays` returned; models of version 0.1 have none of it."""
-        runs = arrays.get("runs", np.zeros(2, np.int64)).tolist()
-        self._length, self._label = runs[0], runs[1] - 1
-        self._runs = [label - 1 for label in runs[2:] if label > 0]
-        empty = np.zeros((n_labels, n_labels), np.int64)
-        self._contrary = arrays.get("contrary", empty).copy()
+        """Restore what `get_arrays` returned; older models have none of it."""
+        none = np.zeros((len(self._anew), n_labels), np.int64)
+        self._anew = arrays.get("anew", none).copy()
+        starts = arrays.get("starts", np.zeros(n_labels + 1, np.int64))
+        self._starts, self._last = starts[:-1].copy(), int(starts[-1]) - 1

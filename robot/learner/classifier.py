@@ -25,8 +25,8 @@ CONTEXT_SHARE = 0.85
 """Weight of the linear part within a context: images do not know what is under way."""
 SHARPNESS = 1.6
 """Calibrates the mixture's chances: one number for all places (docs/explanation/learner.md)."""
-STILL_VALID = 0.3
-"""Share of the old label's votes that are left when the pilot has changed his mind."""
+SAME_VIEW = 0.8
+"""A view within so many times the usual distance of an image is that image's own."""
 
 
 class BSOCClassifier:
@@ -43,8 +43,8 @@ class BSOCClassifier:
         cluster: The clustering; a label-aware `BSOC` unless given.
         balance: How much more a rare label weighs, from 0 to 1 (`votes.rarity`).
         novelty_margin: How far a view may be beyond what occurs before it is novel (`Novelty`).
-        forgets: Give up a label that the pilot no longer uses where it was taught
-            (`change_of_mind.py`). A clustering that measures no novelty cannot.
+        forgets: Follow a pilot who labels the same views anew (`change_of_mind.py`). A clustering
+            that measures no novelty cannot.
 
     Example:
         >>> learner = BSOCClassifier(max_nodes=2)
@@ -82,7 +82,7 @@ class BSOCClassifier:
         self.linear_share = linear_share
         self.balance = balance
         self.novelty_ = Novelty(margin=novelty_margin)
-        self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
+        self._mind = ChangeOfMind(max_nodes) if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
 
     @classmethod
@@ -124,16 +124,14 @@ class BSOCClassifier:
         """
         self.learn_in(x, y, range(N_CONTEXTS))
 
-    def learn_in(
-        self, x: Vector, y: Label, contexts: Collection[int], *, is_correction: bool = False
-    ) -> None:
+    def learn_in(self, x: Vector, y: Label, contexts: Collection[int]) -> None:
         """Add one labelled frame that counts in these contexts; raises as `learn_one`."""
         if not isinstance(y, str) or not y:
             raise ValueError(f"a label must be a string, not {y!r}")
         column = self.labels_.index(y) if y in self.labels_ else len(self.labels_)
         node = self.cluster.train(x, column)
         self._know(y)
-        remembered = self._remembered()
+        self._compare(column)
         if self.cluster.last_merge_ is not None:
             self._follow(self.cluster.last_merge_)
         self._histograms[node, column] += 1
@@ -142,35 +140,17 @@ class BSOCClassifier:
         if self.cluster.last_distance_ is not None:
             self.novelty_.learn(self.cluster.last_distance_)
         if self._contextual is not None:
-            self._contextual.learn_in(x, column, contexts, is_correction=is_correction)
+            self._contextual.learn_in(x, column, contexts)
         elif self.linear is not None:
             self.linear.learn(x, np.eye(len(self.labels_))[column])
-        if self._mind is not None:
-            given_up = self._mind.note(column, remembered)
-            if given_up is not None:
-                self._give_up(given_up, column)
 
-    def _remembered(self) -> int | None:
-        """Return the label of the nearest image without recent examples, before any merge."""
-        node = self.cluster.last_held_
-        return None if node is None else int(self._histograms[node].argmax())
-
-    def _give_up(self, old: int, new: int) -> None:
-        """Move most of one label's votes to another, in all images that are not pinned."""
-        votes = self._histograms[: len(self.cluster)]
-        moved = np.where(self.cluster.pinned_, 0, votes[:, old])
-        moved -= (STILL_VALID * moved).astype(np.int64)
-        if not moved.any():
+    def _compare(self, column: int) -> None:
+        """Compare the example with the images of its view, before any merge."""
+        if self._mind is None:
             return
-        votes[:, old] -= moved
-        votes[:, new] += moved
-        for node in np.flatnonzero(moved).tolist():
-            self.cluster.set_group(node, int(votes[node].argmax()))
-        if self.linear is not None:
-            total = float(moved.sum())
-            change = np.zeros(len(self.labels_))
-            change[old], change[new] = -total, total
-            self.linear.retarget(moved @ self.cluster.nodes_ / total, change)
+        distances = self.cluster.last_distances_
+        reach = (SAME_VIEW * self.novelty_.usual) ** 2
+        self._mind.note(column, distances, self._histograms[: len(distances)], reach)
 
     def _know(self, y: Label) -> int:
         """Return the column of a label; adds one for a new label."""
@@ -203,10 +183,9 @@ class BSOCClassifier:
 
     def explain_in(self, x: Vector, context: int | None) -> Evidence:
         """Return the prediction in one context; raises as `predict_one`."""
-        distances, shares, from_images = self._votes(x, context)
+        distances, shares = self._votes(x, context)
         node = int(distances.argmin())
         listed, best = shares.tolist(), int(shares.argmax())
-        is_mixed = self.linear is not None
         return Evidence(
             label=self.labels_[best],
             probabilities=dict(zip(self.labels_, listed, strict=True)),
@@ -214,15 +193,10 @@ class BSOCClassifier:
             novelty=self.novelty_.score(float(distances[node])),
             node=self.cluster.node_id(node),
             distance=float(distances[node]),
-            from_images=(
-                dict(zip(self.labels_, from_images.tolist(), strict=True)) if is_mixed else None
-            ),
         )
 
-    def _votes(
-        self, x: Vector, context: int | None = None
-    ) -> tuple[votes.Distances, votes.Floats, votes.Floats]:
-        """Return distances, each label's share, and how much of that comes from the images."""
+    def _votes(self, x: Vector, context: int | None = None) -> tuple[votes.Distances, votes.Floats]:
+        """Return the distances to the nodes, and each label's share."""
         if len(self.cluster) == 0:
             raise NotFittedError("nothing was learned yet")
         distances = self.cluster.distances(x)
@@ -231,25 +205,24 @@ class BSOCClassifier:
             shares = votes.majority(distances, histograms)
         else:
             shares = votes.nearest_nodes(distances, histograms, self.n_voters)
-        weights = votes.rarity(histograms.sum(axis=0), self.balance) if self.balance else 1.0
-        if self.linear is None:
-            shares = votes.shares(shares * weights) if self.balance else shares
-            return distances, shares, shares
-        if self._contextual is None or context is None:
-            share, linear = self.linear_share, self.linear.scores(x)
-        else:
-            share = max(self.linear_share, CONTEXT_SHARE)
-            linear = self._contextual.scores_in(x, context)
-        scores = share * weights * np.maximum(linear, 0.0)
-        from_images = (1.0 - share) * weights * shares
-        total = float(scores.sum() + from_images.sum())
-        if total <= 0.0:
-            return distances, votes.shares(scores), from_images
-        return distances, (scores + from_images) / total, from_images / total
+        if self.linear is not None:
+            if self._contextual is None or context is None:
+                share, linear = self.linear_share, self.linear.scores(x)
+            else:
+                share = max(self.linear_share, CONTEXT_SHARE)
+                linear = self._contextual.scores_in(x, context)
+            shares = share * np.maximum(linear, 0.0) + (1.0 - share) * shares
+        if self.balance:
+            shares = shares * votes.rarity(histograms.sum(axis=0), self.balance)
+        if self._mind is not None:
+            shares = self._mind.applied(shares, distances, histograms)
+        return distances, votes.shares(shares)
 
     def _follow(self, merge: Merge) -> None:
         self._histograms[merge.kept] += self._histograms[merge.removed]
         self._histograms[merge.removed] = 0
+        if self._mind is not None:
+            self._mind.follow(merge.kept, merge.removed)
 
     def reset(self) -> None:
         """Do nothing: all that it learned is kept between drives."""
@@ -327,6 +300,8 @@ class BSOCClassifier:
             image = self.cluster.nodes_[index]
             self.linear.retarget(image, (self._histograms[index] - before).astype(np.float64))
         self.cluster.set_group(index, column)
+        if self._mind is not None:
+            self._mind.forget(index)
 
     def delete_node(self, node_id: int) -> None:
         """Forget the node of this id; raises LookupError if there is none."""
@@ -337,6 +312,8 @@ class BSOCClassifier:
             self.linear.learn(image, self._histograms[index] / frames, -frames)
         self._histograms[index] = self._histograms[last]
         self._histograms[last] = 0
+        if self._mind is not None:
+            self._mind.move(last, index)
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
         """Keep the node of this id as it is: never merged, never deleted."""

@@ -17,10 +17,6 @@ from robot.learner.block_ridge import BlockRidge
 from robot.learner.ridge import Floats, RecursiveRidge
 
 N_CONTEXTS = 2
-CORRECTION_WEIGHT = 5.0
-"""A correction of what the ridge itself would have done counts as so many examples,"""
-FEW = 100
-"""as long as the label has fewer examples there than this (about ten seconds)."""
 
 
 class ContextRidge:
@@ -53,35 +49,18 @@ class ContextRidge:
         """Return one score a label in one context, shape (n_labels,)."""
         return (self._ridges[context] if self._ridges else self._any).scores(x)
 
-    def learn_in(
-        self,
-        x: NDArray[Any],
-        column: int,
-        contexts: Collection[int],
-        *,
-        is_correction: bool = False,
-    ) -> None:
+    def learn_in(self, x: NDArray[Any], column: int, contexts: Collection[int]) -> None:
         """Add a frame of one label to the ridge for every view, and to those of `contexts`."""
-        is_news = is_correction and self._is_news(x, column, contexts)
-        weight = CORRECTION_WEIGHT if is_news else 1.0
         if not self._ridges and len(contexts) < N_CONTEXTS:
             self._part()
         targets = np.eye(self._counts.shape[1])[column]
         z = self._any.scaled(x)
-        self._any.learn_scaled(z, targets, weight)
+        self._any.learn_scaled(z, targets)
         self._counts[0, column] += 1
         for context in contexts:
             self._counts[1 + context, column] += 1
             if self._ridges:
-                self._ridges[context].learn_scaled(z, targets, weight)
-
-    def _is_news(self, x: NDArray[Any], column: int, contexts: Collection[int]) -> bool:
-        """Tell whether a label is little known in the one context, or in all, and not the best."""
-        context = next(iter(contexts)) if len(contexts) == 1 else None
-        if self._counts[0 if context is None else 1 + context, column] >= FEW:
-            return False
-        scores = self.scores(x) if context is None else self.scores_in(x, context)
-        return int(scores.argmax()) != column
+                self._ridges[context].learn_scaled(z, targets)
 
     def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:
         """Add a frame `weight` times, or take it back; each context gets its share of the label."""

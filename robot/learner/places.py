@@ -159,9 +159,7 @@ class MultiPlace:
         """
         self.learn_in(x, y, range(N_CONTEXTS))
 
-    def learn_in(
-        self, x: Vector, y: Label, contexts: Collection[int], *, is_correction: bool = False
-    ) -> None:
+    def learn_in(self, x: Vector, y: Label, contexts: Collection[int]) -> None:
         """Do as `learn_one`, in these contexts; an example that has to wait counts once in all."""
         bits = self._bits(x)
         if not isinstance(y, str) or not y:
@@ -176,7 +174,7 @@ class MultiPlace:
             if len(self._pending) >= _SEARCH:
                 self._settle_pending()
             return
-        self._teach(x, y, bits, contexts, is_correction)
+        self._teach(x, y, bits, contexts)
 
     def _settle_pending(self) -> None:
         """Decide to which place the waiting examples belong, and teach them."""
@@ -190,23 +188,18 @@ class MultiPlace:
         is_new = levels[best] > NEW_PLACE and len(self.networks_) < self.max_places
         self._place = None if is_new else best
         for (x, y), bits in zip(self._pending, views, strict=True):
-            self._teach(x, y, bits, range(N_CONTEXTS), False)
+            self._teach(x, y, bits, range(N_CONTEXTS))
         self._pending = []
 
     def _teach(
-        self,
-        x: Vector,
-        y: Label,
-        bits: NDArray[np.uint8],
-        contexts: Collection[int],
-        is_correction: bool,
+        self, x: Vector, y: Label, bits: NDArray[np.uint8], contexts: Collection[int]
     ) -> None:
         if self._place is None:
             self.networks_.append(self._make())
             self._indices.append(PlaceIndex())
             self._place = len(self.networks_) - 1
         network = self.networks_[self._place]
-        network.learn_in(x, y, contexts, is_correction=is_correction)
+        network.learn_in(x, y, contexts)
         if network.last_node_ is not None:
             self.last_node_ = self._outer_id(self._place, network.last_node_)
         index = self._indices[self._place]

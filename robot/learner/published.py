@@ -37,7 +37,7 @@ class PublishedBSOC:
         self.integer = integer
         self.last_merge_: Merge | None = None
         self.last_distance_: float | None = None
-        self.last_held_: int | None = None
+        self.last_distances_ = np.zeros(0)
         self._size = 0
         self._next_id = 0
         self._dtype: type[Any] = np.int32 if integer else np.float64

@@ -10,11 +10,16 @@ from robot.learner.context_ridge import ContextRidge
 from robot.learner.ridge import LinearPart, RecursiveRidge
 from robot.policy.action_filter import ActionFilter
 from robot.policy.features import Features, GradientFeatures
+from robot.policy.move_kinds import MoveKinds
 from robot.policy.policy import Policy
 from robot.types import Action
 
 Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
 """Makes a policy of a number of nodes, a name and the moves; True: in whole numbers alone."""
+
+
+BALANCE = 0.2
+"""By how much a rare label weighs more: few examples of a turn are enough to see it."""
 
 
 def _ridge() -> RecursiveRidge:
@@ -26,13 +31,14 @@ class Design:
     """The parts and constants of a learner; the defaults are those that measured best."""
 
     features: Callable[[], Features] = GradientFeatures
-    action_filter: Callable[[], ActionFilter] = ActionFilter
+    action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter
     is_linear: bool = True
     is_contextual: bool = True
     """The linear part knows what is under way; else the move under way has inertia."""
     linear_share: float = LINEAR_SHARE
     group_cost: float = GROUP_COST
     n_voters: int = N_VOTERS
+    balance: float = BALANCE
     is_integer: bool = False
     """Whole numbers alone, on any machine."""
     forgets: bool = True
@@ -52,6 +58,7 @@ class Design:
             n_voters=self.n_voters,
             linear=linear,
             linear_share=self.linear_share,
+            balance=self.balance,
             integer=integer,
             forgets=self.forgets and not integer,
         )
@@ -65,7 +72,7 @@ class Design:
             learner,
             features,
             moves=moves,
-            action_filter=self.action_filter(),
+            action_filter=self.action_filter,
             calibrates=self.calibrates and learner.linear is not None,
             brighten=(
                 features.brightened

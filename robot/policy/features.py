@@ -7,7 +7,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import CameraError
 from robot.learner.base import Vector
 from robot.policy import image
 from robot.types import Frame
@@ -145,7 +144,8 @@ class GradientFeatures:
 
 
 def at_common_scale(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return a picture with less than twice the sides of 160x120: its details have one size."""
+    """Return a picture of one to two times the sides of 160x120: its details have one size."""
+    pixels = image.enlarge(pixels, 4 * THUMBNAIL_WIDTH, 4 * THUMBNAIL_HEIGHT)
     rows, columns = (
         side if length >= 2 * side else length
         for length, side in zip(
@@ -156,8 +156,6 @@ def at_common_scale(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _sampled(length: int, n_points: int) -> NDArray[np.intp]:
-    if length < 2 * n_points:
-        raise CameraError(f"a picture side of {length} pixels is too short; {2 * n_points} needed")
     return (np.arange(n_points) * length + length // 2) // n_points
 
 

@@ -9,10 +9,11 @@ the undone examples had never been.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from robot.driver import Move
 from robot.learner.base import State, Vector
 from robot.policy.policy import Policy
 from robot.types import Action, Example
@@ -85,11 +86,16 @@ class TrainingHistory:
     Args:
         policy: What learns. From now on only the history may change it.
         on_event: Called with everything that changes the learner, in order; for the recorder.
+        declared: What the body says of its moves; each policy here is told of it.
     """
 
     def __init__(
-        self, policy: Policy, on_event: Callable[[HistoryEvent], None] | None = None
+        self,
+        policy: Policy,
+        on_event: Callable[[HistoryEvent], None] | None = None,
+        declared: Collection[Move] = (),
     ) -> None:
+        self._declared = declared
         self._on_event = on_event or (lambda event: None)
         self._changes = 0
         self.drives = 0
@@ -98,6 +104,7 @@ class TrainingHistory:
 
     def _begin(self, policy: Policy, taught: Counter[Action]) -> None:
         self.policy = policy
+        policy.describe_moves(self._declared)
         self.taught = taught
         self._events: list[LogEvent] = []
         self._forgotten = 0
@@ -247,7 +254,7 @@ def replay(
 def _make(policy: Policy, event: LogEvent) -> None:
     if isinstance(event, Taught):
         example, at_s = event.example, event.at_s if event.at_s >= 0.0 else None
-        policy.learn(event.x, example.label, at_s, is_correction=example.is_intervention)
+        policy.learn(event.x, example.label, at_s)
     elif isinstance(event, DriveBegun):
         policy.reset()
     elif event.verb == "relabel":

@@ -58,15 +58,13 @@ def rgb_to_grey(rgb: Pixels) -> Pixels:
 def shrink(pixels: Pixels, width: int, height: int) -> Pixels:
     """Return the mean of each of `height` x `width` areas, rounded to nearest.
 
-    Raises:
-        CameraError: If the picture is smaller than that.
+    A picture that is smaller than that is enlarged before.
     """
+    pixels = enlarge(pixels, width, height)
     rows, columns = pixels.shape[:2]
     for halvings in (1, 2):
         if (rows, columns) == (height << halvings, width << halvings):
             return _shrink_by_halves(pixels, halvings)
-    if rows < height or columns < width:
-        raise CameraError(f"a picture of {columns}x{rows} is too small; {width}x{height} is needed")
     top, left = (np.arange(n) * full // n for n, full in ((height, rows), (width, columns)))
     sums = np.add.reduceat(pixels, top, axis=0, dtype=np.int32)
     sums = np.add.reduceat(sums, left, axis=1)
@@ -76,6 +74,29 @@ def shrink(pixels: Pixels, width: int, height: int) -> Pixels:
     means -= (rests == 0) & (means % 2 == 1)  # halves go to the even neighbour
     small: Pixels = means.astype(np.uint8)
     return small
+
+
+def enlarge(pixels: Pixels, width: int, height: int) -> Pixels:
+    """Return the picture with each side that is shorter than this made as long, smoothly."""
+    for axis, length in ((0, height), (1, width)):
+        if pixels.shape[axis] < length:
+            pixels = _stretched(pixels, axis, length)
+    return pixels
+
+
+def _stretched(pixels: Pixels, axis: int, length: int) -> Pixels:
+    """Interpolate between the pixels' middles, in whole numbers."""
+    old = pixels.shape[axis]
+    places = (2 * np.arange(length) + 1) * old * 128 // length - 128  # in 1/256 pixels
+    places = places.clip(0, (old - 1) * 256)
+    first = (places >> 8).astype(np.intp)
+    shape = [1] * pixels.ndim
+    shape[axis] = length
+    share = (places & 255).reshape(shape)
+    one = pixels.take(first, axis=axis).astype(np.int32)
+    other = pixels.take(np.minimum(first + 1, old - 1), axis=axis)
+    between: Pixels = (one + ((other - one) * share + 128 >> 8)).astype(np.uint8)
+    return between
 
 
 def _shrink_by_halves(pixels: Pixels, halvings: int) -> Pixels:

@@ -14,8 +14,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from robot.policy.move_kinds import MoveKinds
 from robot.policy.pilot_pace import PAUSE_S
-from robot.types import TURNS, Action
+from robot.types import Action
 
 STRAIGHT, TURNING = 0, 1
 BOTH = (STRAIGHT, TURNING)
@@ -23,19 +24,23 @@ ONSET_S = 0.5
 """An example that comes so soon after a change of move counts in the old move's context, too."""
 
 
-def context_of(move: Action) -> int:
-    """Return the context that a move under way makes."""
-    return TURNING if move in TURNS else STRAIGHT
-
-
 class MoveContext:
-    """Follows what is being taught, example by example."""
+    """Follows what is being taught, example by example.
 
-    def __init__(self) -> None:
+    Args:
+        kinds: Which moves are turns; where none is known to be, all contexts are one.
+    """
+
+    def __init__(self, kinds: MoveKinds) -> None:
+        self._turns = kinds.turns
         self._move: Action | None = None
         self._before: Action | None = None
         self._since_s = 0.0
         self._last_s = 0.0
+
+    def of(self, move: Action) -> int:
+        """Return the context that a move under way makes."""
+        return TURNING if move in self._turns else STRAIGHT
 
     def note(self, label: Action, at_s: float | None) -> tuple[int, ...]:
         """Return the contexts in which an example counts.
@@ -44,16 +49,16 @@ class MoveContext:
             label: Its label.
             at_s: Its teaching time; None: it stands for itself, and counts in both.
         """
-        if at_s is None:
+        if at_s is None or not self._turns:
             self._move = None
             return BOTH
         before = self._move if 0.0 <= at_s - self._last_s <= PAUSE_S else None
         if before is not label:
             self._before, self._move, self._since_s = before, label, at_s
         self._last_s = at_s
-        own = context_of(label)
+        own = self.of(label)
         if at_s - self._since_s > ONSET_S or (
-            self._before is not None and context_of(self._before) == own
+            self._before is not None and self.of(self._before) == own
         ):
             return (own,)
         return BOTH

@@ -1,4 +1,4 @@
-"""How long the pilot turns and pushes: it sets how long the robot may.
+"""How long the pilot turns, pushes and keeps to a move: it sets how long the robot may.
 
 Learned only from the labelled frames and their teaching time, so that learning the same examples
 again after an undo gives the same values.
@@ -6,14 +6,17 @@ again after an undo gives the same values.
 
 from __future__ import annotations
 
+import statistics
+from collections import deque
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.policy.move_kinds import MoveKinds
 from robot.policy.progress_clock import ProgressClock
-from robot.policy.stall_detector import STRAIGHT, STUCK_S, StillnessMeter
-from robot.types import TURNS, Action
+from robot.policy.stall_detector import STUCK_S, ChangeMeter, StraightScale
+from robot.types import DEFAULT_MOVES, Action
 
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
 """Bounds of the debt (`ProgressClock`) that a pilot is taken to allow himself, in seconds.
@@ -23,11 +26,7 @@ no way out."""
 _MEANT = 3
 """A pilot who pushed so often for so long meant it: once may be a slip."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
-_TURNS, _FEWEST_TURNS = 32, 5
-_ALIKE, _TIMED = 0.1, 0.75
-"""Turns are timed if three quarters of the last ones differ by at most a tenth from the median."""
-_SHORTEST_TURN_S = 0.3
-"""A shorter turn is a slip of the finger."""
+_RUNS, _FEWEST_RUNS = 64, 8
 PAUSE_S = 0.45
 """A longer gap of teaching time between two examples ends a manoeuvre."""
 
@@ -35,29 +34,36 @@ PAUSE_S = 0.45
 class PilotPace:
     """How long a pilot's manoeuvres take.
 
+    Args:
+        kinds: Which moves are turns, and which drive straight.
+
     Attributes:
         longest_debt_s: Largest debt (`ProgressClock`) of the pilot's own driving, within bounds.
-        timed_turn_s: How long the pilot's turns take if they always take the same time; else None.
-            A person turns until the way is free, which takes now one second and now four. Turns
-            of one length end by the clock, and not by anything that can be seen.
+        scale: How much the picture changes as he drives straight.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, kinds: MoveKinds | None = None) -> None:
+        self.kinds = kinds or MoveKinds(DEFAULT_MOVES)
         self.longest_debt_s = SHORTEST_DEBT_S
+        self.scale = StraightScale()
         self._pushes_s = [0.0] * _MEANT
         self._push_s = 0.0
-        self.timed_turn_s: float | None = None
-        self._turns_s: list[float] = []
-        self._turn_s = 0.0
-        self._turning: Action | None = None
+        self._runs_s: deque[float] = deque(maxlen=_RUNS)
+        self._run_s = 0.0
+        self._label: Action | None = None
         self._last_s = 0.0
-        self._clock = ProgressClock()
-        self._stillness = StillnessMeter()
+        self._clock = ProgressClock(self.kinds)
+        self._meter = ChangeMeter()
 
     @property
     def patience_s(self) -> float:
         """How long the robot may push: 1.5 times as long as the pilot did at least three times."""
         return min(max(STUCK_S, _PATIENCE * min(self._pushes_s)), _LONGEST_PATIENCE_S)
+
+    @property
+    def usual_run_s(self) -> float | None:
+        """How long he usually keeps to a move; None before he has changed it often enough."""
+        return statistics.median(self._runs_s) if len(self._runs_s) >= _FEWEST_RUNS else None
 
     def learn(self, label: Action, picture: NDArray[np.uint8], at_s: float) -> None:
         """Update from one labelled frame.
@@ -68,22 +74,25 @@ class PilotPace:
             at_s: Its teaching time.
         """
         step_s, self._last_s = at_s - self._last_s, at_s
-        if not 0.0 <= step_s <= PAUSE_S:
+        is_going_on = 0.0 <= step_s <= PAUSE_S
+        if not is_going_on:
             step_s = 0.0
             self._end_push()
-            self._end_turn()
             self._clock.reset()
-            self._stillness.reset()
-        is_still = self._stillness.is_still(picture, at_s)
-        if label not in STRAIGHT or is_still is False:
+            self._meter.reset()
+        change = self._meter.note(picture, at_s)
+        is_still = None if change is None else self.scale.is_still(change)
+        if label not in self.kinds.straight or is_still is False:
             self._end_push()
         elif is_still or self._push_s > 0.0:  # None: too soon to tell
             self._push_s += step_s
-        if label is not self._turning:
-            self._end_turn()
-            self._turning = label if label in TURNS else None
-        elif label in TURNS:
-            self._turn_s += step_s
+        if change is not None and label in self.kinds.straight:
+            self.scale.add(change)
+        self._run_s += step_s
+        if label is not self._label or not is_going_on:
+            if is_going_on and self._label is not None:
+                self._runs_s.append(self._run_s)
+            self._label, self._run_s = label, 0.0
         self._clock.note(label, at_s, is_stalled=self._push_s > 0.0)
         debt_s = min(self._clock.debt_s, LONGEST_DEBT_S)
         self.longest_debt_s = max(self.longest_debt_s, debt_s)
@@ -92,46 +101,36 @@ class PilotPace:
         self._pushes_s = sorted([*self._pushes_s, self._push_s])[-_MEANT:]
         self._push_s = 0.0
 
-    def _end_turn(self) -> None:
-        if self._turn_s >= _SHORTEST_TURN_S:
-            self._turns_s = [*self._turns_s[1 - _TURNS :], self._turn_s]
-            self.timed_turn_s = _timed(self._turns_s)
-        self._turn_s, self._turning = 0.0, None
-
     def get_state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Return all of it as plain values and arrays."""
         values = {
             "longest_debt_s": self.longest_debt_s,
             "pushes_s": list(self._pushes_s),
             "push_s": self._push_s,
-            "turns_s": list(self._turns_s),
-            "turn_s": self._turn_s,
-            "turning": self._turning,
+            "runs_s": list(self._runs_s),
+            "run_s": self._run_s,
+            "label": self._label,
             "last_s": self._last_s,
             "clock": self._clock.get_state(),
-            "stillness": self._stillness.get_state(),
+            "before_s": self._meter.before_s,
+            "changes": list(self.scale.changes),
         }
-        before = self._stillness.before
+        before = self._meter.before
         return values, {} if before is None else {"pace_picture": before.copy()}
 
     def set_state(self, values: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
-        """Restore what `get_state` returned."""
+        """Restore what `get_state` returned; older models know less."""
         self.longest_debt_s = float(values["longest_debt_s"])
         self._pushes_s = [float(push_s) for push_s in values["pushes_s"]]
         self._push_s, self._last_s = float(values["push_s"]), float(values["last_s"])
-        self._turns_s = [float(turn_s) for turn_s in values.get("turns_s", [])]
-        self.timed_turn_s = _timed(self._turns_s)
-        self._turn_s = float(values.get("turn_s", 0.0))
-        turning = values.get("turning")
-        self._turning = None if turning is None else Action(turning)
+        self._runs_s.clear()
+        self._runs_s.extend(float(run_s) for run_s in values.get("runs_s", []))
+        self._run_s = float(values.get("run_s", 0.0))
+        label = values.get("label")
+        self._label = None if label is None else Action(label)
         self._clock.set_state(values["clock"])
-        self._stillness.set_state(values["stillness"], arrays.get("pace_picture"))
-
-
-def _timed(turns_s: list[float]) -> float | None:
-    """Return the median if most of the turns are about as long, else None."""
-    if len(turns_s) < _FEWEST_TURNS:
-        return None
-    usual_s = sorted(turns_s)[len(turns_s) // 2]
-    like_it = sum(abs(turn_s - usual_s) <= _ALIKE * usual_s for turn_s in turns_s)
-    return usual_s if like_it >= _TIMED * len(turns_s) else None
+        self.scale.changes.clear()
+        self.scale.changes.extend(float(change) for change in values.get("changes", []))
+        before = arrays.get("pace_picture")
+        self._meter.before = None if before is None else before.copy()
+        self._meter.before_s = float(values.get("before_s", 0.0))

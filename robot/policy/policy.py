@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
+from robot.driver import Move
 from robot.learner import votes
 from robot.learner.base import (
     ContextualLearner,
@@ -20,7 +21,8 @@ from robot.policy.example_rate import ExampleRate
 from robot.policy.features import Features
 from robot.policy.gallery import Gallery, LearnedImage
 from robot.policy.light import LightAdaptation
-from robot.policy.move_context import MoveContext, context_of
+from robot.policy.move_context import MoveContext
+from robot.policy.move_kinds import MoveKinds
 from robot.policy.pilot_pace import PilotPace
 from robot.policy.running_votes import USUAL_STEP_S
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
@@ -42,10 +44,13 @@ class Policy:
         learner: Learns and recognises.
         features: From frame to vector.
         moves: What it may propose.
-        action_filter: Makes a steady drive of the votes on single frames; the default's if None.
+        action_filter: Makes what makes a steady drive of the votes on single frames.
         calibrates: Learn from the examples how sure it may be here (`calibration.py`).
         brighten: Returns a view with its grey values multiplied; with it the learner is shown each
             view in the light that it was taught in (`light.py`).
+
+    Attributes:
+        kinds: Which of the moves are turns, and which drive straight.
     """
 
     def __init__(
@@ -56,7 +61,7 @@ class Policy:
         features: Features,
         *,
         moves: tuple[Action, ...] = DEFAULT_MOVES,
-        action_filter: ActionFilter | None = None,
+        action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter,
         calibrates: bool = False,
         brighten: Callable[[Vector, float], Vector] | None = None,
     ) -> None:
@@ -65,20 +70,25 @@ class Policy:
         self.moves = moves
         self.learner = learner
         self.features = features
-        self._action_filter = action_filter or ActionFilter()
+        self.kinds = MoveKinds(moves)
+        self._action_filter = action_filter(self.kinds)
         self._n_examples = 0
         self._n_proposals = 0
-        self._pace = PilotPace()
+        self._pace = PilotPace(self.kinds)
         self._calibration = Calibration() if calibrates else None
         self._brighten = brighten
         self._light = LightAdaptation()
         self._contextual: ContextualLearner | None = None
         if learner.abilities.contexts and isinstance(learner, ContextualLearner):
             self._contextual = learner
-        self._context = MoveContext()
+        self._context = MoveContext(self.kinds)
         self._rate = ExampleRate()
         self._now_s = 0.0
         self._gallery = Gallery(learner, features)
+
+    def describe_moves(self, declared: Iterable[Move]) -> None:
+        """Take in what a body says of its moves: which are turns, which drive straight."""
+        self.kinds.describe(declared)
 
     @property
     def n_nodes(self) -> int:
@@ -121,21 +131,11 @@ class Policy:
             return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
         known = evidence.probabilities
         shares = {move: max(known[move], _LEAST) if move in known else 0.0 for move in self.moves}
-        images = evidence.from_images
-        jumpy = None if images is None else {move: images.get(move, 0.0) for move in self.moves}
-        steady = self._action_filter.average(shares, at_s, jumpy)
+        steady = self._action_filter.average(shares, at_s, self._pace.usual_run_s)
         self._now_s = self._now_s + USUAL_STEP_S if at_s is None else at_s
-        view = View(
-            picture=self.features.grey(x), at_s=self._now_s, bumped=bumped, novelty=evidence.novelty
-        )
+        view = View(picture=self.features.grey(x), at_s=self._now_s, bumped=bumped)
         action = self._action_filter.choose(
-            steady,
-            view,
-            under_way,
-            longest_debt_s=self._pace.longest_debt_s,
-            patience_s=self._pace.patience_s,
-            timed_turn_s=self._pace.timed_turn_s,
-            in_context=self._contextual is not None,
+            steady, view, under_way, self._pace, in_context=self._contextual is not None
         )
         self._gallery.note_used(evidence.node, self._n_proposals)
         return Prediction(
@@ -147,13 +147,15 @@ class Policy:
             distance=evidence.distance,
             novelty=evidence.novelty,
             is_stalled=self._action_filter.is_stalled,
+            is_turn=action in self.kinds.turns,
             needs_help=self._action_filter.needs_help,
         )
 
     def _explain(self, x: Vector, under_way: Action | None) -> Evidence:
         if self._contextual is None:
             return self.learner.explain_one(x)
-        return self._contextual.explain_in(x, None if under_way is None else context_of(under_way))
+        context = None if under_way is None else self._context.of(under_way)
+        return self._contextual.explain_in(x, context)
 
     def _in_taught_light(self, x: Vector, at_s: float | None) -> Vector:
         if self._brighten is None:
@@ -161,14 +163,7 @@ class Policy:
         gain = self._light.gain(float(self.features.grey(x).mean()), at_s)
         return x if gain == 1.0 else self._brighten(x, gain)
 
-    def learn(
-        self,
-        x: Vector,
-        label: Action,
-        at_s: float | None = None,
-        *,
-        is_correction: bool = False,
-    ) -> None:
+    def learn(self, x: Vector, label: Action, at_s: float | None = None) -> None:
         """Learn one example.
 
         Given times, at most ten examples a second are learned while the label stays the same; the
@@ -178,7 +173,6 @@ class Policy:
             x: The frame's vector.
             label: The move.
             at_s: The frame's teaching time; None: it stands for itself.
-            is_correction: True if the pilot overruled the robot, which was driving.
 
         Raises:
             ValueError: If the label is none of `moves`, or `x` cannot be learned; nothing changes.
@@ -191,8 +185,7 @@ class Policy:
             if self._contextual is None:
                 self.learner.learn_one(x, label)
             else:
-                contexts = self._context.note(label, at_s)
-                self._contextual.learn_in(x, label, contexts, is_correction=is_correction)
+                self._contextual.learn_in(x, label, self._context.note(label, at_s))
             if self._brighten is not None:
                 self._light.learn(float(self.features.grey(x).mean()))
         if at_s is not None:
@@ -229,6 +222,7 @@ class Policy:
             params["light"] = self._light.get_state()
         if self._contextual is not None:
             params["context"] = self._context.get_state()
+        params["kinds"] = self.kinds.get_state()
         params["pace"], pace_arrays = self._pace.get_state()
         arrays = {**state.arrays, **pace_arrays}
         return State(kind=f"policy:{state.kind}", params=params, arrays=arrays, labels=state.labels)
@@ -252,7 +246,9 @@ class Policy:
         self.learner.set_state(replace(state, kind=kind, params=params))
         self._n_examples = int(state.params["lessons"])
         self._rate.set_state(state.params.get("last_learned"))
-        self._pace = PilotPace()
+        if "kinds" in state.params:  # else the moves are as they were described
+            self.kinds.set_state(state.params["kinds"])
+        self._pace = PilotPace(self.kinds)
         if "pace" in state.params:  # models of version 0.1 have none
             self._pace.set_state(state.params["pace"], state.arrays)
         if self._calibration is not None:
@@ -262,7 +258,7 @@ class Policy:
         self._light = LightAdaptation()
         if self._brighten is not None and "light" in state.params:
             self._light.set_state(state.params["light"])
-        self._context = MoveContext()
+        self._context = MoveContext(self.kinds)
         if self._contextual is not None and "context" in state.params:
             self._context.set_state(state.params["context"])
         self._n_proposals = 0

@@ -6,7 +6,8 @@ how long the robot may turn before it has to try something else.
 
 from __future__ import annotations
 
-from robot.types import TURNS, Action
+from robot.policy.move_kinds import MoveKinds
+from robot.types import Action
 
 PAYS_BACK = 4.0
 """A second of driving straight pays for so many seconds of turning."""
@@ -25,9 +26,13 @@ class ProgressClock:
 
     Turning either way, and pushing without effect, add to it; driving straight with effect takes
     four times as much off; it is never below 0.
+
+    Args:
+        kinds: Which moves are turns.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, kinds: MoveKinds) -> None:
+        self._turns = kinds.turns
         self.debt_s = 0.0
         self.straight_s = 0.0
         """For how long the robot has been driving straight with effect."""
@@ -45,7 +50,7 @@ class ProgressClock:
         self._last_s = at_s
         if action is None or action is Action.STOP:
             return
-        if action in TURNS or is_stalled:
+        if action in self._turns or is_stalled:
             self.debt_s += step_s
             self.straight_s = 0.0
         else:

@@ -33,7 +33,7 @@ def make_published(number: int, name: str, moves: tuple[Action, ...], integer: b
     """Return the learner of the paper, as it was published; a `Maker`."""
     learner = BSOCClassifier.published(number, integer=integer)
     return Policy(
-        name, number, learner, GreyFeatures(), moves=moves, action_filter=ActionFilter.none()
+        name, number, learner, GreyFeatures(), moves=moves, action_filter=ActionFilter.none
     )
 
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from robot.types import Action
 
 VOTES_KEPT = 0.4
 """Share of the running average of votes that is left after a tenth of a second."""
-IMAGES_KEPT = 0.5
-"""The same for the votes of single images, which are averaged first: they jump."""
 USUAL_STEP_S = 0.1
 """Time between two frames where nothing tells it."""
+SHARE_OF_RUN = 0.14
+"""The time constant is at most this share of how long the pilot keeps to a move: an average that
+is slower than its pilot's hand comes too late for a quick body."""
 
 
 class RunningVotes:
@@ -29,15 +31,19 @@ class RunningVotes:
         self._at_s: float | None = None
 
     def update(
-        self, shares: Mapping[Action, float], at_s: float | None = None
+        self,
+        shares: Mapping[Action, float],
+        at_s: float | None = None,
+        usual_run_s: float | None = None,
     ) -> dict[Action, float]:
         """Add one frame's shares and return the average; it sums to 1.
 
         Args:
             shares: The votes for each move.
             at_s: When the frame was taken; None: a tenth of a second after the last.
+            usual_run_s: How long the pilot keeps to a move; None if it is not known.
         """
-        keep = self.keep ** (self._step_s(at_s) / USUAL_STEP_S) if self.keep else 0.0
+        keep = self._kept(self._step_s(at_s), usual_run_s)
         old = self._average or shares
         mixed = {
             action: keep * old.get(action, 0.0) + (1.0 - keep) * share
@@ -46,6 +52,14 @@ class RunningVotes:
         total = sum(mixed.values())
         self._average = {action: share / total for action, share in mixed.items()}
         return dict(self._average)
+
+    def _kept(self, step_s: float, usual_run_s: float | None) -> float:
+        if not self.keep:
+            return 0.0
+        constant_s = -USUAL_STEP_S / math.log(self.keep)
+        if usual_run_s is not None:
+            constant_s = max(min(constant_s, SHARE_OF_RUN * usual_run_s), 1e-3)
+        return math.exp(-step_s / constant_s)
 
     def _step_s(self, at_s: float | None) -> float:
         before_s, self._at_s = self._at_s, at_s

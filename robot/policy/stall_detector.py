@@ -7,72 +7,78 @@ not watched here: near a plain wall it changes the picture little. `progress_clo
 
 from __future__ import annotations
 
+import statistics
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.types import Action
+from robot.policy.move_kinds import MoveKinds
+from robot.types import DEFAULT_MOVES, Action
 
-STRAIGHT = (Action.FORWARD, Action.BACKWARD)
 STUCK_S = 0.5
 """After so long without effect a straight move is given up, if the pilot never meant to push,"""
 AWAY_S = 1.5
 """and not taken up again for so long, nor before the robot moves."""
-_STEP_S = 0.1
+STEP_S = 0.1
 _STILL_SHARE = 0.25
-_RISE, _FALL = 0.1, 0.001
+_MEMORY, _FEWEST = 100, 5
 
 
-class StillnessMeter:
-    """Compares each picture with the one of a tenth of a second before.
-
-    What counts as still depends on how much the picture usually changes: a scale that rises
-    quickly (though not by a single flash of light) and falls slowly.
-
-    Attributes:
-        before: The picture that the next is compared with.
-    """
+class ChangeMeter:
+    """How much the picture changes within a tenth of a second; None if that is not over yet."""
 
     def __init__(self) -> None:
         self.before: NDArray[np.uint8] | None = None
-        self._before_s = 0.0
-        self._usual = 0.0
+        self.before_s = 0.0
 
-    def is_still(self, picture: NDArray[np.uint8], at_s: float) -> bool | None:
-        """Return None if the last picture that was compared is too new, or there is none.
+    def note(self, picture: NDArray[np.uint8], at_s: float) -> float | None:
+        """Compare a picture with the one of a tenth of a second before.
 
         Args:
             picture: The frame in grey, of any one shape.
             at_s: When the frame was taken.
         """
-        if self.before is None or at_s < self._before_s:
-            self.before, self._before_s = picture, at_s
+        before, step_s = self.before, at_s - self.before_s
+        if before is not None and 0.0 <= step_s < 0.9 * STEP_S:
             return None
-        if at_s - self._before_s < 0.9 * _STEP_S:
+        self.before, self.before_s = picture, at_s
+        if before is None or before.shape != picture.shape or step_s < 0.0:
             return None
-        step = picture.astype(np.int16) - self.before.astype(np.int16)
-        change = float(np.abs(step).mean())
-        self.before, self._before_s = picture, at_s
-        usual = self._usual or change
-        rate = _RISE if change > usual else _FALL
-        self._usual = usual + rate * (min(change, 2 * usual) - usual)
-        return change < _STILL_SHARE * self._usual
+        return float(np.abs(picture.astype(np.int16) - before).mean())
 
     def reset(self) -> None:
-        """Forget what belongs to one drive; the scale stays."""
+        """Compare the next picture with none."""
         self.before = None
 
-    def get_state(self) -> list[float]:
-        """Return the time of `before` and the scale."""
-        return [self._before_s, self._usual]
 
-    def set_state(self, values: list[float], before: NDArray[np.uint8] | None) -> None:
-        """Restore what `get_state` returned, with `before`."""
-        self._before_s, self._usual = values
-        self.before = None if before is None else before.copy()
+class StraightScale:
+    """How much the picture usually changes while the body drives straight: the median.
+
+    Turns say nothing of it: where a turn is quick or the place is wide, driving straight would
+    look still beside it.
+    """
+
+    def __init__(self) -> None:
+        self.changes: deque[float] = deque(maxlen=_MEMORY)
+
+    def is_still(self, change: float) -> bool:
+        """Tell whether a change is so small that the body stands; False before it has driven."""
+        if len(self.changes) < _FEWEST:
+            return False
+        return change < _STILL_SHARE * statistics.median(self.changes)
+
+    def add(self, change: float) -> None:
+        """Add the change between two pictures of a straight drive, unless the body stood."""
+        if not self.is_still(change):
+            self.changes.append(change)
 
 
 class StallDetector:
     """Bars a straight move that has no effect.
+
+    Args:
+        kinds: Which moves are straight.
 
     Attributes:
         patience_s: How long a straight move may be without effect: more for a pilot who pushes
@@ -80,10 +86,12 @@ class StallDetector:
         is_stalled: True while a straight move under way has no effect.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, kinds: MoveKinds | None = None) -> None:
         self.patience_s = STUCK_S
         self.is_stalled = False
-        self._stillness = StillnessMeter()
+        self._kinds = kinds or MoveKinds(DEFAULT_MOVES)
+        self._meter = ChangeMeter()
+        self._driven = StraightScale()
         self._stuck_since_s: float | None = None
         self._barred: Action | None = None
         self._barred_until_s = 0.0
@@ -95,6 +103,7 @@ class StallDetector:
         at_s: float,
         *,
         bumped: bool = False,
+        taught: StraightScale | None = None,
     ) -> Action | None:
         """Look at one more frame; return the move that has no effect now, if there is one.
 
@@ -103,26 +112,32 @@ class StallDetector:
             under_way: The move that the robot makes by its own choice; None if it does not.
             at_s: When the frame was taken.
             bumped: True if a bumper is pressed.
+            taught: How much the picture changed as the pilot drove straight; None or too little of
+                it: as the robot itself did.
         """
-        is_still = self._stillness.is_still(picture, at_s)
-        if is_still is not None:
-            self._note(is_still or bumped, under_way, at_s)
+        change = self._meter.note(picture, at_s)
+        if change is not None:
+            if under_way in self._kinds.straight:
+                self._driven.add(change)
+            is_known = taught is not None and len(taught.changes) >= _FEWEST
+            scale = taught if taught is not None and is_known else self._driven
+            self._note(scale.is_still(change) or bumped, under_way, at_s)
         return self._barred
 
     def _note(self, is_stuck: bool, under_way: Action | None, at_s: float) -> None:
-        self.is_stalled = is_stuck and under_way in STRAIGHT
+        self.is_stalled = is_stuck and under_way in self._kinds.straight
         if not is_stuck and at_s >= self._barred_until_s:
             self._barred = None
         if not self.is_stalled:
             self._stuck_since_s = None
         elif self._stuck_since_s is None:
             self._stuck_since_s = at_s
-        elif at_s - self._stuck_since_s >= self.patience_s - _STEP_S:
+        elif at_s - self._stuck_since_s >= self.patience_s - STEP_S:
             self._barred, self._barred_until_s = under_way, at_s + AWAY_S
             self._stuck_since_s = None
 
     def reset(self) -> None:
         """Forget what belongs to one drive; the scale of change stays."""
-        self._stillness.reset()
+        self._meter.reset()
         self._stuck_since_s = self._barred = None
         self.is_stalled = False

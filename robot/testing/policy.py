@@ -37,9 +37,7 @@ class FakePolicy(Policy):
             frame_id=frame_id, action=self.first, confidence=1.0, probabilities=shares
         )
 
-    def learn(
-        self, x: Vector, label: Action, at_s: float | None = None, *, is_correction: bool = False
-    ) -> None:
+    def learn(self, x: Vector, label: Action, at_s: float | None = None) -> None:
         """Count, and remember the first label."""
         self.first = self.first or label
         self._n_examples += 1

@@ -91,16 +91,6 @@ def test_a_prediction_names_an_image_of_the_gallery(kind: str) -> None:
         assert node is None
 
 
-def test_what_images_vote_for_is_a_part_of_the_probabilities(kind: str) -> None:
-    policy = make(kind)
-    teach(policy, 40)
-    for number in range(5):
-        evidence = policy.learner.explain_one(policy.extract(view(3 + number, 500)))
-        assert sum(evidence.probabilities.values()) == pytest.approx(1.0)
-        for label, part in (evidence.from_images or {}).items():
-            assert 0.0 <= part <= evidence.probabilities[label] + 1e-12
-
-
 def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) -> None:
     policy = make(kind)
     teach(policy, 40)

@@ -62,7 +62,7 @@ def make_baseline(number: int, name: str, moves: tuple[Action, ...], integer: bo
     """
     learner = make(split_name(name)[0], number)
     return Policy(
-        name, number, learner, GreyFeatures(), moves=moves, action_filter=ActionFilter.none()
+        name, number, learner, GreyFeatures(), moves=moves, action_filter=ActionFilter.none
     )
 
 
@@ -77,4 +77,4 @@ def make_network(number: int, name: str, moves: tuple[Action, ...], integer: boo
     from robot.lab.baselines.networks import ColourFeatures
 
     learner, features = make(split_name(name)[0], number), ColourFeatures()
-    return Policy(name, number, learner, features, moves=moves, action_filter=ActionFilter.none())
+    return Policy(name, number, learner, features, moves=moves, action_filter=ActionFilter.none)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.store.models.demands import LARGEST, OPTIONAL, WHOLE, demand
+from robot.store.models.demands import GONE, LARGEST, OPTIONAL, WHOLE, demand
 from robot.types import Action, Encoding, Frame
 
 MOST_VIEWS = 128
@@ -94,9 +94,14 @@ def check_arrays(
     for name in sorted(form.keys() - arrays.keys() - optional):
         demand(name.removeprefix("cluster_") in OPTIONAL, f"the array {prefix}{name} is missing")
     for name in sorted(arrays.keys() - form.keys()):
-        demand(name == "pace_picture", f"an array {(prefix + name)[:60]!r} does not belong there")
+        demand(
+            name == "pace_picture" or name in GONE,
+            f"an array {(prefix + name)[:60]!r} does not belong there",
+        )
     for name, array in arrays.items():
         what = f"the array {prefix}{name}"
+        if name in GONE:
+            continue
         if name not in form:
             demand(array.dtype == np.uint8 and array.ndim == 1, f"{what} is none")
             continue

@@ -19,6 +19,7 @@ from robot.learner.base import State
 from robot.policy.calibration import Calibration
 from robot.policy.light import LightAdaptation
 from robot.policy.move_context import MoveContext
+from robot.policy.move_kinds import MoveKinds
 from robot.policy.pilot_pace import PilotPace
 from robot.policy.registry import MOST_NODES, split_name
 from robot.store.models.array_form import MOST_VIEWS, check_arrays, describe_form
@@ -112,8 +113,9 @@ def _check_cluster(
     if "cluster_groups" in arrays:
         groups = arrays["cluster_groups"][:size]
         demand(size == 0 or int(groups.max()) < n_labels, f"{prefix}an image has no such label")
-    runs = arrays.get("runs")
-    demand(runs is None or int(runs[1:].max()) <= n_labels, f"{prefix}runs have no such label")
+    starts = arrays.get("starts")
+    known = starts is None or int(starts[-1]) <= n_labels
+    demand(known, f"{prefix}the last label is not known")
     votes = arrays["histograms"][:size].sum(axis=1)
     demand(size == 0 or int(votes.min()) > 0, f"{prefix}an image has no votes")
 
@@ -184,18 +186,21 @@ def _check_policy_params(
     if "pace" in params:
         demand(isinstance(params["pace"], dict), "pace is not a table")
         pace = dict(params["pace"])
-        turning = pace.pop("turning", None)
-        demand(turning is None or turning in map(str, moves), "pace.turning is no move")
+        for key in ("label", "turning"):  # version 0.2 had the second
+            move = pace.pop(key, None)
+            demand(move is None or move in map(str, moves), f"pace.{key} is no move")
         check_plain(pace, "pace")
-        PilotPace().set_state(params["pace"], {})
+        PilotPace(MoveKinds(moves)).set_state(params["pace"], {})
     if "calibration" in params:
         _check_calibration(params["calibration"], moves)
+    if "kinds" in params:
+        MoveKinds(moves).set_state(params["kinds"])
     if "context" in params:
         context = params["context"]
-        check_like(context, MoveContext().get_state(), "context")
+        check_like(context, MoveContext(MoveKinds(moves)).get_state(), "context")
         known = {None, *map(str, moves)}
         demand({context["move"], context["before"]} <= known, "its context is no move")
-        MoveContext().set_state(context)
+        MoveContext(MoveKinds(moves)).set_state(context)
     if "light" in params:
         check_like(params["light"], LightAdaptation().get_state(), "light")
         LightAdaptation().set_state(params["light"])

@@ -11,11 +11,13 @@ LARGEST = 1e12
 WHOLE = 2**53
 OPTIONAL = frozenset(
     {
-        *("touched", "novelty", "runs", "contrary", "pace_picture"),
-        *("last_learned", "pace", "calibration", "light", "context"),
+        *("touched", "novelty", "anew", "starts", "pace_picture"),
+        *("last_learned", "pace", "calibration", "light", "context", "kinds"),
     }
 )
-"""What models of version 0.1 do not have, or have elsewhere."""
+"""What models of earlier versions do not have, or have elsewhere."""
+GONE = frozenset({"runs", "contrary"})
+"""Arrays of version 0.2 that no learner keeps any more: they are skipped."""
 
 
 def demand(holds: bool, otherwise: str) -> None:

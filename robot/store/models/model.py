@@ -191,8 +191,8 @@ def stamp(model: Model, *, saved_at_s: float, place: str | None = None) -> Model
     return replace(model, summary=summary if place is None else replace(summary, place=place))
 
 
-_LATER = ("touched", "novelty", "runs", "contrary", "pace_picture")
-"""Arrays that models of version 0.1 do not have."""
+_LATER = ("touched", "novelty", "runs", "contrary", "anew", "starts", "pace_picture")
+"""Arrays that not all versions have."""
 
 
 def same_nodes(a: State, b: State) -> bool:

@@ -254,7 +254,7 @@ def test_a_novel_view_slows_a_robot_that_drives_straight_and_asks() -> None:
 
 def test_turning_away_from_a_novel_view_is_never_slow() -> None:
     gate = started(Mode.AUTONOMOUS)
-    decision = select(gate, 0.1, NOVEL)
+    decision = select(gate, 0.1, replace(NOVEL, is_turn=True))
     assert (decision.action, decision.speed_scale) == (Action.LEFT, 1.0)
     assert decision.asks_pilot
 

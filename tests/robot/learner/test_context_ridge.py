@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robot.learner.classifier import BSOCClassifier
-from robot.learner.context_ridge import CORRECTION_WEIGHT, FEW, N_CONTEXTS, ContextRidge
+from robot.learner.context_ridge import N_CONTEXTS, ContextRidge
 from robot.learner.ridge import RecursiveRidge
 
 SIZE = 6
@@ -68,46 +68,6 @@ def test_each_context_knows_its_own_examples_and_the_rest_knows_all(examples):
     for context in ALL:
         own = [example for example in examples if context in example[2]]
         np.testing.assert_allclose(ridge.scores_in(x, context), alone(own).scores(x), atol=1e-12)
-
-
-def check_correction_counts(times, lessons, x, column, contexts):
-    """Check that a correction after these lessons leads to what `times` plain examples lead to."""
-    corrected, expected = taught(lessons), taught(lessons)
-    corrected.learn_in(x, column, contexts, is_correction=True)
-    for _ in range(times):
-        expected.learn_in(x, column, contexts)
-    for got, wanted in zip(opinions(corrected, x), opinions(expected, x), strict=True):
-        np.testing.assert_allclose(got, wanted, atol=1e-12)
-
-
-@pytest.mark.parametrize("contexts", [(0,), (1,), (0, 1)])
-def test_a_correction_counts_more_only_where_the_ridge_itself_would_have_erred(examples, contexts):
-    taught_so_far, x = [(x, c, (0, 1)) for x, c, _ in examples], examples[5][0]
-    best = int(taught(taught_so_far).scores(x).argmax())
-    for column in range(3):
-        times = 1 if column == best else int(CORRECTION_WEIGHT)
-        check_correction_counts(times, taught_so_far, x, column, contexts)
-
-
-def test_a_correction_is_judged_in_the_context_in_which_it_counts():
-    """Near means LEFT to who turns: told so, only who drives straight learns something new."""
-    near, far = np.full(SIZE, 0.9), np.full(SIZE, 0.1)
-    lessons = [(near, 0, (0,)), (near, 1, (1,)), (far, 0, (0, 1))] * 9
-    for context, is_news in ((0, True), (1, False)):
-        ridge, plain = taught(lessons), taught(lessons)
-        ridge.learn_in(near, 1, (context,), is_correction=True)
-        plain.learn_in(near, 1, (context,))
-        counted_more = ridge.scores_in(near, context)[1] > plain.scores_in(near, context)[1] + 1e-6
-        assert counted_more == is_news
-
-
-def test_a_correction_of_a_label_that_is_well_known_counts_once(examples):
-    """Label 1 is known FEW times in context 1, and never in context 0."""
-    lessons = [(x, 0, (0, 1)) for x, _, _ in examples] + [(examples[0][0], 1, (1,))] * FEW
-    x = -examples[0][0]
-    assert taught(lessons).scores_in(x, 1).argmax() == 0
-    for context, times in ((0, int(CORRECTION_WEIGHT)), (1, 1)):
-        check_correction_counts(times, lessons, x, 1, (context,))
 
 
 def test_an_example_that_counts_everywhere_is_taken_back_everywhere(examples):

@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.errors import CameraError
 from robot.policy.features import GradientFeatures, GreyFeatures
 from tests.robot.policy.pictures import frame_of
 
@@ -57,6 +56,12 @@ def test_a_view_is_the_same_to_a_camera_of_any_size(room, size):
     assert np.array_equal(features.extract(frame_of(large)), features.extract(frame_of(room)))
 
 
-def test_too_small_a_picture_is_refused():
-    with pytest.raises(CameraError, match="too short"):
-        GradientFeatures().extract(frame_of(np.zeros((60, 80))))
+@pytest.mark.parametrize("size", [(1, 1), (60, 80), (84, 84), (96, 96), (119, 300)])
+def test_a_small_picture_is_enlarged(size):
+    down, across = np.mgrid[0 : size[0], 0 : size[1]]
+    slope = 255 * (down / size[0] + across / size[1]) / 2
+    x = GradientFeatures().extract(frame_of(slope))
+    full = np.mgrid[0:120, 0:160]
+    same = GradientFeatures().extract(frame_of(255 * (full[0] / 120 + full[1] / 160) / 2))
+    assert x.shape == same.shape
+    assert size == (1, 1) or np.corrcoef(x[384:], same[384:])[0, 1] > 0.98

@@ -154,9 +154,9 @@ def test_an_undo_learns_again_only_what_came_after_the_snapshot_before_it(
     learned_s: list[float] = []
     learn = history.policy.learn
 
-    def listen(x: np.ndarray, label: Action, at_s: float, *, is_correction: bool) -> None:
+    def listen(x: np.ndarray, label: Action, at_s: float) -> None:
         learned_s.append(at_s)
-        learn(x, label, at_s, is_correction=is_correction)
+        learn(x, label, at_s)
 
     monkeypatch.setattr(history.policy, "learn", listen)
     assert [example.frame_id for example in history.undo(0.5)] == [21]
@@ -276,7 +276,7 @@ def test_a_learner_looks_for_its_place_at_each_drive_again_after_an_undo() -> No
         teach(history, xs[first : first + 30], first=first)
         for event in history.last_examples(29.5 * STEP_S):
             example = event.example
-            by_hand.learn(event.x, example.label, event.at_s, is_correction=example.is_intervention)
+            by_hand.learn(event.x, example.label, event.at_s)
         if first == 0:
             history.begin_drive()
             by_hand.reset()

@@ -4,15 +4,17 @@ import json
 
 import pytest
 
-from robot.policy.move_context import BOTH, ONSET_S, STRAIGHT, TURNING, MoveContext, context_of
+from robot.policy.move_context import BOTH, ONSET_S, STRAIGHT, TURNING, MoveContext
+from robot.policy.move_kinds import MoveKinds
 from robot.types import Action
 
 F, L, R, B = Action.FORWARD, Action.LEFT, Action.RIGHT, Action.BACKWARD
+KINDS = MoveKinds((F, L, R, B))
 
 
 def run(moves, step_s):
     """Return the contexts of each example of a drive: moves with their lengths in seconds."""
-    contexts, now_s, noted = MoveContext(), 0.0, []
+    contexts, now_s, noted = MoveContext(KINDS), 0.0, []
     for move, length_s in moves:
         for _ in range(round(length_s / step_s)):
             noted.append((move, contexts.note(move, now_s)))
@@ -28,7 +30,7 @@ def test_the_first_half_second_of_a_move_ends_the_one_before(rate_hz):
         early = [contexts for _, contexts in noted[begun : begun + int(ONSET_S * rate_hz) + 1]]
         late = [contexts for _, contexts in noted[begun + len(early) : begun + 2 * rate_hz]]
         assert set(early) == {BOTH}
-        assert set(late) == {(context_of(move),)}
+        assert set(late) == {(MoveContext(KINDS).of(move),)}
 
 
 def test_a_move_of_the_same_kind_ends_nothing():
@@ -39,7 +41,7 @@ def test_a_move_of_the_same_kind_ends_nothing():
 
 @pytest.mark.parametrize("again", [F, L])
 def test_after_a_pause_nothing_is_known_of_what_went_before(again):
-    contexts = MoveContext()
+    contexts = MoveContext(KINDS)
     for step in range(20):
         contexts.note(F, 0.1 * step)
     assert contexts.note(again, 2.4) == BOTH
@@ -47,11 +49,11 @@ def test_after_a_pause_nothing_is_known_of_what_went_before(again):
     assert contexts.note(again, 2.6 + ONSET_S) == BOTH
     for step in range(5):
         last = contexts.note(again, 2.7 + ONSET_S + 0.1 * step)
-    assert last == (context_of(again),)
+    assert last == (MoveContext(KINDS).of(again),)
 
 
 def test_an_example_without_a_time_counts_in_both():
-    contexts = MoveContext()
+    contexts = MoveContext(KINDS)
     for step in range(20):
         contexts.note(F, 0.1 * step)
     assert contexts.note(F, None) == BOTH
@@ -60,7 +62,7 @@ def test_an_example_without_a_time_counts_in_both():
 
 @pytest.mark.parametrize("cut", range(0, 60, 7))
 def test_saved_in_the_middle_it_goes_on_alike(cut):
-    whole, first, second = MoveContext(), MoveContext(), MoveContext()
+    whole, first, second = MoveContext(KINDS), MoveContext(KINDS), MoveContext(KINDS)
     drive = [(move, 0.1 * i) for i, move in enumerate([F] * 20 + [L] * 12 + [R] * 8 + [F] * 20)]
     expected = [whole.note(*example) for example in drive]
     noted = [first.note(*example) for example in drive[:cut]]
@@ -79,4 +81,9 @@ def test_saved_in_the_middle_it_goes_on_alike(cut):
 )
 def test_a_damaged_state_is_refused(wrong):
     with pytest.raises(ValueError, match="a move cannot last"):
-        MoveContext().set_state({**MoveContext().get_state(), **wrong})
+        MoveContext(KINDS).set_state({**MoveContext(KINDS).get_state(), **wrong})
+
+
+def test_a_body_whose_turns_are_not_known_has_one_context():
+    contexts = MoveContext(MoveKinds((Action("gas"), Action("brake"))))
+    assert {contexts.note(Action("gas"), 0.1 * step) for step in range(20)} == {BOTH}

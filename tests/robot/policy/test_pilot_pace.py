@@ -3,6 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot.driver import Move
+from robot.policy.move_kinds import MoveKinds
 from robot.policy.pilot_pace import LONGEST_DEBT_S, SHORTEST_DEBT_S, PilotPace
 from robot.policy.stall_detector import STUCK_S
 from robot.types import Action
@@ -77,34 +79,24 @@ def test_its_state_goes_on_as_if_nothing_had_been():
 
 
 @pytest.mark.parametrize("rate_hz", [10, 15, 30])
-@pytest.mark.parametrize("turn_s", [1.0, 2.0, 4.0])
-def test_turns_of_one_length_are_timed_at_any_frame_rate(rate_hz, turn_s):
+@pytest.mark.parametrize("run_s", [0.4, 1.0, 3.0])
+def test_how_long_the_pilot_keeps_to_a_move_is_known_at_any_frame_rate(rate_hz, run_s):
     pilot = Pilot(rate_hz)
-    assert pilot.pace.timed_turn_s is None
-    for _ in range(6):
-        pilot.drive(F, 2).drive(L, turn_s)
-    pilot.drive(F, 1)
-    assert pilot.pace.timed_turn_s == pytest.approx(turn_s, abs=0.15)
+    pilot.drive(F, run_s)
+    assert pilot.pace.usual_run_s is None
+    for _ in range(8):
+        pilot.drive(L, run_s).drive(F, run_s)
+    assert pilot.pace.usual_run_s == pytest.approx(run_s, abs=0.1)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_a_person_who_turns_until_the_way_is_free_does_not_turn_by_the_clock(seed):
-    pilot, chance = Pilot(), np.random.default_rng(seed)
-    for _ in range(20):
-        pilot.drive(F, 2).drive(L, float(chance.uniform(0.8, 4.0)))
-    assert pilot.pace.timed_turn_s is None
-
-
-def test_restored_in_the_middle_of_a_turn_it_is_the_same_turn():
-    whole, first = Pilot(), Pilot()
-    for pilot in (whole, first):
-        for _ in range(5):
-            pilot.drive(F, 2).drive(L, 2)
-        pilot.drive(F, 2).drive(L, 1.2)
-    values, arrays = first.pace.get_state()
-    first.pace = PilotPace()
-    first.pace.set_state(values, arrays)
-    for pilot in (whole, first):
-        pilot.drive(L, 0.8).drive(F, 1)
-    assert first.pace.get_state()[0] == whole.pace.get_state()[0]
-    assert whole.pace.timed_turn_s is not None
+def test_a_move_is_straight_by_what_it_does_and_not_by_its_name():
+    """The picture that stands still is a push for one body, and nothing for the other."""
+    push, name = [], Action("go")
+    for steering in (0.0, 0.8):
+        pilot = Pilot()
+        pilot.pace = PilotPace(MoveKinds((name,), [Move(name, steering=steering, throttle=0.5)]))
+        pilot.drive(name, 4)
+        for _ in range(3):
+            pilot.drive(name, 2.0, is_moving=False).drive(name, 2)
+        push.append(pilot.pace.patience_s > STUCK_S)
+    assert push == [True, False]

@@ -41,19 +41,6 @@ def test_recalls_what_it_was_taught(name):
     assert sum(prediction.probabilities.values()) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("name", ["default-8", "multi-place-8"])
-def test_a_touch_that_corrects_the_robot_teaches_more_than_the_same_in_a_lesson(name):
-    share = {}
-    for is_correction in (False, True):
-        policy = make_policy(name)
-        for i in range(60):
-            policy.learn(policy.extract(view(i % 6, i)), F, 0.1 * i)
-        x = policy.extract(view(3, 999))
-        policy.learn(x, R, 6.1, is_correction=is_correction)
-        share[is_correction] = policy.propose(1, x, under_way=F).probabilities[R]
-    assert share[True] > 1.5 * share[False]
-
-
 @pytest.mark.parametrize("rate_hz", [10.0, 11.0, 15.0, 30.0])
 def test_an_unsteady_camera_of_any_rate_teaches_ten_examples_a_second(rate_hz):
     policy, dice = make_policy("default-64"), random.Random(0)

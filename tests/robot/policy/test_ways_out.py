@@ -11,30 +11,44 @@ from robot.policy.action_filter import (
     ALLOWANCE,
     ASKING_S,
     HELPLESS_S,
-    STRAIGHT_S,
+    TO_AND_FRO_S,
     ActionFilter,
     View,
 )
-from robot.policy.pilot_pace import LONGEST_DEBT_S
+from robot.policy.move_kinds import MoveKinds
+from robot.policy.pilot_pace import LONGEST_DEBT_S, PilotPace
 from robot.policy.stall_detector import AWAY_S, STUCK_S
-from robot.types import TURNS, Action
+from robot.types import Action
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 MOVES = (F, L, R)
+KINDS = MoveKinds(MOVES)
 WHOLE_CIRCLE_S = 19.5
 """What a turn about one wheel through 360 degrees takes (`robot.lab.metrics.driving`)."""
+
+
+class Pace(PilotPace):
+    """A pilot of whom this is known."""
+
+    patience_s = STUCK_S
+
+    def __init__(self, longest_debt_s: float, patience_s: float) -> None:
+        super().__init__(KINDS)
+        self.longest_debt_s, self.patience_s = longest_debt_s, patience_s
+        for _ in range(20):
+            self.scale.add(60.0)  # as two pictures of the wall differ
 
 
 class Body:
     """A robot of which only this is known: does driving straight have an effect?"""
 
     def __init__(self, rate_hz: float, longest_debt_s: float = 4.0, patience_s: float = STUCK_S):
-        self.filter = ActionFilter()
+        self.filter = ActionFilter(KINDS)
         self.dt_s = 1 / rate_hz
         self.now_s = 100.0
         self.shift = 0.0
         self.doing: Action | None = Action.STOP
-        self.longest_debt_s, self.patience_s = longest_debt_s, patience_s
+        self.pace = Pace(longest_debt_s, patience_s)
         self.sent: list[tuple[Action, bool]] = []
         self._rng = np.random.default_rng(1)
         self._wall = self._rng.integers(0, 200, 400, np.uint8)
@@ -42,7 +56,7 @@ class Body:
     def step(self, votes: dict[Action, float], *, is_free: bool = True) -> Action:
         """Let a frame's time pass under the last move, and choose the next."""
         self.now_s += self.dt_s
-        if self.doing in TURNS or (self.doing is F and is_free):
+        if self.doing in KINDS.turns or (self.doing is F and is_free):
             self.shift += 40 * self.dt_s
         at = int(self.shift) % 300
         noise = self._rng.integers(0, 4, (30, 40), np.uint8)
@@ -51,8 +65,7 @@ class Body:
             self.filter.average(votes, self.now_s),
             View(picture=picture, at_s=self.now_s, bumped=False),
             self.doing,
-            longest_debt_s=self.longest_debt_s,
-            patience_s=self.patience_s,
+            self.pace,
         )
         self.doing = Action.STOP if self.filter.needs_help else action
         self.sent.append((self.doing, is_free))
@@ -87,7 +100,7 @@ def test_no_votes_keep_it_in_one_place_for_ever(rate_hz, is_free, seed):
         is_way = action is F and free
         idle_s = 0.0 if is_way or action is Action.STOP else idle_s + body.dt_s
         longest_s = max(longest_s, idle_s)
-    bound_s = 2 * (2 * ALLOWANCE * body.longest_debt_s + HELPLESS_S + ASKING_S)
+    bound_s = 2 * (2 * ALLOWANCE * body.pace.longest_debt_s + HELPLESS_S + ASKING_S)
     assert longest_s < bound_s
     asked = any(action is Action.STOP for action, _ in body.sent)
     assert asked or is_free, "behind a wall nothing helps but a hand"
@@ -117,13 +130,20 @@ def test_a_pilot_of_long_turns_is_given_more_time(rate_hz):
 
 
 @pytest.mark.parametrize("rate_hz", [10, 15, 30])
-def test_the_opposite_turn_waits_until_the_turn_is_paid_back(rate_hz):
+@pytest.mark.parametrize("period_s", [0.5, 0.8])
+def test_it_does_not_turn_to_and_fro(rate_hz, period_s):
     body = Body(rate_hz)
-    body.run(3.0, voted(L))
-    sent = body.run(6.0, lambda t: voted(F) if t % 0.5 < 0.12 else voted(R))
-    first = sent.index(R)
-    straight_s = sum(action is F for action in sent[:first]) / rate_hz
-    assert straight_s >= STRAIGHT_S - 2 / rate_hz
+    sent = body.run(4.0, lambda t: voted(L if t % (2 * period_s) < period_s else R))
+    changes = [i for i in range(1, len(sent)) if {sent[i - 1], sent[i]} == {L, R}]
+    for first, third in zip(changes, changes[2:], strict=False):
+        assert (third - first) / rate_hz > TO_AND_FRO_S - 2 / rate_hz
+
+
+def test_a_car_steers_from_one_side_to_the_other():
+    body = Body(10)
+    sent = body.run(3.0, lambda t: voted(L if t < 1.5 else R))
+    assert sent[-1] is R
+    assert F not in sent
 
 
 @pytest.mark.parametrize("rate_hz", [10, 15, 30])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from robot.bodies.ev3.integer_features import IntegerGradientFeatures
-from robot.errors import CameraError
 from robot.types import Encoding, Frame
 
 FEATURES = IntegerGradientFeatures()
@@ -77,8 +76,8 @@ def test_every_encoding_and_size_gives_a_vector():
     large = FEATURES.extract(frame(np.kron(room(), np.ones((2, 2)))))
     assert large.shape == x.shape
     assert np.corrcoef(large[:N], x[:N])[0, 1] > 0.8
-    with pytest.raises(CameraError, match="too small"):
-        FEATURES.extract(frame(np.zeros((20, 30))))
+    small = FEATURES.extract(frame(room()[::6, ::6]))
+    assert np.corrcoef(small[N:], x[N:])[0, 1] > 0.8
 
 
 def test_gradients_stay_when_the_light_changes():
