@@ -5,6 +5,7 @@ from __future__ import annotations
 import mimetypes
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
+from functools import cache
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
@@ -12,6 +13,8 @@ from starlette.concurrency import run_in_threadpool
 from server.hosting.network import host_names
 from server.hosting.static_files import PageFiles
 from server.routes import routers
+from server.routes.answers import describe_routes
+from server.routes.bodies import HANDLERS
 from server.security.access import Access
 from server.security.guard import Guard
 from server.security.pairing import cookie_name
@@ -28,12 +31,20 @@ def create_app(services: Services) -> FastAPI:
     for suffix in (".js", ".mjs"):
         mimetypes.add_type("text/javascript", suffix)
     mimetypes.add_type("application/manifest+json", ".webmanifest")
-    app = FastAPI(title="Drivelesson", docs_url=None, redoc_url=None)
+    app = FastAPI(
+        title="Drivelesson",
+        docs_url=None,
+        redoc_url=None,
+        exception_handlers=HANDLERS,
+        strict_content_type=False,
+    )
     app.state.services = services
     keep_door(app, services.door, services.robot.clock)
     extensions = list(services.extensions.values())
-    for router in [*routers(), *(router for each in extensions for router in each.routers)]:
+    parts = [*routers(), *(router for each in extensions for router in each.routers)]
+    for router in parts:
         app.include_router(router)
+    app.openapi = cache(lambda: describe_routes(app, parts))  # type: ignore[method-assign]
     app.mount("/", PageFiles(config.web_folder), name="web")
 
     @asynccontextmanager

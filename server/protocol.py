@@ -7,13 +7,13 @@ messages in tests/vectors/.
 from __future__ import annotations
 
 import json
-import math
 import struct
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, NoReturn
+from typing import Annotated, Any, NamedTuple, NoReturn, get_args, get_type_hints
 
+from robot.outside import limits_of, number, plain_type, whole
 from robot.types import Action, Encoding, Mode
 
 PROTOCOL_VERSION = 1
@@ -53,21 +53,27 @@ class ProtocolError(ValueError):
         self.seq = seq
 
 
+_Count = Annotated[int, whole(least=1, most=MAX_COUNT)]
+_Id = Annotated[int | None, whole(least=1, most=2**32 - 1)]
+_Time = Annotated[float, number(least=-MAX_COUNT, most=MAX_COUNT)]
+_Age = Annotated[float | None, number(least=-MAX_COUNT, most=MAX_COUNT)]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveMessage:
     """The move that the pilot holds and the frame on the screen: command and heartbeat in one.
 
-    `nonce` is the newest that the page has received. `frame_age_ms` is how old that frame is as
-    the page reckons it, and `phone_ms` how much of that it has spent on the phone; None if the
-    page cannot say.
+    `seq` grows. `nonce` is the newest that the page has received. `frame_age_ms` is how old that
+    frame is as the page reckons it, and `phone_ms` how much of that it has spent on the phone;
+    None if the page cannot say.
     """
 
     held: Action | None
-    frame: int | None
-    seq: int
-    nonce: int | None = None
-    frame_age_ms: float | None = None
-    phone_ms: float | None = None
+    seq: _Count
+    frame: _Id = None
+    nonce: _Id = None
+    frame_age_ms: _Age = None
+    phone_ms: _Age = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,49 +81,35 @@ class ModeMessage:
     """Change the mode: start again after any stop, or stop."""
 
     mode: Mode
-    seq: int
-    frame: int | None = None
-    nonce: int | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stop:
-    """Emergency stop."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Release:
-    """Release the emergency stop."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Take:
-    """Ask for the wheel."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Yield:
-    """Give the wheel away."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Idle:
-    """This page shows no picture: states may be few."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Watch:
-    """This page shows the picture again: states ten times a second."""
+    seq: _Count
+    frame: _Id = None
+    nonce: _Id = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ping:
     """Answered by a pong at once; `client_ms` goes back as it came."""
 
-    client_ms: float
+    client_ms: _Time
 
 
-BareMessage = Stop | Release | Take | Yield | Idle | Watch
+class BareMessage(StrEnum):
+    """A message that is only a type."""
+
+    STOP = "stop"
+    """Emergency stop."""
+    RELEASE = "release"
+    """Release the emergency stop."""
+    TAKE = "take"
+    """Ask for the wheel."""
+    YIELD = "yield"
+    """Give the wheel away."""
+    IDLE = "idle"
+    """This page shows no picture: states may be few."""
+    WATCH = "watch"
+    """This page shows the picture again: states ten times a second."""
+
+
 ClientMessage = DriveMessage | ModeMessage | BareMessage | Ping
 
 
@@ -153,33 +145,27 @@ def parse_message(text: str, moves: Collection[Action]) -> ClientMessage:
             ErrorCode.TOO_LARGE, f"a message has at most {MAX_DRIVE_MESSAGE_BYTES} bytes"
         )
     message = _parse_object(text)
-    seq = _sane_seq(message)
-    kind = message.get("type")
+    seq = message.get("seq")
+    if type(seq) is not int or not 1 <= seq <= MAX_COUNT:
+        seq = None
+    kind: Any = message.get("type")
     if kind == "drive":
-        return _parse_drive(message, seq, moves)
+        held = message.get("held")
+        if held is not None and held not in moves:
+            raise _bad_field("held", f"one of {', '.join(moves)} or null", seq)
+        held = held and Action(held)
+        return DriveMessage(held=held, **_read(_DRIVE, message, seq))
     if kind == "mode":
-        return ModeMessage(
-            mode=_parse_mode(message, seq),
-            seq=_require_seq(message),
-            frame=_parse_id(message, "frame", seq),
-            nonce=_parse_id(message, "nonce", seq),
-        )
+        mode: Any = message.get("mode")
+        if mode not in _MODES:
+            raise _bad_field("mode", f"one of {', '.join(Mode)}", seq)
+        return ModeMessage(mode=Mode(mode), **_read(_MODE, message, seq))
     if kind == "ping":
-        return Ping(client_ms=_parse_number(message, "client_ms", seq))
-    if isinstance(kind, str) and kind in _BARE_MESSAGES:
-        return _BARE_MESSAGES[kind]()
-    known = ", ".join(["drive", "mode", "ping", *_BARE_MESSAGES])
+        return Ping(**_read(_PING, message, seq))
+    if kind in _BARE:
+        return BareMessage(kind)
+    known = ", ".join(["drive", "mode", "ping", *BareMessage])
     raise ProtocolError(ErrorCode.UNKNOWN_TYPE, f"unknown message type; known types: {known}", seq)
-
-
-_BARE_MESSAGES: Mapping[str, type[BareMessage]] = {
-    "stop": Stop,
-    "release": Release,
-    "take": Take,
-    "yield": Yield,
-    "idle": Idle,
-    "watch": Watch,
-}
 
 
 def is_stop(text: str) -> bool:
@@ -210,65 +196,44 @@ def _refuse_constant(name: str) -> NoReturn:
 _DECODER = json.JSONDecoder(parse_constant=_refuse_constant)
 
 
-def _parse_drive(
-    message: dict[str, Any], seq: int | None, moves: Collection[Action]
-) -> DriveMessage:
-    held = message.get("held")
-    if held is not None and held not in moves:
-        raise _bad_field("held", f"one of {', '.join(moves)} or null", seq)
-    return DriveMessage(
-        held=Action(held) if held is not None else None,
-        frame=_parse_id(message, "frame", seq),
-        seq=_require_seq(message),
-        nonce=_parse_id(message, "nonce", seq),
-        frame_age_ms=_parse_optional_number(message, "frame_age_ms", seq),
-        phone_ms=_parse_optional_number(message, "phone_ms", seq),
-    )
+class _Number(NamedTuple):
+    """How one number of a message is checked, ten times a second for each pilot."""
+
+    name: str
+    is_optional: bool
+    types: tuple[type, ...]
+    least: float
+    most: float
+    wanted: str
 
 
-def _parse_id(message: dict[str, Any], name: str, seq: int | None) -> int | None:
-    value = message.get(name)
-    if value is None:
-        return None
-    if not _is_count(value, 2**32 - 1):
-        raise _bad_field(name, "a whole number from 1 that fits into 32 bits, or null", seq)
-    return int(value)
+def _numbers_of(kind: type[Any]) -> list[_Number]:
+    """Return the checks of a message's numbers, from what the message declares."""
+    found = []
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        for declared in getattr(hint, "__metadata__", ()):
+            least, most = limits_of(declared)
+            is_optional = type(None) in get_args(get_args(hint)[0])
+            types = (int,) if plain_type(get_args(hint)[0]) is int else (int, float)
+            wanted = declared.description + (", or null" if is_optional else "")
+            found.append(_Number(name, is_optional, types, least, most, wanted))
+    return found
 
 
-def _parse_optional_number(message: dict[str, Any], name: str, seq: int | None) -> float | None:
-    return None if message.get(name) is None else _parse_number(message, name, seq)
+_DRIVE, _MODE, _PING = _numbers_of(DriveMessage), _numbers_of(ModeMessage), _numbers_of(Ping)
+_MODES, _BARE = [*Mode], [*BareMessage]
 
 
-def _parse_mode(message: dict[str, Any], seq: int | None) -> Mode:
-    mode = message.get("mode")
-    if not isinstance(mode, str) or mode not in list(Mode):
-        raise _bad_field("mode", f"one of {', '.join(Mode)}", seq)
-    return Mode(mode)
-
-
-def _parse_number(message: dict[str, Any], name: str, seq: int | None) -> float:
-    value = message.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise _bad_field(name, "a number", seq)
-    if not math.isfinite(value) or abs(value) > MAX_COUNT:
-        raise _bad_field(name, f"a finite number up to {MAX_COUNT}", seq)
-    return value
-
-
-def _require_seq(message: dict[str, Any]) -> int:
-    seq = _sane_seq(message)
-    if seq is None:
-        raise _bad_field("seq", "a whole number from 1 that grows", None)
-    return seq
-
-
-def _sane_seq(message: dict[str, Any]) -> int | None:
-    seq = message.get("seq")
-    return seq if _is_count(seq, MAX_COUNT) else None
-
-
-def _is_count(value: object, most: int) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= most
+def _read(numbers: list[_Number], message: dict[str, Any], seq: int | None) -> dict[str, Any]:
+    found, get = {}, message.get
+    for name, is_optional, types, least, most, wanted in numbers:
+        value: Any = get(name)
+        if value is None and is_optional:
+            continue
+        if type(value) not in types or not least <= value <= most:
+            raise _bad_field(name, wanted, seq)
+        found[name] = value
+    return found
 
 
 def _bad_field(name: str, wanted: str, seq: int | None) -> ProtocolError:

@@ -6,15 +6,15 @@ Each field has a default and `metadata={"help": ...}`; `choices`, and for a numb
 
 from __future__ import annotations
 
-import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 from robot.errors import ConfigurationError, did_you_mean
+from robot.outside import number, plain_type, reader, whole
 
-_KINDS = {int: "a whole number", float: "a number", bool: "true or false"}
+_NUMBERS: dict[type[Any], Callable[..., Any]] = {int: whole, float: number}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,47 +34,24 @@ class Option:
         """The option as a flag: `frame_rate` is `--frame-rate`."""
         return "--" + self.name.replace("_", "-")
 
-    def parse(self, text: str) -> Any:
-        """Convert text that a person typed to a value of this option's type.
+    def read(self, value: Any) -> Any:
+        """Return the value, converted from text that a person typed, as this option's type.
 
         Raises:
             ConfigurationError: If it is not valid; says what was expected.
         """
-        try:
-            if self.type is bool:
-                return {
-                    "true": True,
-                    "yes": True,
-                    "1": True,
-                    "false": False,
-                    "no": False,
-                    "0": False,
-                }[text.lower()]
-            value = self.type(text)
-        except (ValueError, KeyError) as error:
-            raise ConfigurationError(
-                f"{self.flag} must be {_KINDS.get(self.type, 'text')}, not {text!r}"
-            ) from error
+        least, most = self.range or (None, None)
         if self.choices is not None and value not in self.choices:
             raise ConfigurationError(
-                f"{self.flag} cannot be {text!r}{did_you_mean(text, self.choices)}; "
+                f"{self.flag} cannot be {value!r}{did_you_mean(value, self.choices)}; "
                 f"choose one of: {', '.join(self.choices)}"
             )
-        return self.check(value)
-
-    def check(self, value: Any) -> Any:
-        """Return the value, unless it is a number out of range.
-
-        Raises:
-            ConfigurationError: If it is; says what the range is.
-        """
-        if self.range is not None and value is not None:
-            least, most = self.range
-            if not least <= value <= most:  # nor is what is no number
-                raise ConfigurationError(
-                    f"{self.flag} must be from {least:g} to {most:g}, not {value:g}"
-                )
-        return value
+        declare = _NUMBERS.get(self.type)
+        declared = declare(least=least, most=most) if declare else ...
+        try:
+            return reader(self.type, declared)(value)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{self.flag} {error}") from error
 
 
 def options_of(options_type: type[Any]) -> list[Option]:
@@ -83,7 +60,7 @@ def options_of(options_type: type[Any]) -> list[Option]:
     return [
         Option(
             name=field.name,
-            type=_plain(hints[field.name]),
+            type=plain_type(hints[field.name]),
             default=None if field.default is MISSING else field.default,
             help=field.metadata.get("help", ""),
             choices=field.metadata.get("choices"),
@@ -102,17 +79,10 @@ def make_options(options_type: type[Any], given: Mapping[str, Any]) -> Any:
     Raises:
         ConfigurationError: If a value is not of its type, or out of range.
     """
-    values: dict[str, Any] = {}
-    for option in options_of(options_type):
-        if option.name in given and given[option.name] is not None:
-            value = given[option.name]
-            is_text = isinstance(value, str)
-            values[option.name] = option.parse(value) if is_text else option.check(value)
-    return options_type(**values)
-
-
-def _plain(hint: Any) -> type[Any]:
-    """Reduce `X | None` to X: an option that may be left out is still of one type."""
-    if typing.get_origin(hint) in (types.UnionType, typing.Union):
-        hint = next(part for part in typing.get_args(hint) if part is not type(None))
-    return hint if isinstance(hint, type) else str
+    return options_type(
+        **{
+            option.name: option.read(given[option.name])
+            for option in options_of(options_type)
+            if given.get(option.name) is not None
+        }
+    )

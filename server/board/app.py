@@ -12,19 +12,21 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
 from typing import Any
 
-from fastapi import FastAPI, HTTPException, Request, WebSocket
+from fastapi import FastAPI, HTTPException, WebSocket
 from fastapi.responses import FileResponse, Response
 
 from robot.clock import Clock
 from robot.errors import NotFoundError, RobotError
+from robot.outside import Outside, must_be, text, whole
 from server.board.board import Board, Onlooker
 from server.board.model_copy import copy_model
 from server.board.robot_link import RobotLink
+from server.board.robot_routes import ClassLocks
 from server.board.teacher_session import RefusedError
 from server.config import Config
 from server.hosting.network import host_names
 from server.hosting.static_files import CompressedFiles
-from server.routes.bodies import read_body
+from server.routes.bodies import HANDLERS, Short
 from server.routes.sockets import end_with_either
 from server.security.access import Access
 from server.security.door import Door
@@ -38,6 +40,30 @@ PICTURE_HEADER = struct.Struct("<HI")
 """Before each picture: the robot's number, and how many bytes follow."""
 
 
+class StopOrder(Outside):
+    """Which robot is to stop; all if it is left out."""
+
+    robot: int | None = whole(None)
+
+
+class RobotChange(Outside):
+    """What is to change of one robot."""
+
+    name: str | None = text(None)
+    colour: str | None = text(None)
+    locks: list[Short] | None = must_be("a list of what is locked", None)
+
+
+class ModelCopies(Outside):
+    """Which robots get the model, and whether they load it."""
+
+    to: list[int] = must_be("a list of robots' numbers")
+    use: bool = must_be("true or false", True)
+
+
+_ALL = StopOrder()
+
+
 def create_board_app(
     config: Config, board: Board, clock: Clock, begin: Callable[[], None] = lambda: None
 ) -> FastAPI:
@@ -49,7 +75,14 @@ def create_board_app(
         clock: All waiting goes through it.
         begin: Called when the event loop runs, to add the robots.
     """
-    app = FastAPI(title="Drivelesson board", docs_url=None, redoc_url=None, openapi_url=None)
+    app = FastAPI(
+        title="Drivelesson board",
+        docs_url=None,
+        redoc_url=None,
+        openapi_url=None,
+        exception_handlers=HANDLERS,
+        strict_content_type=False,
+    )
     door = Door(config.limits, connection_capacity())
     keep_door(app, door, clock)
     _add_routes(app, config, board, clock)
@@ -86,35 +119,33 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
         return {"robots": board.describe()}
 
     @app.post(STOP_PATH)
-    async def stop(request: Request) -> dict[str, Any]:
-        """Stop {robot}, or all."""
-        number = (await read_body(request)).get("robot")
+    async def stop(body: StopOrder = _ALL) -> dict[str, Any]:
+        """Stop one robot, or all."""
         with _as_status():
-            board.stop(number)
+            board.stop(body.robot)
         return {"robots": board.describe()}
 
     @app.put("/api/robots/{number}")
-    async def change(request: Request, number: int) -> dict[str, Any]:
-        """Change {name}, {colour} or {locks} of a robot."""
-        body = await read_body(request)
+    async def change(number: int, body: RobotChange) -> dict[str, Any]:
+        """Change name, colour or locks of a robot."""
         robot = _find(board, number)
-        words = {key: body[key] for key in ("name", "colour") if key in body}
+        words = {"name": body.name, "colour": body.colour}
+        words = {field: word for field, word in words.items() if word is not None}
         with _as_status(robot):
             if words:
                 await robot.ask("PUT", "/api/settings", words)
-            if "locks" in body:
-                await robot.ask("PUT", "/api/class/locks", {"locks": body["locks"]})
+            if body.locks is not None:
+                await robot.ask("PUT", "/api/class/locks", {"locks": body.locks})
             await robot.refresh()
         return robot.describe()
 
     @app.put("/api/locks")
-    async def lock_all(request: Request) -> dict[str, Any]:
-        """Lock {locks} on every robot, and say which could not be told."""
-        locks = (await read_body(request)).get("locks")
+    async def lock_all(body: ClassLocks) -> dict[str, Any]:
+        """Lock this on every robot, and say which could not be told."""
 
         async def tell(robot: RobotLink) -> str | None:
             try:
-                await robot.ask("PUT", "/api/class/locks", {"locks": locks})
+                await robot.ask("PUT", "/api/class/locks", {"locks": body.locks})
                 await robot.refresh()
             except (RobotError, TimeoutError) as error:
                 return f"{robot.name}: {error}"
@@ -124,14 +155,10 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
         return {"faults": [sentence for sentence in said if sentence is not None]}
 
     @app.post("/api/robots/{number}/copy-model")
-    async def take_model(request: Request, number: int) -> dict[str, Any]:
-        """Copy this robot's model in use: {to: [number, ...], use?}."""
-        body = await read_body(request)
-        to = body.get("to")
-        if not isinstance(to, list) or not to:
-            raise HTTPException(400, "'to' must be a list of robots' numbers.")
-        targets = [_find(board, target) for target in to if target != number]
-        copied = await copy_model(_find(board, number), targets, use=body.get("use") is not False)
+    async def take_model(number: int, body: ModelCopies) -> dict[str, Any]:
+        """Copy this robot's model in use."""
+        targets = [_find(board, target) for target in body.to if target != number]
+        copied = await copy_model(_find(board, number), targets, use=body.use)
         for robot in targets:
             with suppress(RobotError, TimeoutError):
                 await robot.refresh()

@@ -6,33 +6,53 @@ from typing import Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request
 
+from robot.outside import Outside, must_be, text
 from server.board.class_key import endpoint
 from server.board.classroom import LOCKS, Classroom
 from server.identity import COLOURS
-from server.routes.bodies import do, read_body, refusals
+from server.routes.answers import Route
+from server.routes.bodies import Short, do
 from server.security.access import Role
 from server.security.certificates import certificate_fingerprint
 from server.security.guard import require_teacher
 from server.services import services_of
 
-router = APIRouter(prefix="/api/class")
+router = APIRouter(prefix="/api/class", route_class=Route)
 TEACHER = Depends(require_teacher)
 
 
+class ClassHello(Outside):
+    """The board's random number."""
+
+    nonce: str = text()
+
+
+class ClassJoin(ClassHello):
+    """The board's proof that it knows the class key."""
+
+    board_nonce: str = text()
+    proof: str = text()
+
+
+class ClassLocks(Outside):
+    """What pupils may not change."""
+
+    locks: list[Short] = must_be(f"a list of some of {', '.join(LOCKS)}")
+
+
 @router.post("/hello", responses={404: {}, 409: {}})
-async def hello(request: Request) -> dict[str, str]:
-    """Begin the handshake, {nonce}: this robot proves first that it knows the key."""
-    body, now_s = await read_body(request), services_of(request).robot.clock.now_s()
-    with refusals():
-        nonce, proof = _classroom(request).challenge(body.get("nonce"), _own(request), now_s)
+async def hello(request: Request, body: ClassHello) -> dict[str, str]:
+    """Begin the handshake: this robot proves first that it knows the key."""
+    now_s = services_of(request).robot.clock.now_s()
+    nonce, proof = _classroom(request).challenge(body.nonce, _own(request), now_s)
     return {"nonce": nonce, "proof": proof}
 
 
 @router.post("/join", responses={403: {}, 404: {}})
-async def join(request: Request) -> dict[str, str]:
-    """End it, {board_nonce, nonce, proof}: a session for the board."""
-    body, now_s = await read_body(request), services_of(request).robot.clock.now_s()
-    given = (body.get("board_nonce"), body.get("nonce"), body.get("proof"))
+async def join(request: Request, body: ClassJoin) -> dict[str, str]:
+    """End it: a session for the board."""
+    now_s = services_of(request).robot.clock.now_s()
+    given = (body.board_nonce, body.nonce, body.proof)
     secret = _classroom(request).admit(*given, _own(request), now_s)
     if secret is None:
         raise HTTPException(403, "This robot has another class key.")
@@ -57,10 +77,10 @@ async def describe_class(request: Request) -> dict[str, Any]:
 
 
 @router.put("/locks", dependencies=[TEACHER])
-async def lock(request: Request) -> dict[str, Any]:
-    """Lock what pupils may not change, {locks: [name, ...]}, and unlock the rest."""
-    body, classroom = await read_body(request), _classroom(request)
-    await do(classroom.lock, body.get("locks"))
+async def lock(request: Request, body: ClassLocks) -> dict[str, Any]:
+    """Lock what pupils may not change, and unlock the rest."""
+    classroom = _classroom(request)
+    await do(classroom.lock, body.locks)
     services_of(request).events.publish("locked", locks=sorted(classroom.locks))
     return {"locks": sorted(classroom.locks)}
 

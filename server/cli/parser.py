@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from robot.errors import did_you_mean
+from robot import outside
+from robot.errors import ConfigurationError, did_you_mean
 
 _LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
 
@@ -32,47 +33,25 @@ class Parser(argparse.ArgumentParser):
 
 def number(
     *, above: float | None = None, least: float | None = None, most: float | None = None
-) -> Callable[[str], float]:
+) -> Callable[[str], Any]:
     """Return argparse's reader of a number within limits: more than `above`, from `least`."""
-
-    def read(text: str) -> float:
-        wanted = _range("number", above, least, most)
-        try:
-            value = float(text)
-        except ValueError:
-            value = float("nan")
-        is_good = (
-            value - value == 0  # neither infinite nor NaN
-            and (above is None or value > above)
-            and (least is None or value >= least)
-            and (most is None or value <= most)
-        )
-        if not is_good:
-            raise argparse.ArgumentTypeError(f"must be {wanted}, not {text!r}")
-        return value
-
-    return read
+    declared = outside.number(above=above, least=least, most=most)
+    return lambda text: _read(float, declared, text)
 
 
 def whole(
     least: int, most: int | None = None, *, or_word: str | None = None
-) -> Callable[[str], int | str]:
+) -> Callable[[str], Any]:
     """Return argparse's reader of a whole number within limits, or of one word."""
+    declared = outside.whole(least=least, most=most, or_word=or_word)
+    return lambda text: text if text == or_word else _read(int, declared, text)
 
-    def read(text: str) -> int | str:
-        if or_word is not None and text == or_word:
-            return text
-        wanted = _range("whole number", None, least, most)
-        try:
-            value = int(text)
-        except ValueError:
-            value = least - 1
-        if value < least or (most is not None and value > most):
-            suffix = f", or {or_word!r}" if or_word else ""
-            raise argparse.ArgumentTypeError(f"must be {wanted}{suffix}, not {text!r}")
-        return value
 
-    return read
+def _read(kind: type[Any], declared: Any, text: str) -> Any:
+    try:
+        return outside.reader(kind, declared)(text)
+    except ConfigurationError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def host_name(text: str) -> str:
@@ -82,13 +61,3 @@ def host_name(text: str) -> str:
             f"must be letters, digits and hyphens, at most 63 and none of them a dot, not {text!r}"
         )
     return text
-
-
-def _range(kind: str, above: float | None, least: float | None, most: float | None) -> str:
-    if above is not None:
-        kind += f" above {above:g}"
-    elif least is not None:
-        kind += f" from {least:g}" if most is not None else f" of at least {least:g}"
-    if most is not None:
-        kind += f" up to {most:g}" if above is not None or least is None else f" to {most:g}"
-    return f"a {kind}"

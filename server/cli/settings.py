@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from robot.errors import ConfigurationError, did_you_mean
+from robot.outside import Outside, number, reader, whole
 
 PREFIX = "DRIVELESSON_"
 TABLES = ("limits", "gate", "governor", "patience")
@@ -95,13 +96,12 @@ def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
             raise ConfigurationError(
                 f"unknown setting {key} in [{name}]{hint}; known: {', '.join(known)}"
             )
-
-        if isinstance(value, bool) or not isinstance(value, int | float) or value < 0:
-            raise ConfigurationError(
-                f"[{name}] {key} must be a number of at least 0, not {value!r}"
-            )
-        if known[key].type == "int" and not isinstance(value, int):
-            raise ConfigurationError(f"[{name}] {key} must be a whole number, not {value!r}")
+        is_whole = known[key].type == "int"
+        declared = whole(least=0) if is_whole else number(least=0)
+        try:
+            reader(int if is_whole else float, declared, Outside)(value)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"[{name}] {key} {error}") from error
     return kind(**table)
 
 

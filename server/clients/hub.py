@@ -28,7 +28,7 @@ from server.clients.telemetry import STATE_EVERY_S, describe_state, state_every_
 from server.clients.video import Encoder, VideoHub, Viewer
 from server.config import Config
 from server.events import EventBus
-from server.protocol import ErrorCode, ProtocolError, encode_message
+from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_message
 from server.security.access import Role
 
 log = logging.getLogger(__name__)
@@ -185,15 +185,15 @@ class Hub:
             client.send(
                 encode_message("pong", client_ms=message.client_ms, server_ms=self.now_ms())
             )
-        elif isinstance(message, protocol.Stop):
+        elif message is BareMessage.STOP:
             self.emergency.latch(client.id, client.role)
-        elif isinstance(message, protocol.Release):
+        elif message is BareMessage.RELEASE:
             has_wheel = self.lease.owner == client.id
             self.emergency.release(client.id, client.role, has_wheel=has_wheel)
-        elif isinstance(message, protocol.Take):
+        elif message is BareMessage.TAKE:
             self._handle_take(client, now_s)
-        elif isinstance(message, protocol.Idle | protocol.Watch):
-            client.is_idle = isinstance(message, protocol.Idle)
+        elif message in (BareMessage.IDLE, BareMessage.WATCH):
+            client.is_idle = message is BareMessage.IDLE
             if not client.is_idle:
                 self.publish_state()  # with a fresh nonce
         elif self.lease.give_up(client.id, now_s):

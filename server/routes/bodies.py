@@ -1,73 +1,78 @@
-"""Helpers for routes: read a JSON body, and turn errors into HTTP answers."""
+"""Helpers for routes: say what a value has to be, and turn errors into HTTP answers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any
+import inspect
+from typing import Annotated, Any, get_type_hints
 
-from fastapi import HTTPException, Request
+from fastapi import Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
+from robot.outside import Outside, explain, kind_of, text
 from server.services import services_of
 
+do = run_in_threadpool
+"""Runs what uses the disk in a thread."""
+Short = Annotated[str, Field(max_length=200)]
 
-@contextmanager
-def refusals() -> Iterator[None]:
+
+class Named(Outside):
+    """What may have a name of a person's own."""
+
+    name: str | None = text(None)
+
+
+class Key(Outside):
+    """What a deletion returned."""
+
+    undo: str = text()
+
+
+NAMED = Named()
+
+
+async def refuse_values(request: Request, error: Exception) -> JSONResponse:
+    """Say which value is refused and what it must be: 400 in a body, 422 in an address."""
+    assert isinstance(error, RequestValidationError)
+    first = error.errors()[0]
+    place, *loc = first["loc"]
+    endpoint = request.scope["endpoint"]
+    hints = get_type_hints(endpoint)
+    if place != "body":
+        declared = inspect.signature(endpoint).parameters[loc[0]].default
+        wanted = getattr(declared, "description", None) or kind_of(hints[loc[0]])
+        return JSONResponse({"detail": f"{loc[0]!r} must be {wanted}."}, 422)
+    is_json = "json" not in first["type"]
+    sentence = explain(hints["body"], loc) if is_json else "The body is not JSON."
+    return JSONResponse({"detail": sentence}, 400)
+
+
+_STATUS = {NotFoundError: 404, ConfigurationError: 409, MissingExtraError: 501, RobotError: 422}
+
+
+async def refuse(request: Request, error: Exception) -> JSONResponse:
     """Turn an error into an HTTP status and a sentence for the page."""
-    try:
-        yield
-    except NotFoundError as error:
-        raise HTTPException(404, str(error)) from error
-    except ConfigurationError as error:
-        raise HTTPException(409, str(error)) from error
-    except MissingExtraError as error:
-        raise HTTPException(501, str(error)) from error
-    except RobotError as error:
-        raise HTTPException(422, str(error)) from error
-    except OSError as error:
-        raise HTTPException(
-            507, f"The data folder cannot be used: {error.strerror or error}"
-        ) from error
+    if request.scope["type"] != "http":
+        raise error
+    if isinstance(error, OSError):
+        sentence = f"The data folder cannot be used: {error.strerror or error}"
+        return JSONResponse({"detail": sentence}, 507)
+    status = next(status for kind, status in _STATUS.items() if isinstance(error, kind))
+    return JSONResponse({"detail": str(error)}, status)
 
 
-async def do(action: Callable[..., Any], *args: Any) -> Any:
-    """Run an action that uses the disk in a thread, with errors as HTTP answers."""
-    with refusals():
-        return await run_in_threadpool(action, *args)
+HANDLERS: dict[Any, Any] = {
+    RequestValidationError: refuse_values,
+    **dict.fromkeys((RobotError, OSError), refuse),
+}
+"""What every application does with errors."""
 
 
 def require_no_session(request: Request) -> None:
     """Dependency of what changes the model in use: 409 while a participant's session is on."""
-    with refusals():
-        for extension in services_of(request).extensions.values():
-            extension.require_free_model()
-
-
-async def read_body(request: Request) -> dict[str, Any]:
-    """Return the JSON object that a request carries; {} if it has no body.
-
-    Raises:
-        HTTPException: 400 if it is anything else.
-    """
-    raw = await request.body()
-    try:
-        body = await request.json() if raw else {}
-    except (ValueError, RecursionError) as error:
-        raise HTTPException(400, "The body is not JSON.") from error
-    if not isinstance(body, dict):
-        raise HTTPException(400, "The body must be a JSON object.")
-    return body
-
-
-def text_field(body: dict[str, Any], name: str, default: str | None = None) -> str | None:
-    """Return a text field of the body, or the default; 400 if it is not text, or too long."""
-    value = body.get(name, default)
-    if value is not None and (not isinstance(value, str) or len(value) > 200):
-        raise HTTPException(400, f"{name!r} must be a text of at most 200 characters.")
-    try:
-        (value or "").encode()
-    except UnicodeEncodeError as error:  # half a surrogate pair cannot be encoded
-        raise HTTPException(400, f"{name!r} must be valid Unicode text.") from error
-    return value
+    for extension in services_of(request).extensions.values():
+        extension.require_free_model()

@@ -12,11 +12,12 @@ from robot.clock import Clock
 from server.clients.client import Client
 from server.clients.hub import Hub
 from server.protocol import ErrorCode, ProtocolError
+from server.routes.answers import Route
 from server.routes.sockets import close_for_abuse, end_with_either, hear_stop, received
 from server.security.guard import STOP_PATH, person_of, require_viewer, role_of
 from server.services import services_of
 
-router = APIRouter()
+router = APIRouter(route_class=Route)
 
 
 @router.post(STOP_PATH, dependencies=[Depends(require_viewer)])

@@ -2,148 +2,222 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Depends, HTTPException, Request, Response
+from fastapi import APIRouter, Depends, Request, Response
 from starlette.responses import FileResponse
 
 from robot.driver import describe as describe_moves
-from robot.errors import ConfigurationError
+from robot.outside import Outside, must_be, text
 from robot.policy.image import to_rgb
 from robot.policy.png import encode_png
-from robot.store.episodes.editing import EpisodeFrame, choose, moments, read_move
+from robot.store.episodes.editing import choose, moments, read_move
 from robot.store.episodes.edits import Edit, Notes, trim
 from robot.store.episodes.episode import Episode
 from robot.store.episodes.summary import EpisodeSummary
 from robot.types import Encoding
-from server.routes.bodies import do, read_body, refusals, text_field
+from server.routes.answers import IdAnswer, Of, Route, UndoAnswer, answer, media
+from server.routes.bodies import Key, do
 from server.security.guard import require_pilot, require_viewer
 from server.services import persistence_of
 
-router = APIRouter(prefix="/api")
+router = APIRouter(prefix="/api", route_class=Route)
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 _MOST_IN_A_STRIP = 400
-_COLUMNS = (
-    "frame",
-    "at_s",
-    "label",
-    "predicted",
-    "confidence",
-    "driven_by",
-    "sent",
-    "deleted",
-    "intervention",
-    "asks_pilot",
-    "distance_m",
-    "bumped",
-    "pose",
-)
 
 
-def describe_episode(summary: EpisodeSummary, recording: str | None = None) -> dict[str, Any]:
-    """Return one episode as the page gets it."""
-    return {
-        "id": summary.id,
-        "title": summary.title,
-        "protected": summary.is_protected,
-        "recording": summary.id == recording,
-        "bytes": summary.bytes,
-        "started_at_s": summary.started_at_s,
-        "duration_s": summary.duration_s,
-        "frames": summary.frames,
-        "taught": dict(summary.taught),
-        "lessons": sum(summary.taught.values()),
-        "robot": summary.robot,
-        "learner": summary.learner,
-        "source": summary.source,
-        "edits": summary.edits,
-        "readable": summary.is_readable,
-        "damage": summary.damage,
-    }
+class EpisodeChange(Outside):
+    """A new title, or protection from deletion."""
+
+    title: str | None = text(None)
+    protected: bool | None = must_be("true or false", None)
 
 
-def describe_frame(moment: EpisodeFrame) -> dict[str, Any]:
-    """Return one picture of the strip as the page gets it."""
-    return {
-        "frame": moment.frame_id,
-        "at_s": round(moment.at_s, 3),
-        "label": moment.label,
-        "relabelled": moment.is_relabelled,
-        "deleted": moment.is_deleted,
-        "predicted": moment.predicted,
-        "confidence": moment.confidence,
-        "driven_by": moment.driven_by,
-        "sent": moment.sent,
-        "intervention": moment.is_intervention,
-        "asks_pilot": moment.asks_pilot,
-        "distance_m": moment.distance_m,
-        "bumped": moment.bumped,
-        "pose": moment.pose,
-    }
+class EpisodeEdit(Outside):
+    """One edit of the frames from `first` to `last`, both included."""
+
+    verb: Literal["delete", "trim", "relabel"] = must_be("delete, trim or relabel")
+    first: int = must_be("a frame's number")
+    last: int = must_be("a frame's number")
+    label: str | None = text(None)
 
 
-@router.get("/episodes", dependencies=[VIEWER])
+class EpisodeSplit(Outside):
+    """The first frame of the second part."""
+
+    frame: int = must_be("a frame's number")
+
+
+@dataclass
+class EpisodeAnswer:
+    """One episode as the page gets it."""
+
+    recording: bool
+    id: str
+    title: str
+    protected: Annotated[bool, Of("is_protected")]
+    bytes: int
+    started_at_s: float
+    duration_s: float
+    frames: int
+    taught: dict[str, int]
+    lessons: Annotated[int, Of(lambda summary: sum(summary.taught.values()))]
+    robot: str
+    learner: str
+    source: str
+    edits: int
+    readable: Annotated[bool, Of("is_readable")]
+    damage: str | None
+
+
+@dataclass
+class EpisodeList:
+    """All episodes, the newest first, and how the recording goes."""
+
+    recording: str | None
+    fault: str | None
+    dropped_frames: int
+    episodes: list[EpisodeAnswer]
+
+
+@dataclass
+class StorageAnswer:
+    """The disk usage in bytes, and which episodes could be deleted if it is too much."""
+
+    models: int
+    episodes: int
+    exports: int
+    trash: int
+    free: int
+    budget: int
+    offered: list[EpisodeAnswer]
+
+
+@dataclass
+class EditAnswer:
+    """One edit: what was done to which frames."""
+
+    verb: str
+    ranges: list[list[int]]
+    label: str | None
+
+
+@dataclass
+class EditList:
+    """The edits of an episode."""
+
+    edit_list: list[EditAnswer]
+
+
+@dataclass
+class EpisodeDetails(EpisodeAnswer):
+    """One episode with its edits and the run's metadata."""
+
+    run: dict[str, Any]
+    moves: list[str]
+    declared_moves: list[dict[str, Any]]
+    first_frame: int | None
+    last_frame: int | None
+    edit_list: list[EditAnswer]
+    redoable: int
+
+
+@dataclass
+class FrameAnswer:
+    """One picture of the strip as the page gets it."""
+
+    frame: Annotated[int, Of("frame_id")]
+    at_s: Annotated[float, Of(lambda moment: round(moment.at_s, 3))]
+    label: str | None
+    relabelled: Annotated[bool, Of("is_relabelled")]
+    deleted: Annotated[bool, Of("is_deleted")]
+    predicted: str | None
+    confidence: float | None
+    driven_by: str | None
+    sent: str | None
+    intervention: Annotated[bool, Of("is_intervention")]
+    asks_pilot: bool
+    distance_m: float | None
+    bumped: bool
+    pose: list[float] | None
+
+
+@dataclass
+class Strip:
+    """Evenly spaced pictures, and of how many."""
+
+    frames: list[FrameAnswer]
+    of: int
+
+
+@dataclass
+class EpisodeTimeline:
+    """Every picture as columns for drawing: those of a strip's pictures."""
+
+    columns: dict[str, list[Any]]
+    is_estimate: bool
+
+
+def _describe(summary: EpisodeSummary, recording: str | None = None) -> EpisodeAnswer:
+    return answer(EpisodeAnswer, summary, recording=summary.id == recording)
+
+
+@router.get("/episodes", dependencies=[VIEWER], responses={200: {"model": EpisodeList}})
 def list_episodes(request: Request) -> Response:
     """List all episodes, the newest first."""
     persistence = persistence_of(request)
     recorder = persistence.recorder
-    with refusals():
-        summaries = persistence.episodes.summaries()
-    answer = {
-        "recording": recorder.episode_id,
-        "fault": recorder.fault,
-        "dropped_frames": recorder.dropped_frames,
-        "episodes": [describe_episode(summary, recorder.episode_id) for summary in summaries],
-    }
+    summaries = persistence.episodes.summaries()
+    found = EpisodeList(
+        recording=recorder.episode_id,
+        fault=recorder.fault,
+        dropped_frames=recorder.dropped_frames,
+        episodes=[_describe(summary, recorder.episode_id) for summary in summaries],
+    )
     # NOTE: encoded here, because FastAPI takes a second for a list of 2,000.
-    return Response(json.dumps(answer, allow_nan=False), media_type="application/json")
+    text = json.dumps(found, default=vars, allow_nan=False)
+    return Response(text, media_type="application/json")
 
 
 @router.get("/storage", dependencies=[VIEWER])
-def show_storage(request: Request) -> dict[str, Any]:
+def show_storage(request: Request) -> StorageAnswer:
     """Return the disk usage, and which episodes could be deleted if it is too much."""
     persistence = persistence_of(request)
-    with refusals():
-        usage, budget = persistence.storage.usage(), persistence.episodes.budget()
-    return {
-        **dataclasses.asdict(usage),
-        "budget": budget.budget_bytes,
-        "offered": [describe_episode(summary) for summary in budget.offered],
-    }
+    usage, budget = persistence.storage.usage(), persistence.episodes.budget()
+    offered = [_describe(summary) for summary in budget.offered]
+    return answer(StorageAnswer, usage, budget=budget.budget_bytes, offered=offered)
 
 
 @router.post("/episodes/restore", dependencies=[PILOT])
-async def restore_episode(request: Request) -> dict[str, str]:
-    """Restore a deleted episode: {undo}, as `delete` returned it."""
-    key = text_field(await read_body(request), "undo", "") or ""
-    return {"id": await do(persistence_of(request).episodes.restore, key)}
+async def restore_episode(request: Request, body: Key) -> IdAnswer:
+    """Restore a deleted episode."""
+    return IdAnswer(id=await do(persistence_of(request).episodes.restore, body.undo))
 
 
 @router.get("/episodes/{episode_id}", dependencies=[VIEWER])
-def show_episode(request: Request, episode_id: str) -> dict[str, Any]:
+def show_episode(request: Request, episode_id: str) -> EpisodeDetails:
     """Describe one episode, with its edits and the run's metadata."""
     persistence = persistence_of(request)
-    with refusals():
-        episode, notes = (
-            persistence.episodes.open(episode_id),
-            persistence.episodes.notes(episode_id),
-        )
-        summary = persistence.episodes.summary(episode_id)
+    store = persistence.episodes
+    episode, notes = store.open(episode_id), store.notes(episode_id)
+    summary = store.summary(episode_id)
     ids = list(episode.frames)
-    return {
-        **describe_episode(summary, persistence.recorder.episode_id),
-        "run": episode.run,
-        "moves": [move.value for move in episode.moves],
-        "declared_moves": [
+    return answer(
+        EpisodeDetails,
+        summary,
+        recording=summary.id == persistence.recorder.episode_id,
+        run=episode.run,
+        moves=[move.value for move in episode.moves],
+        declared_moves=[
             move.describe() for move in describe_moves(episode.moves, episode.declared_moves)
         ],
-        "first_frame": ids[0] if ids else None,
-        "last_frame": ids[-1] if ids else None,
-        "edit_list": _describe_edits(notes),
-        "redoable": len(notes.undone),
-    }
+        first_frame=ids[0] if ids else None,
+        last_frame=ids[-1] if ids else None,
+        edit_list=_describe_edits(notes).edit_list,
+        redoable=len(notes.undone),
+    )
 
 
 @router.get("/episodes/{episode_id}/strip", dependencies=[VIEWER])
@@ -153,140 +227,121 @@ def show_strip(
     count: int = 24,
     first: int | None = None,
     last: int | None = None,
-) -> dict[str, Any]:
+) -> Strip:
     """Return evenly spaced pictures, each with label, prediction and driver."""
-    persistence = persistence_of(request)
-    with refusals():
-        episode, notes = (
-            persistence.episodes.open(episode_id),
-            persistence.episodes.notes(episode_id),
-        )
+    store = persistence_of(request).episodes
+    episode, notes = store.open(episode_id), store.notes(episode_id)
     found = [
         moment
         for moment in moments(episode, notes)
         if (first is None or moment.frame_id >= first) and (last is None or moment.frame_id <= last)
     ]
     chosen = choose(found, min(max(count, 1), _MOST_IN_A_STRIP))
-    return {"frames": [describe_frame(moment) for moment in chosen], "of": len(found)}
+    return Strip(frames=[answer(FrameAnswer, moment) for moment in chosen], of=len(found))
 
 
 @router.get("/episodes/{episode_id}/timeline", dependencies=[VIEWER])
-def show_timeline(request: Request, episode_id: str) -> dict[str, Any]:
+def show_timeline(request: Request, episode_id: str) -> EpisodeTimeline:
     """Return every picture's label, prediction and driver, as columns for drawing."""
-    persistence = persistence_of(request)
-    with refusals():
-        episode, notes = (
-            persistence.episodes.open(episode_id),
-            persistence.episodes.notes(episode_id),
-        )
+    store = persistence_of(request).episodes
+    episode, notes = store.open(episode_id), store.notes(episode_id)
     found = moments(episode, notes)
-    rows = [describe_frame(moment) for moment in found]
-    return {
-        "columns": {name: [row[name] for row in rows] for name in _COLUMNS},
-        "is_estimate": any(moment.is_pose_estimate for moment in found),
-    }
+    rows = [vars(answer(FrameAnswer, moment)) for moment in found]
+    return EpisodeTimeline(
+        columns={field.name: [row[field.name] for row in rows] for field in fields(FrameAnswer)},
+        is_estimate=any(moment.is_pose_estimate for moment in found),
+    )
 
 
-@router.get("/episodes/{episode_id}/frames/{frame_id}", dependencies=[VIEWER])
+@router.get(
+    "/episodes/{episode_id}/frames/{frame_id}",
+    dependencies=[VIEWER],
+    responses={200: {"content": {"image/jpeg": {}, "image/png": {}}}},
+    response_class=Response,
+)
 def show_frame(request: Request, episode_id: str, frame_id: int) -> Response:
     """Return one picture: JPEG as recorded, or PNG."""
-    persistence = persistence_of(request)
-    with refusals():
-        frame = persistence.episodes.open(episode_id).frame(frame_id)
-        if frame.encoding is Encoding.JPEG:
-            return _picture(frame.data, "image/jpeg")
-        return _picture(encode_png(to_rgb(frame), level=1), "image/png")
+    frame = persistence_of(request).episodes.open(episode_id).frame(frame_id)
+    is_jpeg = frame.encoding is Encoding.JPEG
+    return Response(
+        frame.data if is_jpeg else encode_png(to_rgb(frame), level=1),
+        media_type="image/jpeg" if is_jpeg else "image/png",
+        headers={"cache-control": "private, max-age=3600"},
+    )
 
 
-def _picture(data: bytes, kind: str) -> Response:
-    headers = {"cache-control": "private, max-age=3600"}
-    return Response(data, media_type=kind, headers=headers)
-
-
-@router.get("/episodes/{episode_id}/file", dependencies=[VIEWER])
+@router.get(
+    "/episodes/{episode_id}/file",
+    dependencies=[VIEWER],
+    responses=media("application/octet-stream"),
+    response_class=Response,
+)
 def download_episode(request: Request, episode_id: str) -> Response:
     """Download the recording without its edits."""
-    with refusals():
-        path = persistence_of(request).episodes.path(episode_id)
+    path = persistence_of(request).episodes.path(episode_id)
     return FileResponse(path, media_type="application/octet-stream", filename=path.name)
 
 
 @router.patch("/episodes/{episode_id}", dependencies=[PILOT])
-async def change_episode(request: Request, episode_id: str) -> dict[str, Any]:
-    """Set the title of an episode, or protect it: {title?, protected?}."""
-    body = await read_body(request)
-    title, protected = text_field(body, "title"), body.get("protected")
-    if protected is not None and not isinstance(protected, bool):
-        raise HTTPException(400, "'protected' must be true or false.")
+async def change_episode(request: Request, episode_id: str, body: EpisodeChange) -> EpisodeAnswer:
+    """Set the title of an episode, or protect it."""
     store = persistence_of(request).episodes
-    if title is not None:
-        await do(store.set_title, episode_id, title)
-    if protected is not None:
-        await do(store.protect, episode_id, protected)
-    return describe_episode(await do(store.summary, episode_id))
+    if body.title is not None:
+        await do(store.set_title, episode_id, body.title)
+    if body.protected is not None:
+        await do(store.protect, episode_id, body.protected)
+    return _describe(await do(store.summary, episode_id))
 
 
 @router.post("/episodes/{episode_id}/edits", dependencies=[PILOT], status_code=201)
-async def edit_episode(request: Request, episode_id: str) -> dict[str, Any]:
-    """Edit: {verb: delete | trim | relabel, first, last, label?}; frames, both ends included."""
-    body = await read_body(request)
+async def edit_episode(request: Request, episode_id: str, body: EpisodeEdit) -> EditList:
+    """Delete or relabel frames, or all others."""
     store = persistence_of(request).episodes
 
     def edit() -> Notes:
         return store.edit(episode_id, _read_edit(body, store.open(episode_id)))
 
-    return {"edit_list": _describe_edits(await do(edit))}
+    return _describe_edits(await do(edit))
 
 
 @router.delete("/episodes/{episode_id}/edits/last", dependencies=[PILOT])
-async def undo_edit(request: Request, episode_id: str) -> dict[str, Any]:
+async def undo_edit(request: Request, episode_id: str) -> EditList:
     """Undo the last edit."""
     notes = await do(persistence_of(request).episodes.undo_edit, episode_id)
-    return {"edit_list": _describe_edits(notes)}
+    return _describe_edits(notes)
 
 
 @router.post("/episodes/{episode_id}/edits/redo", dependencies=[PILOT])
-async def redo_edit(request: Request, episode_id: str) -> dict[str, Any]:
+async def redo_edit(request: Request, episode_id: str) -> EditList:
     """Redo the edit that was undone last."""
     notes = await do(persistence_of(request).episodes.redo_edit, episode_id)
-    return {"edit_list": _describe_edits(notes)}
+    return _describe_edits(notes)
 
 
 @router.post("/episodes/{episode_id}/split", dependencies=[PILOT], status_code=201)
-async def split_episode(request: Request, episode_id: str) -> dict[str, str]:
-    """Split a recording in two: {frame} is the first of the second part."""
-    frame = (await read_body(request)).get("frame")
-    if not isinstance(frame, int) or isinstance(frame, bool):
-        raise HTTPException(400, "'frame' must be a frame's number.")
-    return {"id": await do(persistence_of(request).episodes.split, episode_id, frame)}
+async def split_episode(request: Request, episode_id: str, body: EpisodeSplit) -> IdAnswer:
+    """Split a recording in two."""
+    return IdAnswer(id=await do(persistence_of(request).episodes.split, episode_id, body.frame))
 
 
 @router.post("/episodes/{episode_id}/compact", dependencies=[PILOT])
-async def compact_episode(request: Request, episode_id: str) -> dict[str, str]:
+async def compact_episode(request: Request, episode_id: str) -> UndoAnswer:
     """Apply the edits to the recording; `undo` restores the original."""
-    return {"undo": await do(persistence_of(request).episodes.compact, episode_id)}
+    return UndoAnswer(undo=await do(persistence_of(request).episodes.compact, episode_id))
 
 
 @router.delete("/episodes/{episode_id}", dependencies=[PILOT])
-async def delete_episode(request: Request, episode_id: str) -> dict[str, str]:
+async def delete_episode(request: Request, episode_id: str) -> UndoAnswer:
     """Move an episode to the trash; `undo` is the key that restores it."""
-    return {"undo": await do(persistence_of(request).episodes.delete, episode_id)}
+    return UndoAnswer(undo=await do(persistence_of(request).episodes.delete, episode_id))
 
 
-def _read_edit(body: dict[str, Any], episode: Episode) -> Edit:
-    verb, first, last = body.get("verb"), body.get("first"), body.get("last")
-    for value in (first, last):
-        if not isinstance(value, int) or isinstance(value, bool):
-            raise ConfigurationError("'first' and 'last' must be frame ids")
-    assert isinstance(first, int) and isinstance(last, int)
-    if verb == "trim":
-        return trim(list(episode.frames), first, last)
-    label = read_move(body.get("label"), episode) if verb == "relabel" else None
-    return Edit(verb=str(verb), ranges=((first, last),), label=label)
+def _read_edit(body: EpisodeEdit, episode: Episode) -> Edit:
+    if body.verb == "trim":
+        return trim(list(episode.frames), body.first, body.last)
+    label = read_move(body.label, episode) if body.verb == "relabel" else None
+    return Edit(verb=body.verb, ranges=((body.first, body.last),), label=label)
 
 
-def _describe_edits(notes: Notes) -> list[dict[str, Any]]:
-    return [
-        {"verb": e.verb, "ranges": [list(r) for r in e.ranges], "label": e.label}
-        for e in notes.edits
-    ]
+def _describe_edits(notes: Notes) -> EditList:
+    return EditList(edit_list=[answer(EditAnswer, edit) for edit in notes.edits])

@@ -2,36 +2,69 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
+from pydantic import StrictBool, StrictStr
 
+from robot.outside import Outside, must_be
 from robot.policy.gallery import LearnedImage
 from robot.policy.png import encode_png
 from server.progress import Progress
-from server.routes.bodies import read_body
+from server.routes.answers import PNG, Of, Route, answer
 from server.security.guard import require_pilot, require_viewer
 from server.services import services_of
 
-router = APIRouter(prefix="/api/gallery")
+router = APIRouter(prefix="/api/gallery", route_class=Route)
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 
 
+class ImageEdit(Outside):
+    """Relabel an image (the value is a move), pin it (true or false), or delete it."""
+
+    verb: Literal["relabel", "pin", "delete"] = must_be("relabel, pin or delete")
+    value: StrictBool | StrictStr | None = must_be("a move, true or false", None)
+
+
+@dataclass
+class ImageAnswer:
+    """One learned image; `taught_at_s` and `episode` if its last example is remembered."""
+
+    taught_at_s: float | None
+    episode: str | None
+    node: Annotated[int, Of("node_id")]
+    votes: dict[str, float]
+    frames: int
+    last_used: int
+    last_taught: int
+    pinned: Annotated[bool, Of("is_pinned")]
+
+
+@dataclass
+class ImageList:
+    """The learned images, in the learner's own order."""
+
+    moves: list[str]
+    max_nodes: int
+    images: list[ImageAnswer]
+
+
 @router.get("", dependencies=[VIEWER])
-async def list_images(request: Request) -> dict[str, Any]:
+async def list_images(request: Request) -> ImageList:
     """List the learned images, in the learner's own order."""
     progress = services_of(request).progress
     state = services_of(request).robot.loop.state
     images = await progress.gallery()
-    return {
-        "moves": [move.value for move in state.moves],
+    return ImageList(
+        moves=[move.value for move in state.moves],
         # A learner of several places has `max_nodes` images for each of them.
-        "max_nodes": max(state.max_nodes, len(images)),
-        "images": [_describe(image, progress) for image in images],
-    }
+        max_nodes=max(state.max_nodes, len(images)),
+        images=[_describe(image, progress) for image in images],
+    )
 
 
-@router.get("/{node}.png", dependencies=[VIEWER])
+@router.get("/{node}.png", dependencies=[VIEWER], responses=PNG, response_class=Response)
 async def show_image(request: Request, node: int) -> Response:
     """Return one learned image as a small PNG."""
     image = await services_of(request).progress.image(node)
@@ -53,15 +86,11 @@ async def undo_edit(request: Request) -> dict[str, bool]:
 
 
 @router.post("/{node}", dependencies=[PILOT])
-async def edit_image(request: Request, node: int) -> dict[str, Any]:
-    """Change one image: {verb: relabel, value: move}, {verb: pin, value: bool}, {verb: delete}."""
-    body = await read_body(request)
-    verb, value = body.get("verb"), body.get("value")
-    if not isinstance(verb, str):
-        raise HTTPException(400, "'verb' must be relabel, pin or delete.")
+async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, int]:
+    """Change one image."""
     services = services_of(request)
     try:
-        await services.change_learner(lambda history: history.edit(verb, node, value))
+        await services.change_learner(lambda history: history.edit(body.verb, node, body.value))
     except LookupError as error:
         raise HTTPException(
             404, "That image is no longer there; it may have been merged."
@@ -72,15 +101,7 @@ async def edit_image(request: Request, node: int) -> dict[str, Any]:
     return {"node": node}
 
 
-def _describe(image: LearnedImage, progress: Progress) -> dict[str, Any]:
+def _describe(image: LearnedImage, progress: Progress) -> ImageAnswer:
     mark = progress.mark_of(image.last_taught)
-    return {
-        "node": image.node_id,
-        "votes": {move.value: count for move, count in image.votes.items()},
-        "frames": image.frames,
-        "last_used": image.last_used,
-        "last_taught": image.last_taught,
-        "taught_at_s": mark.at_s if mark else None,
-        "episode": mark.episode if mark else None,
-        "pinned": image.is_pinned,
-    }
+    known = (mark.at_s, mark.episode) if mark else (None, None)
+    return answer(ImageAnswer, image, taught_at_s=known[0], episode=known[1])

@@ -6,9 +6,10 @@ from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
 
 from server.clients.metrics import CONTENT_TYPE, Measured, render
+from server.routes.answers import Route
 from server.services import services_of
 
-router = APIRouter()
+router = APIRouter(route_class=Route)
 STALE_LOOP_S = 2.0
 """A control loop without a tick for so long has stalled."""
 

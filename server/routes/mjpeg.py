@@ -14,10 +14,11 @@ from fastapi.responses import StreamingResponse
 from robot.errors import MissingExtraError
 from robot.types import Encoding
 from server.clients.hub import Hub
+from server.routes.answers import Route
 from server.security.guard import require_viewer
 from server.services import services_of
 
-router = APIRouter()
+router = APIRouter(route_class=Route)
 _BOUNDARY = b"--frame\r\nContent-Type: image/jpeg\r\n\r\n"
 _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-import json
-
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import FileResponse, JSONResponse, Response
 
+from robot.outside import Outside, text
+from server.routes.answers import Route
 from server.security.access import Refusal, session_of
 from server.security.guard import person_of
 from server.security.pairing import Pairing, cookie_name
 from server.services import services_of
 
-router = APIRouter()
+router = APIRouter(route_class=Route)
 _YEAR_S = 365 * 24 * 3600
+
+
+class PairingToken(Outside):
+    """The token of a pairing address."""
+
+    token: str = text()
 
 
 @router.get("/pair", include_in_schema=False)
@@ -25,18 +31,12 @@ async def pair_page(request: Request) -> Response:
 
 
 @router.post("/api/pair", responses={400: {}, 403: {}, 404: {}, 429: {}, 503: {}})
-async def pair(request: Request) -> JSONResponse:
-    """Exchange `{"token": ...}` for a session cookie. The token is never sent in an address."""
+async def pair(request: Request, body: PairingToken) -> JSONResponse:
+    """Exchange a token for a session cookie. The token is never sent in an address."""
     pairing = _require_pairing(request)
-    try:
-        token = json.loads(await request.body())["token"]
-    except (ValueError, RecursionError, KeyError, TypeError) as error:
-        raise HTTPException(400, 'The body must be {"token": "..."}.') from error
-    if not isinstance(token, str):
-        raise HTTPException(400, "The token must be text.")
     config, now_s = services_of(request).config, services_of(request).robot.clock.now_s()
     secret = session_of({"cookie": request.headers.get("cookie", "")}, cookie_name(config))
-    result = pairing.redeem(token, now_s, person_of(request), secret)
+    result = pairing.redeem(body.token, now_s, person_of(request), secret)
     if isinstance(result, Refusal):
         return JSONResponse(
             {"error": result.reason, "detail": result.sentence}, status_code=result.status

@@ -6,14 +6,23 @@ from typing import Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request
 
-from server.routes.bodies import do, read_body, require_no_session, text_field
+from robot.outside import Outside, must_be, text
+from server.routes.answers import NameAnswer, Route
+from server.routes.bodies import NAMED, Named, Short, do, require_no_session
 from server.security.guard import require_pilot, require_viewer
 from server.services import persistence_of, services_of
 
-router = APIRouter(prefix="/api/retraining")
+router = APIRouter(prefix="/api/retraining", route_class=Route)
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 NO_SESSION = Depends(require_no_session)
 _MOST_EPISODES = 100
+
+
+class RetrainingOrder(Outside):
+    """Which recordings an empty learner is taught."""
+
+    episodes: list[Short] = must_be("a list of recordings' names")
+    learner: str | None = text(None)
 
 
 @router.get("", dependencies=[VIEWER])
@@ -23,30 +32,25 @@ def describe_retraining(request: Request) -> dict[str, Any]:
 
 
 @router.post("", dependencies=[PILOT], status_code=202)
-async def begin_retraining(request: Request) -> dict[str, Any]:
-    """Train an empty learner: {episodes: [id, ...], learner?}."""
-    body = await read_body(request)
-    episodes = body.get("episodes")
-    if not isinstance(episodes, list) or not all(isinstance(name, str) for name in episodes):
-        raise HTTPException(400, "'episodes' must be a list of recordings' names.")
-    if len(episodes) > _MOST_EPISODES:
+async def begin_retraining(request: Request, body: RetrainingOrder) -> dict[str, Any]:
+    """Train an empty learner."""
+    if len(body.episodes) > _MOST_EPISODES:
         raise HTTPException(400, f"At most {_MOST_EPISODES} recordings can be taught together.")
     services = services_of(request)
-    learner = text_field(body, "learner") or services.robot.loop.state.learner
+    learner = body.learner or services.robot.loop.state.learner
     store = persistence_of(request).episodes
-    await do(services.retraining.begin, store, episodes, learner)
+    await do(services.retraining.begin, store, body.episodes, learner)
     return services.retraining.describe()
 
 
 @router.post("/keep", dependencies=[PILOT, NO_SESSION], status_code=201)
-async def keep(request: Request) -> dict[str, str]:
-    """Save the result as a model, {name?}, and load it; 409 unless the robot is stopped."""
-    name = text_field(await read_body(request), "name")
+async def keep(request: Request, body: Named = NAMED) -> NameAnswer:
+    """Save the result as a model and load it; 409 unless the robot is stopped."""
     services, persistence = services_of(request), persistence_of(request)
 
     def save() -> str:
         model = services.retraining.take()
-        kept = persistence.models.free_name(name or services.identity.now.name)
+        kept = persistence.models.free_name(body.name or services.identity.now.name)
         persistence.models.save(kept, model)
         try:
             persistence.autosave.load(kept)
@@ -56,7 +60,7 @@ async def keep(request: Request) -> dict[str, str]:
         services.retraining.drop()
         return kept
 
-    return {"name": await do(save)}
+    return NameAnswer(name=await do(save))
 
 
 @router.delete("", dependencies=[PILOT])

@@ -2,34 +2,81 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
-from fastapi import APIRouter, Depends, HTTPException, Request
+from fastapi import APIRouter, Depends, Request
 from starlette.concurrency import run_in_threadpool
 
 from robot.clock import Clock, RealClock
 from robot.control.loop import ControlLoop
 from robot.driver import describe
+from robot.errors import ConfigurationError
+from robot.outside import Outside, must_be, number, text
 from robot.policy.registry import make_policy, split_name
 from robot.types import Action, Encoding, Frame
 from server.identity import COLOURS
-from server.routes.bodies import do, read_body, refusals
+from server.routes.answers import Route
+from server.routes.bodies import Short, do
 from server.security.guard import require_pilot, require_viewer
 from server.services import persistence_of, services_of
 
-router = APIRouter(prefix="/api/settings")
+router = APIRouter(prefix="/api/settings", route_class=Route)
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
-SIZES = (16, 32, 64, 128, 256)
+Size = Literal[16, 32, 64, 128, 256]
+SIZES: tuple[int, ...] = get_args(Size)
 """Numbers of learned images that a person may choose from."""
-SLOWEST, FASTEST = 0.3, 1.0
 _TRIALS = 10
 _REAL = RealClock()
 
 
+class SettingsChange(Outside):
+    """What is to change."""
+
+    speed: float | None = number(None, least=0.3, most=1.0)
+    name: str | None = text(None)
+    colour: str | None = text(None)
+    max_nodes: Size | None = must_be(f"one of {', '.join(map(str, SIZES))}", None)
+    moves: list[Short] | None = must_be("a list of moves", None)
+
+
+@dataclass
+class CameraAnswer:
+    """The camera; no size before its first picture."""
+
+    name: str
+    rate_hz: float
+    width: int | None
+    height: int | None
+
+
+@dataclass
+class Changed:
+    """What holds now."""
+
+    learner: str
+    speed: float
+
+
+@dataclass
+class SettingsAnswer(Changed):
+    """The settings and their possible values."""
+
+    name: str
+    colour: str
+    colours: list[str]
+    max_nodes: int
+    sizes: list[dict[str, int]]
+    moves: list[str]
+    possible_moves: list[str]
+    declared_moves: list[dict[str, Any]]
+    camera: CameraAnswer
+
+
 @router.get("", dependencies=[VIEWER])
-async def describe_settings(request: Request) -> dict[str, Any]:
+async def describe_settings(request: Request) -> SettingsAnswer:
     """Return the settings and their possible values."""
     robot = services_of(request).robot
     loop: ControlLoop = robot.loop
@@ -38,47 +85,44 @@ async def describe_settings(request: Request) -> dict[str, Any]:
     rates_hz = await run_in_threadpool(estimate_rates_hz, kind)
     frame = robot.camera.latest()
     identity = services_of(request).identity.now
-    return {
-        "name": identity.name,
-        "colour": identity.colour,
-        "colours": list(COLOURS),
-        "learner": state.learner,
-        "max_nodes": state.max_nodes,
-        "sizes": [{"max_nodes": n, "rate_hz": round(rates_hz[n])} for n in SIZES],
-        "speed": loop.speed_share,
-        "moves": [move.value for move in state.moves],
-        "possible_moves": [move.value for move in robot.driver.moves],
-        "declared_moves": [
+    return SettingsAnswer(
+        name=identity.name,
+        colour=identity.colour,
+        colours=list(COLOURS),
+        learner=state.learner,
+        max_nodes=state.max_nodes,
+        sizes=[{"max_nodes": n, "rate_hz": round(rates_hz[n])} for n in SIZES],
+        speed=loop.speed_share,
+        moves=[move.value for move in state.moves],
+        possible_moves=[move.value for move in robot.driver.moves],
+        declared_moves=[
             move.describe() for move in describe(robot.driver.moves, robot.driver.declared_moves)
         ],
-        "camera": {
-            "name": robot.camera.name,
-            "rate_hz": round(state.cycle_hz, 1),
-            "width": frame.width if frame else None,
-            "height": frame.height if frame else None,
-        },
-    }
+        camera=CameraAnswer(
+            name=robot.camera.name,
+            rate_hz=round(state.cycle_hz, 1),
+            width=frame.width if frame else None,
+            height=frame.height if frame else None,
+        ),
+    )
 
 
 @router.put("", dependencies=[PILOT])
-async def change_settings(request: Request) -> dict[str, Any]:
-    """Set {speed, name, colour}; {max_nodes} or {moves} start an empty model, 409 if it drives."""
-    body = await read_body(request)
+async def change_settings(request: Request, body: SettingsChange) -> Changed:
+    """Change settings; a new `max_nodes` or `moves` start an empty model, 409 if it drives."""
     loop = services_of(request).robot.loop
-    if "speed" in body:
-        loop.speed_share = _checked_speed(body["speed"])
-    if "name" in body or "colour" in body:
-        await _rename(request, {key: body[key] for key in ("name", "colour") if key in body})
-    if "max_nodes" in body or "moves" in body:
+    if body.speed is not None:
+        loop.speed_share = body.speed
+    named = {"name": body.name, "colour": body.colour}
+    named = {field: value for field, value in named.items() if value is not None}
+    if named:
+        await _rename(request, named)
+    if body.max_nodes is not None or body.moves is not None:
         kind, size = split_name(loop.state.learner)
-        size = body.get("max_nodes", size)
-        if isinstance(size, bool) or size not in SIZES:
-            raise HTTPException(400, f"'max_nodes' must be one of {', '.join(map(str, SIZES))}.")
-        moves = _checked_moves(body.get("moves", list(loop.state.moves)), request)
-        autosave = persistence_of(request).autosave
-        with refusals():
-            await run_in_threadpool(autosave.begin, None, f"{kind}-{size}", None, moves)
-    return {"learner": loop.state.learner, "speed": loop.speed_share}
+        learner = f"{kind}-{body.max_nodes or size}"
+        moves = loop.state.moves if body.moves is None else _choose(body.moves, request)
+        await run_in_threadpool(persistence_of(request).autosave.begin, None, learner, None, moves)
+    return Changed(learner=loop.state.learner, speed=loop.speed_share)
 
 
 async def _rename(request: Request, fields: dict[str, Any]) -> None:
@@ -88,20 +132,12 @@ async def _rename(request: Request, fields: dict[str, Any]) -> None:
     services.events.publish("renamed", robot=now.name, colour=now.colour)
 
 
-def _checked_speed(speed: Any) -> float:
-    if isinstance(speed, bool) or not isinstance(speed, int | float):
-        raise HTTPException(400, "'speed' must be a number.")
-    if not SLOWEST <= speed <= FASTEST:
-        raise HTTPException(400, f"'speed' must be between {SLOWEST} and {FASTEST}.")
-    return float(speed)
-
-
-def _checked_moves(moves: Any, request: Request) -> tuple[Action, ...]:
+def _choose(moves: list[str], request: Request) -> tuple[Action, ...]:
     possible = services_of(request).robot.driver.moves
-    if not isinstance(moves, list) or not set(moves) <= {move.value for move in possible}:
-        raise HTTPException(400, f"'moves' must be some of {', '.join(possible)}.")
+    if not set(moves) <= {move.value for move in possible}:
+        raise ConfigurationError(f"'moves' must be some of {', '.join(possible)}")
     if len(set(moves)) < 2:
-        raise HTTPException(400, "A robot needs at least two moves to choose from.")
+        raise ConfigurationError("a robot needs at least two moves to choose from")
     return tuple(move for move in possible if move.value in moves)
 
 

@@ -8,10 +8,11 @@ from fastapi import APIRouter, Depends, Request
 from starlette.concurrency import run_in_threadpool
 
 from server.hosting.joined_page import join_page
+from server.routes.answers import Route
 from server.security.guard import require_viewer
 from server.services import services_of
 
-router = APIRouter()
+router = APIRouter(route_class=Route)
 _ICONS = {".png", ".svg", ".webmanifest"}
 _APART = "-study.js"
 """Not fetched by every visitor: the study is kept once it was opened."""

@@ -11,12 +11,13 @@ from server.clients.hub import Hub
 from server.clients.video import EncodedFrame, Viewer
 from server.hosting.uvicorn_fastpath import EXTENSION, FastPath
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
+from server.routes.answers import Route
 from server.routes.sockets import end_with_either
 from server.security.guard import note_use
 from server.security.pace import Pace
 from server.services import services_of
 
-router = APIRouter()
+router = APIRouter(route_class=Route)
 _SELDOM_MS = 60_000
 
 

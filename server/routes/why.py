@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from base64 import b64encode
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 
@@ -12,18 +13,49 @@ from robot.control.loop import ControlLoop
 from robot.policy.explanation import Explanation, explain
 from robot.policy.png import encode_png
 from robot.types import Prediction
+from server.routes.answers import Of, Route, answer
 from server.security.guard import require_viewer
 from server.services import services_of
 
-router = APIRouter()
+router = APIRouter(route_class=Route)
+
+
+def _png(name: str) -> Of:
+    return Of(lambda explanation: b64encode(encode_png(getattr(explanation, name))).decode())
+
+
+def _rows(explanation: Explanation) -> list[list[float]]:
+    return [[round(float(part), 2) for part in row] for row in explanation.alike]
+
+
+@dataclass
+class Why:
+    """The image that decides now beside the present view, both PNG in base64."""
+
+    frame: int
+    action: str | None
+    novelty: float
+    node: Annotated[int, Of("node_id")]
+    votes: dict[str, int]
+    frames: int
+    present: Annotated[str, _png("present")]
+    image: Annotated[str, _png("image")]
+    alike: Annotated[list[list[float]], Of(_rows)]
+
+
+@dataclass
+class WhyAnswer:
+    """What the present proposal rests on; null if nothing was taught."""
+
+    why: Why | None
 
 
 @router.get("/api/why", dependencies=[Depends(require_viewer)])
-async def show_why(request: Request) -> dict[str, Any]:
+async def show_why(request: Request) -> WhyAnswer:
     """Return the image that decides now beside the present view; null if there is none."""
     loop = services_of(request).robot.loop
     found = await asyncio.wrap_future(loop.submit(lambda: _explain(loop)))
-    return {"why": found and _describe(*found)}
+    return WhyAnswer(why=found and _describe(*found))
 
 
 def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
@@ -36,15 +68,11 @@ def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
     return None if explanation is None else (prediction, explanation)
 
 
-def _describe(prediction: Prediction, explanation: Explanation) -> dict[str, Any]:
-    return {
-        "frame": prediction.frame_id,
-        "action": prediction.action and prediction.action.value,
-        "novelty": round(float(prediction.novelty), 3),
-        "node": explanation.node_id,
-        "votes": {move.value: count for move, count in explanation.votes.items()},
-        "frames": explanation.frames,
-        "present": b64encode(encode_png(explanation.present)).decode(),
-        "image": b64encode(encode_png(explanation.image)).decode(),
-        "alike": [[round(float(part), 2) for part in row] for row in explanation.alike],
-    }
+def _describe(prediction: Prediction, explanation: Explanation) -> Why:
+    return answer(
+        Why,
+        explanation,
+        frame=prediction.frame_id,
+        action=prediction.action and prediction.action.value,
+        novelty=round(float(prediction.novelty), 3),
+    )

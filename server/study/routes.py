@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 from urllib.parse import quote
 
-from fastapi import APIRouter, Depends, HTTPException, Request, Response
+from fastapi import APIRouter, Depends, Request, Response
 
-from robot.study.builtin import TRIALS, paper_plan
-from server.routes.bodies import do, read_body, text_field
+from robot.errors import ConfigurationError
+from robot.outside import Outside, must_be, text, whole
+from robot.study.builtin import paper_plan
+from server.routes.answers import NameAnswer, Route, media
+from server.routes.bodies import do
 from server.security.access import Role
 from server.security.guard import require_pilot, require_viewer, role_of
 from server.services import persistence_of, services_of
@@ -20,8 +23,48 @@ from server.study.older import list_results, read_result
 if TYPE_CHECKING:
     from server.study.extension import StudyExtension
 
-router = APIRouter(prefix="/api")
+router = APIRouter(prefix="/api", route_class=Route)
 VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
+
+
+class NewStudy(Outside):
+    """A study's name, and its plan as TOML or the number of a trial of the paper."""
+
+    name: str = text()
+    plan: str | None = text(None, most=1_000_000)
+    trial: Literal[1, 2, 3] | None = must_be("1, 2 or 3", None)
+
+
+class NewSession(Outside):
+    """Whose session of which study, or which trial of the paper with how long a teaching."""
+
+    study: str = text("")
+    participant: str = text("")
+    trial: int | None = whole(None)
+    teach_s: int | None = whole(None)
+
+
+class Consent(Outside):
+    """The language in which the participant confirmed the plan's text."""
+
+    language: str = text()
+
+
+class Going(Outside):
+    """Whether the place is the right one, and whether a condition begins anew."""
+
+    confirmed: bool = must_be("true or false", False)
+    anew: bool = must_be("true or false", False)
+
+
+class Answers(Outside):
+    """Answers by question; with `done` all must be there."""
+
+    answers: dict[str, Any] = must_be("an object of answers by question", {})
+    done: bool = must_be("true or false", False)
+
+
+_GO_ON = Going()
 
 
 def _extension(request: Request) -> StudyExtension:
@@ -56,20 +99,12 @@ async def download_older(request: Request, result_id: str) -> Response:
 
 
 @router.post("/studies", dependencies=[PILOT], status_code=201)
-async def create_study(request: Request) -> dict[str, str]:
-    """Make a study of a plan: {name, plan}, a TOML text, or {name, trial} for the paper's."""
-    body = await read_body(request)
-    name = text_field(body, "name", "") or ""
-    plan, trial = body.get("plan"), body.get("trial")
-    if isinstance(trial, int) and trial in TRIALS and plan is None:
-        plan = paper_plan(trial)
-    if not isinstance(plan, str):
-        raise HTTPException(400, "Send 'plan', a TOML text, or 'trial', 1, 2 or 3.")
-    try:
-        plan.encode()
-    except UnicodeEncodeError as error:
-        raise HTTPException(400, "'plan' must be valid Unicode text.") from error
-    return {"name": await do(_conductor(request).folder.create, name, plan)}
+async def create_study(request: Request, body: NewStudy) -> NameAnswer:
+    """Make a study of a plan, or of the paper's."""
+    plan = body.plan if body.trial is None else paper_plan(body.trial)
+    if plan is None:
+        raise ConfigurationError("send 'plan', a TOML text, or 'trial', 1, 2 or 3")
+    return NameAnswer(name=await do(_conductor(request).folder.create, body.name, plan))
 
 
 @router.get("/studies/{name}", dependencies=[PILOT])
@@ -79,7 +114,12 @@ async def show_study(request: Request, name: str) -> dict[str, Any]:
     return found
 
 
-@router.get("/studies/{name}/zip", dependencies=[PILOT])
+@router.get(
+    "/studies/{name}/zip",
+    dependencies=[PILOT],
+    responses=media("application/zip"),
+    response_class=Response,
+)
 async def download_study(request: Request, name: str) -> Response:
     """Return everything of a study: plan, event logs, tables, figures."""
     data = await do(_conductor(request).folder.zip, name)
@@ -113,14 +153,13 @@ def show_session(request: Request) -> dict[str, Any]:
 
 
 @router.post("/session", dependencies=[PILOT], status_code=201)
-async def begin_session(request: Request) -> dict[str, Any]:
-    """Begin a session, or take it up again: {study, participant}, or a trial: {trial, teach_s}."""
-    body, conductor = await read_body(request), _conductor(request)
-    if "trial" in body:
-        await do(conductor.begin_trial, body["trial"], body.get("teach_s"))
+async def begin_session(request: Request, body: NewSession) -> dict[str, Any]:
+    """Begin a session, or take it up again, or begin a trial of the paper."""
+    conductor = _conductor(request)
+    if body.trial is not None:
+        await do(conductor.begin_trial, body.trial, body.teach_s or 0)
     else:
-        study, code = (text_field(body, name, "") or "" for name in ("study", "participant"))
-        await do(conductor.begin, study, code)
+        await do(conductor.begin, body.study, body.participant)
     return show_session(request)
 
 
@@ -132,28 +171,23 @@ async def leave_session(request: Request) -> dict[str, Any]:
 
 
 @router.post("/session/consent", dependencies=[PILOT])
-async def give_consent(request: Request) -> dict[str, Any]:
-    """Note that the participant confirmed the plan's text: {language}."""
-    language = text_field(await read_body(request), "language", "") or ""
-    await do(_conductor(request).consent, language)
+async def give_consent(request: Request, body: Consent) -> dict[str, Any]:
+    """Note that the participant confirmed the plan's text."""
+    await do(_conductor(request).consent, body.language)
     return show_session(request)
 
 
 @router.post("/session/drive", dependencies=[PILOT])
-async def drive_condition(request: Request) -> dict[str, Any]:
-    """Begin the next condition, or go on: {confirmed?, anew?}; 409 in the wrong world."""
-    body, conductor = await read_body(request), _conductor(request)
-    confirmed, anew = body.get("confirmed") is True, body.get("anew") is True
-    await do(lambda: conductor.drive(confirmed=confirmed, anew=anew))
+async def drive_condition(request: Request, body: Going = _GO_ON) -> dict[str, Any]:
+    """Begin the next condition, or go on; 409 in the wrong world."""
+    conductor = _conductor(request)
+    await do(lambda: conductor.drive(confirmed=body.confirmed, anew=body.anew))
     return show_session(request)
 
 
 @router.post("/session/answers", dependencies=[PILOT])
-async def answer_questions(request: Request) -> dict[str, Any]:
-    """Take answers, {answers: {question: answer}, done?}; with `done` all must be there."""
-    body, conductor = await read_body(request), _conductor(request)
-    answers = body.get("answers", {})
-    if not isinstance(answers, dict):
-        raise HTTPException(400, "'answers' must be an object of answers by question.")
-    await do(lambda: conductor.answer(answers, is_done=body.get("done") is True))
+async def answer_questions(request: Request, body: Answers) -> dict[str, Any]:
+    """Take answers."""
+    conductor = _conductor(request)
+    await do(lambda: conductor.answer(body.answers, is_done=body.done))
     return show_session(request)

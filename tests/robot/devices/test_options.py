@@ -68,5 +68,5 @@ def test_every_number_has_a_range_and_keeps_to_it(kind: Any, option: Option) -> 
     for value in outside:
         is_text = math.isfinite(value) or option.type is float
         for given in [value, str(option.type(value))] if is_text else [value]:
-            with pytest.raises(ConfigurationError, match=f"{option.flag} must be from"):
+            with pytest.raises(ConfigurationError, match=f"{option.flag} must be a .*number from"):
                 make_options(kind.options_type, {option.name: given})

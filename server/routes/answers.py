@@ -1,0 +1,115 @@
+"""What routes answer: dataclasses, which FastAPI states in `/openapi.json`, and errors likewise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cache
+from operator import attrgetter
+from typing import Any, NamedTuple, TypeVar, get_type_hints
+
+from fastapi import APIRouter, FastAPI
+from fastapi.routing import APIRoute
+
+_T = TypeVar("_T")
+_WHY = {
+    400: "the body or the path is malformed",
+    401: "this browser is not paired",
+    403: "this browser may not",
+    404: "not there",
+    409: "not now, or not with this value",
+    413: "the body is too large",
+    421: "addressed to another name",
+    422: "a value cannot be used",
+    423: "locked by the teacher",
+    429: "too many requests",
+    501: "a library is missing",
+    503: "not available now",
+    507: "the data folder cannot be used",
+}
+
+
+def media(kind: str) -> dict[int | str, dict[str, Any]]:
+    """State an answer that is no JSON."""
+    return {200: {"content": {kind: {}}}}
+
+
+PNG = media("image/png")
+
+
+class Of(NamedTuple):
+    """Where an answer's field comes from, if no attribute has its name.
+
+    A lambda sees built-in names alone, because annotations are read late.
+    """
+
+    source: str | Callable[[Any], Any]
+
+
+@dataclass
+class NameAnswer:
+    """A model's name, in the form in which it is kept."""
+
+    name: str
+
+
+@dataclass
+class IdAnswer:
+    """A recording's id."""
+
+    id: str
+
+
+@dataclass
+class UndoAnswer:
+    """The key that brings it back."""
+
+    undo: str
+
+
+def answer(kind: Callable[..., _T], source: Any, **own: Any) -> _T:
+    """Make an answer of the attributes of an object, and of fields that are given."""
+    found = {name: get(source) for name, get in _sources(kind) if name not in own}
+    return kind(**found, **own)
+
+
+@cache
+def _sources(kind: Any) -> list[tuple[str, Callable[[Any], Any]]]:
+    found = []
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        marks = [mark.source for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Of)]
+        source = marks[0] if marks else name
+        found.append((name, source if callable(source) else attrgetter(source)))
+    return found
+
+
+class Route(APIRoute):
+    """A route whose answer's type is for `/openapi.json` alone, so that a brick starts sooner."""
+
+    def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
+        super().__init__(path, endpoint, **{**options, "response_model": None})
+
+
+def describe_routes(app: FastAPI, routers: Iterable[APIRouter]) -> dict[str, Any]:
+    """Return `/openapi.json`: of each route its values, its answer and its errors."""
+    twin = FastAPI(title=app.title)
+    for route in (route for router in routers for route in router.routes):
+        if isinstance(route, APIRoute) and route.include_in_schema:
+            twin.add_api_route(
+                route.path,
+                route.endpoint,
+                methods=sorted(route.methods or ()),
+                status_code=route.status_code,
+                response_class=route.response_class,
+                responses=route.responses,
+                openapi_extra=route.openapi_extra,
+            )
+    found = twin.openapi()
+    detail = {"detail": {"type": "string"}, "error": {"type": "string"}}
+    refusal = {"type": "object", "properties": detail, "required": ["detail"]}
+    found["components"]["schemas"]["Refusal"] = refusal
+    content = {"application/json": {"schema": {"$ref": "#/components/schemas/Refusal"}}}
+    errors = {str(status): {"description": why, "content": content} for status, why in _WHY.items()}
+    for operation in (each for path in found["paths"].values() for each in path.values()):
+        operation["responses"] = {**operation["responses"], **errors}
+    return found
