@@ -28,7 +28,7 @@ ESTIMATORS = (BSOCEstimator(), BSOCEstimator(max_nodes=8, penalty=1.0))
 @pytest.mark.parametrize(
     ("estimator", "check"),
     [pair for estimator in ESTIMATORS for pair in estimator_checks_generator(estimator)],
-    ids=str,
+    ids=lambda value: getattr(getattr(value, "func", value), "__name__", type(value).__name__),
 )
 def test_it_passes_each_check_of_scikit_learn(estimator: Any, check: Any) -> None:
     check(estimator)
@@ -40,7 +40,7 @@ RIVER = RiverBSOC(max_nodes=8)
 @pytest.mark.parametrize(
     "check",
     list(checks.yield_checks(RIVER)),
-    ids=lambda check: getattr(check, "__name__", str(check)),
+    ids=lambda check: check.__name__,
 )
 def test_it_passes_each_check_of_river(check: Any) -> None:
     check(RIVER.clone())
