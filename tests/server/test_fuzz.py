@@ -24,6 +24,7 @@ from websockets.sync.client import ClientConnection, connect
 from server.protocol import encode_acknowledgement
 from tests.robot.store.models.test_checking import malformed
 
+from .described_routes import check_every_route_answers_what_the_description_states
 from .own_process import OwnProcess, own_process
 from .test_hostile_values import BODIES, PATHS, VALUES
 
@@ -128,6 +129,7 @@ def test_no_nonsense_fills_the_memory_or_is_noticed_by_the_loop(
     for send in (send_words, send_acknowledgements, send_requests):
         with untouched(server):
             send(server)
+    check_every_route_answers_what_the_description_states(tmp_path / "described")
 
 
 def peak_mb(pid: int) -> float:

