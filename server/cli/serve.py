@@ -217,7 +217,8 @@ def _report_problems(prepared: Prepared, events: EventBus) -> None:
 
 def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:
     """Return the options as every recording and model has them: without what is secret."""
-    kinds = (type(rig.driver).options_type, type(rig.camera).options_type)
+    # The rig may have put the driver on a thread of its own: its class is asked for by name.
+    kinds = (load_driver(args.robot).options_type, type(rig.camera).options_type)
     secret = {one.name for kind in kinds for one in options_of(kind) if one.is_secret}
     given = {name: str(value) for name, value in vars(args).items() if _is_given(value)}
     return {name: value for name, value in given.items() if name not in secret}
