@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
+from robot.devices.driver_thread import DriverThread
 from robot.devices.options import Option, options_of
 from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.errors import ConfigurationError, MissingExtraError, RecordingError
@@ -217,8 +218,8 @@ def _report_problems(prepared: Prepared, events: EventBus) -> None:
 
 def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:
     """Return the options as every recording and model has them: without what is secret."""
-    # The rig may have put the driver on a thread of its own: its class is asked for by name.
-    kinds = (load_driver(args.robot).options_type, type(rig.camera).options_type)
+    driver = rig.driver.driver if isinstance(rig.driver, DriverThread) else rig.driver
+    kinds = (type(driver).options_type, type(rig.camera).options_type)
     secret = {one.name for kind in kinds for one in options_of(kind) if one.is_secret}
     given = {name: str(value) for name, value in vars(args).items() if _is_given(value)}
     return {name: value for name, value in given.items() if name not in secret}
