@@ -64,7 +64,7 @@ def live(folder: Path, out: int, wall_s: float) -> None:
 
     def note(tick: Tick) -> None:
         taught = [e.example.frame_id for e in tick.history_events if isinstance(e, Taught)]
-        if tick.decision.mode is not Mode.STOPPED or tick.history_events:
+        if is_loaded and (tick.decision.mode is not Mode.STOPPED or tick.history_events):
             tell("tick", tick.now_s, rig.loop.history.n_examples, *taught)
 
     def undo() -> None:
@@ -80,11 +80,13 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     persistence.models._wall_s = lambda: wall_s
     persistence.recorder._wall_ns = lambda: round(wall_s * 1e9)
     persistence.recorder._disk._config = RecorderConfig(spare_bytes=0)
+    is_loaded = False
+    rig.loop.subscribe(note)  # first: what is on the disk at any moment has been told before
     with rig:
         persistence.start()
         persistence.autosave.load_last()
         tell("loaded", rig.loop.submit(lambda: rig.loop.history.n_examples).result(5))
-        rig.loop.subscribe(note)
+        is_loaded = True
         drive(rig, undo)
 
 

@@ -22,8 +22,6 @@ pytestmark = pytest.mark.realtime
 KILLS = int(os.environ.get("DRIVELESSON_KILLS", "20"))
 
 
-UNTOLD = 3
-"""An example is on the disk before it is told, at most a tenth of a second later."""
 CHAINS = 2
 """So many robots live and die side by side: a life is mostly waiting."""
 
@@ -66,8 +64,6 @@ def check_what_is_known(lives: list[Life]) -> None:
             last_s = life.told[-1][0]
             recent = {lessons for at_s, lessons in life.told if at_s >= last_s - 1.0}
             is_long = life.told[0][0] < last_s - 1.0
-            # What was written when the kill came, and not yet told.
-            recent |= {max(recent) + more for more in range(1, UNTOLD + 1)}
             possible = recent if is_long else possible | recent
 
 
