@@ -135,3 +135,18 @@ def test_the_other_way_round_at_other_walls_gives_nothing_up(
     for side, first_wall in (("left", 0), ("right", 4)):
         assert share_of(follows, side, first_wall) >= share_of(keeps, side, first_wall)
         assert share_of(follows, side, first_wall) > 0.95
+
+
+def test_a_pinned_image_keeps_what_it_says() -> None:
+    learner = taught(lesson("left", 16, 1), 16, is_linear=False)
+    pinned = [node.id for node in learner.nodes() if max(node.votes, key=node.votes.get) == "left"]
+    assert pinned
+    for node_id in pinned:
+        learner.pin_node(node_id)
+    before = {node.id: node.votes for node in learner.nodes() if node.id in pinned}
+    for x, y in lesson("right", 6, 2):
+        learner.learn_one(x, y)
+    after = {node.id: dict(node.votes) for node in learner.nodes() if node.id in pinned}
+    assert {node: votes["left"] for node, votes in after.items()} == {
+        node: votes["left"] for node, votes in before.items()
+    }

@@ -76,6 +76,7 @@ def test_every_encoding_and_size_gives_a_vector():
     large = FEATURES.extract(frame(np.kron(room(), np.ones((2, 2)))))
     assert large.shape == x.shape
     assert np.corrcoef(large[:N], x[:N])[0, 1] > 0.8
+    assert FEATURES.extract(frame(room()[::6, ::6])).shape == x.shape
     small = FEATURES.extract(frame(room()[::2, ::2]))
     assert np.corrcoef(small[N:], x[N:])[0, 1] > 0.8
 
