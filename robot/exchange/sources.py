@@ -8,6 +8,7 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
@@ -25,7 +26,7 @@ _MOST_UNPACKED_BYTES = 16 * 2**30
 _MOST_FILES = 2_000_000
 _ENDINGS = (".zip", ".tar", ".tar.gz", ".tgz", ".tar.bz2")
 _DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
-Entry = tuple[str, Callable[[], IO[bytes] | None]]
+Entry = tuple[str, Callable[[], IO[bytes]]]
 
 
 def read_drive(
@@ -100,14 +101,20 @@ def _zip_entries(path: Path) -> Iterator[Entry]:
     with zipfile.ZipFile(path) as archive:
         for info in archive.infolist():
             if not info.is_dir():
-                yield info.filename, lambda info=info: archive.open(info)  # type: ignore[misc]
+                yield info.filename, partial(archive.open, info)
 
 
 def _tar_entries(path: Path) -> Iterator[Entry]:
     with tarfile.open(path) as archive:
         for info in archive:
             if info.isfile():
-                yield info.name, lambda info=info: archive.extractfile(info)  # type: ignore[misc]
+                yield info.name, partial(_opened, archive, info)
+
+
+def _opened(archive: tarfile.TarFile, info: tarfile.TarInfo) -> IO[bytes]:
+    file = archive.extractfile(info)
+    assert file is not None, "only what is no file has no content"
+    return file
 
 
 def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> None:
@@ -123,7 +130,7 @@ def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> Non
         is_whole = False
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            with open_entry() as source, target.open("wb") as file:  # type: ignore[union-attr]
+            with open_entry() as source, target.open("wb") as file:
                 left_bytes -= _copy(source, file, left_bytes)
             is_whole = True
         except (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError) as error:
