@@ -49,7 +49,6 @@ class DriverThread(Driver):
 
     name: ClassVar[str] = "driver-thread"
     default_camera: ClassVar[str] = ""
-    options_type: ClassVar[type[Any]] = object
 
     def __init__(self, driver: Driver, clock: Clock, *, threaded: bool = True) -> None:
         self.driver = driver
@@ -68,6 +67,11 @@ class DriverThread(Driver):
         self._faults: dict[str, Exception] = {}
         self._driven = Action.STOP
         self._request_s: float | None = None
+
+    @property
+    def options_type(self) -> type[Any]:  # type: ignore[override]
+        """What the body declares."""
+        return self.driver.options_type
 
     @property
     def declared_moves(self) -> tuple[Move, ...]:  # type: ignore[override]

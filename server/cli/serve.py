@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
-from robot.devices.driver_thread import DriverThread
 from robot.devices.options import Option, options_of
 from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.errors import ConfigurationError, MissingExtraError, RecordingError
@@ -218,8 +217,7 @@ def _report_problems(prepared: Prepared, events: EventBus) -> None:
 
 def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:
     """Return the options as every recording and model has them: without what is secret."""
-    driver = rig.driver.driver if isinstance(rig.driver, DriverThread) else rig.driver
-    kinds = (type(driver).options_type, type(rig.camera).options_type)
+    kinds = (rig.driver.options_type, rig.camera.options_type)
     secret = {one.name for kind in kinds for one in options_of(kind) if one.is_secret}
     given = {name: str(value) for name, value in vars(args).items() if _is_given(value)}
     return {name: value for name, value in given.items() if name not in secret}
