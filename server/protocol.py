@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated, Any, NamedTuple, NoReturn, get_args, get_type_hints
 
-from robot.outside import limits_of, number, plain_type, whole
+from robot.devices.outside import limits_of, number, plain_type, whole
 from robot.types import Action, Encoding, Mode
 
 PROTOCOL_VERSION = 1

@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
+from robot.devices.outside import number, plain_type, reader, whole
 from robot.errors import ConfigurationError, did_you_mean
-from robot.outside import number, plain_type, reader, whole
 
 _NUMBERS: dict[type[Any], Callable[..., Any]] = {int: whole, float: number}
 

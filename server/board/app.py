@@ -16,8 +16,8 @@ from fastapi import FastAPI, HTTPException, WebSocket
 from fastapi.responses import FileResponse, Response
 
 from robot.clock import Clock
+from robot.devices.outside import Outside, must_be, text, whole
 from robot.errors import NotFoundError, RobotError
-from robot.outside import Outside, must_be, text, whole
 from server.board.board import Board, Onlooker
 from server.board.model_copy import copy_model
 from server.board.robot_link import RobotLink

@@ -6,7 +6,7 @@ from typing import Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request
 
-from robot.outside import Outside, must_be, text
+from robot.devices.outside import Outside, must_be, text
 from server.board.class_key import endpoint
 from server.board.classroom import LOCKS, Classroom
 from server.identity import COLOURS

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
+from robot.devices.outside import Outside, number, reader, whole
 from robot.errors import ConfigurationError, did_you_mean
-from robot.outside import Outside, number, reader, whole
 
 PREFIX = "DRIVELESSON_"
 TABLES = ("limits", "gate", "governor", "patience")

@@ -11,8 +11,8 @@ from fastapi.responses import JSONResponse
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
+from robot.devices.outside import Outside, explain, kind_of, text
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
-from robot.outside import Outside, explain, kind_of, text
 from server.services import services_of
 
 do = run_in_threadpool

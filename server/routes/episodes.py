@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Depends, Request, Response
 from starlette.responses import FileResponse
 
+from robot.devices.outside import Outside, must_be, text
 from robot.driver import describe as describe_moves
-from robot.outside import Outside, must_be, text
 from robot.policy.image import to_rgb
 from robot.policy.png import encode_png
 from robot.store.episodes.editing import choose, moments, read_move

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from pydantic import StrictBool, StrictStr
 
-from robot.outside import Outside, must_be
+from robot.devices.outside import Outside, must_be
 from robot.policy.gallery import LearnedImage
 from robot.policy.png import encode_png
 from server.progress import Progress

@@ -8,7 +8,7 @@ from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
-from robot.outside import text
+from robot.devices.outside import text
 from robot.policy.png import encode_png
 from robot.policy.registry import split_name
 from robot.store.models.model import decode_model

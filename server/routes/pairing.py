@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import FileResponse, JSONResponse, Response
 
-from robot.outside import Outside, text
+from robot.devices.outside import Outside, text
 from server.routes.answers import Route
 from server.security.access import Refusal, session_of
 from server.security.guard import person_of

@@ -6,7 +6,7 @@ from typing import Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request
 
-from robot.outside import Outside, must_be, text
+from robot.devices.outside import Outside, must_be, text
 from server.routes.answers import NameAnswer, Route
 from server.routes.bodies import NAMED, Named, Short, do, require_no_session
 from server.security.guard import require_pilot, require_viewer

@@ -12,9 +12,9 @@ from starlette.concurrency import run_in_threadpool
 
 from robot.clock import Clock, RealClock
 from robot.control.loop import ControlLoop
+from robot.devices.outside import Outside, must_be, number, text
 from robot.driver import describe
 from robot.errors import ConfigurationError
-from robot.outside import Outside, must_be, number, text
 from robot.policy.registry import make_policy, split_name
 from robot.types import Action, Encoding, Frame
 from server.identity import COLOURS

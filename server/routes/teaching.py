@@ -13,7 +13,7 @@ from fastapi import APIRouter, Depends, Query, Request
 from numpy.typing import NDArray
 
 from robot.control.readiness import Readiness
-from robot.outside import Outside, number
+from robot.devices.outside import Outside, number
 from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
 from robot.policy.image import to_small_grey
 from robot.policy.png import encode_png

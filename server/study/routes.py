@@ -8,8 +8,8 @@ from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, Request, Response
 
+from robot.devices.outside import Outside, must_be, text, whole
 from robot.errors import ConfigurationError
-from robot.outside import Outside, must_be, text, whole
 from robot.study.builtin import paper_plan
 from server.routes.answers import NameAnswer, Route, media
 from server.routes.bodies import do
