@@ -17,6 +17,8 @@ from pathlib import Path
 
 import pytest
 
+import robot
+
 from .house import HOUSES
 
 ROOT = Path(__file__).parents[2]
@@ -84,7 +86,8 @@ def copy_without(house: str, folder: Path) -> set[str]:
     groups = tomllib.loads(text)["project"]["entry-points"]
     installed = folder / "drivelesson-0.dist-info"
     installed.mkdir()
-    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: drivelesson\nVersion: 0\n")
+    about = f"Metadata-Version: 2.1\nName: drivelesson\nVersion: {robot.__version__}\n"
+    (installed / "METADATA").write_text(about)
     (installed / "entry_points.txt").write_text(
         "\n".join(
             f"[{group}]\n" + "\n".join(f"{name} = {target}" for name, target in points.items())
