@@ -53,6 +53,7 @@ class BSOC:
             none of the `HELD_OUT` frames before it went into (of all, if there is no such node);
             None for the first frames.
         last_distances_: Squared distances of the latest frame from the nodes before any merge.
+        last_touched_: When each node had got a frame then.
     """
 
     measures_novelty = True
@@ -74,7 +75,7 @@ class BSOC:
         self.integer = integer
         self.last_merge_: Merge | None = None
         self.last_distance_: float | None = None
-        self.last_distances_ = np.zeros(0, np.float32)
+        self.last_distances_, self.last_touched_ = np.zeros(0, np.float32), np.zeros(0, np.int64)
         self._size = 0
         self._next_id = 0
         self._n_pinned = 0
@@ -114,6 +115,16 @@ class BSOC:
     def groups_(self) -> NDArray[np.int64]:
         """Group of each node, shape (n,)."""
         return self._groups[: self._size].copy()
+
+    @property
+    def n_trained_(self) -> int:
+        """How many frames there were."""
+        return self._next_id
+
+    @property
+    def touched_(self) -> NDArray[np.int64]:
+        """When each node last got a frame, as a count of frames, shape (n,)."""
+        return self._touched[: self._size]
 
     @property
     def pinned_(self) -> NDArray[np.bool_]:
@@ -157,7 +168,7 @@ class BSOC:
         distances = self._images.measure(x, size)  # halved, here and in all that follows
         self.last_merge_ = None
         self.last_distance_ = self._held_out(distances)
-        self.last_distances_ = 2.0 * distances
+        self.last_distances_, self.last_touched_ = 2.0 * distances, self._touched[:size].copy()
         name = self._next_id
         self._next_id = name + 1
         if size < self.max_nodes:

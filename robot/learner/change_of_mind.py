@@ -1,12 +1,14 @@
-"""Notices that the pilot has changed his mind: the same view is labelled anew, again and again.
+"""Notices that the pilot has changed his mind: the same views are labelled anew, again and again.
 
 A label that is no longer used is no evidence: a pilot who turns round and drives the other way has
 not changed his mind about the way there. One contradiction is none either: between a turn and
-driving on the same view means both. So each image counts the examples of its own view, no farther
-from it than views of one place usually are, that have got another label since it was last
-confirmed. An image with enough of them passes most of its label's votes on to the new label; where
-many images of a label do, all of them do. That is read when votes are counted: no histogram is
-changed, and the old label used there once more takes it all back.
+driving on the same view means both. So an example contradicts another label if it is clearly nearer
+to what that label was taught on than to driving on, and its own label's images are no nearer. Where
+a mind was changed, most examples do; in a lesson that goes the other way round, few.
+
+A label that was contradicted often enough passes most of its votes on, where the nearest of its
+images was last taught before that began. That is read when votes are counted: no histogram is
+changed, and the old label used again at such views takes it all back.
 
 The label that is taken up most often, such as FORWARD, is left out: it follows every other, and
 where is a matter of a tenth of a second.
@@ -14,110 +16,125 @@ where is a matter of a tenth of a second.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.votes import Distances, Floats
 
-FEW, ENOUGH = 4, 12
-"""As many examples of its view as it sums up itself overrule an image, within these bounds,"""
-MANY = 0.4
-"""and such a share of a label's images all of them."""
+CLEARLY = 0.9
+"""An image is clearly nearer if it is at most so many times as far away."""
+APART = 1.3
+"""Where the example's own label has images so much nearer, the learner tells the two apart."""
+ENOUGH = 20.0
+"""So many examples that contradict a label, less those of its label that do not, overrule it;"""
+MOST_A_TURN = 10.0
+"""one turn, which may be a slip, is no more than so many."""
+CONFIRMED = 4.0
+"""An example of the old label at its old views takes back so many."""
 STILL_VALID = 0.3
 """Share of the old label's votes that are left then."""
 
 
 class ChangeOfMind:
-    """Counts for each image how often its view was labelled anew; labels are columns 0, 1, ...
+    """Weighs for each two labels whether the second took the first one's place.
 
-    Args:
-        max_nodes: How many images there are at most.
+    Labels are columns 0, 1, ...; times are counts of examples.
     """
 
-    def __init__(self, max_nodes: int) -> None:
-        self._anew = np.zeros((max_nodes, 0), np.int64)
-        self._starts = np.zeros(0, np.int64)
+    def __init__(self) -> None:
+        self._against = np.zeros((0, 0))  # by how many examples the second label contradicts
+        self._since = np.zeros((0, 0), np.int64)
+        self._taken_up = np.zeros(0, np.int64)
         self._last = -1
+        self._before = np.zeros(0)  # this turn: what spoke against each label
 
     def add_label(self) -> None:
         """Make room for one more label."""
-        self._anew = np.pad(self._anew, ((0, 0), (0, 1)))
-        self._starts = np.append(self._starts, 0)
+        self._against = np.pad(self._against, (0, 1))
+        self._since = np.pad(self._since, (0, 1))
+        self._taken_up = np.append(self._taken_up, 0)
+        self._before = np.append(self._before, 0.0)
 
     def note(
-        self, label: int, distances: Distances, histograms: NDArray[np.int64], reach: float
+        self,
+        label: int,
+        distances: Distances,
+        owners: NDArray[np.int64],
+        taught: NDArray[np.int64],
+        now: int,
     ) -> None:
         """Process one example.
 
         Args:
             label: Its label.
             distances: Its squared distances to the images, shape (n,).
-            histograms: Labels counted per image, shape (n, n_labels).
-            reach: Squared distance up to which it is an image's own view.
+            owners: The label that each image votes for most, shape (n,).
+            taught: When each image last got an example, shape (n,).
+            now: When this one came.
         """
-        self._starts[label] += label != self._last
-        self._last = label
-        if not distances.size or not reach:
+        if label != self._last:
+            self._taken_up[label] += 1
+            self._before, self._last = self._against[:, label].copy(), label
+        usual = int(self._taken_up.argmax())
+        if label == usual:
             return
-        own = histograms.argmax(axis=1)
-        near, usual = distances <= reach, int(self._starts.argmax())
-        self._anew[: len(own)][near & (own == label)] = 0
-        if label != usual:
-            self._anew[: len(own), label] += near & (own != label) & (own != usual)
-
-    def follow(self, kept: int, removed: int) -> None:
-        """Take the counts of a merged image over."""
-        np.maximum(self._anew[kept], self._anew[removed], out=self._anew[kept])
-        self._anew[removed] = 0
-
-    def move(self, source: int, target: int) -> None:
-        """Let one image take the place of another, which is gone."""
-        self._anew[target] = self._anew[source]
-        self._anew[source] = 0
-
-    def forget(self, node: int) -> None:
-        """Forget what speaks against an image: a person edited it."""
-        self._anew[node] = 0
+        near = distances < CLEARLY**2 * distances[owners == usual].min(initial=np.inf)
+        is_apart = distances >= APART**2 * distances[owners == label].min(initial=np.inf)
+        others = [other for other in range(len(self._taken_up)) if other not in (label, usual)]
+        for old in others:
+            if not self._against[old, label]:
+                self._since[old, label] = now
+            images = near & ~is_apart & (owners == old) & (taught < self._since[old, label])
+            step, most = (
+                1.0 if images.any() else -1.0,
+                min(self._before[old] + MOST_A_TURN, 2 * ENOUGH),
+            )
+            self._against[old, label] = np.clip(self._against[old, label] + step, 0.0, most)
+        for new in others:
+            if (near & (owners == label) & (taught < self._since[label, new])).any():
+                self._against[label, new] = max(self._against[label, new] - CONFIRMED, 0.0)
 
     def applied(
-        self, shares: Floats, distances: Distances, histograms: NDArray[np.int64]
+        self,
+        shares: Floats,
+        distances: Distances,
+        owners: NDArray[np.int64],
+        taught: NDArray[np.int64],
     ) -> Floats:
-        """Return the shares after what was labelled anew near a view.
+        """Return the shares of the labels, shape (n_labels,), after what was labelled anew.
 
         Args:
-            shares: Of each label, shape (n_labels,).
-            distances: Squared distances to the images, shape (n,).
-            histograms: Labels counted per image, shape (n, n_labels).
+            shares: Before, shape (n_labels,).
+            distances: Squared distances of the view to the images, shape (n,).
+            owners: The label that each image votes for most, shape (n,).
+            taught: When each image last got an example, shape (n,).
         """
-        anew = self._anew[: len(histograms)]
-        enough = histograms.max(axis=1).clip(FEW, ENOUGH)
-        is_overruled = anew.max(axis=1, initial=0) >= enough
-        if not is_overruled.any():
-            return shares
-        own, to, shares = histograms.argmax(axis=1), anew.argmax(axis=1), shares.copy()
-        for old in np.unique(own[is_overruled]).tolist():
-            images = np.flatnonzero(own == old)
-            nearest = int(images[distances[images].argmin()])
-            news = to[images[is_overruled[images]]]
-            if len(news) >= MANY * len(images):
-                new = int(np.bincount(news).argmax())
-            elif is_overruled[nearest]:
-                new = int(to[nearest])
-            else:
-                continue
-            passed = (1.0 - STILL_VALID) * shares[old]
-            shares[old] -= passed
-            shares[new] += passed
-        return shares
+        pairs = np.argwhere(self._against >= ENOUGH)
+        after = shares.copy() if len(pairs) else shares
+        for old, new in pairs:
+            images = np.flatnonzero(owners == old)
+            if images.size and taught[images[distances[images].argmin()]] < self._since[old, new]:
+                passed = (1.0 - STILL_VALID) * shares[old]
+                after[old] -= passed
+                after[new] += passed
+        return after
 
-    def get_arrays(self) -> dict[str, NDArray[np.int64]]:
+    def get_arrays(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that is kept."""
-        starts = np.append(self._starts, self._last + 1)  # 0: none
-        return {"anew": self._anew.copy(), "starts": starts}
+        return {
+            "contradicted": np.vstack([self._against, self._before]),
+            "contradicted_since": self._since.copy(),
+            "taken_up": np.append(self._taken_up, self._last + 1),  # 0: none
+        }
 
-    def set_arrays(self, arrays: dict[str, NDArray[np.int64]], n_labels: int) -> None:
+    def set_arrays(self, arrays: Mapping[str, NDArray[Any]], n_labels: int) -> None:
         """Restore what `get_arrays` returned; older models have none of it."""
-        none = np.zeros((len(self._anew), n_labels), np.int64)
-        self._anew = arrays.get("anew", none).copy()
-        starts = arrays.get("starts", np.zeros(n_labels + 1, np.int64))
-        self._starts, self._last = starts[:-1].copy(), int(starts[-1]) - 1
+        against = arrays.get("contradicted", np.zeros((n_labels + 1, n_labels)))
+        taken_up = arrays.get("taken_up", np.zeros(n_labels + 1, np.int64))
+        self._against, self._before = against[:-1].copy(), against[-1].copy()
+        none = np.zeros((n_labels, n_labels), np.int64)
+        self._since = arrays.get("contradicted_since", none).copy()
+        self._taken_up, self._last = taken_up[:-1].copy(), int(taken_up[-1]) - 1

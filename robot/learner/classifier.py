@@ -25,8 +25,6 @@ CONTEXT_SHARE = 0.85
 """Weight of the linear part within a context: images do not know what is under way."""
 SHARPNESS = 1.6
 """Calibrates the mixture's chances: one number for all places (docs/explanation/learner.md)."""
-SAME_VIEW = 0.8
-"""A view within so many times the usual distance of an image is that image's own."""
 
 
 class BSOCClassifier:
@@ -82,7 +80,7 @@ class BSOCClassifier:
         self.linear_share = linear_share
         self.balance = balance
         self.novelty_ = Novelty(margin=novelty_margin)
-        self._mind = ChangeOfMind(max_nodes) if forgets and cluster.measures_novelty else None
+        self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
 
     @classmethod
@@ -146,11 +144,11 @@ class BSOCClassifier:
 
     def _compare(self, column: int) -> None:
         """Compare the example with the images of its view, before any merge."""
-        if self._mind is None:
+        if self._mind is None or not isinstance(self.cluster, BSOC):
             return
-        distances = self.cluster.last_distances_
-        reach = (SAME_VIEW * self.novelty_.usual) ** 2
-        self._mind.note(column, distances, self._histograms[: len(distances)], reach)
+        distances, taught = self.cluster.last_distances_, self.cluster.last_touched_
+        owners = self._histograms[: len(distances)].argmax(axis=1)
+        self._mind.note(column, distances, owners, taught, self.cluster.n_trained_)
 
     def _know(self, y: Label) -> int:
         """Return the column of a label; adds one for a new label."""
@@ -214,15 +212,14 @@ class BSOCClassifier:
             shares = share * np.maximum(linear, 0.0) + (1.0 - share) * shares
         if self.balance:
             shares = shares * votes.rarity(histograms.sum(axis=0), self.balance)
-        if self._mind is not None:
-            shares = self._mind.applied(shares, distances, histograms)
+        if self._mind is not None and isinstance(self.cluster, BSOC):
+            owners, taught = histograms.argmax(axis=1), self.cluster.touched_
+            shares = self._mind.applied(shares, distances, owners, taught)
         return distances, votes.shares(shares)
 
     def _follow(self, merge: Merge) -> None:
         self._histograms[merge.kept] += self._histograms[merge.removed]
         self._histograms[merge.removed] = 0
-        if self._mind is not None:
-            self._mind.follow(merge.kept, merge.removed)
 
     def reset(self) -> None:
         """Do nothing: all that it learned is kept between drives."""
@@ -300,8 +297,6 @@ class BSOCClassifier:
             image = self.cluster.nodes_[index]
             self.linear.retarget(image, (self._histograms[index] - before).astype(np.float64))
         self.cluster.set_group(index, column)
-        if self._mind is not None:
-            self._mind.forget(index)
 
     def delete_node(self, node_id: int) -> None:
         """Forget the node of this id; raises LookupError if there is none."""
@@ -312,8 +307,6 @@ class BSOCClassifier:
             self.linear.learn(image, self._histograms[index] / frames, -frames)
         self._histograms[index] = self._histograms[last]
         self._histograms[last] = 0
-        if self._mind is not None:
-            self._mind.move(last, index)
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
         """Keep the node of this id as it is: never merged, never deleted."""

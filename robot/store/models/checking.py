@@ -113,8 +113,8 @@ def _check_cluster(
     if "cluster_groups" in arrays:
         groups = arrays["cluster_groups"][:size]
         demand(size == 0 or int(groups.max()) < n_labels, f"{prefix}an image has no such label")
-    starts = arrays.get("starts")
-    known = starts is None or int(starts[-1]) <= n_labels
+    taken_up = arrays.get("taken_up")
+    known = taken_up is None or int(taken_up[-1]) <= n_labels
     demand(known, f"{prefix}the last label is not known")
     votes = arrays["histograms"][:size].sum(axis=1)
     demand(size == 0 or int(votes.min()) > 0, f"{prefix}an image has no votes")

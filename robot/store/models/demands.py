@@ -11,13 +11,14 @@ LARGEST = 1e12
 WHOLE = 2**53
 OPTIONAL = frozenset(
     {
-        *("touched", "novelty", "anew", "starts", "pace_picture"),
+        *("touched", "novelty", "pace_picture"),
+        *("contradicted", "contradicted_since", "taken_up"),
         *("last_learned", "pace", "calibration", "light", "context", "kinds"),
     }
 )
 """What models of earlier versions do not have, or have elsewhere."""
-GONE = frozenset({"runs", "contrary"})
-"""Arrays of version 0.2 that no learner keeps any more: they are skipped."""
+GONE = frozenset({"runs", "contrary", "anew", "starts"})
+"""Arrays of earlier versions that no learner keeps any more: they are skipped."""
 
 
 def demand(holds: bool, otherwise: str) -> None:

@@ -191,7 +191,10 @@ def stamp(model: Model, *, saved_at_s: float, place: str | None = None) -> Model
     return replace(model, summary=summary if place is None else replace(summary, place=place))
 
 
-_LATER = ("touched", "novelty", "runs", "contrary", "anew", "starts", "pace_picture")
+_LATER = (
+    *("touched", "novelty", "runs", "contrary", "anew", "starts", "pace_picture"),
+    *("contradicted", "contradicted_since", "taken_up"),
+)
 """Arrays that not all versions have."""
 
 

@@ -7,79 +7,125 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.learner.change_of_mind import ChangeOfMind
+from robot.learner.change_of_mind import ENOUGH, MOST_A_TURN, ChangeOfMind
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import RecursiveRidge
 
 FORWARD, LEFT, RIGHT = range(3)
-NODES = 4
-HISTOGRAMS = np.array([[9, 0, 0], [0, 9, 0], [0, 9, 0], [0, 0, 9]])
+OWNERS = np.array([FORWARD, LEFT, LEFT, RIGHT])
 SHARES = np.array([0.2, 0.7, 0.1])
-SIZE, ENOUGH = 12, 9
+SIZE = 12
+TURN = 10
 
 
-def three_labels() -> ChangeOfMind:
-    mind = ChangeOfMind(NODES)
-    for _ in range(3):
-        mind.add_label()
-    return mind
+class Lesson:
+    """Teaches a `ChangeOfMind` turns at four views, each with an image, and driving on between."""
+
+    def __init__(self) -> None:
+        self.mind = ChangeOfMind()
+        for _ in range(3):
+            self.mind.add_label()
+        self.taught = np.zeros(4, np.int64)
+        self.now = 0
+
+    def example(self, label: int, view: int) -> None:
+        self.mind.note(label, distances_to(view), OWNERS, self.taught, self.now)
+        self.now += 1
+        if OWNERS[view] == label:
+            self.taught[view] = self.now
+
+    def turn(self, label: int, view: int, length: int = TURN) -> None:
+        self.example(FORWARD, 0)
+        for _ in range(length):
+            self.example(label, view)
+
+    def shares_at(self, view: int) -> np.ndarray:
+        return self.mind.applied(SHARES, distances_to(view), OWNERS, self.taught)
 
 
-def note(mind: ChangeOfMind, label: int, node: int, times: int = 1) -> None:
-    """Teach a label at the view of one image, with driving on before and after it."""
-    for _ in range(times):
-        for y, place in ((FORWARD, 0), (label, node)):
-            distances = np.full(NODES, 9.0)
-            distances[place] = 1.0
-            mind.note(y, distances, HISTOGRAMS, 2.0)
+def distances_to(view: int) -> np.ndarray:
+    distances = np.full(4, 9.0)
+    distances[view] = 1.0
+    return distances
 
 
-def shares_at(mind: ChangeOfMind, node: int) -> np.ndarray:
-    distances = np.full(NODES, 9.0)
-    distances[node] = 1.0
-    return mind.applied(SHARES, distances, HISTOGRAMS)
+def taught_left() -> Lesson:
+    lesson = Lesson()
+    for view in (1, 2) * 3:
+        lesson.turn(LEFT, view)
+    return lesson
 
 
-def test_a_view_that_is_labelled_anew_again_and_again_gives_way_there() -> None:
-    mind = three_labels()
-    note(mind, RIGHT, 1, ENOUGH - 1)
-    assert np.array_equal(shares_at(mind, 1), SHARES)
-    note(mind, RIGHT, 1)
-    shares = shares_at(mind, 1)
+def test_a_view_that_is_labelled_anew_again_and_again_gives_way() -> None:
+    lesson = taught_left()
+    for _ in range(int(ENOUGH / MOST_A_TURN)):
+        assert np.array_equal(lesson.shares_at(1), SHARES)
+        lesson.turn(RIGHT, 1)
+    shares = lesson.shares_at(1)
     assert shares[RIGHT] > shares[LEFT]
     assert shares.sum() == pytest.approx(1.0)
 
 
-def test_the_old_label_used_there_once_more_takes_all_back() -> None:
-    mind = three_labels()
-    note(mind, RIGHT, 1, 3 * ENOUGH)
-    note(mind, LEFT, 1)
-    assert np.array_equal(shares_at(mind, 1), SHARES)
+def test_one_turn_gives_nothing_up_however_long() -> None:
+    lesson = taught_left()
+    lesson.turn(RIGHT, 1, 500)
+    assert np.array_equal(lesson.shares_at(1), SHARES)
+
+
+def test_what_was_taught_since_stays() -> None:
+    lesson = taught_left()
+    for _ in range(2):
+        lesson.turn(RIGHT, 1)
+    lesson.turn(LEFT, 2, 1)  # takes some of it back
+    lesson.turn(RIGHT, 1)
+    assert lesson.shares_at(1)[RIGHT] > lesson.shares_at(1)[LEFT]
+    assert np.array_equal(lesson.shares_at(2), SHARES)
+
+
+def test_the_old_label_used_there_again_takes_all_back() -> None:
+    lesson = taught_left()
+    for _ in range(9):
+        lesson.turn(RIGHT, 1)
+    lesson.turn(LEFT, 2, 1)
+    lesson.turn(LEFT, 1, 1)
+    assert np.array_equal(lesson.shares_at(1), SHARES)
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from([FORWARD, LEFT]), st.integers(0, 2)), max_size=200))
-def test_turning_and_driving_on_never_contradict(examples: list[tuple[int, int]]) -> None:
+def test_turning_and_driving_on_never_contradict(turns: list[tuple[int, int]]) -> None:
     """Between the two the same view means both, however often."""
-    mind = three_labels()
-    for label, node in [(FORWARD, 0), *examples]:
-        note(mind, label, node)
-    assert all(np.array_equal(shares_at(mind, node), SHARES) for node in range(NODES))
+    lesson = taught_left()
+    for label, view in turns:
+        lesson.turn(label, view, 1)
+    assert all(np.array_equal(lesson.shares_at(view), SHARES) for view in range(4))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.sampled_from([LEFT, RIGHT]), min_size=1, max_size=8), st.integers(1, 6))
+def test_to_both_sides_by_turns_gives_nothing_up(sides: list[int], times: int) -> None:
+    """A pilot who turns as it comes says of the same view now this and now that."""
+    lesson = taught_left()
+    for side in sides * times:
+        for label in (side, LEFT + RIGHT - side):
+            lesson.turn(label, 1)
+    lesson.turn(LEFT, 1)
+    assert np.array_equal(lesson.shares_at(1), SHARES)
 
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 3)), max_size=80), st.integers(0, 80))
-def test_restored_it_goes_on_the_same(examples: list[tuple[int, int]], cut: int) -> None:
-    whole, first, second = three_labels(), three_labels(), three_labels()
-    for example in examples[:cut]:
-        note(first, *example)
-    second.set_arrays(first.get_arrays(), 3)
-    for example in examples[cut:]:
-        note(second, *example)
-    for example in examples:
-        note(whole, *example)
-    one, other = whole.get_arrays(), second.get_arrays()
-    assert all(np.array_equal(one[name], other[name]) for name in one)
+def test_restored_it_goes_on_the_same(turns: list[tuple[int, int]], cut: int) -> None:
+    whole, other = Lesson(), Lesson()
+    for i, turn in enumerate(turns):
+        if i == cut:
+            restored = ChangeOfMind()
+            restored.set_arrays(other.mind.get_arrays(), 3)
+            other.mind = restored
+        whole.turn(*turn)
+        other.turn(*turn)
+    ours, theirs = whole.mind.get_arrays(), other.mind.get_arrays()
+    assert all(np.array_equal(ours[name], theirs[name]) for name in ours)
 
 
 def lesson(side: str, n_turns: int, seed: int, first_wall: int = 0) -> list[tuple[np.ndarray, str]]:
@@ -112,18 +158,21 @@ def share_of(learner: BSOCClassifier, side: str, first_wall: int = 0) -> float:
 
 
 @pytest.mark.parametrize("is_linear", [False, True])
-@pytest.mark.parametrize("max_nodes", [6, 8])
+@pytest.mark.parametrize("max_nodes", [8, 16, 32, 64])
 def test_it_turns_right_at_the_same_walls_after_a_few_turns(
     max_nodes: int, is_linear: bool
 ) -> None:
-    lessons = [*lesson("left", 16, 1), *lesson("right", 8, 2)]
-    assert share_of(taught(lessons, max_nodes, is_linear), "right") > 0.95
+    lessons = [*lesson("left", 16, 1), *lesson("right", 4, 2)]
+    follows, keeps = (taught(lessons, max_nodes, is_linear, forgets) for forgets in (True, False))
+    assert share_of(follows, "right") > 0.95
+    assert share_of(keeps, "right") < 0.7
 
 
 @pytest.mark.parametrize("is_linear", [False, True])
 @pytest.mark.parametrize("n_blocks", [2, 3, 4])
+@pytest.mark.parametrize("max_nodes", [8, 16, 32, 64])
 def test_the_other_way_round_at_other_walls_gives_nothing_up(
-    n_blocks: int, is_linear: bool
+    max_nodes: int, n_blocks: int, is_linear: bool
 ) -> None:
     """Two halves: left at some walls, right at others; neither has to be shown again."""
     lessons = [
@@ -131,10 +180,11 @@ def test_the_other_way_round_at_other_walls_gives_nothing_up(
         for block in range(n_blocks)
         for example in lesson(("left", "right")[block % 2], 16, block, 4 * (block % 2))
     ]
-    follows, keeps = (taught(lessons, 16, is_linear, forgets) for forgets in (True, False))
+    follows, keeps = (taught(lessons, max_nodes, is_linear, forgets) for forgets in (True, False))
     for side, first_wall in (("left", 0), ("right", 4)):
         assert share_of(follows, side, first_wall) >= share_of(keeps, side, first_wall)
-        assert share_of(follows, side, first_wall) > 0.95
+        if is_linear or max_nodes >= 16:  # eight images are fewer than the views
+            assert share_of(follows, side, first_wall) > 0.95
 
 
 def test_a_pinned_image_keeps_what_it_says() -> None:

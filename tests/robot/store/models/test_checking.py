@@ -95,7 +95,8 @@ def of_arrays(arrays: Arrays) -> Iterator[tuple[str, Change]]:
         def drop(meta: dict[str, Any], arrays: Arrays, name: str = name) -> None:
             del arrays[name]
 
-        if not name.endswith(("touched", "novelty", "anew", "starts")):  # later than 0.1
+        later = ("touched", "novelty", "contradicted", "contradicted_since", "taken_up")
+        if not name.endswith(later):  # than 0.1
             yield f"{name} missing", drop
         yield f"{name} text", put(lambda a: np.array(["x"]))
         yield f"{name} complex", put(lambda a: a.astype(np.complex128))
