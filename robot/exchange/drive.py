@@ -16,6 +16,7 @@ from robot.exchange.report import ImportReport
 from robot.policy.history import Taught
 from robot.store.episodes.messages import COMMAND, LESSON, describe_command
 from robot.store.episodes.writer import EpisodeWriter, Run
+from robot.store.folder import whole_file
 from robot.store.models.events import describe_event
 from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand
 
@@ -62,21 +63,15 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
         declared_moves=drive.declared_moves,
         source=drive.source,
     )
-    part = path.with_name(f".{path.stem}.part")
-    part.unlink(missing_ok=True)
-    try:
-        with part.open("xb") as file:
-            writer = EpisodeWriter(file, run)
-            for frame_id, shot in enumerate(drive.shots, start=1):
-                _write_shot(writer, frame_id, shot)
-                on_shot()
-            if not writer.frames:
-                why = drive.report.why_nothing()
-                raise RecordingError(f"{drive.name} has no pictures to use{why}")
-            writer.close({"dropped_frames": "0", "lost_words": "0"})
-        part.rename(path)
-    finally:
-        part.unlink(missing_ok=True)
+    with whole_file(path) as file:
+        writer = EpisodeWriter(file, run.describe())
+        for frame_id, shot in enumerate(drive.shots, start=1):
+            _write_shot(writer, frame_id, shot)
+            on_shot()
+        if not writer.frames:
+            why = drive.report.why_nothing()
+            raise RecordingError(f"{drive.name} has no pictures to use{why}")
+        writer.close({"dropped_frames": "0", "lost_words": "0"})
     return writer.frames
 
 

@@ -19,9 +19,10 @@ import re
 import shutil
 import time
 import unicodedata
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from robot.errors import ConfigurationError, NotFoundError
 
@@ -82,11 +83,19 @@ def free_name(wanted: str, taken: set[str]) -> str:
 
 
 def write_whole(path: Path, data: bytes, *, mode: int = 0o666) -> None:
-    """Put a file in its place all at once: after a power cut it is the old one or the new one.
+    """Put a file in its place all at once; see `whole_file`."""
+    with whole_file(path, mode=mode) as file:
+        file.write(data)
+
+
+@contextlib.contextmanager
+def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
+    """Open a file that comes into its place all at once, where no exception ends the writing.
+
+    After a power cut it is the old one or the new one.
 
     Args:
         path: The file; its folder is made if there is none.
-        data: All that will be in it.
         mode: Who may read it, before the umask; 0o600 for secrets.
 
     Raises:
@@ -97,9 +106,10 @@ def write_whole(path: Path, data: bytes, *, mode: int = 0o666) -> None:
     try:
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
         with os.fdopen(os.open(temporary, flags, mode), "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
+            yield file
+            if not file.closed:
+                file.flush()
+                os.fsync(file.fileno())
         try:
             temporary.replace(path)
         except IsADirectoryError:  # somebody's folder stands where the file belongs

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 
@@ -15,10 +14,17 @@ from robot.learner.base import Vector
 from robot.policy.history import Taught, Undone
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode, FrameEntry, taught_frames
-from robot.store.episodes.messages import CAMERA, DECISION, LESSON, PREDICTION, SENSORS
+from robot.store.episodes.messages import (
+    CAMERA,
+    DECISION,
+    LESSON,
+    MODEL_BEFORE,
+    PREDICTION,
+    SENSORS,
+)
 from robot.store.episodes.reader import Message, scan
 from robot.store.episodes.teaching import Step, plan
-from robot.store.episodes.writer import MODEL_BEFORE, EpisodeWriter, Run
+from robot.store.episodes.writer import FORMAT, EpisodeWriter
 from robot.store.models.events import describe_event
 from robot.types import Action, Example
 
@@ -122,7 +128,8 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO) -> None:
     ids and predictions are unchanged.
     """
     before = episode.attachments.get(MODEL_BEFORE)
-    writer = EpisodeWriter(file, run_of(episode), before)
+    run = {**episode.run, "format": str(FORMAT)}
+    writer = EpisodeWriter(file, run, before)
     own = {e.event.example.frame_id for e in episode.events if isinstance(e.event, Taught)}
     for record in scan(episode.path):
         if not isinstance(record, Message) or record.topic == LESSON:
@@ -158,20 +165,3 @@ def _write_examples(
 
 def _vector(step: Step) -> Vector:
     return np.zeros(0) if step.x is None else step.x
-
-
-def run_of(episode: Episode, path: Path | None = None) -> Run:
-    """Return the metadata of the recording, for a copy of it."""
-    run: dict[str, Any] = episode.run
-    return Run(
-        episode_id=(path or episode.path).stem,
-        run_id=run.get("run", ""),
-        origin_ns=episode.origin_ns,
-        started_at_s=float(run.get("started_at_s", "0")),
-        robot=run.get("robot", ""),
-        learner=run.get("learner", ""),
-        moves=tuple(run.get("moves", "").split(",")),
-        declared_moves=episode.declared_moves,
-        options={"recorded_with": run.get("options", "")},
-        source=run.get("source", ""),
-    )

@@ -47,8 +47,6 @@ class Notes:
     edits: tuple[Edit, ...] = field(default=())
     undone: tuple[Edit, ...] = field(default=())
     """Undone edits, the last one first: what redo applies again."""
-    is_recovered: bool = False
-    """The recording was cut short, and its examples were recovered into the model since."""
 
     def with_edit(self, edit: Edit) -> Notes:
         """Return the notes with one more edit."""
@@ -123,7 +121,6 @@ def write_notes(episode: Path, notes: Notes) -> None:
         "format": FORMAT,
         "title": notes.title,
         "protected": notes.is_protected,
-        "recovered": notes.is_recovered,
         "edits": [_to_plain(edit) for edit in notes.edits],
         "undone": [_to_plain(edit) for edit in notes.undone],
     }
@@ -136,7 +133,6 @@ def _from_plain(plain: Any) -> Notes:
     return Notes(
         title=str(plain["title"]),
         is_protected=bool(plain["protected"]),
-        is_recovered=bool(plain.get("recovered", False)),
         edits=tuple(_edit_from_plain(edit) for edit in plain["edits"]),
         undone=tuple(_edit_from_plain(edit) for edit in plain.get("undone", ())),
     )

@@ -19,12 +19,16 @@ from robot.store.episodes.messages import (
     DECISION,
     LESSON,
     MODE,
+    MODEL_AFTER,
+    MODEL_BEFORE,
     PREDICTION,
+    RUN,
     SENSORS,
+    SUMMARY,
     Fields,
 )
 from robot.store.episodes.reader import Attachment, Cut, Message, Metadata, read_chunk, scan
-from robot.store.episodes.writer import FORMAT, MODEL_AFTER, MODEL_BEFORE, RUN, SUMMARY
+from robot.store.episodes.writer import FORMAT
 from robot.store.models.events import read_event
 from robot.store.models.model import Model, decode_model
 from robot.types import Action, Frame
@@ -190,11 +194,11 @@ def check_run(values: dict[str, str]) -> dict[str, str]:
 def _take_message(episode: Episode, message: Message) -> None:
     now_s = (message.log_ns - episode.origin_ns) / 1e9
     if message.topic == CAMERA:
-        size = message.channel_metadata
+        size = dict(message.channel.metadata)
         episode.frames[message.sequence] = FrameEntry(
             frame_id=message.sequence,
             captured_s=now_s,
-            schema=message.schema,
+            schema=message.channel.schema.name,
             size=(int(size.get("width", "0")), int(size.get("height", "0"))),
             place=message.place,
         )

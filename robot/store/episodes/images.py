@@ -10,6 +10,8 @@ from functools import cache
 from typing import Any
 
 from robot.errors import RecordingError
+from robot.store.episodes.messages import CAMERA
+from robot.store.episodes.reader import Channel, Schema
 from robot.types import Encoding, Frame
 
 COMPRESSED = "foxglove.CompressedImage"
@@ -37,14 +39,19 @@ _FIELDS = {
 }
 
 
-def schema_name(frame: Frame) -> str:
-    """Return the name of the message that carries this frame."""
+def camera_channel(frame: Frame) -> Channel:
+    """Return the channel for pictures like this one."""
+    size = (("width", str(frame.width)), ("height", str(frame.height)))
+    return Channel(CAMERA, "protobuf", _schema(_schema_name(frame)), size)
+
+
+def _schema_name(frame: Frame) -> str:
     return COMPRESSED if frame.encoding is Encoding.JPEG else RAW
 
 
 def encode_image(frame: Frame, stamp_ns: int) -> bytes:
     """Return the frame as a message; `stamp_ns` is nanoseconds since 1970."""
-    image = _message_type(schema_name(frame))(frame_id=_CAMERA, data=frame.data)
+    image = _message_type(_schema_name(frame))(frame_id=_CAMERA, data=frame.data)
     image.timestamp.seconds, image.timestamp.nanos = divmod(stamp_ns, 10**9)
     if frame.encoding is Encoding.JPEG:
         image.format = "jpeg"
@@ -93,15 +100,15 @@ def decode_image(
     )
 
 
-def image_schema(name: str) -> bytes:
-    """Return the message's description as a FileDescriptorSet, as MCAP asks for it."""
+@cache
+def _schema(name: str) -> Schema:
+    """Return the message's description: a FileDescriptorSet, as MCAP asks for it."""
     from google.protobuf import descriptor_pb2, timestamp_pb2
 
     described = descriptor_pb2.FileDescriptorSet()
     timestamp_pb2.DESCRIPTOR.CopyToProto(described.file.add())
     described.file.append(_file(name))
-    data: bytes = described.SerializeToString()
-    return data
+    return Schema(name, "protobuf", described.SerializeToString())
 
 
 def _file(name: str) -> Any:

@@ -9,10 +9,12 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import cache
 from typing import Any
 
 import numpy as np
 
+from robot.store.episodes.reader import Channel, Schema
 from robot.types import PilotCommand, Prediction, Sensors
 
 CAMERA = "/camera"
@@ -22,6 +24,10 @@ PREDICTION = "/prediction"
 SENSORS = "/sensors"
 MODE = "/mode"
 LESSON = "/lesson"
+RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
+"""Names of the metadata records at the beginning and at the end."""
+MODEL_BEFORE, MODEL_AFTER = "model_before.npz", "model_after.npz"
+"""Names of the attachments: what the learner knew at the beginning and at the end."""
 
 Fields = dict[str, Any]
 
@@ -117,6 +123,13 @@ SCHEMAS: dict[str, Fields] = {
     ),
 }
 """Topic to JSON schema. /camera is Foxglove's own (robot/store/episodes/images.py)."""
+
+
+@cache
+def json_channel(topic: str) -> Channel:
+    """Return the channel of a topic."""
+    schema = SCHEMAS[topic]
+    return Channel(topic, "json", Schema(schema["title"], "jsonschema", to_json(schema)))
 
 
 def to_json(fields: Fields) -> bytes:

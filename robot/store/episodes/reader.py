@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from robot.errors import MissingExtraError, RecordingError
 
@@ -24,26 +24,47 @@ MAX_RECORD_BYTES = 256 * 2**20
 MAX_CHUNK_BYTES = 64 * 2**20
 """What one chunk may unpack to."""
 MAGIC = b"\x89MCAP0\r\n"
-HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 1, 2, 3, 4, 5, 6
-MESSAGE_INDEX, ATTACHMENT, METADATA, METADATA_INDEX, DATA_END = 7, 9, 12, 13, 15
-HEAD = struct.Struct("<BQ")
-_END_BYTES = HEAD.size + 20 + len(MAGIC)
-_FIRST_BYTES, _LAST_BYTES = 4096, 32768
-"""Read at once: enough for what a run says of itself, and for the end of some minutes' drive."""
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6
+_ATTACHMENT, _METADATA, _METADATA_INDEX, _DATA_END = 9, 12, 13, 15
+_HEAD = struct.Struct("<BQ")
+_END_BYTES = _HEAD.size + 20 + len(MAGIC)
+_BUFFER_BYTES = 4096
 _MOST_SUMMARY_BYTES = 16 * 2**20
+
+
+@dataclass(frozen=True, slots=True)
+class Schema:
+    """What the messages of a channel look like."""
+
+    name: str
+    encoding: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """What all messages of a channel have in common; the metadata are names and values."""
+
+    topic: str
+    encoding: str
+    schema: Schema
+    metadata: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Message:
-    """One message with what its channel says of it. `place` finds it again: chunk and index."""
+    """One message. `place` finds it again: chunk and index."""
 
-    topic: str
-    schema: str
-    channel_metadata: dict[str, str]
+    channel: Channel
     log_ns: int
     sequence: int
     data: bytes
     place: tuple[int, int]
+
+    @property
+    def topic(self) -> str:
+        """The topic of its channel."""
+        return self.channel.topic
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,9 +85,15 @@ class Attachment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cut:
-    """The file ends here although it is not at its end; the reason is for a person."""
+    """The file ends here although it is not at its end; the reason is for a person.
+
+    `lost_bytes` stand behind the last whole record of a file that was cut short; None if it is
+    damaged in another way. `has_all` is True if nothing but its summary was cut.
+    """
 
     reason: str
+    lost_bytes: int | None = None
+    has_all: bool = False
 
 
 class CutError(RecordingError):
@@ -100,10 +127,16 @@ def scan(path: Path) -> Iterator[Record]:
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise RecordingError(f"{path.name} is not an MCAP file")
-        channels = _Channels()
+        channels, end, has_all = _Channels(), file.tell(), False
         try:
-            for offset, opcode, body in records(file):
-                yield from channels.read(offset, opcode, body)
+            for offset, opcode, body in _records(file):
+                has_all = has_all or opcode == _DATA_END
+                if not has_all:  # what follows repeats some of it
+                    yield from channels.read(offset, opcode, body)
+                end = file.tell()
+        except CutError as error:
+            lost_bytes = os.fstat(file.fileno()).st_size - end
+            yield Cut(reason=str(error), lost_bytes=lost_bytes, has_all=has_all)
         except (RecordingError, ValueError, KeyError, MemoryError) as error:
             yield Cut(reason=str(error) or type(error).__name__)
 
@@ -116,42 +149,64 @@ def read_chunk(path: Path, offset: int) -> list[bytes]:
     """
     with path.open("rb") as file:
         file.seek(offset)
-        _, opcode, body = next(records(file))
-        if opcode != CHUNK:
+        _, opcode, body = next(_records(file))
+        if opcode != _CHUNK:
             raise RecordingError(f"{path.name} has no pictures at {offset}")
-        return [part.rest(22) for kind, part in parts(body) if kind == MESSAGE]
+        return [part.rest(22) for kind, part in _parts(body) if kind == _MESSAGE]
 
 
 def read_metadata(path: Path) -> dict[str, dict[str, str]]:
-    """Return the metadata that a whole file's summary lists, by name, from two short reads.
+    """Return the metadata that a whole file's summary lists, by name, from a few short reads.
 
     Raises:
         RecordingError: If the file is not whole, or its end makes no sense.
         OSError: If it cannot be read.
     """
-    with path.open("rb", buffering=0) as file:
+    with path.open("rb", buffering=_BUFFER_BYTES) as file:
+        return metadata_of(file)
+
+
+def metadata_of(file: BinaryIO) -> dict[str, dict[str, str]]:
+    """Do as `read_metadata`, with a file that is open."""
+    end_at = file.seek(0, os.SEEK_END) - _END_BYTES
+    file.seek(max(end_at, 0))
+    end = Body(file.read())
+    opcode, length, start = end.number(1), end.number(8), end.number(8)
+    if end.data[-len(MAGIC) :] != MAGIC or (opcode, length) != (_FOOTER, 20):
+        raise RecordingError("the file's end is missing")
+    if not 0 < start < end_at <= start + _MOST_SUMMARY_BYTES:
+        raise RecordingError("the file has no summary")
+    file.seek(start)
+    places = [body.number(8) for _, kind, body in _records(file) if kind == _METADATA_INDEX]
+    found = {}
+    for place in places:
+        file.seek(min(place, end_at))
+        _, opcode, body = next(_records(file, _MOST_SUMMARY_BYTES))
+        if opcode != _METADATA:
+            raise RecordingError("no metadata where the summary says")
         try:
-            ends = _Ends(file)
-            return dict(ends.metadata(*place) for place in ends.places())
+            name = body.text()
+            found[name] = body.map()
         except UnicodeDecodeError as error:
-            raise RecordingError(f"{path.name} has no summary: {error}") from error
+            raise RecordingError("metadata that are no text") from error
+    return found
 
 
-def records(file: BinaryIO) -> Iterator[tuple[int, int, Body]]:
+def _records(file: BinaryIO, most_bytes: int = MAX_RECORD_BYTES) -> Iterator[tuple[int, int, Body]]:
     """Yield each record's place, opcode and body, up to the footer."""
     size = os.fstat(file.fileno()).st_size
     while True:
         offset = file.tell()
-        head = file.read(HEAD.size)
-        if len(head) < HEAD.size:
+        head = file.read(_HEAD.size)
+        if len(head) < _HEAD.size:
             raise CutError
-        opcode, length = HEAD.unpack(head)
-        if opcode == 0 or length > MAX_RECORD_BYTES or length > size - file.tell():
+        opcode, length = _HEAD.unpack(head)
+        if opcode == 0 or length > most_bytes or length > size - file.tell():
             raise CutError
         yield offset, opcode, Body(file.read(length))
-        if opcode == FOOTER:
+        if opcode == _FOOTER:
             if file.read(len(MAGIC)) != MAGIC:
-                raise RecordingError("the file's end is missing")
+                raise CutError
             return
 
 
@@ -192,25 +247,21 @@ class Body:
         return values
 
 
-def _metadata(body: Body) -> tuple[str, dict[str, str]]:
-    return body.text(), body.map()
-
-
 @dataclass(slots=True)
 class _Channels:
     """What the file has said of its channels so far."""
 
-    schemas: dict[int, str] = field(default_factory=dict)
-    channels: dict[int, dict[str, Any]] = field(default_factory=dict)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
 
     def read(self, offset: int, opcode: int, body: Body) -> Iterator[Record]:
-        if opcode == CHUNK:
+        if opcode == _CHUNK:
             index = 0
-            for kind, part in parts(body):
-                if kind == MESSAGE:
+            for kind, part in _parts(body):
+                if kind == _MESSAGE:
                     channel, sequence, log_ns = part.number(2), part.number(4), part.number(8)
                     yield Message(
-                        **self.channels[channel],
+                        channel=self.channels[channel],
                         log_ns=log_ns,
                         sequence=sequence,
                         data=part.rest(8),
@@ -219,10 +270,9 @@ class _Channels:
                     index += 1
                 else:
                     self._note(kind, part)
-        elif opcode == METADATA:
-            name, values = _metadata(body)
-            yield Metadata(name=name, values=values)
-        elif opcode == ATTACHMENT:
+        elif opcode == _METADATA:
+            yield Metadata(name=body.text(), values=body.map())
+        elif opcode == _ATTACHMENT:
             body.take(16)
             name, _ = body.text(), body.text()
             yield Attachment(name=name, data=body.take(body.number(8)))
@@ -230,22 +280,19 @@ class _Channels:
             self._note(opcode, body)
 
     def _note(self, opcode: int, body: Body) -> None:
-        if opcode == SCHEMA:
-            number, name, _ = body.number(2), body.text(), body.text()
-            body.take(body.number(4))
-            self.schemas[number] = name
-        elif opcode == CHANNEL:
-            number, schema, topic, _ = body.number(2), body.number(2), body.text(), body.text()
-            self.channels[number] = {
-                "topic": topic,
-                "schema": self.schemas.get(schema, ""),
-                "channel_metadata": body.map(),
-            }
-        elif opcode == HEADER:
-            body.text(), body.text()
+        if opcode == _SCHEMA:
+            number, name, encoding = body.number(2), body.text(), body.text()
+            self.schemas[number] = Schema(name, encoding, body.take(body.number(4)))
+        elif opcode == _CHANNEL:
+            number, schema = body.number(2), self.schemas.get(body.number(2), _NO_SCHEMA)
+            topic, encoding = body.text(), body.text()
+            self.channels[number] = Channel(topic, encoding, schema, tuple(body.map().items()))
 
 
-def parts(chunk: Body) -> Iterator[tuple[int, Body]]:
+_NO_SCHEMA = Schema("", "", b"")
+
+
+def _parts(chunk: Body) -> Iterator[tuple[int, Body]]:
     """Yield a chunk's records, unpacked within bounds and checked against their checksum."""
     chunk.take(16)
     size, checksum, compression = chunk.number(8), chunk.number(4), chunk.text()
@@ -279,53 +326,3 @@ def _unpack(compression: str, data: bytes, size: int) -> bytes:
     if compression:
         raise RecordingError(f"unknown compression of a chunk: {compression[:20]!r}")
     return data
-
-
-class _Ends:
-    """The first and the last bytes of a file, read once; other bytes are read when asked for."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self._size = os.fstat(file.fileno()).st_size
-        self._first = file.read(_FIRST_BYTES)
-        self._last_at = max(0, self._size - _LAST_BYTES)
-        self._last = self._read(self._last_at, _LAST_BYTES)
-
-    def _read(self, offset: int, length: int) -> bytes:
-        self._file.seek(offset)
-        return self._file.read(length)
-
-    def bytes(self, offset: int, length: int) -> Body:
-        """Return exactly these bytes of the file."""
-        if length > _MOST_SUMMARY_BYTES or offset + length > self._size:
-            raise RecordingError("a length that cannot be")
-        if offset + length <= len(self._first):
-            return Body(self._first[offset : offset + length])
-        if offset >= self._last_at:
-            return Body(self._last[offset - self._last_at :][:length])
-        return Body(self._read(offset, length))
-
-    def places(self) -> Iterator[tuple[int, int]]:
-        """Yield offset and length of each metadata record, as the summary section lists them."""
-        if self._size < _END_BYTES:
-            raise RecordingError("the file's end is missing")
-        end = self.bytes(self._size - _END_BYTES, _END_BYTES)
-        opcode, length, start = end.number(1), end.number(8), end.number(8)
-        if end.data[-len(MAGIC) :] != MAGIC or (opcode, length) != (FOOTER, 20):
-            raise RecordingError("the file's end is missing")
-        summary_bytes = self._size - _END_BYTES - start
-        if start == 0 or summary_bytes <= 0:
-            raise RecordingError("the file has no summary")
-        summary = self.bytes(start, summary_bytes)
-        while summary.at < summary_bytes:
-            opcode = summary.number(1)
-            body = Body(summary.take(summary.number(8)))
-            if opcode == METADATA_INDEX:
-                yield body.number(8), body.number(8)
-
-    def metadata(self, offset: int, length: int) -> tuple[str, dict[str, str]]:
-        """Return name and values of the metadata record at a place."""
-        record = self.bytes(offset, length)
-        if record.number(1) != METADATA or record.number(8) != length - HEAD.size:
-            raise RecordingError("no metadata where the summary says")
-        return _metadata(record)

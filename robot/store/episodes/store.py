@@ -15,7 +15,7 @@ from robot.store.episodes.edits import Edit, Notes, notes_path, read_notes, trim
 from robot.store.episodes.episode import Episode, open_episode
 from robot.store.episodes.store_index import SummaryIndex
 from robot.store.episodes.summary import EpisodeSummary
-from robot.store.folder import Storage, check_name, free_name
+from robot.store.folder import Storage, check_name, free_name, whole_file
 
 DEFAULT_BUDGET_BYTES = 8 * 2**30
 _OPEN_EPISODES = 2
@@ -164,16 +164,9 @@ class EpisodeStore:
         with self._lock:
             path = self._idle_path(episode_id)
             notes = read_notes(path)
-            part = path.with_name(f".{path.stem}.part")
-            part.unlink(missing_ok=True)
-            try:
-                with part.open("xb") as file:
-                    write_edited(self.open(episode_id), notes, file)
-            except BaseException:
-                part.unlink(missing_ok=True)
-                raise
-            key = self._storage.discard(path, notes_path(path))
-            part.rename(path)
+            with whole_file(path) as file:
+                write_edited(self.open(episode_id), notes, file)
+                key = self._storage.discard(path, notes_path(path))
             write_notes(path, replace(notes, edits=(), undone=()))
             return key
 
@@ -193,16 +186,9 @@ class EpisodeStore:
             if not before or not after:
                 raise ConfigurationError("there must be pictures on both sides of the cut")
             new = self.new_path(f"{episode_id}-2")
-            part = new.with_name(f".{new.stem}.part")
-            part.unlink(missing_ok=True)
-            try:
-                with part.open("xb") as file:
-                    second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
-                    write_edited(episode, second, file)
-            except BaseException:
-                part.unlink(missing_ok=True)
-                raise
-            part.rename(new)
+            with whole_file(new) as file:
+                second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
+                write_edited(episode, second, file)
             if notes.title:
                 write_notes(new, Notes(title=f"{notes.title} 2"))
             write_notes(path, notes.with_edit(trim(episode.frames, before[0], before[-1])))

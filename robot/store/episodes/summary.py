@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from robot.errors import RecordingError
-from robot.policy.history import Taught, Undone
 from robot.store.episodes.edits import Notes, read_notes
 from robot.store.episodes.episode import check_run
-from robot.store.episodes.messages import CAMERA, LESSON
+from robot.store.episodes.messages import LESSON, RUN, SUMMARY
 from robot.store.episodes.reader import Cut, Message, Metadata, read_metadata, scan
-from robot.store.episodes.writer import RUN, SUMMARY
-from robot.store.models.events import read_event
+from robot.store.episodes.tally import Tally
 
 _UNUSABLE = (
     RecordingError,
@@ -63,7 +60,7 @@ def read_summary(path: Path) -> EpisodeSummary:
     except RecordingError as error:
         notes, complaint = Notes(), str(error)
     try:
-        facts = _read_ends(path) or _count(path)
+        facts = _read_ends(path) or _facts(*_count(path))
     except (RecordingError, ValueError, OSError) as error:
         facts = {"is_readable": False, "damage": str(error)}
     facts.setdefault("taught", {})
@@ -96,60 +93,41 @@ def _read_ends(path: Path) -> dict[str, Any] | None:
     """Read the metadata at the end of the file; None if its end is missing."""
     try:
         metadata = read_metadata(path)
-        run, summary = metadata[RUN], metadata[SUMMARY]
-        return {
-            **_facts_of_run(run),
-            "duration_s": _finite(summary["duration_s"]),
-            "frames": int(summary["frames"]),
-            "taught": {str(k): int(v) for k, v in json.loads(summary["taught"]).items()},
-            "damage": summary.get("damage"),
-        }
+        return _facts(metadata[RUN], metadata[SUMMARY])
     except _UNUSABLE:
         return None
 
 
-def _count(path: Path) -> dict[str, Any]:
+def _count(path: Path) -> tuple[dict[str, str], dict[str, str]]:
     """Count what a recording without a sound end holds, keeping nothing of its pictures."""
     run: dict[str, str] = {}
-    frames: set[int] = set()
-    labels: dict[int, str] = {}
-    first_ns, last_ns, damage = None, 0, None
+    tally, damage = Tally(), {}
     try:
         for record in scan(path):
             if isinstance(record, Cut):
-                damage = record.reason
+                damage = {"damage": record.reason}
             elif isinstance(record, Metadata) and record.name == RUN:
                 run = check_run(record.values)
             elif isinstance(record, Message) and run:
-                first_ns = record.log_ns if first_ns is None else min(first_ns, record.log_ns)
-                last_ns = max(last_ns, record.log_ns)
-                if record.topic == CAMERA:
-                    frames.add(record.sequence)
-                elif record.topic == LESSON:
-                    note_event(labels, record.data)
+                lesson = json.loads(record.data) if record.topic == LESSON else None
+                tally.note(record.topic, record.log_ns, record.sequence, lesson)
     except (RecordingError, KeyError, ValueError, TypeError, RecursionError) as error:
         if not run:
             raise RecordingError(f"{path.name} cannot be read: {error}") from error
-        damage = str(error)
+        damage = {"damage": str(error)}
     if not run:
         raise RecordingError(f"{path.name} is not a recording of this program, or is empty")
+    return run, {**tally.describe(), **damage}
+
+
+def _facts(run: Mapping[str, str], summary: Mapping[str, str]) -> dict[str, Any]:
     return {
         **_facts_of_run(run),
-        "duration_s": 0.0 if first_ns is None else (last_ns - first_ns) / 1e9,
-        "frames": len(frames),
-        "taught": dict(Counter(labels.values())),
-        "damage": damage,
+        "duration_s": _finite(summary["duration_s"]),
+        "frames": int(summary["frames"]),
+        "taught": {str(k): int(v) for k, v in json.loads(summary["taught"]).items()},
+        "damage": summary.get("damage"),
     }
-
-
-def note_event(labels: dict[int, str], data: bytes) -> None:
-    """Note which frames are taught which move after this message of the topic `/lesson`."""
-    event, _ = read_event(json.loads(data))
-    if isinstance(event, Taught):
-        labels[event.example.frame_id] = event.example.label.value
-    elif isinstance(event, Undone):
-        for frame_id in event.frame_ids:
-            labels.pop(frame_id, None)
 
 
 def _facts_of_run(run: Mapping[str, str]) -> dict[str, Any]:

@@ -214,7 +214,7 @@ class WriterThread:
             return
         before = encode_model(item.model, is_packed=True) if item.model is not None else None
         run, file = self._open_free(item.run)
-        self._writer = EpisodeWriter(file, run, before)
+        self._writer = EpisodeWriter(file, run.describe(), before)
         self.episode_id = run.episode_id
         self._lost_before = item.lost_before
         self._announce("recording_on", episode=self.episode_id)

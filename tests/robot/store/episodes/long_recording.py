@@ -37,7 +37,7 @@ def write_cut_recording(path: Path, minutes: float) -> Path:
         "asks_pilot": False,
     }
     with path.open("xb") as file:
-        writer = EpisodeWriter(file, run)
+        writer = EpisodeWriter(file, run.describe())
         for number in range(1, round(minutes * 60 * RATE_HZ) + 1):
             now_s = number / RATE_HZ
             frame = Frame(

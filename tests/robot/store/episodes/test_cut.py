@@ -14,9 +14,9 @@ from mcap.reader import make_reader
 from robot.errors import RecordingError
 from robot.store.episodes.ending import end_recording
 from robot.store.episodes.episode import open_episode, taught_frames
+from robot.store.episodes.messages import RUN, SUMMARY
 from robot.store.episodes.reader import Message, read_metadata, scan
 from robot.store.episodes.summary import read_summary
-from robot.store.episodes.writer import RUN, SUMMARY
 
 from .drives import RecordedBench
 from .long_recording import write_cut_recording

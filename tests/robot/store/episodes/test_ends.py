@@ -6,6 +6,7 @@ import io
 import os
 import random
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -30,8 +31,7 @@ def by_library(path: Path) -> dict[str, dict[str, str]]:
 def test_it_finds_what_the_library_finds(
     tmp_path: Path, frames: int, read_bytes: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reader, "_FIRST_BYTES", read_bytes)
-    monkeypatch.setattr(reader, "_LAST_BYTES", read_bytes)
+    monkeypatch.setattr(reader, "_BUFFER_BYTES", read_bytes)
     path = record_drive(tmp_path, frames=frames).path
     assert read_metadata(path) == by_library(path)
     assert len(read_metadata(path)) == 2
@@ -44,15 +44,20 @@ def test_little_is_read_of_a_large_file(tmp_path: Path) -> None:
     class Counting(io.FileIO):
         total = 0
 
+        def readinto(self, buffer: Any) -> int | None:
+            size = super().readinto(buffer)
+            self.total += size or 0
+            return size
+
         def read(self, size: int = -1) -> bytes:
             data = super().read(size)
             self.total += len(data)
             return data
 
-    with Counting(path) as file:
-        found = reader._Ends(file)
-        assert len([found.metadata(*place) for place in found.places()]) == 2
-        assert file.total <= reader._FIRST_BYTES + reader._LAST_BYTES
+    raw = Counting(path)
+    with io.BufferedReader(raw, reader._BUFFER_BYTES) as file:
+        assert len(reader.metadata_of(file)) == 2
+        assert 0 < raw.total <= 4096 + 32768
 
 
 @pytest.mark.parametrize("seed", range(150))

@@ -13,8 +13,8 @@ from mcap.writer import CompressionType, Writer
 
 from robot.errors import RecordingError
 from robot.store.episodes.episode import open_episode
+from robot.store.episodes.messages import RUN
 from robot.store.episodes.summary import read_summary
-from robot.store.episodes.writer import RUN
 
 from .drives import record_drive
 
