@@ -11,7 +11,7 @@ from typing import Any
 
 from robot.errors import RecordingError
 from robot.store.episodes.messages import CAMERA
-from robot.store.episodes.reader import Channel, Schema
+from robot.store.episodes.reader import MessageChannel, Schema
 from robot.types import Encoding, Frame
 
 COMPRESSED = "foxglove.CompressedImage"
@@ -39,10 +39,10 @@ _FIELDS = {
 }
 
 
-def camera_channel(frame: Frame) -> Channel:
+def camera_channel(frame: Frame) -> MessageChannel:
     """Return the channel for pictures like this one."""
     size = (("width", str(frame.width)), ("height", str(frame.height)))
-    return Channel(CAMERA, "protobuf", _schema(_schema_name(frame)), size)
+    return MessageChannel(CAMERA, "protobuf", _schema(_schema_name(frame)), size)
 
 
 def _schema_name(frame: Frame) -> str:

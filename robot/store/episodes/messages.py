@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from robot.store.episodes.reader import Channel, Schema
+from robot.store.episodes.reader import MessageChannel, Schema
 from robot.types import PilotCommand, Prediction, Sensors
 
 CAMERA = "/camera"
@@ -126,10 +126,10 @@ SCHEMAS: dict[str, Fields] = {
 
 
 @cache
-def json_channel(topic: str) -> Channel:
+def json_channel(topic: str) -> MessageChannel:
     """Return the channel of a topic."""
     schema = SCHEMAS[topic]
-    return Channel(topic, "json", Schema(schema["title"], "jsonschema", to_json(schema)))
+    return MessageChannel(topic, "json", Schema(schema["title"], "jsonschema", to_json(schema)))
 
 
 def to_json(fields: Fields) -> bytes:

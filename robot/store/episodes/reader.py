@@ -42,7 +42,7 @@ class Schema:
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
+class MessageChannel:
     """What all messages of a channel have in common; the metadata are names and values."""
 
     topic: str
@@ -55,7 +55,7 @@ class Channel:
 class Message:
     """One message. `place` finds it again: chunk and index."""
 
-    channel: Channel
+    channel: MessageChannel
     log_ns: int
     sequence: int
     data: bytes
@@ -252,7 +252,7 @@ class _Channels:
     """What the file has said of its channels so far."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
+    channels: dict[int, MessageChannel] = field(default_factory=dict)
 
     def read(self, offset: int, opcode: int, body: Body) -> Iterator[Record]:
         if opcode == _CHUNK:
@@ -286,7 +286,9 @@ class _Channels:
         elif opcode == _CHANNEL:
             number, schema = body.number(2), self.schemas.get(body.number(2), _NO_SCHEMA)
             topic, encoding = body.text(), body.text()
-            self.channels[number] = Channel(topic, encoding, schema, tuple(body.map().items()))
+            self.channels[number] = MessageChannel(
+                topic, encoding, schema, tuple(body.map().items())
+            )
 
 
 _NO_SCHEMA = Schema("", "", b"")

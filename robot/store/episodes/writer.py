@@ -24,8 +24,8 @@ from robot.store.episodes.messages import (
 )
 from robot.store.episodes.reader import (
     Attachment,
-    Channel,
     Message,
+    MessageChannel,
     Metadata,
     Schema,
     require_mcap,
@@ -95,7 +95,7 @@ class EpisodeWriter:
         self._began_ns = round(float(run.get("started_at_s", "0")) * 1e9)
         self._writer = _make_writer(file)
         self._schemas: dict[Schema, int] = {}
-        self._channels: dict[Channel, int] = {}
+        self._channels: dict[MessageChannel, int] = {}
         self._tally = Tally()
         self.has_content = False
         """Whether the robot moved or the learner changed: otherwise the recording is discarded."""
@@ -165,7 +165,7 @@ class EpisodeWriter:
 
     def _add(
         self,
-        channel: Channel,
+        channel: MessageChannel,
         stamp_ns: int,
         data: bytes,
         sequence: int,
