@@ -1,14 +1,15 @@
 """Options that a driver or camera declares: a frozen dataclass whose fields become flags.
 
 Each field has a default and `metadata={"help": ...}`; `choices`, and for a number its `range` as
-`(least, most)`, may be among the metadata; so may `secret`: the value is never recorded.
+`(least, most)`, may be among the metadata; so may `secret`: the value is never recorded. Our own
+devices say so by `option`, on a base that refuses what is out of range.
 """
 
 from __future__ import annotations
 
 import typing
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
 from robot.devices.outside import number, plain_type, reader, whole
@@ -52,6 +53,38 @@ class Option:
             return reader(self.type, declared)(value)
         except ConfigurationError as error:
             raise ConfigurationError(f"{self.flag} {error}") from error
+
+
+def option(
+    default: Any,
+    help: str,
+    *,
+    choices: tuple[str, ...] | None = None,
+    range: tuple[float, float] | None = None,
+    secret: bool = False,
+) -> Any:
+    """Declare a field of an options' dataclass."""
+    about = {"help": help, "choices": choices, "range": range, "secret": secret}
+    return field(default=default, metadata=about)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """Base of options that are refused when out of range, whoever made them.
+
+    Raises:
+        ConfigurationError: If a number is out of its range, or `check` finds something.
+    """
+
+    def __post_init__(self) -> None:
+        for declared in options_of(type(self)):
+            value, allowed = getattr(self, declared.name), declared.range
+            if allowed is not None and not allowed[0] <= value <= allowed[1]:
+                declared.read(value)  # says what was expected
+        self.check()
+
+    def check(self) -> None:
+        """Refuse what a range cannot say."""
 
 
 def options_of(options_type: type[Any]) -> list[Option]:

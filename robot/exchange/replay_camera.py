@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from robot.camera import Camera
 from robot.clock import Clock, Worker
+from robot.devices.options import Options, option
 from robot.driver import Driver
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.npz import Recording, load_recording
@@ -25,14 +26,12 @@ _LAST_FRAME_S = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReplayCameraOptions:
+class ReplayCameraOptions(Options):
     """What is played."""
 
-    recording: str = field(
-        default="", metadata={"help": "a recording (.npz), or a folder whose recordings are played"}
-    )
-    episode: str = field(default="", metadata={"help": "a recorded run (.mcap) to play instead"})
-    loop: bool = field(default=True, metadata={"help": "yes: begin again at the end; no: stop"})
+    recording: str = option("", "a recording (.npz), or a folder whose recordings are played")
+    episode: str = option("", "a recorded run (.mcap) to play instead")
+    loop: bool = option(True, "yes: begin again at the end; no: stop")
 
 
 class Footage(Protocol):

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, TypeVar
 
 from robot.bodies.ev3.agent.ports import HardwareError
+from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC, BodyButton, Driver
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
 from robot.types import Action, Mode, Sensors
@@ -17,57 +18,32 @@ _T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChassisOptions:
+class ChassisOptions(Options):
     """How the robot is built. The defaults are the paper's robot: forward turns both wheels at
     360 degrees a second and makes 16 cm/s; a turn drives one wheel backward at 90."""
 
-    left_port: str = field(default="outB", metadata={"help": "port of the left motor"})
-    right_port: str = field(default="outC", metadata={"help": "port of the right motor"})
-    ultrasonic_port: str = field(
-        default="auto",
-        metadata={"help": "port of the ultrasonic sensor; auto takes one if it is there, or none"},
+    left_port: str = option("outB", "port of the left motor")
+    right_port: str = option("outC", "port of the right motor")
+    ultrasonic_port: str = option(
+        "auto", "port of the ultrasonic sensor; auto takes one if it is there, or none"
     )
-    touch_port: str = field(
-        default="auto",
-        metadata={
-            "help": "ports of the bumpers (touch sensors) from left to right, as in4,in1; "
-            "auto takes all that are there, by port; or none"
-        },
+    touch_port: str = option(
+        "auto",
+        "ports of the bumpers (touch sensors) from left to right, as in4,in1; "
+        "auto takes all that are there, by port; or none",
     )
-    wheel_diameter_m: float = field(
-        default=0.0509,
-        metadata={
-            "help": "wheel diameter in metres, as calibrate measures it",
-            "range": (0.005, 1.0),
-        },
+    wheel_diameter_m: float = option(
+        0.0509, "wheel diameter in metres, as calibrate measures it", range=(0.005, 1.0)
     )
-    track_m: float = field(
-        default=0.124,
-        metadata={"help": "distance between the wheels in metres", "range": (0.01, 2.0)},
+    track_m: float = option(0.124, "distance between the wheels in metres", range=(0.01, 2.0))
+    forward_speed_mps: float = option(0.16, "straight speed in metres a second", range=(0.005, 5.0))
+    turn_rate_deg_s: float = option(18.5, "turning rate in degrees a second", range=(0.5, 720.0))
+    turn_by: str = option(
+        "backward",
+        "a turn drives one wheel backward (as the paper's), one forward, or both",
+        choices=("backward", "forward", "both"),
     )
-    forward_speed_mps: float = field(
-        default=0.16, metadata={"help": "straight speed in metres a second", "range": (0.005, 5.0)}
-    )
-    turn_rate_deg_s: float = field(
-        default=18.5, metadata={"help": "turning rate in degrees a second", "range": (0.5, 720.0)}
-    )
-    turn_by: str = field(
-        default="backward",
-        metadata={
-            "help": "a turn drives one wheel backward (as the paper's), one forward, or both",
-            "choices": ("backward", "forward", "both"),
-        },
-    )
-    reversed_motors: bool = field(
-        default=False, metadata={"help": "the motors are mounted the other way round"}
-    )
-
-    def __post_init__(self) -> None:
-        for name in ("wheel_diameter_m", "track_m", "forward_speed_mps", "turn_rate_deg_s"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ConfigurationError(
-                    f"--{name.replace('_', '-')} must be more than 0, not {getattr(self, name)}"
-                )
+    reversed_motors: bool = option(False, "the motors are mounted the other way round")
 
 
 class ChassisBody(Protocol):
@@ -177,16 +153,16 @@ class ChassisDriver(Driver):
         """Raise ConfigurationError if a move asks more of a motor than it can give."""
         options = self.options
         ports = (options.left_port, options.right_port)
-        for name, option, move in (
+        for name, value, move in (
             ("forward_speed_mps", options.forward_speed_mps, Action.FORWARD),
             ("turn_rate_deg_s", options.turn_rate_deg_s, Action.LEFT),
             ("turn_rate_deg_s", options.turn_rate_deg_s, Action.SPIN_LEFT),
         ):
             for port, asked, top in zip(ports, wheel_speeds(move, options), top_dps, strict=True):
                 if abs(asked) > top:
-                    most = math.floor(1000 * option * top / abs(asked)) / 1000
+                    most = math.floor(1000 * value * top / abs(asked)) / 1000
                     raise ConfigurationError(
-                        f"--{name.replace('_', '-')} {option} asks the motor at {port} for "
+                        f"--{name.replace('_', '-')} {value} asks the motor at {port} for "
                         f"{abs(asked):.0f} degrees a second; it reaches {top:.0f} at most: "
                         f"choose {most} or less"
                     )

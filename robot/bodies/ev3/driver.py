@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
 from robot.bodies.ev3.agent.body import BrickBody
 from robot.bodies.ev3.chassis import ChassisBody, ChassisDriver, ChassisOptions
 from robot.clock import Clock, RealClock
+from robot.devices.options import option
 from robot.errors import MissingExtraError
 
 
@@ -17,9 +18,7 @@ from robot.errors import MissingExtraError
 class Ev3Options(ChassisOptions):
     """How the robot is built, and where its devices are."""
 
-    brick_root: str = field(
-        default="/", metadata={"help": "folder that holds the brick's sys and dev"}
-    )
+    brick_root: str = option("/", "folder that holds the brick's sys and dev")
 
 
 class Ev3Driver(ChassisDriver):

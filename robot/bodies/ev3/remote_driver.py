@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.ev3.chassis import ChassisBody, ChassisDriver, ChassisOptions
 from robot.bodies.ev3.link import BrickLink
 from robot.bodies.ev3.remote_body import RemoteBody
+from robot.devices.options import option
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ev3RemoteOptions(ChassisOptions):
     """How the robot is built, and where its brick is."""
 
-    brick: str = field(
-        default="", metadata={"help": "address of the brick, as ev3dev.local or 192.168.1.7:8765"}
-    )
-    brick_secret: str = field(
-        default="",
-        metadata={
-            "help": "secret shared with the agent; else the one that `brick agent` kept",
-            "secret": True,
-        },
+    brick: str = option("", "address of the brick, as ev3dev.local or 192.168.1.7:8765")
+    brick_secret: str = option(
+        "", "secret shared with the agent; else the one that `brick agent` kept", secret=True
     )
 
 

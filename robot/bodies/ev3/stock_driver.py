@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.ev3.chassis import ChassisBody, ChassisDriver, ChassisOptions
 from robot.bodies.ev3.stock.body import StockBody
 from robot.bodies.ev3.stock.lines import BEACON_PORT, open_line
+from robot.devices.options import option
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ev3StockOptions(ChassisOptions):
     """How the robot is built, and how to reach its brick."""
 
-    line: str = field(
-        default="usb",
-        metadata={"help": "way to the brick", "choices": ("usb", "bluetooth", "wifi")},
-    )
-    brick: str = field(
-        default="",
-        metadata={"help": "the brick's ID, as 00:16:53:3f:0c:1e; needed for Bluetooth only"},
-    )
-    beacon_port: int = field(
-        default=BEACON_PORT,
-        metadata={"help": "UDP port of bricks on Wi-Fi", "range": (1, 65535)},
-    )
+    line: str = option("usb", "way to the brick", choices=("usb", "bluetooth", "wifi"))
+    brick: str = option("", "the brick's ID, as 00:16:53:3f:0c:1e; needed for Bluetooth only")
+    beacon_port: int = option(BEACON_PORT, "UDP port of bricks on Wi-Fi", range=(1, 65535))
 
 
 class Ev3StockDriver(ChassisDriver):

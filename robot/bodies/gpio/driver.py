@@ -6,7 +6,7 @@ import importlib.util
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.gpio.keeper_line import KeeperLine
@@ -16,6 +16,7 @@ from robot.bodies.remote.line import MessageLine
 from robot.bodies.remote.orders import BodyReport
 from robot.bodies.remote.plain import HELLO, encode_plain_order, parse_plain_report
 from robot.clock import Clock
+from robot.devices.options import Options, option
 from robot.driver import describe
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.types import Action
@@ -24,41 +25,25 @@ MAX_PIN = 27
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GpioOptions:
+class GpioOptions(Options):
     """How the motors are wired. Pins are GPIO numbers, as gpiozero has them."""
 
-    left_pins: str = field(
-        default="17,18", metadata={"help": "the left motor's two pins: forward,backward"}
+    left_pins: str = option("17,18", "the left motor's two pins: forward,backward")
+    right_pins: str = option("22,23", "the right motor's two pins: forward,backward")
+    motor_board: str = option(
+        "two-pwm",
+        "two-pwm: a pin for each direction (L298N, TB6612, DRV8833); phase-enable: the "
+        "first pin is the direction, the second the speed",
+        choices=("two-pwm", "phase-enable"),
     )
-    right_pins: str = field(
-        default="22,23", metadata={"help": "the right motor's two pins: forward,backward"}
+    bumper_pin: str = option("", "pin of a bumper's switch to ground; empty: none")
+    straight_speed: float = option(
+        0.6, "share of the motors' full speed, straight on", range=(0.01, 1.0)
     )
-    motor_board: str = field(
-        default="two-pwm",
-        metadata={
-            "help": "two-pwm: a pin for each direction (L298N, TB6612, DRV8833); phase-enable: the "
-            "first pin is the direction, the second the speed",
-            "choices": ("two-pwm", "phase-enable"),
-        },
-    )
-    bumper_pin: str = field(
-        default="", metadata={"help": "pin of a bumper's switch to ground; empty: none"}
-    )
-    straight_speed: float = field(
-        default=0.6,
-        metadata={"help": "share of the motors' full speed, straight on", "range": (0.01, 1.0)},
-    )
-    turn_speed: float = field(
-        default=0.4, metadata={"help": "share of it in turns", "range": (0.01, 1.0)}
-    )
+    turn_speed: float = option(0.4, "share of it in turns", range=(0.01, 1.0))
 
-    def __post_init__(self) -> None:
-        for name in ("straight_speed", "turn_speed"):
-            if not 0 < getattr(self, name) <= 1:
-                raise ConfigurationError(
-                    f"--{name.replace('_', '-')} must be more than 0 and at most 1, not "
-                    f"{getattr(self, name)}"
-                )
+    def check(self) -> None:
+        """Refuse pins that are none."""
         self.settings()
 
     def settings(self) -> dict[str, Any]:

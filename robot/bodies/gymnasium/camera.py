@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 from robot.bodies.gymnasium.driver import GymnasiumDriver
 from robot.camera import Camera
 from robot.clock import Clock, Worker
+from robot.devices.options import Options, option
 from robot.devices.simulation.camera import make_compressor
 from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.errors import CameraError, ConfigurationError
@@ -20,12 +21,10 @@ _JPEG_QUALITY = 90
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GymnasiumCameraOptions:
+class GymnasiumCameraOptions(Options):
     """What a person may choose."""
 
-    env_rate_hz: float = field(
-        default=10.0, metadata={"help": "pictures a second, at most", "range": (1.0, 60.0)}
-    )
+    env_rate_hz: float = option(10.0, "pictures a second, at most", range=(1.0, 60.0))
 
 
 class GymnasiumCamera(Camera):

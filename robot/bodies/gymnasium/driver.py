@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.gymnasium.environment import PICTURES, Environment, read_options
 from robot.bodies.gymnasium.moves import moves_of
+from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.errors import NotConnectedError
 from robot.types import Action, Game, Sensors
@@ -18,35 +19,22 @@ OVER_S = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GymnasiumOptions:
+class GymnasiumOptions(Options):
     """What a person may choose."""
 
-    env: str = field(
-        default="CarRacing-v3",
-        metadata={"help": "name of a Gymnasium environment, or module:NAME"},
+    env: str = option("CarRacing-v3", "name of a Gymnasium environment, or module:NAME")
+    env_moves: str = option(
+        "",
+        "its moves, as 'left=-0.6,0,0; right=0.6,0,0' or 'left=0; right=1'; default: its own names",
     )
-    env_moves: str = field(
-        default="",
-        metadata={
-            "help": "its moves, as 'left=-0.6,0,0; right=0.6,0,0' or 'left=0; right=1'; "
-            "default: its own names"
-        },
+    env_options: str = option("", "for its maker, as obs_width=160,obs_height=120")
+    env_picture: str = option(
+        "auto", "what is seen: its observation, or what it renders", choices=PICTURES
     )
-    env_options: str = field(
-        default="", metadata={"help": "for its maker, as obs_width=160,obs_height=120"}
+    env_steps: int = option(
+        0, "its steps for each picture; 0: 5 for CarRacing, else 1", range=(0, 50)
     )
-    env_picture: str = field(
-        default="auto",
-        metadata={"help": "what is seen: its observation, or what it renders", "choices": PICTURES},
-    )
-    env_steps: int = field(
-        default=0,
-        metadata={
-            "help": "its steps for each picture; 0: 5 for CarRacing, else 1",
-            "range": (0, 50),
-        },
-    )
-    env_seed: int = field(default=1, metadata={"help": "of the first game", "range": (0, 2**31)})
+    env_seed: int = option(1, "of the first game", range=(0, 2**31))
 
 
 class GymnasiumDriver(Driver):

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.clock import Clock, RealClock
+from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver, describe
 from robot.errors import DriveError, MissingExtraError, NotConnectedError
 from robot.types import Action, Sensors
@@ -26,18 +27,12 @@ _DIRECTIONS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LegoEducationOptions:
+class LegoEducationOptions(Options):
     """Which double motor, and how fast."""
 
-    hub: str = field(
-        default="", metadata={"help": "part of the double motor's name; empty: the first found"}
-    )
-    straight_percent: int = field(
-        default=50, metadata={"help": "speed straight on, in percent", "range": (1, 100)}
-    )
-    turn_percent: int = field(
-        default=25, metadata={"help": "speed of turns, in percent", "range": (1, 100)}
-    )
+    hub: str = option("", "part of the double motor's name; empty: the first found")
+    straight_percent: int = option(50, "speed straight on, in percent", range=(1, 100))
+    turn_percent: int = option(25, "speed of turns, in percent", range=(1, 100))
 
 
 class LegoEducationDriver(Driver):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 from urllib.parse import urlsplit
 
@@ -10,6 +10,7 @@ from robot.bodies.mjpeg.finder import PictureFinder
 from robot.bodies.mjpeg.line import CameraLine
 from robot.clock import Clock
 from robot.devices.freshness import LONGEST_PERIOD_S, REOPEN_S
+from robot.devices.options import Options, option
 from robot.devices.pictures import MAX_SIDE_PX, Picture, jpeg_size, read_picture
 from robot.devices.watched_camera import WatchedCamera
 from robot.errors import CameraError, ConfigurationError, RecordingError
@@ -20,15 +21,11 @@ _JPEG = b"\xff\xd8"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MjpegOptions:
+class MjpegOptions(Options):
     """Where the pictures come from."""
 
-    source: str = field(
-        default="",
-        metadata={
-            "help": "address (URL) of the stream, as http://192.168.4.1:81/stream",
-            "secret": True,  # it may hold a password
-        },
+    source: str = option(
+        "", "address (URL) of the stream, as http://192.168.4.1:81/stream", secret=True
     )
 
 

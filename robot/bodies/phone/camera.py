@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.clock import Clock
+from robot.devices.options import Options, option
 from robot.devices.watched_camera import WatchedCamera
 from robot.types import Encoding
 
@@ -13,18 +14,12 @@ NOBODY = "No phone is the robot's eye: open the address that the terminal shows 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PhoneOptions:
+class PhoneOptions(Options):
     """What the phone is asked for."""
 
-    eye_width: int = field(
-        default=320, metadata={"help": "width of the phone's pictures", "range": (40, 1920)}
-    )
-    eye_height: int = field(
-        default=240, metadata={"help": "height of the phone's pictures", "range": (30, 1080)}
-    )
-    eye_rate: float = field(
-        default=15.0, metadata={"help": "pictures a second", "range": (1.0, 60.0)}
-    )
+    eye_width: int = option(320, "width of the phone's pictures", range=(40, 1920))
+    eye_height: int = option(240, "height of the phone's pictures", range=(30, 1080))
+    eye_rate: float = option(15.0, "pictures a second", range=(1.0, 60.0))
 
 
 class PhoneCamera(WatchedCamera):

@@ -4,47 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.clock import Clock
+from robot.devices.options import Options, option
 from robot.devices.watched_camera import WatchedCamera
-from robot.errors import CameraError, ConfigurationError, MissingExtraError
+from robot.errors import CameraError, MissingExtraError
 from robot.types import Encoding
 
-MAX_SIDE_PX, MAX_RATE_HZ = 1920, 120.0
 _OLDEST_S = 2.0
 """A stamp that says that a picture is older than this is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Picamera2Options:
+class Picamera2Options(Options):
     """What the camera is asked for."""
 
-    width: int = field(
-        default=160, metadata={"help": "width of the picture in pixels", "range": (32, 1920)}
-    )
-    height: int = field(
-        default=120, metadata={"help": "height of the picture in pixels", "range": (24, 1920)}
-    )
-    frame_rate: int = field(default=30, metadata={"help": "pictures a second", "range": (1, 120)})
-    camera_number: int = field(
-        default=0, metadata={"help": "which camera module, from 0", "range": (0, 7)}
-    )
-    upside_down: bool = field(default=False, metadata={"help": "the camera hangs upside down"})
-
-    def __post_init__(self) -> None:
-        for name, low, high in (
-            ("width", 32, MAX_SIDE_PX),
-            ("height", 24, MAX_SIDE_PX),
-            ("frame_rate", 1, MAX_RATE_HZ),
-            ("camera_number", 0, 7),
-        ):
-            if not low <= getattr(self, name) <= high:
-                raise ConfigurationError(
-                    f"--{name.replace('_', '-')} must be from {low} to {high:.0f}, not "
-                    f"{getattr(self, name)}"
-                )
+    width: int = option(160, "width of the picture in pixels", range=(32, 1920))
+    height: int = option(120, "height of the picture in pixels", range=(24, 1920))
+    frame_rate: int = option(30, "pictures a second", range=(1, 120))
+    camera_number: int = option(0, "which camera module, from 0", range=(0, 7))
+    upside_down: bool = option(False, "the camera hangs upside down")
 
 
 class Picamera2Camera(WatchedCamera):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.pybricks.hub_line import HubLine
@@ -11,20 +11,19 @@ from robot.bodies.remote.line import MessageLine
 from robot.bodies.remote.orders import BodyReport, parse_moves
 from robot.bodies.remote.plain import HELLO, encode_plain_order, parse_plain_report
 from robot.clock import Clock
+from robot.devices.options import Options, option
 from robot.errors import MissingExtraError
 from robot.types import Action
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PybricksOptions:
+class PybricksOptions(Options):
     """Which hub, and what its program can do."""
 
-    hub: str = field(
-        default="", metadata={"help": "the hub's name; needed if several are in reach"}
-    )
-    body_moves: str = field(
-        default="forward,left,right,backward",
-        metadata={"help": "what the body can do, as forward,left or fast:0:1 (steering:throttle)"},
+    hub: str = option("", "the hub's name; needed if several are in reach")
+    body_moves: str = option(
+        "forward,left,right,backward",
+        "what the body can do, as forward,left or fast:0:1 (steering:throttle)",
     )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.remote.line import MessageLine, split_address
 from robot.bodies.remote.orders import BodyReport, encode_order, parse_moves, parse_report
 from robot.clock import Clock, RealClock
+from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.errors import DriveError, NotConnectedError
 from robot.types import Action, Sensors
@@ -168,16 +169,14 @@ class ReportingDriver(Driver):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RemoteOptions:
+class RemoteOptions(Options):
     """Where the robot is, and what it can do."""
 
-    address: str = field(default="", metadata={"help": "the robot's HOST, or HOST:PORT"})
-    secret: str = field(
-        default="", metadata={"help": "secret that the robot knows, too", "secret": True}
-    )
-    body_moves: str = field(
-        default="forward,left,right,backward",
-        metadata={"help": "what the body can do, as forward,left or fast:0:1 (steering:throttle)"},
+    address: str = option("", "the robot's HOST, or HOST:PORT")
+    secret: str = option("", "secret that the robot knows, too", secret=True)
+    body_moves: str = option(
+        "forward,left,right,backward",
+        "what the body can do, as forward,left or fast:0:1 (steering:throttle)",
     )
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import base64
 import binascii
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.remote.line import split_address
 from robot.bodies.ros.bridge import PORT, RosBridge
 from robot.bodies.ros.driver import is_topic
 from robot.clock import Clock
+from robot.devices.options import Options, option
 from robot.devices.pictures import MAX_SIDE_PX, jpeg_size
 from robot.devices.watched_camera import WatchedCamera
 from robot.errors import CameraError, ConfigurationError, RecordingError
@@ -21,16 +22,16 @@ _IMAGE = "sensor_msgs/msg/CompressedImage"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RosCameraOptions:
+class RosCameraOptions(Options):
     """Where the pictures come from."""
 
-    address: str = field(default="", metadata={"help": "HOST of rosbridge, or HOST:PORT"})
-    image_topic: str = field(
-        default="/camera/image_raw/compressed",
-        metadata={"help": "topic of the pictures (sensor_msgs/CompressedImage, JPEG)"},
+    address: str = option("", "HOST of rosbridge, or HOST:PORT")
+    image_topic: str = option(
+        "/camera/image_raw/compressed", "topic of the pictures (sensor_msgs/CompressedImage, JPEG)"
     )
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
+        """Refuse a name that is no topic's."""
         if not is_topic(self.image_topic):
             raise ConfigurationError(
                 f"--image-topic must be a topic's name, as /camera/image_raw/compressed, not "

@@ -6,13 +6,14 @@ import json
 import math
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.remote.line import split_address
 from robot.bodies.remote.orders import parse_moves
 from robot.bodies.ros.bridge import GONE_S, PORT, Message, RosBridge
 from robot.clock import Clock, RealClock
+from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
 from robot.types import Action, Prediction, Sensors
@@ -26,46 +27,27 @@ _NO_WATCHDOG = "the robot's watchdog gives no sign of life; does watchdog.py run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RosOptions:
+class RosOptions(Options):
     """Where rosbridge is, and how its robot moves."""
 
-    address: str = field(default="", metadata={"help": "HOST of rosbridge, or HOST:PORT"})
-    cmd_vel_topic: str = field(default="/cmd_vel", metadata={"help": "topic of the velocities"})
-    stamped: bool = field(
-        default=False, metadata={"help": "the robot takes TwistStamped instead of Twist"}
+    address: str = option("", "HOST of rosbridge, or HOST:PORT")
+    cmd_vel_topic: str = option("/cmd_vel", "topic of the velocities")
+    stamped: bool = option(False, "the robot takes TwistStamped instead of Twist")
+    watchdog: bool = option(
+        False, "the robot runs our watchdog.py, which takes the velocities and stops it"
     )
-    watchdog: bool = field(
-        default=False,
-        metadata={
-            "help": "the robot runs our watchdog.py, which takes the velocities and stops it"
-        },
+    linear_mps: float = option(
+        0.4, "metres a second at full throttle; forward is half of it", range=(0.001, 5.0)
     )
-    linear_mps: float = field(
-        default=0.4,
-        metadata={
-            "help": "metres a second at full throttle; forward is half of it",
-            "range": (0.001, 5.0),
-        },
+    turn_rate_deg_s: float = option(45.0, "degrees a second at full steering", range=(0.1, 720.0))
+    body_moves: str = option(
+        "forward,left,right,backward,spin_left,spin_right",
+        "what the body can do, as forward,left or fast:0:1 (steering:throttle)",
     )
-    turn_rate_deg_s: float = field(
-        default=45.0, metadata={"help": "degrees a second at full steering", "range": (0.1, 720.0)}
-    )
-    body_moves: str = field(
-        default="forward,left,right,backward,spin_left,spin_right",
-        metadata={"help": "what the body can do, as forward,left or fast:0:1 (steering:throttle)"},
-    )
-    advice_topic: str = field(
-        default="",
-        metadata={"help": "topic for what the learner would do, as JSON text; empty: none"},
-    )
+    advice_topic: str = option("", "topic for what the learner would do, as JSON text; empty: none")
 
-    def __post_init__(self) -> None:
-        for name, most in (("linear_mps", 5.0), ("turn_rate_deg_s", 720.0)):
-            if not 0 < getattr(self, name) <= most:
-                raise ConfigurationError(
-                    f"--{name.replace('_', '-')} must be more than 0 and at most {most:.0f}, not "
-                    f"{getattr(self, name)}"
-                )
+    def check(self) -> None:
+        """Refuse names that are no topic's."""
         for name in ("cmd_vel_topic", "advice_topic"):
             topic = getattr(self, name)
             if (name == "cmd_vel_topic" or topic) and not is_topic(topic):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 from robot.devices.freshness import REOPEN_S
+from robot.devices.options import Options, option
 from robot.devices.watched_camera import WatchedCamera
 from robot.errors import CameraError
 from robot.types import Encoding
@@ -15,18 +16,12 @@ JPEG_QUALITY = 80
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OpencvOptions:
+class OpencvOptions(Options):
     """Which source, and the size that frames are brought to."""
 
-    source: str = field(
-        default="0", metadata={"help": "number of a camera, a film's file, or an address (URL)"}
-    )
-    width: int = field(
-        default=160, metadata={"help": "width of the picture in pixels", "range": (40, 3840)}
-    )
-    height: int = field(
-        default=120, metadata={"help": "height of the picture in pixels", "range": (30, 2160)}
-    )
+    source: str = option("0", "number of a camera, a film's file, or an address (URL)")
+    width: int = option(160, "width of the picture in pixels", range=(40, 3840))
+    height: int = option(120, "height of the picture in pixels", range=(30, 2160))
 
 
 class OpencvCamera(WatchedCamera):

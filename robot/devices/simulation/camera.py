@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from robot.camera import Camera
 from robot.clock import Clock, Worker
+from robot.devices.options import Options, option
 from robot.devices.simulation.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX, WIDTH_PX
 from robot.devices.simulation.simulation import Simulation
 from robot.driver import Driver
@@ -37,15 +38,11 @@ class SimulatedBody(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SimCameraOptions:
+class SimCameraOptions(Options):
     """What a person may choose."""
 
-    frame_rate_hz: float = field(
-        default=30.0, metadata={"help": "simulated pictures a second", "range": (1.0, 240.0)}
-    )
-    jpeg_quality: int = field(
-        default=75, metadata={"help": "of simulated pictures", "range": (1, 100)}
-    )
+    frame_rate_hz: float = option(30.0, "simulated pictures a second", range=(1.0, 120.0))
+    jpeg_quality: int = option(75, "of simulated pictures", range=(1, 100))
 
 
 class SimCamera(Camera):
@@ -63,14 +60,6 @@ class SimCamera(Camera):
 
     def __init__(self, body: SimulatedBody, options: SimCameraOptions, clock: Clock) -> None:
         super().__init__(clock)
-        if not 1.0 <= options.frame_rate_hz <= 120.0:
-            raise ConfigurationError(
-                f"--frame-rate-hz must lie between 1 and 120, not {options.frame_rate_hz:g}"
-            )
-        if not 1 <= options.jpeg_quality <= 100:
-            raise ConfigurationError(
-                f"--jpeg-quality must be between 1 and 100, not {options.jpeg_quality}"
-            )
         self._body = body
         self._compress = make_compressor(options.jpeg_quality)
         self._period_s = 1.0 / options.frame_rate_hz

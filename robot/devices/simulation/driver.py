@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from robot.devices.options import Options, option
 from robot.devices.simulation.simulation import Simulation
 from robot.devices.simulation.world import load_world
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC, Driver
@@ -14,15 +15,11 @@ from robot.types import Action, Sensors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SimOptions:
+class SimOptions(Options):
     """What a person may choose."""
 
-    world: str = field(
-        default="box", metadata={"help": "a world's name, or the path of a TOML file"}
-    )
-    seed: int = field(
-        default=1, metadata={"help": "decides start, floor and noise", "range": (0, 2**32 - 1)}
-    )
+    world: str = option("box", "a world's name, or the path of a TOML file")
+    seed: int = option(1, "decides start, floor and noise", range=(0, 2**32 - 1))
 
 
 class SimDriver(Driver):

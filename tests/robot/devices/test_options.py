@@ -70,3 +70,5 @@ def test_every_number_has_a_range_and_keeps_to_it(kind: Any, option: Option) -> 
         for given in [value, str(option.type(value))] if is_text else [value]:
             with pytest.raises(ConfigurationError, match=f"{option.flag} must be a .*number from"):
                 make_options(kind.options_type, {option.name: given})
+        with pytest.raises(ConfigurationError, match=f"{option.flag} must be a .*number from"):
+            kind.options_type(**{option.name: value})  # whoever made them

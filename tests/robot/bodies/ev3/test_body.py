@@ -276,5 +276,5 @@ def test_the_buttons_are_grabbed_and_given_back(
 
 
 def test_options_that_make_no_sense_are_refused() -> None:
-    with pytest.raises(ConfigurationError, match="--track-m must be more than 0"):
+    with pytest.raises(ConfigurationError, match="--track-m must be a number from 0.01 to 2"):
         ChassisOptions(track_m=0)
