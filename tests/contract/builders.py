@@ -134,7 +134,7 @@ def ev3_driver() -> Iterator[DriverCase]:
         driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock)
 
         def unplug_motors() -> None:  # its line is the motors' cables
-            for port in driver._body.motors._ports:  # type: ignore[union-attr]
+            for port in driver._connection.motors._ports:  # type: ignore[union-attr]
                 for file in port._files.values():
                     file.close()  # on a brick the next write fails with ENODEV
             for name in ("outB", "outC"):

@@ -89,7 +89,7 @@ def ros_driver() -> Iterator[DriverCase]:
         driver = RosDriver(RosOptions(address=ros.address, watchdog=True))
 
         def is_moving() -> bool:
-            ros.settle(driver._bridge)
+            ros.settle(driver._connection)
             return ros.is_moving
 
         yield on_a_busy_machine(driver, is_moving, ros.frozen.set)

@@ -107,7 +107,7 @@ def _addressed(kind: type[RemoteDriver], clock: VirtualClock, line: MessageLine)
 def _pybricks(seed: int) -> AbstractContextManager[TimedBody]:
     def make(clock: VirtualClock, line: MessageLine) -> Driver:
         driver = PybricksDriver(PybricksOptions(), clock)
-        driver._open = lambda: line  # type: ignore[method-assign]
+        driver._open_line = lambda: line  # type: ignore[method-assign]
         return driver
 
     return _program(RunningHub, make, seed)
@@ -220,7 +220,7 @@ def _ev3(seed: int) -> Iterator[TimedBody]:
 
         def unplug_one() -> None:  # the other one is still told to turn
             if "outC" in brick.motors:
-                for file in driver._body.motors._ports[1]._files.values():  # type: ignore[union-attr]
+                for file in driver._connection.motors._ports[1]._files.values():  # type: ignore[union-attr]
                     file.close()  # on a brick the next write fails with ENODEV
                 brick.unplug_motor("outC")
 

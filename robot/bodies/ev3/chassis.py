@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, TypeVar
 
 from robot.bodies.ev3.agent.ports import HardwareError
+from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
-from robot.driver import ACTION_TIMEOUT_S, CLASSIC, BodyButton, Driver
-from robot.errors import ConfigurationError, DriveError, NotConnectedError
+from robot.driver import ACTION_TIMEOUT_S, CLASSIC, BodyButton
+from robot.errors import ConfigurationError, DriveError
 from robot.types import Action, Mode, Sensors
 
 _T = TypeVar("_T")
@@ -97,7 +98,7 @@ def wheel_speeds(action: Action, options: ChassisOptions) -> tuple[float, float]
     return sign * speeds[0], sign * speeds[1]
 
 
-class ChassisDriver(Driver):
+class ChassisDriver(ConnectedDriver[ChassisBody]):
     """A driver over a `ChassisBody`, which subclasses choose."""
 
     default_camera: ClassVar[str] = "v4l2"
@@ -105,7 +106,6 @@ class ChassisDriver(Driver):
 
     def __init__(self, options: ChassisOptions) -> None:
         self.options = options
-        self._body: ChassisBody | None = None
         self._address = ""
 
     @property
@@ -127,27 +127,21 @@ class ChassisDriver(Driver):
     def _make_body(self) -> ChassisBody:
         """Return the body, not yet open."""
 
-    @property
-    def is_connected(self) -> bool:
-        """True between a successful `connect` and `disconnect`."""
-        return self._body is not None
-
-    def connect(self) -> None:
-        """Find motors and sensors, and make sure that nothing moves."""
-        if self._body is not None:
-            return
+    def _open(self) -> ChassisBody:
         body = self._make_body()
         try:
             body.open()
-            self._check_speeds(body.top_speeds_dps())
         except HardwareError as error:
             body.close()
             raise DriveError(str(error)) from error
-        except ConfigurationError:
-            body.close()
-            raise
-        self._body = body
+        return body
+
+    def _begin(self) -> None:
+        self._check_speeds(self._connected().top_speeds_dps())
         self.show(Mode.STOPPED)
+
+    def _close(self, connection: ChassisBody) -> None:
+        connection.close()
 
     def _check_speeds(self, top_dps: Sequence[float]) -> None:
         """Raise ConfigurationError if a move asks more of a motor than it can give."""
@@ -167,22 +161,13 @@ class ChassisDriver(Driver):
                         f"choose {most} or less"
                     )
 
-    def disconnect(self) -> None:
-        """Stop the motors and let go of the brick."""
-        body, self._body = self._body, None
-        if body is not None:
-            body.close()
-
-    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+    def _move(self, connection: ChassisBody, action: Action, speed_scale: float) -> None:
         """Run the wheels for `ACTION_TIMEOUT_S` by `run-timed`: the kernel ends the move."""
-        body = self._connected()
-        self.check_action(action, speed_scale)
         if action is Action.STOP:
-            _asked(body.stop)
-            return action
+            connection.stop()
+            return
         left, right = (speed_scale * speed for speed in wheel_speeds(action, self.options))
-        _asked(lambda: body.run(left, right, round(1000 * ACTION_TIMEOUT_S)))
-        return action
+        _asked(lambda: connection.run(left, right, round(1000 * ACTION_TIMEOUT_S)))
 
     def sense(self) -> Sensors:
         """Read distance, bumpers, battery and the wheels' counts."""
@@ -195,32 +180,23 @@ class ChassisDriver(Driver):
         return Sensors(**read, bumpers=bumpers, wheels_m=wheels_m)
 
     def stop(self) -> None:
-        """Stop the motors now; does nothing on a driver that is not connected."""
-        if self._body is not None:
-            self._body.stop()
+        if self._connection is not None:
+            self._connection.stop()
 
     def wheel_positions_deg(self) -> Sequence[float]:
         """How far the left and the right wheel have turned, as the motors count it."""
         return _asked(self._connected().positions)
 
     def take_button(self) -> BodyButton | None:
-        """Return the brick's button that was pressed since the last call."""
-        pressed = self._body.take_button() if self._body is not None else None
+        pressed = self._connection.take_button() if self._connection is not None else None
         return BodyButton(pressed) if pressed else None
 
     def announce(self, address: str) -> None:
-        """Have the brick's screen show where the page is."""
         self._address = address
 
     def show(self, mode: Mode) -> None:
-        """Show the mode on the brick's screen and lights."""
-        if self._body is not None:
-            self._body.show(mode.value, self._address)
-
-    def _connected(self) -> ChassisBody:
-        if self._body is None:
-            raise NotConnectedError(f"the robot {self.name!r} is not connected; call connect()")
-        return self._body
+        if self._connection is not None:
+            self._connection.show(mode.value, self._address)
 
 
 def _asked(call: Callable[[], _T]) -> _T:

@@ -98,14 +98,14 @@ class GpioDriver(ReportingDriver):
     ) -> None:
         super().__init__(clock)
         self.options = options
-        self._open_line = open_line or self._start_keeper
+        self._start = open_line or self._start_keeper
 
     @property
     def _where(self) -> str:
         return "the process that holds the pins"
 
-    def _open(self) -> MessageLine:
-        return self._open_line(self.options.settings())
+    def _open_line(self) -> MessageLine:
+        return self._start(self.options.settings())
 
     def _start_keeper(self, settings: dict[str, Any]) -> MessageLine:
         if importlib.util.find_spec("gpiozero") is None:

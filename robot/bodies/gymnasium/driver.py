@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 
 from robot.bodies.gymnasium.environment import PICTURES, Environment, read_options
 from robot.bodies.gymnasium.moves import moves_of
+from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
-from robot.driver import ACTION_TIMEOUT_S, Driver
-from robot.errors import NotConnectedError
+from robot.driver import ACTION_TIMEOUT_S
 from robot.types import Action, Game, Sensors
 
 OVER_S = 1.5
@@ -37,7 +37,7 @@ class GymnasiumOptions(Options):
     env_seed: int = option(1, "of the first game", range=(0, 2**31))
 
 
-class GymnasiumDriver(Driver):
+class GymnasiumDriver(ConnectedDriver[bool]):
     """Acts in an environment. Time passes when its camera, or a test, calls `advance`.
 
     An environment may belong to the thread that made it (a renderer often does), so `advance`,
@@ -61,7 +61,6 @@ class GymnasiumDriver(Driver):
         self._steps = options.env_steps or (5 if is_quick else 1)
         self._environment: Environment | None = None
         self._lock = threading.Lock()
-        self._connected = False
         self._action = Action.STOP
         self._left_s = self._over_s = 0.0
         self._game: Game | None = None
@@ -78,36 +77,19 @@ class GymnasiumDriver(Driver):
         """All moves: a game that can be braked wants braking."""
         return self.moves
 
-    @property
-    def is_connected(self) -> bool:
-        """True between `connect` and `disconnect`."""
-        return self._connected
+    def _open(self) -> bool:
+        return True  # the environment is made where it is stepped
 
-    def connect(self) -> None:
-        """Get ready; the environment is made where it is stepped."""
-        self._connected = True
-
-    def disconnect(self) -> None:
-        """Stop."""
-        self.stop()
-        self._connected = False
-
-    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        """Act so for at most `ACTION_TIMEOUT_S`; an environment has one speed. See `Driver`."""
-        self.check_action(action, speed_scale)
-        if not self._connected:
-            raise NotConnectedError("the environment is not connected; call connect() first")
+    def _move(self, connection: bool, action: Action, speed_scale: float) -> None:
+        """Act so for at most `ACTION_TIMEOUT_S`; an environment has one speed."""
         with self._lock:
             self._action, self._left_s = action, ACTION_TIMEOUT_S
         self.acted.set()
-        return action
 
     def sense(self) -> Sensors:
-        """Return the game under way."""
         return Sensors(game=self._game)
 
     def stop(self) -> None:
-        """Let the environment stand."""
         with self._lock:
             self._action = Action.STOP
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.clock import Clock, RealClock
+from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
-from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver, describe
-from robot.errors import DriveError, MissingExtraError, NotConnectedError
+from robot.driver import ACTION_TIMEOUT_S, BodyButton, describe
+from robot.errors import DriveError, MissingExtraError
 from robot.types import Action, Sensors
 
 SEARCH_S = 8.0
@@ -35,7 +36,7 @@ class LegoEducationOptions(Options):
     turn_percent: int = option(25, "speed of turns, in percent", range=(1, 100))
 
 
-class LegoEducationDriver(Driver):
+class LegoEducationDriver(ConnectedDriver[Any]):
     """Each move is timed by the double motor itself (`movement_move_for_time`)."""
 
     name: ClassVar[str] = "lego-education"
@@ -50,20 +51,11 @@ class LegoEducationDriver(Driver):
         self.options = options
         self._clock = clock or RealClock()
         self._library = library
-        self._motor: Any = None
         self._found: Any = None
         self._heard_s = self._tried_s = 0.0
         self._was_pressed = False
 
-    @property
-    def is_connected(self) -> bool:
-        """True between `connect` and `disconnect`."""
-        return self._motor is not None
-
-    def connect(self) -> None:
-        """Find the double motor, and stop it."""
-        if self._motor is not None:
-            return
+    def _open(self) -> Any:
         if self._library is None:
             try:
                 self._library = importlib.import_module("legoeducation")
@@ -77,46 +69,37 @@ class LegoEducationDriver(Driver):
                 f"no double motor{name} is in reach; is it on, and not connected elsewhere?"
             )
         motor.set_notification_callback(self._note)
-        self._motor, self._found = motor, found[0]
-        try:
-            self._open()
-        except DriveError:
-            self._motor = None
-            raise
+        self._found = found[0]
+        return motor
+
+    def _begin(self) -> None:
+        self._reach(self._connected())
         self.stop()
 
-    def _open(self) -> None:
+    def _reach(self, motor: Any) -> None:
         self._tried_s = self._clock.now_s()
         try:
-            self._motor.connect(self._found, device_notification_delay=_NOTE_EVERY_MS)
+            motor.connect(self._found, device_notification_delay=_NOTE_EVERY_MS)
         except Exception as error:  # also that library and firmware do not fit: it says what to do
             raise DriveError(f"the double motor cannot be used: {error}") from error
-        if not self._motor.connected:
+        if not motor.connected:
             raise DriveError("the double motor does not connect; switch it off and on again")
         self._heard_s = self._clock.now_s()
 
-    def disconnect(self) -> None:
-        """Stop the motors and disconnect."""
-        self.stop()
-        motor, self._motor = self._motor, None
-        if motor is not None:
-            with contextlib.suppress(Exception):
-                motor.disconnect()
+    def _close(self, connection: Any) -> None:
+        with contextlib.suppress(Exception):
+            connection.disconnect()
 
-    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        """Have the double motor move for `ACTION_TIMEOUT_S`; see `Driver`."""
-        self.check_action(action, speed_scale)
-        if self._motor is None:
-            raise NotConnectedError(f"the robot {self.name!r} is not connected; call connect()")
-        self._check_heard()
+    def _move(self, connection: Any, action: Action, speed_scale: float) -> None:
+        self._check_heard(connection)
         if action is Action.STOP:
             self.stop()
-            return action
+            return
         options = self.options
         is_straight = action in (Action.FORWARD, Action.BACKWARD)
         percent = options.straight_percent if is_straight else options.turn_percent
         try:
-            self._motor.movement_move_for_time(
+            connection.movement_move_for_time(
                 round(1000 * ACTION_TIMEOUT_S),
                 direction=getattr(self._library, _DIRECTIONS[action]),
                 speed=max(1, round(percent * speed_scale)),
@@ -124,29 +107,31 @@ class LegoEducationDriver(Driver):
             )
         except Exception as error:
             raise DriveError(f"the double motor takes no command: {error}") from error
-        return action
 
     def sense(self) -> Sensors:
         """Return what the double motor told last; a lost one is looked for now and then."""
-        if self._motor is None:
+        motor = self._connection
+        if motor is None:
             return Sensors()
-        if not self._motor.connected and self._clock.now_s() - self._tried_s > AGAIN_S:
-            self._open()
-        self._check_heard()
-        level = self._motor.info_device.batteryLevel
+        if not motor.connected and self._clock.now_s() - self._tried_s > AGAIN_S:
+            self._reach(motor)
+        self._check_heard(motor)
+        level = motor.info_device.batteryLevel
         return Sensors(battery_share=min(max(level / 100, 0.0), 1.0))
 
     def stop(self) -> None:
         """Stop the motors; a lost one does so by itself."""
-        if self._motor is not None and self._motor.connected:
+        motor = self._connection
+        if motor is not None and motor.connected:
             with contextlib.suppress(Exception):
-                self._motor.movement_stop(blocking=False)
+                motor.movement_stop(blocking=False)
 
     def take_button(self) -> BodyButton | None:
         """The double motor's button stops the robot."""
-        if self._motor is None:
+        motor = self._connection
+        if motor is None:
             return None
-        is_pressed = self._motor.button.state == self._library.BUTTON_STATE_PRESSED
+        is_pressed = motor.button.state == self._library.BUTTON_STATE_PRESSED
         is_new, self._was_pressed = is_pressed and not self._was_pressed, is_pressed
         return BodyButton.STOP if is_new else None
 
@@ -154,9 +139,9 @@ class LegoEducationDriver(Driver):
         """Take a sign of life, on the library's thread."""
         self._heard_s = self._clock.now_s()
 
-    def _check_heard(self) -> None:
+    def _check_heard(self, motor: Any) -> None:
         silent_s = self._clock.now_s() - self._heard_s
-        if not self._motor.connected or silent_s > GONE_S:
+        if not motor.connected or silent_s > GONE_S:
             raise DriveError(
                 f"the double motor has told nothing for {silent_s:.1f} s; is it on and in reach?"
             )

@@ -48,7 +48,7 @@ class PybricksDriver(ReportingDriver):
     def _where(self) -> str:
         return f"the hub {self.options.hub!r}" if self.options.hub else "the hub"
 
-    def _open(self) -> MessageLine:
+    def _open_line(self) -> MessageLine:
         bluetooth = self._bluetooth
         if bluetooth is None:
             try:

@@ -9,9 +9,10 @@ from typing import Any, ClassVar
 from robot.bodies.remote.line import MessageLine, split_address
 from robot.bodies.remote.orders import BodyReport, encode_order, parse_moves, parse_report
 from robot.clock import Clock, RealClock
+from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
-from robot.driver import ACTION_TIMEOUT_S, Driver
-from robot.errors import DriveError, NotConnectedError
+from robot.driver import ACTION_TIMEOUT_S
+from robot.errors import DriveError
 from robot.types import Action, Sensors
 
 PORT = 4210
@@ -24,7 +25,7 @@ _CONNECT_TRIES = 20
 """A computer that stood still for a while has not asked often enough to call a robot silent."""
 
 
-class ReportingDriver(Driver):
+class ReportingDriver(ConnectedDriver[MessageLine]):
     """Sends orders that end by themselves, and takes the reports that answer them."""
 
     default_camera: ClassVar[str] = "phone"
@@ -37,7 +38,6 @@ class ReportingDriver(Driver):
 
     def __init__(self, clock: Clock | None = None) -> None:
         self._clock = clock or RealClock()
-        self._line: MessageLine | None = None
         self._report: BodyReport | None = None
         self._heard_s = 0.0
         self._disobeyed = 0
@@ -50,7 +50,7 @@ class ReportingDriver(Driver):
         """The robot in a sentence, as `the robot at 192.168.4.1`."""
 
     @abstractmethod
-    def _open(self) -> MessageLine:
+    def _open_line(self) -> MessageLine:
         """Open the line; raises OSError."""
 
     @abstractmethod
@@ -63,56 +63,39 @@ class ReportingDriver(Driver):
         """Read one report; None if it is none."""
         return parse_report(data)
 
-    @property
-    def is_connected(self) -> bool:
-        """True between `connect` and `disconnect`."""
-        return self._line is not None
-
-    def connect(self) -> None:
-        """Find the robot, and stop it."""
-        if self._line is not None:
-            return
+    def _open(self) -> MessageLine:
+        self._report, self._disobeyed = None, 0
         try:
-            line = self._open()
+            return self._open_line()
         except OSError as error:
             raise DriveError(f"cannot reach {self._where}: {error}") from error
-        self._line, self._report, self._disobeyed = line, None, 0
+
+    def _begin(self) -> None:
         end_s, tries = self._clock.now_s() + _CONNECT_S, 0
         while self._report is None and (self._clock.now_s() < end_s or tries < _CONNECT_TRIES):
             self._exchange(self.hello)
             tries += 1
         if self._report is None:
-            trouble = self._trouble
-            self.disconnect()
-            raise DriveError(f"{self._where} does not answer{trouble}; {self.no_answer}")
+            raise DriveError(f"{self._where} does not answer{self._trouble}; {self.no_answer}")
         self.stop()
 
-    def disconnect(self) -> None:
-        """Stop the robot, and close the line."""
-        self.stop()
-        line, self._line = self._line, None
-        if line is not None:
-            line.close()
+    def _close(self, connection: MessageLine) -> None:
+        connection.close()
 
-    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        """Send an order that ends by itself; see `Driver`."""
-        self.check_action(action, speed_scale)
-        if self._line is None:
-            raise NotConnectedError(f"the robot {self.name!r} is not connected; call connect()")
+    def _move(self, connection: MessageLine, action: Action, speed_scale: float) -> None:
         self._order(action, speed_scale)
         self._check_heard()
-        return action
 
     def sense(self) -> Sensors:
         """Return what the robot last reported; asks it where nothing was sent of late."""
-        if self._line is not None and self._clock.now_s() - self._heard_s > REPLY_S:
+        if self.is_connected and self._clock.now_s() - self._heard_s > REPLY_S:
             self._exchange(self.hello)
             self._check_heard()
         return self._report.sensors if self._report is not None else Sensors()
 
     def stop(self) -> None:
         """Have the robot stand; it does so by itself where the line is lost."""
-        if self._report is not None and self._line is not None:
+        if self._report is not None and self.is_connected:
             self._order(Action.STOP, 1.0)
 
     def _order(self, action: Action, speed_scale: float) -> None:
@@ -136,7 +119,7 @@ class ReportingDriver(Driver):
 
     def _exchange(self, message: bytes) -> None:
         """Send, and take the newest report that comes in time; a failing line is reported later."""
-        line = self._line
+        line = self._connection
         if line is None:
             return
         try:
@@ -194,7 +177,7 @@ class RemoteDriver(ReportingDriver):
     def _where(self) -> str:
         return f"the robot at {self.options.address}"
 
-    def _open(self) -> MessageLine:
+    def _open_line(self) -> MessageLine:
         return self._open_address(*split_address(self.options.address, PORT))
 
     @abstractmethod

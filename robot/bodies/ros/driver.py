@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import threading
@@ -13,9 +14,10 @@ from robot.bodies.remote.line import split_address
 from robot.bodies.remote.orders import parse_moves
 from robot.bodies.ros.bridge import GONE_S, PORT, Message, RosBridge
 from robot.clock import Clock, RealClock
+from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
-from robot.driver import ACTION_TIMEOUT_S, Driver
-from robot.errors import ConfigurationError, DriveError, NotConnectedError
+from robot.driver import ACTION_TIMEOUT_S
+from robot.errors import ConfigurationError, DriveError
 from robot.types import Action, Prediction, Sensors
 
 _TWIST, _STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
@@ -62,7 +64,7 @@ def is_topic(name: str) -> bool:
     return all(word.isidentifier() and word.isascii() for word in words)
 
 
-class RosDriver(Driver):
+class RosDriver(ConnectedDriver[RosBridge]):
     """Publishes a velocity for as long as a move lasts, then zero.
 
     Nothing stops the robot if this program, its computer or the network fails, unless the robot's
@@ -97,7 +99,6 @@ class RosDriver(Driver):
             )
         self._points = {move.name: move.point or (0.0, 0.0) for move in self.declared_moves}
         self._clock = clock or RealClock()
-        self._bridge: RosBridge | None = None
         self._is_stamped = options.stamped or options.watchdog
         self._topic = _ORDERS if options.watchdog else options.cmd_vel_topic
         self._sign: dict[str, Any] = {"sec": 0, "nanosec": 0}
@@ -105,26 +106,17 @@ class RosDriver(Driver):
         self._has_signed = threading.Event()
 
     @property
-    def is_connected(self) -> bool:
-        """True between `connect` and `disconnect`."""
-        return self._bridge is not None
-
-    @property
     def takes_advice(self) -> bool:
-        """True if there is a topic for it."""
         return bool(self.options.advice_topic)
 
-    def connect(self) -> None:
-        """Connect to rosbridge, and stop the robot."""
-        if self._bridge is not None:
-            return
+    def _open(self) -> RosBridge:
         options = self.options
         host, port = split_address(options.address, PORT)
         advertised = {self._topic: _STAMPED if self._is_stamped else _TWIST}
         if options.advice_topic:
             advertised[options.advice_topic] = _TEXT
         try:
-            self._bridge = self._open_bridge(
+            return self._open_bridge(
                 host,
                 port,
                 self._clock,
@@ -137,30 +129,25 @@ class RosDriver(Driver):
                 f"no rosbridge can be reached at {host}:{port} ({error}); is it running? "
                 "ros2 launch rosbridge_server rosbridge_websocket_launch.xml"
             ) from error
+
+    def _begin(self) -> None:
         self._has_signed.clear()
-        if options.watchdog and not self._clock.wait(self._has_signed, _FIRST_SIGN_S):
-            self.disconnect()
-            raise DriveError(f"rosbridge at {host}:{port} is there, but {_NO_WATCHDOG}")
+        if self.options.watchdog and not self._clock.wait(self._has_signed, _FIRST_SIGN_S):
+            raise DriveError(f"rosbridge at {self.options.address} is there, but {_NO_WATCHDOG}")
         self.stop()
 
-    def disconnect(self) -> None:
-        """Stop the robot, and close the connection."""
-        self.stop()
-        bridge, self._bridge = self._bridge, None
-        if bridge is not None:
-            bridge.close()
+    def _close(self, connection: RosBridge) -> None:
+        connection.close()
 
-    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        """Publish the move's velocity, and zero after `ACTION_TIMEOUT_S`; see `Driver`."""
-        self.check_action(action, speed_scale)
-        bridge = self._connected()
+    def _move(self, connection: RosBridge, action: Action, speed_scale: float) -> None:
+        """Publish the move's velocity, and zero after `ACTION_TIMEOUT_S`."""
         topic = self._topic
         try:
             if action is Action.STOP:
-                bridge.publish(topic, self.velocity(0.0, 0.0))
+                connection.publish(topic, self.velocity(0.0, 0.0))
             else:
                 steering, throttle = self._points[action]
-                bridge.publish_for(
+                connection.publish_for(
                     topic,
                     self.velocity(speed_scale * steering, speed_scale * throttle),
                     self.velocity(0.0, 0.0),
@@ -168,8 +155,7 @@ class RosDriver(Driver):
                 )
         except OSError as error:
             raise DriveError(f"rosbridge takes no velocity: {error or 'too slow'}") from error
-        self._check_heard(bridge)
-        return action
+        self._check_heard(connection)
 
     def sense(self) -> Sensors:
         """Sense nothing but that the bridge is there."""
@@ -178,15 +164,12 @@ class RosDriver(Driver):
 
     def stop(self) -> None:
         """Publish zero, if the bridge is there."""
-        if self._bridge is not None:
-            try:
-                self._bridge.publish(self._topic, self.velocity(0.0, 0.0))
-            except OSError:
-                return  # the next request says so
+        if self._connection is not None:
+            with contextlib.suppress(OSError):  # the next request says so
+                self._connection.publish(self._topic, self.velocity(0.0, 0.0))
 
     def advise(self, prediction: Prediction) -> None:
-        """Publish what the learner would do; see `Driver`."""
-        bridge = self._bridge
+        bridge = self._connection
         if bridge is None or not self.takes_advice:
             return
         told = {
@@ -211,11 +194,6 @@ class RosDriver(Driver):
         seconds, rest = divmod(self._clock.wall_s(), 1.0)
         stamp = {"sec": int(seconds), "nanosec": int(rest * 1e9)}
         return {"header": {"stamp": stamp, "frame_id": "base_link"}, "twist": twist}
-
-    def _connected(self) -> RosBridge:
-        if self._bridge is None:
-            raise NotConnectedError(f"the robot {self.name!r} is not connected; call connect()")
-        return self._bridge
 
     def _check_heard(self, bridge: RosBridge) -> None:
         if bridge.silent_s > GONE_S:

@@ -6,11 +6,11 @@ import threading
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.devices.simulation.simulation import Simulation
 from robot.devices.simulation.world import load_world
-from robot.driver import ACTION_TIMEOUT_S, CLASSIC, Driver
-from robot.errors import NotConnectedError
+from robot.driver import ACTION_TIMEOUT_S, CLASSIC
 from robot.types import Action, Sensors
 
 
@@ -22,7 +22,7 @@ class SimOptions(Options):
     seed: int = option(1, "decides start, floor and noise", range=(0, 2**32 - 1))
 
 
-class SimDriver(Driver):
+class SimDriver(ConnectedDriver[Simulation]):
     """Drives a `Simulation`. Time passes when somebody calls `advance`: the simulated camera,
     on its thread, or an experiment."""
 
@@ -35,41 +35,22 @@ class SimDriver(Driver):
     def __init__(self, options: SimOptions) -> None:
         self.simulation = Simulation(load_world(options.world), options.seed)
         self._lock = threading.Lock()
-        self._connected = False
         self._left_s = 0.0
 
-    @property
-    def is_connected(self) -> bool:
-        """True between `connect` and `disconnect`."""
-        return self._connected
+    def _open(self) -> Simulation:
+        return self.simulation
 
-    def connect(self) -> None:
-        """Get ready; there is nothing to open."""
-        self._connected = True
-
-    def disconnect(self) -> None:
-        """Stop."""
-        self.stop()
-        self._connected = False
-
-    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        """Move so for at most `ACTION_TIMEOUT_S` of simulated time; see `Driver`."""
-        self.check_action(action, speed_scale)
-        if not self._connected:
-            raise NotConnectedError("the simulated robot is not connected; call connect() first")
+    def _move(self, connection: Simulation, action: Action, speed_scale: float) -> None:
         with self._lock:
             self.simulation.action = action
             self.simulation.speed_scale = speed_scale
             self._left_s = ACTION_TIMEOUT_S
-        return action
 
     def sense(self) -> Sensors:
-        """Read sonar, bumpers and the true pose."""
         with self._lock:
             return self.simulation.sense()
 
     def stop(self) -> None:
-        """Stop now."""
         with self._lock:
             self.simulation.action = Action.STOP
 

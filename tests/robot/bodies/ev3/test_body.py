@@ -118,7 +118,7 @@ def test_a_motor_that_was_unplugged_is_found_again(brick: FakeBrick) -> None:
     with make_driver(brick) as driver:
         brick.unplug_motor("outC")
         # Open files outlive their folder here; on a brick the next write fails with ENODEV.
-        for port in driver._body.motors._ports:  # type: ignore[union-attr]
+        for port in driver._connection.motors._ports:  # type: ignore[union-attr]
             for file in port._files.values():
                 file.close()
         with pytest.raises(DriveError, match="outB and outC do not answer"):
@@ -134,7 +134,7 @@ def test_a_sensor_that_was_unplugged_is_said_and_found_again(brick: FakeBrick) -
     brick.add_sensor("in1", "lego-ev3-touch", 0)
     with make_driver(brick) as driver:
         folder = brick.root / "sys/class/lego-sensor"
-        driver._body.sensors._touch[0]._files.clear()  # type: ignore[union-attr]
+        driver._connection.sensors._touch[0]._files.clear()  # type: ignore[union-attr]
         folder.rename(brick.root / "unplugged")
         for _ in range(2):
             with pytest.raises(DriveError, match=r"touch sensor does not answer.*cable"):
@@ -213,11 +213,11 @@ def test_a_speed_above_the_motors_limit_names_the_limit(
 
 def test_the_agent_itself_refuses_what_the_kernel_would(brick: FakeBrick) -> None:
     with make_driver(brick) as driver:
-        assert driver._body is not None
+        assert driver._connection is not None
         driver.send_action(Action.FORWARD)
         brick.wait_until(brick.is_moving)
         with pytest.raises(HardwareError, match=r"outB turns at most 1050 counts .* not 1051"):
-            driver._body.run(1051, 0, 400)
+            driver._connection.run(1051, 0, 400)
         brick.wait_until(lambda: not brick.is_moving(), 1)
         assert brick.refused == []
 
@@ -276,5 +276,5 @@ def test_the_buttons_are_grabbed_and_given_back(
 
 
 def test_options_that_make_no_sense_are_refused() -> None:
-    with pytest.raises(ConfigurationError, match="--track-m must be a number from 0.01 to 2"):
+    with pytest.raises(ConfigurationError, match=r"--track-m must be a number from 0\.01 to 2"):
         ChassisOptions(track_m=0)

@@ -29,7 +29,7 @@ from tests.robot.bodies.gpio.test_keeper import driver_for
 with driver_for(Path(sys.argv[1])) as driver:
     while True:
         driver.send_action(Action.FORWARD)
-        print(driver._line._process.pid, flush=True)
+        print(driver._connection._process.pid, flush=True)
         time.sleep(0.05)
 """
 
@@ -62,8 +62,8 @@ def wait_until(is_so: Callable[[], bool], what: str) -> None:
 
 
 def keeper_pid(driver: GpioDriver) -> int:
-    assert isinstance(driver._line, KeeperLine)
-    return driver._line._process.pid
+    assert isinstance(driver._connection, KeeperLine)
+    return driver._connection._process.pid
 
 
 @pytest.mark.realtime

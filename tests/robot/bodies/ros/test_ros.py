@@ -77,13 +77,13 @@ def test_a_base_is_driven_watched_and_lost(ros: RosBridgeServer) -> None:
 def moves_are_velocities_in_metres_and_radians(ros: RosBridgeServer) -> None:
     moves = "forward,left,spin_right,fast:0:1,half_left:-0.5:0.25"
     with driver_for(ros, linear_mps=0.4, turn_rate_deg_s=90.0, body_moves=moves) as driver:
-        ros.settle(driver._bridge)
+        ros.settle(driver._connection)
         assert ros.topics["/cmd_vel"] == "geometry_msgs/msg/Twist"
         ros.cmd_vel.clear()
         for move in driver.moves:
             driver.send_action(move, speed_scale=0.5)
         driver.send_action(Action.STOP)
-        ros.settle(driver._bridge)
+        ros.settle(driver._connection)
     turn = math.pi / 2
     wanted = [(0.1, 0), (0.1, turn / 2), (0, -turn / 2), (0.2, 0), (0.05, turn / 4)]
     told = [pair for pair in map(speeds, ros.cmd_vel) if any(pair)]
@@ -107,7 +107,7 @@ def test_stamped_velocities_carry_the_time() -> None:
 def a_velocity_that_is_not_renewed_is_followed_by_zero(ros: RosBridgeServer) -> None:
     """The base here never stops by itself: it is our zero that ends the move."""
     with mock.patch.object(ros, "has_timeout", False), driver_for(ros) as driver:
-        ros.settle(driver._bridge)
+        ros.settle(driver._connection)
         before = len(ros.cmd_vel)
         driver.send_action(Action.FORWARD)
         ros.wait_until(lambda: [any(speeds(m)) for m in ros.cmd_vel[before:]][:2] == [True, False])

@@ -1,0 +1,67 @@
+"""A driver over one connection, which is opened, used and closed in the same way for every body."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Generic, TypeVar
+
+from robot.driver import Driver
+from robot.errors import NotConnectedError
+from robot.types import Action
+
+_C = TypeVar("_C")
+
+
+class ConnectedDriver(Driver, Generic[_C]):
+    """What bodies share that are one thing to open: a line, a bridge, a library's motor.
+
+    A subclass says how it is opened and closed, and moves by it. What must be refused without it,
+    or may be done twice, is refused and done here.
+    """
+
+    _connection: _C | None = None
+
+    @abstractmethod
+    def _open(self) -> _C:
+        """Return the connection; raises as `connect` does."""
+
+    def _begin(self) -> None:
+        """Greet the body, and make sure that nothing moves; what this raises disconnects again."""
+
+    @abstractmethod
+    def _move(self, connection: _C, action: Action, speed_scale: float) -> None:
+        """Move so, or stand; the action has been checked."""
+
+    def _close(self, connection: _C) -> None:
+        """Let go; whoever lives in memory alone has nothing to let go of."""
+
+    def _connected(self) -> _C:
+        if self._connection is None:
+            raise NotConnectedError(
+                f"the robot {self.name!r} is not connected; call connect() first"
+            )
+        return self._connection
+
+    @property
+    def is_connected(self) -> bool:
+        return self._connection is not None
+
+    def connect(self) -> None:
+        if self._connection is None:
+            self._connection = self._open()
+            try:
+                self._begin()
+            except BaseException:
+                self.disconnect()
+                raise
+
+    def disconnect(self) -> None:
+        self.stop()
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            self._close(connection)
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        self.check_action(action, speed_scale)
+        self._move(self._connected(), action, speed_scale)
+        return action
