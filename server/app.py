@@ -18,6 +18,7 @@ from server.routes.bodies import HANDLERS
 from server.security.access import Access
 from server.security.guard import Guard
 from server.security.pairing import cookie_name
+from server.security.proxies import Proxies
 from server.services import Services, keep_door
 
 
@@ -63,11 +64,11 @@ def create_app(services: Services) -> FastAPI:
     # NOTE: set here, because FastAPI has the argument `lifespan` only since 0.93.
     app.router.lifespan_context = lifespan
     access = Access(
-        names=frozenset(host_names(config)),
-        allows_addresses=config.lan,
+        names=frozenset([*host_names(config), *(public.name for public in config.public)]),
+        allows_addresses=config.needs_pairing,
         sessions=services.pairing,
         cookie=cookie_name(config),
-        proxies=frozenset(config.proxies),
+        public=config.public,
         members=next((each.members for each in extensions if each.members), None),
     )
     app.add_middleware(
@@ -77,5 +78,6 @@ def create_app(services: Services) -> FastAPI:
         refused=services.turned_away,
         door=services.door,
         clock=services.robot.clock,
+        proxies=Proxies(config.public, config.proxies, admits_all=services.pairing is None),
     )
     return app

@@ -5,9 +5,62 @@ from __future__ import annotations
 import ipaddress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Self
+from urllib.parse import urlsplit
 
 from robot.errors import ConfigurationError
 from robot.store.folder import default_root
+
+Address = ipaddress.IPv4Address | ipaddress.IPv6Address
+Network = ipaddress.IPv4Network | ipaddress.IPv6Network
+
+
+@dataclass(frozen=True, slots=True)
+class PublicAddress:
+    """The address at which people open the page where a proxy serves it."""
+
+    scheme: str
+    host: str
+    """Name, and the port if it is not the scheme's own: as browsers send it."""
+    prefix: str = ""
+    """The path, such as /robot; nothing for the root."""
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read `https://home.example/robot/`.
+
+        Raises:
+            ConfigurationError: If it is no such address.
+        """
+        try:
+            parts = urlsplit(text.strip())
+            port, name = parts.port, (parts.hostname or "").encode("idna").decode()
+        except ValueError:  # a port or a name that is none
+            port, name, parts = None, "", urlsplit("")
+        prefix = parts.path.rstrip("/")
+        is_plain = not (parts.query or parts.fragment or parts.username or parts.password)
+        if parts.scheme not in ("http", "https") or not name or not is_plain or "//" in prefix:
+            raise ConfigurationError(
+                f"--behind-proxy {text!r} is not an address that people open, "
+                "such as https://home.example/robot/"
+            )
+        host = f"[{name}]" if ":" in name else name
+        if port not in (None, {"http": 80, "https": 443}[parts.scheme]):
+            host = f"{host}:{port}"
+        return cls(parts.scheme, host, prefix)
+
+    @property
+    def name(self) -> str:
+        """The host without its port."""
+        return urlsplit(f"//{self.host}").hostname or ""
+
+    @property
+    def origin(self) -> str:
+        """What a browser calls the page's origin."""
+        return f"{self.scheme}://{self.host}"
+
+    def __str__(self) -> str:
+        return self.origin + self.prefix
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,8 +114,10 @@ class Config:
     web: Path | None = None
     jpeg_quality: int = 75
     lease_lapse_s: float = 1.5
-    proxies: tuple[str, ...] = ()
-    """Addresses of proxies whose X-Forwarded-For and X-Forwarded-Proto are believed."""
+    public: tuple[PublicAddress, ...] = ()
+    """Where people open the page, if proxies serve it; the first is shown."""
+    proxies: tuple[Network, ...] = ()
+    """Where connections of these proxies come from."""
     limits: Limits = field(default_factory=Limits)
 
     def __post_init__(self) -> None:
@@ -72,11 +127,22 @@ class Config:
             raise ConfigurationError(
                 f"--jpeg-quality must be between 1 and 100, not {self.jpeg_quality}"
             )
-        if not self.lan and not is_loopback(self.host):
+        if not self.needs_pairing and not is_loopback(self.host):
             raise ConfigurationError(
                 f"--host {self.host} can be reached from other machines; add --lan, "
                 "which admits paired browsers only, or leave --host out"
             )
+
+    @property
+    def needs_pairing(self) -> bool:
+        """True if people on other machines can reach the server: then it admits paired browsers."""
+        return self.lan or bool(self.public)
+
+    @property
+    def is_secure(self) -> bool:
+        """True if every way to the page is https."""
+        own = [self.tls] if self.lan or not self.public else []
+        return all([*own, *(public.scheme == "https" for public in self.public)])
 
     @property
     def web_folder(self) -> Path:
@@ -88,10 +154,29 @@ def is_loopback(host: str) -> bool:
     """True if only this machine can reach `host`."""
     if host == "localhost":
         return True
+    address = as_address(host)
+    return address is not None and address.is_loopback
+
+
+def as_address(text: str) -> Address | None:
+    """Return an IP address, of IPv4 as such; None if the text is none."""
     try:
-        return ipaddress.ip_address(host).is_loopback
+        address = ipaddress.ip_address(text)
     except ValueError:
-        return False
+        return None
+    return getattr(address, "ipv4_mapped", None) or address
+
+
+def read_networks(text: str) -> tuple[Network, ...]:
+    """Read addresses and networks, with commas in between.
+
+    Raises:
+        ConfigurationError: If one of them is none.
+    """
+    try:
+        return tuple(ipaddress.ip_network(one.strip(), strict=False) for one in text.split(","))
+    except ValueError as error:
+        raise ConfigurationError(f"--proxy-at {error}") from error
 
 
 def _find_web() -> Path:

@@ -4,9 +4,13 @@
 // the robot's. The document and the icons are asked of the robot first: an update is never hidden by an
 // old copy. A robot that does not answer in time counts as away.
 
-const SHELL = 'shell';
+const HOME = new URL('.', location).pathname; // a proxy may serve several robots, each under a path
+const SHELL = `shell${HOME.slice(0, -1)}`;
 const PATIENCE_MS = 2500;
-const HASHED = /^\/(css|js)\/[0-9a-f]{10}-/;
+const HASHED = /^(css|js)\/[0-9a-f]{10}-/;
+
+/** The address of a file below the page's own, as shell.json has it; null elsewhere. @param {string} url */
+const below = (url) => (url.startsWith(location.origin + HOME) ? new URL(url).pathname.slice(HOME.length) || './' : null);
 
 self.addEventListener('install', (event) => {
   event.waitUntil(keepAll());
@@ -16,17 +20,17 @@ self.addEventListener('install', (event) => {
 self.addEventListener('activate', (event) => event.waitUntil(self.clients.claim()));
 
 self.addEventListener('fetch', (event) => {
-  const url = new URL(event.request.url);
-  if (url.origin !== location.origin || event.request.method !== 'GET') return;
-  if (HASHED.test(url.pathname)) event.respondWith(keptOrFetched(event.request));
-  else if (url.pathname === '/' || /^\/icons\/|\.webmanifest$/.test(url.pathname)) event.respondWith(fromRobot(event));
+  const file = below(event.request.url);
+  if (file === null || event.request.method !== 'GET') return;
+  if (HASHED.test(file)) event.respondWith(keptOrFetched(event.request));
+  else if (file === './' || /^icons\/|\.webmanifest$/.test(file)) event.respondWith(fromRobot(event));
 });
 
 /** Fetch what is missing, and drop what no page asks for any more. */
 async function keepAll() {
   const cache = await caches.open(SHELL);
-  const files = await (await fetch('/shell.json')).json();
-  const kept = new Set((await cache.keys()).map((request) => new URL(request.url).pathname));
+  const files = await (await fetch('shell.json')).json();
+  const kept = new Set((await cache.keys()).map((request) => below(request.url)));
   await cache.addAll(files.filter((file) => !HASHED.test(file) || !kept.has(file)));
   for (const old of kept) if (!files.includes(old) && !old.endsWith('-study.js')) await cache.delete(old);
 }

@@ -32,6 +32,7 @@ from server.security.access import Access
 from server.security.door import Door
 from server.security.guard import STOP_PATH, Guard
 from server.security.listener import connection_capacity
+from server.security.proxies import Proxies
 from server.services import keep_door
 
 SEND_EVERY_S = 0.1
@@ -105,6 +106,7 @@ def create_board_app(
         refused=Counter(),
         door=door,
         clock=clock,
+        proxies=Proxies((), (), admits_all=True),
     )
     return app
 

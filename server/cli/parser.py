@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 from robot.devices import outside
+from robot.devices.options import Option
 from robot.errors import ConfigurationError, did_you_mean
 
 _LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
@@ -61,3 +62,17 @@ def host_name(text: str) -> str:
             f"must be letters, digits and hyphens, at most 63 and none of them a dot, not {text!r}"
         )
     return text
+
+
+def declare(group: Any, option: Option) -> None:
+    """Turn a declared option into a flag. Values stay text: the rig parses and checks them."""
+    shown = "" if option.default is None else f" (default: {option.default})"
+    choices = "" if option.choices is None else f": {', '.join(option.choices)}"
+    try:
+        group.add_argument(
+            option.flag, dest=option.name, default=None, help=f"{option.help}{choices}{shown}"
+        )
+    except argparse.ArgumentError as error:
+        raise ConfigurationError(
+            f"the option {option.flag} is declared twice; the robot or camera must rename it"
+        ) from error

@@ -17,15 +17,15 @@ from typing import TYPE_CHECKING, Any
 from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
-from robot.devices.options import Option, options_of
+from robot.devices.options import options_of
 from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.errors import ConfigurationError, MissingExtraError, RecordingError
 from robot.policy.registry import MOST_NODES
 from robot.store.folder import Storage, default_root
 from robot.store.prepare import Prepared, prepare
-from server.cli.parser import host_name, number, whole
+from server.cli.parser import declare, host_name, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
-from server.config import Config, Limits
+from server.config import Config, Limits, PublicAddress, read_networks
 from server.extension import installed
 from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address
 from server.hosting.logs import start_logging
@@ -98,11 +98,17 @@ def _add_network(parser: argparse.ArgumentParser) -> None:
         "--lan", action="store_true", help="serve the local network, to paired browsers only"
     )
     group.add_argument(
-        "--proxy",
-        action="append",
-        default=[],
+        "--behind-proxy",
+        default="",
+        metavar="URL",
+        help="a proxy serves the page at this address, such as https://home.example/robot/, to "
+        "paired browsers only; several with commas in between",
+    )
+    group.add_argument(
+        "--proxy-at",
+        default="127.0.0.0/8,::1",
         metavar="ADDRESS",
-        help="believe who this proxy says that asks (X-Forwarded-For); may be given several times",
+        help="where this proxy connects from, an address or a network (default: this machine)",
     )
     group.add_argument("--tls", action="store_true", help="serve https, with a certificate of ours")
     group.add_argument(
@@ -130,7 +136,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
         for option in options_of(kind.options_type):
             if option.name not in declared:
                 declared.add(option.name)
-                _declare(group, option)
+                declare(group, option)
     apply_to(parser, settings)
     parser.set_defaults(settings=settings)
 
@@ -156,16 +162,17 @@ def run(args: argparse.Namespace) -> int:
         config=_make_loop_config(args.settings),
     )
     with_eye = rig.camera.name == "phone"
-    if with_eye and config.lan and not config.tls:
+    if with_eye and config.needs_pairing and not config.is_secure:
         raise ConfigurationError(
-            "phones allow the camera on https pages only; add --tls to --camera phone --lan"
+            "phones allow the camera on https pages only: --camera phone --lan needs --tls, and "
+            "--behind-proxy an https address"
         )
     prepared = prepare(config.data)
     listener = open_socket(config.host, config.port)
     config = dataclasses.replace(config, port=listener.getsockname()[1])
     certificates = _make_certificates(config) if config.tls else None
     addresses = page_addresses(config)
-    pairing = _open_pairing(config, addresses[0], rig) if config.lan else None
+    pairing = _open_pairing(config, addresses[0], rig) if config.needs_pairing else None
     events = EventBus()
     options = _recorded(args, rig)
     identity = IdentityFile(config.data, args.name)
@@ -264,7 +271,8 @@ def _make_config(args: argparse.Namespace) -> Config:
         port=args.port,
         lan=args.lan,
         tls=args.tls,
-        proxies=tuple(args.proxy),
+        public=tuple(map(PublicAddress.parse, filter(None, args.behind_proxy.split(",")))),
+        proxies=read_networks(args.proxy_at),
         hostname=args.hostname,
         data=args.data,
         jpeg_quality=args.jpeg_quality,
@@ -328,17 +336,3 @@ def _add_choice_of_robot(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--camera", default=None, help=f"{_CAMERA_HELP}; one of {', '.join(camera_names())}"
     )
-
-
-def _declare(group: Any, option: Option) -> None:
-    """Turn a declared option into a flag. Values stay text: the rig parses and checks them."""
-    shown = "" if option.default is None else f" (default: {option.default})"
-    choices = "" if option.choices is None else f": {', '.join(option.choices)}"
-    try:
-        group.add_argument(
-            option.flag, dest=option.name, default=None, help=f"{option.help}{choices}{shown}"
-        )
-    except argparse.ArgumentError as error:
-        raise ConfigurationError(
-            f"the option {option.flag} is declared twice; the robot or camera must rename it"
-        ) from error

@@ -32,7 +32,7 @@ _INDENT = re.compile(r"^[ \t]+|\n(?=\n)", re.M)
 _IMPORT = re.compile(r"^import (?:(?:\{([^}]*)\}|(\w+)) from )?'([^']+)';\n", re.M)
 _EXPORT = re.compile(r"^export (default|(?:async )?function|class|const) ?(\w*)", re.M)
 _DYNAMIC = re.compile(r"\bimport\(([^()]*)\)")
-_WORKER = re.compile(r"new Worker\('/([^']+)', \{ type: 'module' \}\)")
+_WORKER = re.compile(r"new Worker\('([^']+)', \{ type: 'module' \}\)")
 _CSS_COMMENT = re.compile(r"/\*.*?\*/", re.S)
 _SENTENCE = re.compile(r"^  '?([\w.]+)'?: '((?:[^'\\]|\\.)*)',$", re.M)
 
@@ -47,7 +47,7 @@ class JoinedPage:
 
     Attributes:
         html: The document. Its inline script and style are allowed by `inline`, their hashes.
-        files: The content of each joined file, by its address.
+        files: The content of each joined file, by its address below the page's own.
         pair: The script of the page that pairs a browser, with its sentences: it may load no more.
     """
 
@@ -70,8 +70,8 @@ def _join(folder: Path, _version: tuple[int, int]) -> JoinedPage:
     html = (folder / "index.html").read_text("utf-8")
     style = joiner.add("css", "page.css", _shrink_css(folder / "css" / name for name in STYLES))
     languages = joiner.languages()
-    html = html.replace("'/css/page.css'", f"'{style}'")
-    html = html.replace(f"'/{ENTRY}'", f"'{joiner.entry(languages)}'")
+    html = html.replace("'css/page.css'", f"'{style}'")
+    html = html.replace(f"'{ENTRY}'", f"'{joiner.entry(languages)}'")
     first = _words(folder, "first.")
     for path in folder.glob("js/messages/*.js"):
         said = dict(_SENTENCE.findall(path.read_text("utf-8")))
@@ -122,7 +122,7 @@ class _Joiner:
     def add(self, kind: str, name: str, text: str) -> str:
         """Keep a file; returns its address."""
         data = text.encode()
-        address = f"/{kind}/{hashlib.sha256(data).hexdigest()[:10]}-{name}"
+        address = f"{kind}/{hashlib.sha256(data).hexdigest()[:10]}-{name}"
         self.files[address] = data
         return address
 
@@ -138,12 +138,12 @@ class _Joiner:
         """Join all modules; returns the address of the first file."""
         first = self._closure([ENTRY])
         chunks, known = [], set(first)
-        addresses = {f"js/messages/{code}.js": [at] for code, at in languages.items()}
+        addresses = {f"js/messages/{code}.js": [_beside(at)] for code, at in languages.items()}
         for name, below in self._rooms(known):
             modules = [m for m in self._closure(below) if m not in known]
             known |= set(modules)
             text = "const { modules: $m, load: $load } = globalThis.joined;\n"
-            chunks.append(self.add("js", f"{name}.js", text + self._text(modules)))
+            chunks.append(_beside(self.add("js", f"{name}.js", text + self._text(modules))))
             addresses.update({module: list(chunks) for module in modules})
         start = (
             f"const $files = {json.dumps(addresses)};\n"
@@ -233,6 +233,11 @@ class _Joiner:
             raise JoinError(f"{module}: cannot join {left[0]!r}")
         given = ", ".join(f"{name}: {own}" for name, own in exports.items())
         return f"{{\n{source}$m['{module}'] = {{ {given} }};\n}}\n"
+
+
+def _beside(address: str) -> str:
+    """Return an address as a file in the same folder imports it."""
+    return f"./{posixpath.basename(address)}"
 
 
 def _resolve(module: str, path: str) -> str:

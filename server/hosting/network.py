@@ -23,9 +23,13 @@ def lan_addresses(config: Config) -> list[str]:
 
 def page_addresses(config: Config) -> list[str]:
     """Return the addresses of the page to show, the best first."""
+    public = [str(address) for address in config.public]
+    if public and not config.lan:
+        return public
     hosts = [*lan_addresses(config), f"{config.hostname}.local"] if config.lan else [config.host]
     scheme = "https" if config.tls else "http"
-    return [f"{scheme}://{f'[{h}]' if ':' in h else h}:{config.port}" for h in hosts]
+    own = [f"{scheme}://{f'[{h}]' if ':' in h else h}:{config.port}" for h in hosts]
+    return public + own
 
 
 def host_names(config: Config) -> list[str]:

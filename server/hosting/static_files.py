@@ -60,7 +60,7 @@ class PageFiles(CompressedFiles):
         if path == "js/pair.js":
             fresh = {"content-type": _KINDS[".js"], "cache-control": "no-cache"}
             return _answer(self._page.pair, scope, fresh)
-        joined = self._page.files.get(f"/{path}")
+        joined = self._page.files.get(path)
         if joined is None:
             return await super().get_response(path, scope)
         kind = _KINDS[Path(path).suffix]

@@ -10,6 +10,7 @@ from server.routes.answers import Route
 from server.security.access import Refusal, session_of
 from server.security.guard import person_of
 from server.security.pairing import Pairing, cookie_name
+from server.security.proxies import PREFIX
 from server.services import services_of
 
 router = APIRouter(route_class=Route)
@@ -48,7 +49,8 @@ async def pair(request: Request, body: PairingToken) -> JSONResponse:
         max_age=_YEAR_S,
         httponly=True,
         samesite="strict",
-        secure=config.tls,
+        secure=config.is_secure,
+        path=_cookie_path(request),
     )
     return response
 
@@ -61,7 +63,13 @@ async def unpair(request: Request) -> JSONResponse:
     name = cookie_name(config)
     pairing.forget(session_of({"cookie": request.headers.get("cookie", "")}, name))
     response = JSONResponse({"role": None})
-    response.delete_cookie(name, httponly=True, samesite="strict", secure=config.tls)
+    response.delete_cookie(
+        name,
+        httponly=True,
+        samesite="strict",
+        secure=config.is_secure,
+        path=_cookie_path(request),
+    )
     return response
 
 
@@ -73,6 +81,10 @@ async def authority(request: Request) -> Response:
     if not config.tls or not file.is_file():
         raise HTTPException(404, "There is no certificate: the robot is served without --tls.")
     return FileResponse(file, media_type="application/x-x509-ca-cert")
+
+
+def _cookie_path(request: Request) -> str:
+    return f"{request.scope.get(PREFIX, '')}/"
 
 
 def _require_pairing(request: Request) -> Pairing:

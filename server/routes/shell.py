@@ -19,10 +19,10 @@ _APART = "-study.js"
 
 
 def shell_files(folder: Path) -> list[str]:
-    """List the addresses of the page's files."""
+    """List the page's files, by their addresses below its own."""
     icons = sorted(path for path in folder.rglob("*") if path.suffix in _ICONS)
     joined = [name for name in join_page(folder).files if not name.endswith(_APART)]
-    return ["/", *joined, *(f"/{path.relative_to(folder).as_posix()}" for path in icons)]
+    return ["./", *joined, *(path.relative_to(folder).as_posix() for path in icons)]
 
 
 @router.get("/shell.json", dependencies=[Depends(require_viewer)], include_in_schema=False)

@@ -7,13 +7,14 @@ DNS rebinding. On a local network only paired browsers are admitted.
 
 from __future__ import annotations
 
-import ipaddress
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 from urllib.parse import urlsplit
+
+from server.config import PublicAddress, as_address
 
 PUBLIC_PATHS = frozenset(
     {
@@ -105,7 +106,7 @@ class Access:
         sessions: The paired browsers; None where every client is admitted.
         cookie: Name of the cookie that carries the session.
         members: The class that the robot belongs to; None for a robot in no class.
-        proxies: Addresses whose X-Forwarded-For and X-Forwarded-Proto are believed.
+        public: Where people open the page that a proxy serves.
     """
 
     names: frozenset[str]
@@ -113,28 +114,18 @@ class Access:
     sessions: Sessions | None = None
     cookie: str = ""
     members: Members | None = None
-    proxies: frozenset[str] = frozenset()
-
-    def caller(self, headers: Mapping[str, str], scheme: str, address: str) -> tuple[str, str]:
-        """Return scheme and address of the client: a trusted proxy says them, nobody else."""
-        if address not in self.proxies:
-            return scheme, address
-        for hop in reversed(headers.get("x-forwarded-for", "").split(",")):
-            if not _is_address(hop.strip()):
-                break  # what stands before it may be anybody's
-            address = hop.strip()
-            if address not in self.proxies:
-                break
-        is_tls = headers.get("x-forwarded-proto", scheme) == "https"
-        return "https" if is_tls else "http", address
+    public: tuple[PublicAddress, ...] = ()
 
     def check_host(self, headers: Mapping[str, str]) -> Refusal | None:
         """Refuse a request whose Host is another name: DNS rebinding."""
-        name = host_name(headers.get("host", ""))
-        if name in self.names or (self.allows_addresses and _is_address(name)):
+        host = headers.get("host", "")
+        name = host_name(host)
+        if name in self.names or (self.allows_addresses and as_address(name) is not None):
             return None
         return Refusal(
-            status=421, reason="host", sentence="This robot does not answer to that name."
+            status=421,
+            reason="host",
+            sentence=f"This robot does not answer to {_short(host)}. {_behind(f'http://{host}')}",
         )
 
     def check_origin(
@@ -145,20 +136,18 @@ class Access:
         A page cannot forge these headers; programs that are no browsers send neither, and could
         send anything. `method` is the request's, None for a websocket.
         """
-        origin = headers.get("origin")
+        origin, host = headers.get("origin"), headers.get("host", "")
         if origin is not None:
-            is_ours = origin == f"{scheme}://{headers.get('host', '')}"
-        else:
-            is_ours = (
-                headers.get("sec-fetch-site", "none") in ("none", "same-origin")
-                # A person followed a link: that may open the page, but not frame it.
-                or (method in ("GET", "HEAD") and headers.get("sec-fetch-mode") == "navigate")
-            )
-        if is_ours:
+            if origin in (f"{scheme}://{host}", *(public.origin for public in self.public)):
+                return None
+            told = f"Origin is {_short(origin)}, but it was asked as {_short(f'{scheme}://{host}')}"
+            return _cross_site(f"{told}. {_behind(origin)}")
+        site = headers.get("sec-fetch-site", "none")
+        # A person followed a link: that may open the page, but not frame it.
+        is_link = method in ("GET", "HEAD") and headers.get("sec-fetch-mode") == "navigate"
+        if site in ("none", "same-origin") or is_link:
             return None
-        return Refusal(
-            status=403, reason="origin", sentence="A page of another site has sent this request."
-        )
+        return _cross_site(f"Sec-Fetch-Site is {_short(site)}.")
 
     def session_of(self, headers: Mapping[str, str], address: str) -> Session | None:
         """Return the session of a request; None for an unpaired browser.
@@ -220,9 +209,15 @@ def host_name(host: str) -> str:
         return ""
 
 
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
+def _cross_site(why: str) -> Refusal:
+    sentence = f"A page of another site has sent this request: {why}"
+    return Refusal(status=403, reason="origin", sentence=sentence)
+
+
+def _behind(address: str) -> str:
+    return f"If a proxy has passed this on, start the robot with --behind-proxy {_short(address)}"
+
+
+def _short(text: str) -> str:
+    """Return what a client has sent as one word to be shown."""
+    return re.sub(r"[^!-~]", "?", text)[:80]

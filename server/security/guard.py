@@ -23,6 +23,7 @@ from robot.clock import Clock
 from server.config import Limits
 from server.security.access import Access, Refusal, Role, Session
 from server.security.door import Door, PlaceInUse, address_key
+from server.security.proxies import PEER, PREFIX, Proxies
 
 log = logging.getLogger(__name__)
 
@@ -91,8 +92,10 @@ class Guard:
         refused: Counter[str],
         clock: Clock,
         door: Door,
+        proxies: Proxies,
     ) -> None:
         self._app = app
+        self._proxies = proxies
         self._clock = clock
         self._door = door
         self._limits = limits
@@ -104,11 +107,14 @@ class Guard:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
+        seen = self._proxies.see_through(scope)
+        scope = scope if isinstance(seen, Refusal) else seen
         headers = _headers(scope)
-        verdict = self._judge(scope, headers)
+        verdict = seen if isinstance(seen, Refusal) else self._judge(scope, headers)
         if isinstance(verdict, Refusal):
             self._refused[verdict.reason] += 1
-            log.warning("refused reason=%s path=%r", verdict.reason, str(scope["path"])[:80])
+            path, why = str(scope["path"])[:80], verdict.sentence
+            log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
             await _refuse(scope, receive, send, verdict)
             return
         scope[_ROLE] = verdict
@@ -127,13 +133,13 @@ class Guard:
 
     def _judge(self, scope: Scope, headers: dict[str, str]) -> Role | Refusal:
         access, method, now_s = self._access, scope.get("method"), self._clock.now_s()
-        peer = tuple(scope.get("client") or ("", 0))
+        address, _ = client = tuple(scope.get("client") or ("", 0))
+        peer = scope.get(PEER, client)
         scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
-        scheme, address = access.caller(headers, scheme, peer[0])
         is_lasting = scope["type"] == "websocket" or scope["path"] == _LASTING
         refusal = access.check_host(headers) or access.check_origin(headers, scheme, method)
         session = None if refusal else access.session_of(headers, address_key(address))
-        line = session if peer[0] not in access.proxies else _proxy(peer[0])
+        line = session if PEER not in scope else _proxy(peer[0])
         self._door.asked(peer, line, now_s, lasts=is_lasting)
         if refusal is not None:
             return refusal
@@ -308,6 +314,6 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) 
         (b"x-content-type-options", b"nosniff"),
     ]
     if refusal.location is not None:
-        headers.append((b"location", refusal.location.encode("ascii")))
+        headers.append((b"location", (scope.get(PREFIX, "") + refusal.location).encode("ascii")))
     await send({"type": f"{prefix}.start", "status": refusal.status, "headers": headers})
     await send({"type": f"{prefix}.body", "body": body})

@@ -11,6 +11,7 @@ import hmac
 import json
 import logging
 import os
+import re
 import secrets
 from collections import OrderedDict, deque
 from collections.abc import Callable
@@ -55,11 +56,16 @@ class _Kind:
 
 
 def cookie_name(config: Config) -> str:
-    """Return the session cookie's name. Cookies ignore ports, so the name contains the port.
+    """Return the session cookie's name. Cookies ignore ports, so the name contains the port, or
+    the address before a proxy.
 
     The prefix makes browsers reject a cookie that was set without TLS or for another path.
     """
-    return f"{'__Host-' if config.tls else ''}drivelesson-{config.port}"
+    public = config.public[0] if config.public else None
+    place = re.sub(r"\W+", "-", f"{public.host}{public.prefix}") if public else config.port
+    has_path = any(public.prefix for public in config.public)
+    kind = "" if not config.is_secure else "__Secure-" if has_path else "__Host-"
+    return f"{kind}drivelesson-{place}"
 
 
 class Pairing:

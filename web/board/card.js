@@ -95,7 +95,7 @@ export class Card {
 }
 
 /** Where a robot's newest code is drawn. @param {Robot} robot */
-export const codeOf = (robot) => `/api/robots/${robot.number}/qr.svg?${robot.invitations}`;
+export const codeOf = (robot) => `api/robots/${robot.number}/qr.svg?${robot.invitations}`;
 
 /** @param {Robot} robot @returns {string[]} */
 function figures(robot) {

@@ -93,7 +93,7 @@ export class ClassLink extends EventTarget {
   stop(robot) {
     const words = robot === undefined ? {} : { robot };
     if (this.say({ type: 'stop', ...words })) return;
-    fetch('/api/stop', { method: 'POST', keepalive: true, body: JSON.stringify(words) }).catch(() => {});
+    fetch('api/stop', { method: 'POST', keepalive: true, body: JSON.stringify(words) }).catch(() => {});
   }
 
   /** Let the pupils start a robot again, or all that were stopped here. @param {number} [robot] */

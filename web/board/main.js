@@ -1,5 +1,6 @@
 // The teacher's page: all robots of a class, and STOP for all of them above everything else.
 
+import { socketBase } from '../js/api.js';
 import { append, fill, h, say } from '../js/dom.js';
 import { loadLanguage, t } from '../js/i18n.js';
 import { layStops, makeStop } from '../js/stop.js';
@@ -14,7 +15,7 @@ const find = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
 
 await loadLanguage();
 document.title = t('board.title');
-const link = new ClassLink(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/ws/board`);
+const link = new ClassLink(`${socketBase()}/ws/board`);
 const panel = new Panel(find('panel'), () => [...link.robots.values()]);
 /** @type {Map<number, Card>} */
 const cards = new Map();

@@ -56,7 +56,7 @@ export class Panel {
 
   /** @param {Robot} robot */
   one(robot) {
-    const change = (/** @type {object} */ words) => this.attempt(() => ask('PUT', `/api/robots/${robot.number}`, words));
+    const change = (/** @type {object} */ words) => this.attempt(() => ask('PUT', `api/robots/${robot.number}`, words));
     const name = h('input', { value: robot.name, maxlength: 24, 'aria-label': t('board.name'), onchange: () => change({ name: name.value.trim() }) });
     const colour = h('select', { 'aria-label': t('board.colour'), onchange: () => change({ colour: colour.value }) },
       ...COLOURS.map((one) => h('option', { value: one, selected: one === robot.colour }, t(`board.colour.${one}`))));
@@ -78,7 +78,7 @@ export class Panel {
     return [
       h('p', {}, t('board.all_hint')),
       locks(everywhere, (names) => this.attempt(async () => {
-        const { faults } = await ask('PUT', '/api/locks', { locks: names });
+        const { faults } = await ask('PUT', 'api/locks', { locks: names });
         if (faults.length) throw new Error(faults.join('\n'));
       })),
       h('div', { class: 'row' }, choice),
@@ -92,7 +92,7 @@ export class Panel {
     const rows = others.map((other, i) => h('label', { class: 'choice' }, boxes[i], h('span', {}, other.name)));
     const copy = async () => {
       const to = boxes.filter((box) => box.checked).map((box) => Number(box.value));
-      const { copied } = await ask('POST', `/api/robots/${robot.number}/copy-model`, { to });
+      const { copied } = await ask('POST', `api/robots/${robot.number}/copy-model`, { to });
       const faults = copied.flatMap((/** @type {any} */ row) => row.fault ?? []);
       if (faults.length) throw new Error(faults.join('\n'));
     };

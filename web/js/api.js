@@ -1,4 +1,9 @@
 // Asking the robot over HTTP. What it refuses comes with a sentence for the person.
+//
+// Every address is relative to the document: a proxy may serve the robot under a path.
+
+/** What the addresses of websockets begin with, such as wss://home.example/robot. */
+export const socketBase = () => new URL('.', document.baseURI).href.replace(/^http/, 'ws').slice(0, -1);
 
 export class Refused extends Error {
   /** @param {number} status @param {string} sentence */

@@ -1,5 +1,6 @@
 // The page of the phone that is the robot's eye: rear camera, screen stays on, a big STOP.
 
+import { socketBase } from './api.js';
 import { WakeLock } from './device.js';
 import { EyeLink } from './eye-link.js';
 import { Packer } from './eye-picture.js';
@@ -20,9 +21,9 @@ document.title = t('eye.title');
 begin.textContent = t('eye.begin');
 stop.textContent = t('emergency_stop');
 
-const link = new EyeLink(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/ws/eye`);
+const link = new EyeLink(`${socketBase()}/ws/eye`);
 const wakeLock = new WakeLock();
-const worker = 'OffscreenCanvas' in window ? new Worker('/js/eye-worker.js', { type: 'module' }) : null;
+const worker = 'OffscreenCanvas' in window ? new Worker('js/eye-worker.js', { type: 'module' }) : null;
 const packer = worker ? null : new Packer((width, height) => Object.assign(document.createElement('canvas'), { width, height }));
 let wanted = { width: 320, height: 240, rate_hz: 15 };
 let dueMs = -Infinity;

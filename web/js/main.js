@@ -1,5 +1,6 @@
 // Wires the modules together.
 
+import { socketBase } from './api.js';
 import './components/index.js';
 import { Connection } from './connection.js';
 import { Preferences, WakeLock } from './device.js';
@@ -32,7 +33,7 @@ async function persist(act) {
 async function start() {
   await persist(loadLanguage);
   const store = new Store({ hasKeys: matchMedia('(hover: hover) and (pointer: fine)').matches });
-  const connection = new Connection(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}`);
+  const connection = new Connection(socketBase());
   const page = new Page({ store, connection, preferences: new Preferences(), wakeLock: new WakeLock() });
   setInterval(() => page.helm.beatIfDue(performance.now()), HEARTBEAT_MS / 2);
   for (const name of ['app-bar', 'video-view', 'teach-panel', 'mode-bar', 'drive-pad', 'toast-bar']) {
@@ -64,7 +65,7 @@ async function addTheRest(page) {
   /** @type {any} */ (document.querySelector('drive-map')).start(page);
   try {
     // Without it, or where it is forbidden, only the shell without a robot is lost.
-    if (isSecureContext) await navigator.serviceWorker?.register('/sw.js');
+    if (isSecureContext) await navigator.serviceWorker?.register('sw.js');
   } catch {}
 }
 

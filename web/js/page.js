@@ -152,7 +152,7 @@ export class Page {
 
   /** Begin the curve with what was taught before this page came. */
   async refreshCurve() {
-    const teaching = await ask('GET', '/api/teaching').catch(() => null);
+    const teaching = await ask('GET', 'api/teaching').catch(() => null);
     if (!teaching) return;
     this.curveLessons = teaching.lessons;
     const shares = teaching.history.map((/** @type {[number, number]} */ [, share]) => share);
@@ -185,7 +185,7 @@ export class Page {
   /** Fetch the session that is on; while something is to be driven in it, again every second. */
   async refreshSession() {
     clearTimeout(this.sessionTimer);
-    const answer = await ask('GET', '/api/session').catch(() => null);
+    const answer = await ask('GET', 'api/session').catch(() => null);
     if (answer) this.store.set({ session: answer.session });
     if (this.store.state.session?.mode) this.sessionTimer = setTimeout(() => this.refreshSession(), SESSION_MS);
   }
@@ -235,7 +235,7 @@ export class Page {
   /** The websocket is away or slow: stop by a request of its own. */
   stopElsewhere() {
     this.endStop();
-    this.stopping = ask('POST', '/api/stop').catch(() => {});
+    this.stopping = ask('POST', 'api/stop').catch(() => {});
   }
 
   /** Release the emergency stop once no request of ours is left that would latch it again. */

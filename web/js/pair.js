@@ -21,13 +21,13 @@ for (const element of document.querySelectorAll('[data-say]')) {
 async function redeem(token) {
   said.textContent = words.wait;
   try {
-    const answer = await fetch('/api/pair', {
+    const answer = await fetch('api/pair', {
       method: 'POST',
       headers: { 'content-type': 'application/json' },
       body: JSON.stringify({ token }),
     });
     if (answer.ok) {
-      location.replace((await answer.json()).role === 'eye' ? '/eye' : '/');
+      location.replace((await answer.json()).role === 'eye' ? 'eye' : './');
       return;
     }
     said.textContent = answer.status === 429 ? words.later : words.wrong;

@@ -20,7 +20,7 @@ const SETBACK_MS = 8000;
 
 /** @param {boolean} pictures @returns {Promise<Readiness | null>} */
 export function askReadiness(pictures) {
-  return ask('GET', `/api/teaching/readiness?pictures=${pictures}`).catch(() => null);
+  return ask('GET', `api/teaching/readiness?pictures=${pictures}`).catch(() => null);
 }
 
 /** Keep the store's `readiness` up to date while the drive screen is in sight. @param {import('./store.js').Store} store */

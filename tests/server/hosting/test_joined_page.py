@@ -43,10 +43,11 @@ def test_each_module_is_in_one_file_and_each_file_is_named_by_its_content() -> N
     shared = {"js/painter.js", "js/picture.js", "js/protocol.js"}  # drawn by a worker, or without
     assert {m for m in modules if modules.count(m) > 1} == shared
     for address, data in page.files.items():
-        assert address.split("/")[2].startswith(hashlib.sha256(data).hexdigest()[:10] + "-")
-    asked = set(re.findall(r"/(?:js|css)/[0-9a-f]{10}-[\w-]+\.\w+", page.html.decode()))
+        assert address.split("/")[1].startswith(hashlib.sha256(data).hexdigest()[:10] + "-")
+    asked = set(re.findall(r"(?:js|css)/[0-9a-f]{10}-[\w-]+\.\w+", page.html.decode()))
     for text in page.files.values():
-        asked |= set(re.findall(r"/js/[0-9a-f]{10}-[\w-]+\.js", text.decode()))
+        beside = re.findall(r"(?:js|\.)(/[0-9a-f]{10}-[\w-]+\.js)", text.decode())
+        asked |= {f"js{name}" for name in beside}
     assert asked == set(page.files), "what is asked for is there, and nothing else"
 
 

@@ -104,7 +104,7 @@ export class DriveMap extends HTMLElement {
     this.isAsking = true;
     try {
       /** @type {Answer} */
-      const answer = await ask('GET', `/api/path?since=${known.next}`);
+      const answer = await ask('GET', `api/path?since=${known.next}`);
       const isFirst = !this.picture?.hasAttribute('viewBox');
       const isNew = known.add(answer);
       this.isEstimate ||= answer.is_estimate;

@@ -9,7 +9,7 @@ import { language, t } from '../i18n.js';
 /** @param {Home} home */
 export async function listEpisodes(home) {
   const turn = (home.listing += 1);
-  const [answer, storage] = await Promise.all([home.attempt(() => ask('GET', '/api/episodes')), ask('GET', '/api/storage').catch(() => null)]);
+  const [answer, storage] = await Promise.all([home.attempt(() => ask('GET', 'api/episodes')), ask('GET', 'api/storage').catch(() => null)]);
   if (!answer) return;
   const seen = answer.episodes.filter((/** @type {any} */ episode) => episode.frames || answer.recording === episode.id);
   const list = await Promise.all(seen.map((/** @type {any} */ episode) => card(home, episode, answer.recording === episode.id)));
@@ -38,7 +38,7 @@ async function teachTogether(home, ...more) {
 
 /** @param {Home} home @param {any} episode @param {boolean} isOn */
 async function card(home, episode, isOn) {
-  const path = `/api/episodes/${encodeURIComponent(episode.id)}`;
+  const path = `api/episodes/${encodeURIComponent(episode.id)}`;
   const strip = h('div', { class: 'strip' });
   const tools = h('div', { class: 'stack' });
   const more = h('div', { class: 'stack' });
@@ -122,7 +122,7 @@ async function remove(home, path, name) {
     home.page?.toast(t('home.deleted', { name }), {
       label: t('undo'),
       act: () => home.attempt(async () => {
-        await ask('POST', '/api/episodes/restore', { undo });
+        await ask('POST', 'api/episodes/restore', { undo });
         await listEpisodes(home);
       }),
     });

@@ -18,7 +18,7 @@ const MARKS = [['asks_pilot', 'asked'], ['bumped', 'pushed'], ['intervention', '
 
 /** The simulated world as it is now; null of a real robot's. @returns {Promise<World | null>} */
 export async function fetchWorld() {
-  return (await ask('GET', '/api/world').catch(() => ({ world: null }))).world;
+  return (await ask('GET', 'api/world').catch(() => ({ world: null }))).world;
 }
 
 /**
@@ -53,8 +53,8 @@ export async function drawFromAbove(place, path, isEstimate = false) {
 
 /** Draw the way of some recordings, one after the other; those that are gone are left out. @param {HTMLElement} place @param {string[]} ids */
 export async function drawRecordings(place, ids) {
-  const kept = new Set((await ask('GET', '/api/episodes').catch(() => ({ episodes: [] }))).episodes.map((/** @type {{id: string}} */ { id }) => id));
-  const parts = await Promise.all(ids.filter((id) => kept.has(id)).map((id) => ask('GET', `/api/episodes/${id}/timeline`)));
+  const kept = new Set((await ask('GET', 'api/episodes').catch(() => ({ episodes: [] }))).episodes.map((/** @type {{id: string}} */ { id }) => id));
+  const parts = await Promise.all(ids.filter((id) => kept.has(id)).map((id) => ask('GET', `api/episodes/${id}/timeline`)));
   /** @type {Path} */
   const path = { pose: [], driven_by: [], asks_pilot: [], intervention: [], bumped: [] };
   for (const { columns } of parts) {

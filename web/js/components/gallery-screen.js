@@ -40,7 +40,7 @@ export class GalleryScreen extends Screen {
   }
 
   async refresh() {
-    const gallery = await ask('GET', '/api/gallery').catch(() => null);
+    const gallery = await ask('GET', 'api/gallery').catch(() => null);
     if (!gallery || !this.isConnected) return;
     this.images = gallery.images;
     this.moves = byPlace(gallery.moves);
@@ -151,7 +151,7 @@ export class GalleryScreen extends Screen {
   async edit(verb, value) {
     const node = this.open;
     await this.attempt(async () => {
-      await ask('POST', `/api/gallery/${node}`, { verb, value });
+      await ask('POST', `api/gallery/${node}`, { verb, value });
       this.page?.toast(t(`gallery.done.${verb}`), { label: t('undo'), act: () => this.undo() });
       if (verb === 'delete') this.open = null;
       await this.refresh();
@@ -160,7 +160,7 @@ export class GalleryScreen extends Screen {
 
   async undo() {
     await this.attempt(async () => {
-      await ask('POST', '/api/gallery/undo');
+      await ask('POST', 'api/gallery/undo');
       await this.refresh();
     });
   }
@@ -174,7 +174,7 @@ export function mainMove({ votes }) {
 /** @param {LearnedImage} image */
 function picture({ node, frames, votes }) {
   const stamp = `${frames}.${Object.values(votes).join('.')}`;
-  return h('img', { src: `/api/gallery/${node}.png?v=${stamp}`, alt: '', width: 40, height: 30, loading: 'lazy', class: 'pixels' });
+  return h('img', { src: `api/gallery/${node}.png?v=${stamp}`, alt: '', width: 40, height: 30, loading: 'lazy', class: 'pixels' });
 }
 
 customElements.define('gallery-screen', GalleryScreen);

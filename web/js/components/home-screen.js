@@ -45,7 +45,7 @@ export class HomeScreen extends Screen {
   }
 
   async refresh() {
-    const answer = await this.attempt(() => ask('GET', '/api/models'));
+    const answer = await this.attempt(() => ask('GET', 'api/models'));
     if (!answer || !this.isConnected) return;
     this.known = /** @type {any} */ (answer).models;
     this.draw();
@@ -61,7 +61,7 @@ export class HomeScreen extends Screen {
     const { name, current } = model;
     const isOpen = this.open === name;
     const preview = model.nodes
-      ? h('img', { class: 'pixels', width: 40, height: 30, alt: '', src: `/api/models/${encodeURIComponent(name)}/preview?v=${model.saved_at_s}` })
+      ? h('img', { class: 'pixels', width: 40, height: 30, alt: '', src: `api/models/${encodeURIComponent(name)}/preview?v=${model.saved_at_s}` })
       : h('span', { class: 'pixels blank' });
     return h('div', { class: `panel model${current ? ' current' : ''}`, role: 'listitem' },
       h('div', { class: 'facts-row' }, preview,
@@ -73,7 +73,7 @@ export class HomeScreen extends Screen {
 
   /** @param {Model} model */
   tools({ name, current, place, readable }) {
-    const path = `/api/models/${encodeURIComponent(name)}`;
+    const path = `api/models/${encodeURIComponent(name)}`;
     const nameField = h('input', { value: name, maxlength: 60, 'aria-label': t('home.name') });
     const placeField = h('input', { value: place, maxlength: 60, 'aria-label': t('home.place'), placeholder: t('home.place') });
     const button = (/** @type {string} */ key, /** @type {() => Promise<unknown>} */ act) =>
@@ -111,23 +111,23 @@ export class HomeScreen extends Screen {
   }
 
   async begin() {
-    const begun = await this.act(() => ask('POST', '/api/models', {}));
+    const begun = await this.act(() => ask('POST', 'api/models', {}));
     if (begun) this.page?.toast(t('home.begun', { name: begun.name }));
   }
 
   /** @param {string} name */
   async discard(name) {
-    const deleted = await this.act(() => ask('DELETE', `/api/models/${encodeURIComponent(name)}`));
+    const deleted = await this.act(() => ask('DELETE', `api/models/${encodeURIComponent(name)}`));
     if (!deleted) return;
     this.page?.toast(t('home.deleted', { name }), {
-      label: t('undo'), act: () => this.act(() => ask('POST', '/api/models/restore', { undo: deleted.undo })),
+      label: t('undo'), act: () => this.act(() => ask('POST', 'api/models/restore', { undo: deleted.undo })),
     });
   }
 
   /** @param {File} file */
   async upload(file) {
     const name = file.name.replace(/\.npz$/i, '');
-    const kept = await this.act(() => ask('PUT', `/api/models/${encodeURIComponent(name)}/file`, file));
+    const kept = await this.act(() => ask('PUT', `api/models/${encodeURIComponent(name)}/file`, file));
     if (kept) this.page?.toast(t('home.uploaded', { name: kept.name }));
   }
 }

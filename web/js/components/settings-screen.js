@@ -15,7 +15,7 @@ export class SettingsScreen extends Screen {
   }
 
   async refresh() {
-    const settings = await this.attempt(() => ask('GET', '/api/settings'));
+    const settings = await this.attempt(() => ask('GET', 'api/settings'));
     if (settings) this.renderRobot(/** @type {any} */ (settings));
   }
 
@@ -27,7 +27,7 @@ export class SettingsScreen extends Screen {
 
   /** @param {any} settings */
   identity({ name, colour, colours }) {
-    const change = (/** @type {object} */ words) => this.attempt(() => ask('PUT', '/api/settings', words)).then(() => this.refresh());
+    const change = (/** @type {object} */ words) => this.attempt(() => ask('PUT', 'api/settings', words)).then(() => this.refresh());
     const field = h('input', { value: name, maxlength: 24, 'aria-label': t('home.name'), onchange: () => change({ name: field.value.trim() }) });
     const choice = h('select', { 'aria-label': t('settings.colour'), onchange: () => change({ colour: choice.value }) },
       ...colours.map((/** @type {string} */ c) => h('option', { value: c, selected: c === colour }, t(`colour.${c}`))));
@@ -49,7 +49,7 @@ export class SettingsScreen extends Screen {
     const slider = h('input', {
       type: 'range', min: 30, max: 100, step: 5, value: Math.round(speed * 100), 'aria-label': t('settings.speed'),
       oninput: () => (shown.textContent = percent(Number(slider.value) / 100)),
-      onchange: () => this.attempt(() => ask('PUT', '/api/settings', { speed: Number(slider.value) / 100 })),
+      onchange: () => this.attempt(() => ask('PUT', 'api/settings', { speed: Number(slider.value) / 100 })),
     });
     return group(t('settings.speed'), '', h('div', { class: 'slider' }, slider, shown));
   }
@@ -68,7 +68,7 @@ export class SettingsScreen extends Screen {
 
   /** A model of another kind starts empty; the one before is saved. @param {object} change */
   async begin(change) {
-    const done = await this.attempt(() => ask('PUT', '/api/settings', change));
+    const done = await this.attempt(() => ask('PUT', 'api/settings', change));
     if (done) this.page?.toast(t('settings.begun'));
     await this.refresh();
   }

@@ -11,7 +11,7 @@ const POLL_MS = 400;
 
 /** @param {Home} home @param {string[]} episodes */
 export async function teachAgain(home, episodes) {
-  const begun = await home.attempt(() => ask('POST', '/api/retraining', { episodes }));
+  const begun = await home.attempt(() => ask('POST', 'api/retraining', { episodes }));
   if (!begun) return;
   draw(home, begun);
   home.again?.scrollIntoView({ block: 'nearest' });
@@ -20,7 +20,7 @@ export async function teachAgain(home, episodes) {
 
 /** Show how it stands, if anything is being taught again. @param {Home} home */
 export async function showTeaching(home) {
-  const state = await ask('GET', '/api/retraining').catch(() => null);
+  const state = await ask('GET', 'api/retraining').catch(() => null);
   if (state && home.isConnected) draw(home, state);
 }
 
@@ -80,14 +80,14 @@ function strip(title, differences) {
   const name = (/** @type {string | null} */ move) => (move ? t(`move.${move}`) : '–');
   return [h('h3', {}, t(title)), h('div', { class: 'strip', role: 'list' }, ...differences.map((d) =>
     h('div', { role: 'listitem' },
-      h('img', { alt: '', width: 84, height: 63, loading: 'lazy', src: `/api/episodes/${encodeURIComponent(d.episode_id)}/frames/${d.frame_id}` }),
+      h('img', { alt: '', width: 84, height: 63, loading: 'lazy', src: `api/episodes/${encodeURIComponent(d.episode_id)}/frames/${d.frame_id}` }),
       h('span', { class: 'under' }, `${name(d.before)} → ${name(d.after)}`),
       h('span', { class: 'under' }, icon('pilot'), name(d.label)))))];
 }
 
 /** @param {Home} home */
 async function keep(home) {
-  const kept = await home.act(() => ask('POST', '/api/retraining/keep', {}));
+  const kept = await home.act(() => ask('POST', 'api/retraining/keep', {}));
   if (!kept) return;
   fill(/** @type {Element} */ (home.again));
   home.page?.toast(t('again.kept', { name: kept.name }));
@@ -95,6 +95,6 @@ async function keep(home) {
 
 /** @param {Home} home */
 async function drop(home) {
-  await home.attempt(() => ask('DELETE', '/api/retraining'));
+  await home.attempt(() => ask('DELETE', 'api/retraining'));
   fill(/** @type {Element} */ (home.again));
 }

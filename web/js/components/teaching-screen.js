@@ -39,7 +39,7 @@ export class TeachingScreen extends Screen {
   }
 
   async refresh() {
-    const [teaching, readiness] = await Promise.all([ask('GET', '/api/teaching').catch(() => null), askReadiness(true)]);
+    const [teaching, readiness] = await Promise.all([ask('GET', 'api/teaching').catch(() => null), askReadiness(true)]);
     if (!this.isConnected) return;
     if (teaching && !this.page?.store.state.session) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
     if (readiness) drawReadiness(/** @type {Element} */ (this.readiness), readiness);

@@ -26,7 +26,7 @@ export class UndoScreen extends Screen {
 
   async refresh() {
     const seconds = this.seconds;
-    const last = await this.attempt(() => ask('GET', `/api/teaching/last?seconds=${seconds}`));
+    const last = await this.attempt(() => ask('GET', `api/teaching/last?seconds=${seconds}`));
     if (!last || seconds !== this.seconds) return;
     const { lessons, taught, strip } = /** @type {any} */ (last);
     const parts = Object.entries(taught).filter(([, n]) => n).map(([move, n]) => `${t(`move.${move}`)} ${count(n)}`);
@@ -39,7 +39,7 @@ export class UndoScreen extends Screen {
 
   async undo() {
     await this.attempt(async () => {
-      const { undone } = await ask('POST', '/api/teaching/undo', { seconds: Number(this.seconds) });
+      const { undone } = await ask('POST', 'api/teaching/undo', { seconds: Number(this.seconds) });
       this.page?.toast(t('undo.done', { n: count(undone) }));
       await this.refresh();
     });

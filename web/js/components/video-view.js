@@ -152,7 +152,7 @@ export class VideoView extends HTMLElement {
     if (node === null || like.dataset.stamp === stamp || nowMs - this.likeMs < LIKE_MS) return;
     this.likeMs = nowMs;
     like.dataset.stamp = stamp;
-    like.src = `/api/gallery/${node}.png?v=${stamp.split('/')[1]}`;
+    like.src = `api/gallery/${node}.png?v=${stamp.split('/')[1]}`;
   }
 }
 
@@ -160,7 +160,7 @@ export class VideoView extends HTMLElement {
 function startWorker() {
   if (!('transferControlToOffscreen' in HTMLCanvasElement.prototype)) return Promise.resolve(null);
   return new Promise((resolve) => {
-    const worker = new Worker('/js/video-worker.js', { type: 'module' });
+    const worker = new Worker('js/video-worker.js', { type: 'module' });
     const giveUp = () => {
       worker.terminate();
       resolve(null);

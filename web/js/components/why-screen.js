@@ -32,7 +32,7 @@ export class WhyScreen extends Screen {
     const frame = this.page?.store.state.robot?.frame;
     if (this.isAsking || document.hidden || (frame !== undefined && frame === this.drawn)) return;
     this.isAsking = true;
-    const answer = await ask('GET', '/api/why').catch(() => null);
+    const answer = await ask('GET', 'api/why').catch(() => null);
     this.isAsking = false;
     if (answer && this.isConnected) this.render(answer.why);
   }

@@ -25,7 +25,7 @@ export function questionForm(questions, answers, attempt, done) {
   for (const { name, kind } of questions) if (name in answers) given[name] = kind === 'text' ? answers[name] : Number(answers[name]);
   /** @type {Promise<any>} one after the other: the last answer to a question must arrive last */
   let sending = Promise.resolve();
-  const post = (/** @type {any} */ body) => (sending = sending.then(() => attempt(() => ask('POST', '/api/session/answers', body))));
+  const post = (/** @type {any} */ body) => (sending = sending.then(() => attempt(() => ask('POST', 'api/session/answers', body))));
   const parts = questions.map((question) => {
     const missing = h('p', { class: 'hint', role: 'alert' });
     const take = (/** @type {number | string} */ value) => {

@@ -77,11 +77,11 @@ export class StudyScreen extends Screen {
   // The researcher's ---------------------------------------------------------------------------
 
   async list() {
-    const answer = await this.act(() => ask('GET', '/api/studies'));
+    const answer = await this.act(() => ask('GET', 'api/studies'));
     if (!answer || !this.isConnected) return;
     const names = /** @type {string[]} */ (answer.studies);
     if (!this.chosen || !names.includes(this.chosen)) this.chosen = names[0] ?? null;
-    const study = this.chosen && (await this.act(() => ask('GET', `/api/studies/${encodeURIComponent(this.chosen ?? '')}`)));
+    const study = this.chosen && (await this.act(() => ask('GET', `api/studies/${encodeURIComponent(this.chosen ?? '')}`)));
     const pick = h('select', { 'aria-label': t('study.which'), onchange: () => {
       this.chosen = pick.value;
       this.list();
@@ -108,21 +108,21 @@ export class StudyScreen extends Screen {
       hint,
       choice(t('study.how_long'), 'teach_s', ['90', '180'].map((s) => [s, t('study.teach_time', { s })])),
       h('p', { class: 'hint' }, t('study.empty')),
-      h('button', { type: 'button', class: 'primary wide', onclick: () => this.step('POST', '/api/session', chosen) }, t('study.begin_trial')),
+      h('button', { type: 'button', class: 'primary wide', onclick: () => this.step('POST', 'api/session', chosen) }, t('study.begin_trial')),
     ];
   }
 
   /** Results of guided trials that an older version kept. @param {{id: string, began_at_s: number, trial: number}[]} results */
   older(results) {
     if (!results.length) return [];
-    const line = (/** @type {any} */ { id, began_at_s: began, trial }) => h('a', { class: 'panel line', href: `/api/studies/older/${id}.json`, download: '' },
+    const line = (/** @type {any} */ { id, began_at_s: began, trial }) => h('a', { class: 'panel line', href: `api/studies/older/${id}.json`, download: '' },
       h('b', {}, t('study.trial_n', { n: trial })), h('small', {}, new Date(began * 1000).toLocaleString(language, { dateStyle: 'medium', timeStyle: 'short' })));
     return [h('h2', {}, t('study.older')), ...results.map(line)];
   }
 
   /** @param {string} study @param {string} code */
   async showResult(study, code) {
-    const answer = await this.act(() => ask('GET', `/api/studies/${encodeURIComponent(study)}/sessions/${code}`));
+    const answer = await this.act(() => ask('GET', `api/studies/${encodeURIComponent(study)}/sessions/${code}`));
     if (answer && this.isConnected) this.body.append(...answer.conditions.flatMap(drawOutcome));
   }
 
@@ -131,7 +131,7 @@ export class StudyScreen extends Screen {
     const code = h('input', { 'aria-label': t('study.code'), placeholder: 'P07', maxlength: 7, autocomplete: 'off', autocapitalize: 'characters' });
     const begin = async (/** @type {Event} */ event) => {
       event.preventDefault();
-      await this.step('POST', '/api/session', { study: study.name, participant: code.value.trim().toUpperCase() });
+      await this.step('POST', 'api/session', { study: study.name, participant: code.value.trim().toUpperCase() });
     };
     return [
       h('div', { class: 'panel stack' }, h('h2', {}, study.title),
@@ -140,7 +140,7 @@ export class StudyScreen extends Screen {
         h('p', { class: 'hint' }, study.next_order ? t('study.next', { order: study.next_order.join(', ') }) : t('study.full')),
         h('form', { class: 'row', onsubmit: begin }, code, h('button', { class: 'primary' }, t('study.begin'))),
         h('p', { class: 'hint' }, t('study.code_hint')),
-        h('a', { class: 'button', href: `/api/studies/${encodeURIComponent(study.name)}/zip`, download: `${study.name}.zip` }, t('study.download'))),
+        h('a', { class: 'button', href: `api/studies/${encodeURIComponent(study.name)}/zip`, download: `${study.name}.zip` }, t('study.download'))),
       study.sessions.length ? h('h2', {}, t('study.sessions')) : null,
       h('div', { class: 'stack', role: 'list' }, ...study.sessions.map((/** @type {any} */ session) => this.line(study, session))),
     ].filter((part) => part !== null);
@@ -154,7 +154,7 @@ export class StudyScreen extends Screen {
       h('div', { class: 'row' }, h('h3', { class: 'grow' }, code), h('span', {}, state)),
       h('small', {}, order.join(', ')),
       h('div', { class: 'row' },
-        fault ? null : step === 'done' ? study.shows_result && this.resultButton(study.name, code) : h('button', { type: 'button', onclick: () => this.step('POST', '/api/session', { study: study.name, participant: code }) }, t('study.resume', { code })),
+        fault ? null : step === 'done' ? study.shows_result && this.resultButton(study.name, code) : h('button', { type: 'button', onclick: () => this.step('POST', 'api/session', { study: study.name, participant: code }) }, t('study.resume', { code })),
         h('button', { type: 'button', onclick: () => this.withdraw(study.name, code) }, t('study.withdraw', { code }))));
   }
 
@@ -170,7 +170,7 @@ export class StudyScreen extends Screen {
   /** @param {string} study @param {string} code */
   withdraw(study, code) {
     this.page?.toast(t('study.withdraw_really', { code }), { label: t('study.withdraw_yes'), act: async () => {
-      const answer = await this.act(() => ask('DELETE', `/api/studies/${encodeURIComponent(study)}/sessions/${code}`));
+      const answer = await this.act(() => ask('DELETE', `api/studies/${encodeURIComponent(study)}/sessions/${code}`));
       await this.list();
       if (answer) this.page?.toast(t('study.withdrawn', { code, n: answer.deleted.length, r: answer.deleted.filter((/** @type {string} */ path) => path.endsWith('.mcap')).length }));
     } });
@@ -189,7 +189,7 @@ export class StudyScreen extends Screen {
     const create = async (/** @type {Event} */ event) => {
       event.preventDefault();
       const plan = source === OWN ? { plan: (await file.files?.[0]?.text()) ?? '' } : { trial: Number(source) };
-      const made = await this.act(() => ask('POST', '/api/studies', { name: name.value.trim(), ...plan }));
+      const made = await this.act(() => ask('POST', 'api/studies', { name: name.value.trim(), ...plan }));
       if (!made) return;
       this.chosen = made.name;
       await this.list();
@@ -209,7 +209,7 @@ export class StudyScreen extends Screen {
     }
     if (session.step === 'done') {
       return [h('p', { class: 'lead' }, t('study.thanks')),
-        h('button', { type: 'button', class: 'wide', onclick: () => this.step('DELETE', '/api/session') }, t('study.close'))];
+        h('button', { type: 'button', class: 'wide', onclick: () => this.step('DELETE', 'api/session') }, t('study.close'))];
     }
     const text = inWords(session.instructions);
     return [heading, ...(text ? [h('p', { class: 'prose' }, text)] : []), this.phases(session), ...this.go(session), this.forResearcher(session)];
@@ -218,7 +218,7 @@ export class StudyScreen extends Screen {
   /** @param {any} session */
   consent(session) {
     return h('div', { class: 'stack' }, h('p', { class: 'panel prose' }, inWords(session.consent)),
-      h('button', { type: 'button', class: 'primary wide', onclick: () => this.step('POST', '/api/session/consent', { language }) }, t('study.agree')));
+      h('button', { type: 'button', class: 'primary wide', onclick: () => this.step('POST', 'api/session/consent', { language }) }, t('study.agree')));
   }
 
   /** @param {any} session */
@@ -246,7 +246,7 @@ export class StudyScreen extends Screen {
     if (session.step === 'drive' && session.is_driving) return [h('a', { class: 'button primary wide', href: '#drive' }, t('study.wheel'))];
     const confirmed = h('input', { type: 'checkbox' });
     const start = async () => {
-      const answer = await this.step('POST', '/api/session/drive', { confirmed: confirmed.checked });
+      const answer = await this.step('POST', 'api/session/drive', { confirmed: confirmed.checked });
       if (answer?.session?.is_driving) location.hash = 'drive';
     };
     return [
@@ -260,8 +260,8 @@ export class StudyScreen extends Screen {
     const button = (/** @type {string} */ key, /** @type {() => any} */ act) => h('button', { type: 'button', onclick: act }, t(key));
     return h('details', { class: 'panel' }, h('summary', {}, t('study.researcher')),
       h('div', { class: 'stack' }, h('p', { class: 'hint' }, t('study.session', { code: session.participant })), session.fault ? h('p', {}, session.fault) : null,
-        h('div', { class: 'row' }, button('study.leave', () => this.step('DELETE', '/api/session')),
-          session.step === 'drive' ? button('study.anew', () => this.step('POST', '/api/session/drive', { anew: true, confirmed: true })) : null)));
+        h('div', { class: 'row' }, button('study.leave', () => this.step('DELETE', 'api/session')),
+          session.step === 'drive' ? button('study.anew', () => this.step('POST', 'api/session/drive', { anew: true, confirmed: true })) : null)));
   }
 
   /** @type {HTMLElement[]} */

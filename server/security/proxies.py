@@ -1,0 +1,173 @@
+"""Requests that come through a proxy, turned back into what the client sent to it.
+
+What may be said is known beforehand: the addresses that people open (`--behind-proxy`). A proxy's
+headers choose among them and name the client; whoever is no proxy is not believed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, MutableMapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import quote
+
+from server.config import Network, PublicAddress, as_address
+from server.security.access import Refusal, host_name
+
+PEER = "drivelesson.peer"
+"""In a scope: address and port of the connection itself; there if a proxy has made it."""
+PREFIX = "drivelesson.prefix"
+"""In a scope: the path under which a proxy serves the page, such as /robot; or nothing."""
+SPOKEN = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto")
+_PAIR = re.compile(r'([a-z]+)\s*=\s*("(?:[^"\\]|\\.)*"|[^;,"\s]*)|(,)', re.I)
+
+Scope = MutableMapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class _Hop:
+    """What one proxy says of who asked it; empty where it does not."""
+
+    client: str = ""
+    host: str = ""
+    scheme: str = ""
+
+
+class Proxies:
+    """The proxies before one server.
+
+    Args:
+        public: The addresses that people open; none without a proxy.
+        trusted: Where the proxies' connections come from.
+        admits_all: The server needs no pairing: it must not be asked for others unawares.
+    """
+
+    def __init__(
+        self, public: Sequence[PublicAddress], trusted: Iterable[Network], *, admits_all: bool
+    ) -> None:
+        self._public, self._trusted, self._admits_all = public, tuple(trusted), admits_all
+
+    def see_through(self, scope: Scope) -> Scope | Refusal:
+        """Return the request as its client sent it, or why it is refused."""
+        said = _said(scope)
+        if not self._public:
+            return _unawares(said) if said and self._admits_all else scope
+        peer = tuple(scope.get("client") or ("", 0))
+        if not self._is_proxy(str(peer[0])):
+            return scope
+        told = [self._walk(str(peer[0]), hops) for hops in _hops(said)]
+        if len(told) > 1 and told[0] != told[1]:
+            return Refusal(
+                status=400,
+                reason="proxy",
+                sentence="Forwarded and X-Forwarded-* disagree: have the proxy clear one of them.",
+            )
+        hop = told[0] if told else _Hop(client=str(peer[0]))
+        public = self._choose(hop, scope)
+        if public is None:
+            return Refusal(
+                status=421,
+                reason="host",
+                sentence=f"The proxy was asked for {hop.host[:80]!r}: add that address to "
+                "--behind-proxy, or have the proxy refuse that name.",
+            )
+        return _as_sent(scope, public, hop.client, peer)
+
+    def _is_proxy(self, address: str) -> bool:
+        own = as_address(address)
+        return own is not None and any(own in network for network in self._trusted)
+
+    def _walk(self, peer: str, hops: list[_Hop]) -> _Hop:
+        """Go back from proxy to proxy, as far as they are trusted: what stands before the first
+        that is not may be anybody's."""
+        told = _Hop(client=peer)
+        for hop in reversed(hops):
+            if not self._is_proxy(told.client):
+                break
+            names_client = as_address(hop.client) is not None
+            client = hop.client if names_client else told.client
+            told = _Hop(client, hop.host or told.host, hop.scheme or told.scheme)
+            if not names_client:
+                break
+        return told
+
+    def _choose(self, hop: _Hop, scope: Scope) -> PublicAddress | None:
+        """Return which of the addresses was opened; None if the proxy names another."""
+        asked = hop.host or dict(scope["headers"]).get(b"host", b"").decode("latin-1")
+
+        def fit(public: PublicAddress) -> tuple[bool, bool, bool]:
+            same = public.name == host_name(asked), public.host == asked.lower()
+            return (*same, public.scheme == hop.scheme.lower())
+
+        best = max(self._public, key=fit)
+        return None if hop.host and best.name != host_name(asked) else best
+
+
+def _said(scope: Scope) -> dict[str, str]:
+    """Return what the headers of proxies say; lines of the same name are one list."""
+    said: dict[str, str] = {}
+    for raw_name, raw_value in scope["headers"]:
+        name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
+        if name in SPOKEN:
+            said[name] = f"{said[name]}, {value}" if name in said else value
+    return said
+
+
+def _hops(said: dict[str, str]) -> list[list[_Hop]]:
+    """Return the proxies on the way, the nearest last, as each kind of header has them."""
+    kinds = []
+    if "forwarded" in said:
+        elements: list[dict[str, str]] = [{}]
+        for name, value, comma in _PAIR.findall(said["forwarded"]):
+            if comma:
+                elements.append({})
+            else:
+                elements[-1][name.lower()] = re.sub(r"\\(.)", r"\1", value.strip('"'))
+        names = ("for", "host", "proto")
+        kinds.append([_hop(*(each.get(name, "") for name in names)) for each in elements])
+    if any(name in said for name in SPOKEN[1:]):
+        clients, hosts, schemes = (
+            [one.strip() for one in said.get(name, "").split(",")] for name in SPOKEN[1:]
+        )
+        # A list that is shorter is that of proxies that replace what they were told.
+        kinds.append(
+            [
+                _hop(client, hosts[max(-n, -len(hosts))], schemes[max(-n, -len(schemes))])
+                for n, client in zip(range(len(clients), 0, -1), clients, strict=True)
+            ]
+        )
+    return kinds
+
+
+def _hop(client: str, host: str, scheme: str) -> _Hop:
+    without_port = re.match(r"\[(.+)\]|([\d.]+):", client)
+    return _Hop(without_port[1] or without_port[2] if without_port else client, host, scheme)
+
+
+def _as_sent(scope: Scope, public: PublicAddress, client: str, peer: Any) -> Scope:
+    """Return a copy of a scope as it was before the proxy."""
+    kept = [(name, value) for name, value in scope["headers"] if name.lower() != b"host"]
+    path, is_socket = str(scope["path"]), scope["type"] == "websocket"
+    if path.startswith(f"{public.prefix}/"):  # a proxy may leave it out
+        path = path[len(public.prefix) :]
+    return {
+        **scope,
+        "scheme": public.scheme.replace("http", "ws") if is_socket else public.scheme,
+        "headers": [(b"host", public.host.encode("ascii")), *kept],
+        "client": (client, 0),
+        "path": path,
+        "raw_path": quote(path).encode("ascii"),
+        PEER: peer,
+        PREFIX: public.prefix,
+    }
+
+
+def _unawares(said: dict[str, str]) -> Refusal:
+    return Refusal(
+        status=403,
+        reason="proxy",
+        sentence=f"{next(iter(said)).title()} tells of a proxy that this robot does not know, and "
+        "without pairing everybody could drive: start it with --behind-proxy and the address "
+        "that people open.",
+    )

@@ -1,0 +1,96 @@
+"""A real nginx before robots, with the file that the docs give away or in its plain form."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime as dt
+import os
+import shutil
+import socket
+import subprocess
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from server.security.certificates import make_certificates
+
+FROM_THE_DOCS = Path(__file__).resolve().parents[2] / "docs" / "examples" / "proxy" / "nginx.conf"
+_PLAIN = """
+server {
+    listen 127.0.0.1:PORT;
+    location / {
+        proxy_pass http://127.0.0.1:ROBOT;
+        proxy_http_version 1.1;
+        proxy_set_header Upgrade $http_upgrade;
+        proxy_set_header Connection upgrade;
+    }
+}
+"""
+_AROUND = """
+daemon off; master_process off; pid FOLDER/nginx.pid; error_log FOLDER/error.log;
+events {}
+http {
+    access_log off; default_type application/octet-stream;
+    client_body_temp_path FOLDER/body; proxy_temp_path FOLDER/proxy; fastcgi_temp_path FOLDER/f;
+    uwsgi_temp_path FOLDER/u; scgi_temp_path FOLDER/s;
+SITE
+}
+"""
+
+
+def find_nginx() -> str:
+    """Return nginx's path; skips loudly where there is none, and fails in CI."""
+    found = shutil.which("nginx", path=f"{os.environ['PATH']}:/usr/sbin")
+    if found is None and os.environ.get("CI") == "true":
+        pytest.fail("CI needs nginx: apt-get install nginx-light")
+    if found is None:
+        pytest.skip("NGINX IS MISSING: no proxy was tried (install nginx-light)")
+    return found
+
+
+def free_port() -> int:
+    """Return a port of this machine that is free now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def plain_site(port: int, robot: int) -> str:
+    """Return the form that passes on nothing but the request."""
+    return _PLAIN.replace("PORT", str(port)).replace("ROBOT", str(robot))
+
+
+def site_of_the_docs(port: int, robots: Sequence[int], folder: Path, *, tls: bool = True) -> str:
+    """Return the file of the docs, with ports and a certificate of this test."""
+    site = FROM_THE_DOCS.read_text().replace("443 ssl", f"127.0.0.1:{port}{' ssl' * tls}")
+    for given, robot in zip((8000, 8001), robots, strict=False):
+        site = site.replace(f"127.0.0.1:{given}", f"127.0.0.1:{robot}")
+    if tls:
+        files = make_certificates(folder / "tls", ["localhost"], dt.datetime.now(dt.UTC))
+        site = site.replace("/etc/ssl/home.example.crt", str(files.chain))
+        site = site.replace("/etc/ssl/home.example.key", str(files.key))
+    else:
+        site = "\n".join(line for line in site.splitlines() if "ssl_" not in line)
+    return site.replace("home.example", "localhost")
+
+
+@contextlib.contextmanager
+def running_nginx(folder: Path, site: str, port: int) -> Iterator[None]:
+    """Serve a site while the block runs."""
+    folder.mkdir()
+    config = folder / "nginx.conf"
+    config.write_text(_AROUND.replace("SITE", site).replace("FOLDER", str(folder)))
+    words = [find_nginx(), "-e", str(folder / "start.log"), "-p", str(folder), "-c", str(config)]
+    process = subprocess.Popen(words)
+    try:
+        for _ in range(600):
+            assert process.poll() is None, (folder / "start.log").read_text()
+            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 1):
+                break
+            time.sleep(0.05)
+        yield
+    finally:
+        process.terminate()
+        process.wait(30)
