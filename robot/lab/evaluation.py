@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from robot.learner.base import Vector
 from robot.policy.image import to_rgb
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
+from robot.store.table import Cell, Table
 from robot.types import Action, Encoding, Frame
 
 if TYPE_CHECKING:
@@ -202,34 +203,28 @@ def scores(truth: Sequence[Action], proposed: Sequence[Action | None]) -> tuple[
     return float(right.mean()), float(np.mean(recalls))
 
 
-def as_json(results: Sequence[PairResult]) -> dict[str, Any]:
-    """Return the results as plain values: `{"pairs": [{"place", "train", ...}, ...]}`."""
-    return {"pairs": [asdict(result) for result in results]}
-
-
-def table(results: Sequence[PairResult]) -> str:
-    """Return the results as text: one row a pair and learner, then each learner's mean."""
-    head = (
-        f"{'place':12} {'train':14} {'test':14} {'learner':16} "
-        f"{'right':>9} {'acc.':>6} {'bal.':>6} {'calib.':>6} {'learn':>7} {'predict ms':>10}"
-    )
-    rows = [head]
-    for r in results:
-        rows.append(
-            f"{r.place:12} {r.train:14} {r.test:14} {r.learner:16} "
-            f"{r.correct:4}/{r.frames:4} {r.accuracy:6.3f} {r.balanced_accuracy:6.3f} "
-            f"{r.calibration_error:6.3f} {r.learn_ms:7.3f} {r.predict_ms:10.3f}"
-        )
-    rows.append("")
+def table(results: Sequence[PairResult]) -> Table:
+    """Return one row a pair and learner, then the mean of each learner; of times, the median."""
+    rows: list[tuple[Cell, ...]] = [
+        (r.place, r.train, r.test, r.learner, f"{r.correct}/{r.frames}", *_figures([r]))
+        for r in results
+    ]
     for name in dict.fromkeys(r.learner for r in results):
         own = [r for r in results if r.learner == name]
-        accuracy = float(np.mean([r.accuracy for r in own]))
-        balanced = float(np.mean([r.balanced_accuracy for r in own]))
-        error = float(np.mean([r.calibration_error for r in own]))
-        learn_ms = float(np.median([r.learn_ms for r in own]))
-        predict_ms = float(np.median([r.predict_ms for r in own]))
-        rows.append(
-            f"{'mean':12} {'':14} {'':14} {name:16} {'':9} "
-            f"{accuracy:6.3f} {balanced:6.3f} {error:6.3f} {learn_ms:7.3f} {predict_ms:10.3f}"
-        )
-    return "\n".join(rows)
+        rows.append(("mean", "", "", name, "", *_figures(own)))
+    columns = (
+        *("place", "train", "test", "learner", "right", "acc.", "bal.", "calib."),
+        *("learn ms", "predict ms"),
+    )
+    return Table(title="Taught on one drive, tested on another", columns=columns, rows=tuple(rows))
+
+
+def _figures(results: Sequence[PairResult]) -> tuple[str, ...]:
+    means = (
+        np.mean([getattr(r, name) for r in results])
+        for name in ("accuracy", "balanced_accuracy", "calibration_error")
+    )
+    medians = (
+        np.median([getattr(r, name) for r in results]) for name in ("learn_ms", "predict_ms")
+    )
+    return tuple(f"{value:.3f}" for value in (*means, *medians))

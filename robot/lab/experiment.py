@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from robot.lab.tables import Table
 from robot.lab.task import Result, Task
+from robot.store.table import Table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,45 +33,45 @@ class ExperimentSettings:
         return 1 if self.quick else self.seeds
 
 
+Series = tuple[str, tuple[float | str, ...], tuple[float, ...]]
+"""Name, x values, y values."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plot:
     """Lines or bars over common x values, for matplotlib."""
 
     title: str
-    x_label: str
+    x_label: str = ""
     y_label: str
-    series: tuple[tuple[str, tuple[float | str, ...], tuple[float, ...]], ...]
-    """Name, x values, y values."""
+    series: Sequence[Series]
     log_y: bool = False
 
 
-class Experiment(ABC):
-    """One figure of the paper, or one question beyond it."""
+Runs = Sequence[tuple[Task, Result]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """One figure of the paper, or one question beyond it.
+
+    Attributes:
+        plan: Makes the tasks to run.
+        tables: Makes the tables of what was run.
+        plots: Makes the plots, where the tables are not enough.
+    """
 
     name: str
     title: str
     text: str
-
-    @abstractmethod
-    def plan(self, settings: ExperimentSettings) -> list[Task]:
-        """Return the tasks to run."""
-
-    @abstractmethod
-    def tables(
-        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
-    ) -> list[Table]:
-        """Return the results as tables."""
-
-    def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """Return the results as plots; none where the tables are enough."""
-        return []
+    plan: Callable[[ExperimentSettings], Iterable[Task]]
+    tables: Callable[[Runs], list[Table]]
+    plots: Callable[[Runs], list[Plot]] = lambda runs: []
 
 
-def group(
-    tasks: Sequence[Task], results: Sequence[Result], *names: str
-) -> dict[tuple[object, ...], list[Result]]:
+def group(runs: Runs, *names: str) -> dict[tuple[Any, ...], list[Result]]:
     """Sort results by the parameters of these names, in the order of the tasks."""
-    groups: dict[tuple[object, ...], list[Result]] = {}
-    for task, result in zip(tasks, results, strict=True):
+    groups: dict[tuple[Any, ...], list[Result]] = {}
+    for task, result in runs:
         groups.setdefault(tuple(task.params.get(name) for name in names), []).append(result)
     return groups

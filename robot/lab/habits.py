@@ -7,10 +7,11 @@ import statistics
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from robot.lab.experiment import Experiment, ExperimentSettings, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.simulated_pilots.habits import HABITS
-from robot.lab.tables import Cell, Table
+from robot.lab.tables import percent
 from robot.lab.task import Result, Task
+from robot.store.table import Cell, Table
 
 WORLDS = ("box", "office", "corridor", "fork", "clutter")
 RATES_HZ = (10.0, 15.0, 30.0)
@@ -21,62 +22,23 @@ _DRAWS = 1000
 QUICK = (("irregular", "fork", 30.0), ("wall", "office", 10.0), ("sloppy", "box", 15.0))
 
 
-class Habits(Experiment):
-    """Does it drive like its pilot, for every kind of pilot, and never get stuck?"""
-
-    name = "habits"
-    title = "Habits: every kind of pilot"
-    text = (
-        "Each robot is taught by one of twelve kinds of pilots in one of five places at 10, 15 or "
-        "30 frames a second, for 90 s or (a third of those at 30) for 30 s, and drives 60 s alone; "
-        "every fourth one is then corrected for 60 s and drives alone again. From where the robot "
-        "began its minute the pilot drives three of his own, in which the robot learns nothing: "
-        "that is what it is held against. "
-        "stuck: within 15 cm for 20 s. SSD counts left and right as one move, because the side is "
-        "often left to chance; the published sum stands beside it, moves that both make on less "
-        "than 5 % of the ticks left out. By chance: where 90 % of the differences of two medians "
-        "lie when all robots are drawn anew."
-    )
-
-    def plan(self, settings: ExperimentSettings) -> list[Task]:
-        """Plan every habit in every place at every rate; the seed differs from task to task."""
-        if settings.quick:
-            return [_task(*what, SHORT_S, 0, settings) for what in QUICK]
-        chosen = [
-            (habit, world, rate_hz, teach_s)
-            for habit in HABITS
-            for world in WORLDS
-            for rate_hz, teach_s in (*((rate_hz, LONG_S) for rate_hz in RATES_HZ), (30.0, SHORT_S))
-        ]
-        # In an order of chance, so that the runs done by any moment are a sample of all.
-        random.Random(0).shuffle(chosen)
-        return [
-            _task(*what, round_number * len(chosen) + number, settings)
-            for round_number in range(max(1, settings.n_seeds // 10))
-            for number, what in enumerate(chosen)
-        ]
-
-    def tables(
-        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
-    ) -> list[Table]:
-        """Return the release criteria, then one table each by rate, habit and place.
-
-        The tables are of lessons of 90 s, of which the quick form has none.
-        """
-        long = [(t, r) for t, r in zip(tasks, results, strict=True) if t.params["teach_s"] > 60]
-        tables = [_gate(tasks, results)]
-        for name in ("rate_hz", "habit", "world") if long else ():
-            grouped = group([t for t, _ in long], [r for _, r in long], name)
-            tables.append(
-                Table(
-                    title=f"After 90 s of teaching, by {name}",
-                    columns=(name, *_COLUMNS),
-                    rows=tuple(
-                        (str(key[0]), *_cells(_drives(runs))) for key, runs in grouped.items()
-                    ),
-                )
-            )
-        return tables
+def _plan(settings: ExperimentSettings) -> list[Task]:
+    """Plan every habit in every place at every rate; the seed differs from task to task."""
+    learner = settings.learners[0] if settings.learners else "default-32"
+    if settings.quick:
+        return [_task(*what, SHORT_S, 0.0, FIRST_SEED, learner) for what in QUICK]
+    chosen = [
+        (habit, world, rate_hz, teach_s)
+        for habit in HABITS
+        for world in WORLDS
+        for rate_hz, teach_s in (*((rate_hz, LONG_S) for rate_hz in RATES_HZ), (30.0, SHORT_S))
+    ]
+    # In an order of chance, so that the runs done by any moment are a sample of all.
+    random.Random(0).shuffle(chosen)
+    return [
+        _task(*what, CORRECT_S if number % 4 == 0 else 0.0, FIRST_SEED + number, learner)
+        for number, what in enumerate(chosen * max(1, settings.n_seeds // 10))
+    ]
 
 
 def _task(
@@ -84,23 +46,43 @@ def _task(
     world: str,
     rate_hz: float,
     teach_s: float,
-    number: int,
-    settings: ExperimentSettings,
+    correct_s: float,
+    seed: int,
+    learner: str,
 ) -> Task:
-    is_corrected = number % 4 == 0 and not settings.quick
-    return Task(
-        kind="habit",
-        params={
-            "habit": habit,
-            "world": world,
-            "rate_hz": rate_hz,
-            "teach_s": teach_s,
-            "correct_s": CORRECT_S if is_corrected else 0.0,
-            "alone_s": 60.0,
-            "learner": settings.learners[0] if settings.learners else "default-32",
-            "seed": FIRST_SEED + number,
-        },
-    )
+    params = {
+        "habit": habit,
+        "world": world,
+        "rate_hz": rate_hz,
+        "teach_s": teach_s,
+        "correct_s": correct_s,
+        "alone_s": 60.0,
+        "learner": learner,
+        "seed": seed,
+    }
+    return Task("habit", params)
+
+
+def _tables(runs: Runs) -> list[Table]:
+    """Return the release criteria, then one table each by rate, habit and place.
+
+    The tables are of lessons of 90 s, of which the quick form has none.
+    """
+    long = [run for run in runs if run[0].params["teach_s"] > 60]
+    return [
+        _gate(runs),
+        *(
+            Table(
+                title=f"After 90 s of teaching, by {name}",
+                columns=(name, *_COLUMNS),
+                rows=tuple(
+                    (str(key[0]), *_cells(_drives(results)))
+                    for key, results in group(long, name).items()
+                ),
+            )
+            for name in (("rate_hz", "habit", "world") if long else ())
+        ),
+    ]
 
 
 _Drive = tuple[dict[str, Any], dict[str, Any]]
@@ -124,15 +106,16 @@ _COLUMNS = (
 
 def _cells(drives: Sequence[_Drive]) -> tuple[Cell, ...]:
     robot = [own for own, _ in drives]
+    alike = [own["ssd_alike"] for own in robot]
     return (
         len(drives),
         sum(own["stuck"] for own in robot),
         max(own["longest_push_s"] for own in robot),
-        f"{100 * statistics.fmean(own['asking_share'] for own in robot):.1f} %",
-        f"{100 * _share(drives, 'driven_m'):.0f} %",
-        f"{100 * _share(drives, 'covered_m2'):.0f} %",
-        statistics.median(own["ssd_alike"] for own in robot),
-        statistics.quantiles([own["ssd_alike"] for own in robot], n=4)[-1] if robot[1:] else None,
+        percent(statistics.fmean(own["asking_share"] for own in robot), 1),
+        percent(_share(drives, "driven_m")),
+        percent(_share(drives, "covered_m2")),
+        statistics.median(alike),
+        statistics.quantiles(alike, n=4)[-1] if alike[1:] else None,
         statistics.median(teacher["ssd_alike"] for _, teacher in drives),
         statistics.median(own["ssd_frequent"] for own in robot),
     )
@@ -144,42 +127,40 @@ def _share(drives: Sequence[_Drive], name: str) -> float:
     return float(sum(own[name] for own, _ in drives)) / whole if whole else 0.0
 
 
-def _gate(tasks: Sequence[Task], results: Sequence[Result]) -> Table:
+def _gate(runs: Runs) -> Table:
     """Return each criterion beside the measured value."""
 
-    def of(is_wanted: Callable[[Any], bool], *phases: str) -> list[_Drive]:
-        wanted = [r for t, r in zip(tasks, results, strict=True) if is_wanted(t.params)]
-        return _drives(wanted, phases or ("before", "after"))
+    def of(is_wanted: Callable[[float], bool], *phases: str) -> list[_Drive]:
+        wanted = [result for task, result in runs if is_wanted(task.params["teach_s"])]
+        return _drives(wanted, phases)
 
-    everyone = of(lambda p: True)
-    long, short = (
-        of(lambda p: p["teach_s"] > 60, "before"),
-        of(lambda p: p["teach_s"] < 60, "before"),
-    )
-    ssds = {
-        rate_hz: [r["before"]["ssd_alike"] for r in runs]
-        for (rate_hz, teach_s), runs in group(tasks, results, "rate_hz", "teach_s").items()
-        if teach_s == LONG_S
-    }
+    everyone = of(lambda teach_s: True, "before", "after")
+    pushes_s = [(own["longest_push_s"], teacher["longest_push_s"]) for own, teacher in everyone]
+    stuck = sum(own["stuck"] for own, _ in everyone) / len(everyone)
     rows: list[tuple[Cell, ...]] = [
-        ("robots", "at least 240", len(results)),
-        ("stuck", "at most 1 %", f"{_percent(everyone, lambda own: own['stuck']):.1f} %"),
-        ("longest push", "at most 1 s", max(own["longest_push_s"] for own, _ in everyone)),
+        ("robots", "at least 240", len(runs)),
+        ("stuck", "at most 1 %", percent(stuck, 1)),
+        ("longest push", "at most 1 s", max(own_s for own_s, _ in pushes_s)),
         (
             "pushes over 1 s",
             "",
-            sum(
-                own["longest_push_s"] > 1.0 and teacher["longest_push_s"] < 1.0
-                for own, teacher in everyone
-            ),
+            sum(own_s > 1.0 and taught_s < 1.0 for own_s, taught_s in pushes_s),
         ),
-        ("floor", "at least 90 %", f"{100 * _share(everyone, 'covered_m2'):.0f} %"),
-        ("metres", "at least 85 %", f"{100 * _share(everyone, 'driven_m'):.0f} %"),
+        ("floor", "at least 90 %", percent(_share(everyone, "covered_m2"))),
+        ("metres", "at least 85 %", percent(_share(everyone, "driven_m"))),
     ]
-    for name, asked, drives in (("90 s", "8 %", long), ("30 s", "15 %", short)):
+    for name, asked, drives in (
+        ("90 s", "8 %", of(lambda teach_s: teach_s > 60, "before")),
+        ("30 s", "15 %", of(lambda teach_s: teach_s < 60, "before")),
+    ):
         if drives:
-            share = 100 * statistics.fmean(own["asking_share"] for own, _ in drives)
-            rows.append((f"asks after {name}", f"at most {asked}", f"{share:.1f} %"))
+            share = statistics.fmean(own["asking_share"] for own, _ in drives)
+            rows.append((f"asks after {name}", f"at most {asked}", percent(share, 1)))
+    ssds = {
+        rate_hz: [result["before"]["ssd_alike"] for result in results]
+        for (rate_hz, teach_s), results in group(runs, "rate_hz", "teach_s").items()
+        if teach_s == LONG_S
+    }
     if {10.0, 30.0} <= ssds.keys():
         slow, fast = statistics.median(ssds[10.0]), statistics.median(ssds[30.0])
         rows.append(("median SSD at 30 Hz", f"at most {slow:.2f} (10 Hz)", fast))
@@ -203,5 +184,18 @@ def difference_by_chance(values: Sequence[float], others: Sequence[float]) -> tu
     return differences[rare], differences[-rare]
 
 
-def _percent(drives: Sequence[_Drive], is_so: Callable[[dict[str, Any]], bool]) -> float:
-    return 100 * sum(bool(is_so(own)) for own, _ in drives) / len(drives)
+GATE = Experiment(
+    name="habits",
+    title="Habits: every kind of pilot",
+    text="Each robot is taught by one of twelve kinds of pilots in one of five places at 10, 15 or "
+    "30 frames a second, for 90 s or (a third of those at 30) for 30 s, and drives 60 s alone; "
+    "every fourth one is then corrected for 60 s and drives alone again. From where the robot "
+    "began its minute the pilot drives three of his own, in which the robot learns nothing: "
+    "that is what it is held against. "
+    "stuck: within 15 cm for 20 s. SSD counts left and right as one move, because the side is "
+    "often left to chance; the published sum stands beside it, moves that both make on less "
+    "than 5 % of the ticks left out. By chance: where 90 % of the differences of two medians "
+    "lie when all robots are drawn anew.",
+    plan=_plan,
+    tables=_tables,
+)

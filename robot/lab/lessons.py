@@ -5,18 +5,18 @@ Figures 6, 7 and 8 of the paper, and beyond it: delays, other moves, and the def
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from robot.lab.experiment import Experiment, ExperimentSettings, Plot, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, Series, group
 from robot.lab.published import FIGURE_6, FIGURE_7, FIGURE_8
-from robot.lab.tables import SSD_COLUMNS, Cell, Table, spread, ssd_cells
+from robot.lab.tables import SSD_COLUMNS, spread, ssd_cells
 from robot.lab.task import Result, Task
 from robot.lab.variants import VARIANTS
+from robot.store.table import Cell, Table
 
 Params = Mapping[str, Any]
-Groups = Mapping[tuple[Any, ...], list[Result]]
 TRIALS: dict[int, dict[str, Any]] = {
     1: {"world": "box", "moves": ("forward", "left"), "teacher": "usual"},
     2: {"world": "office", "moves": ("forward", "left"), "teacher": "usual"},
@@ -27,25 +27,30 @@ _RETRAINED = {"teach_s": 90.0, "correct_s": 330.0, "alone_s": 60.0}
 _SONAR = {"world": "box", "moves": ("forward", "left"), "teacher": "sonar"}
 
 
+def _with_seeds(
+    cases: Callable[[ExperimentSettings], Iterable[Params]],
+) -> Callable[[ExperimentSettings], Iterator[Task]]:
+    """Return the plan that teaches each case with every seed."""
+    return lambda settings: (
+        Task("lesson", {**case, "seed": seed})
+        for case in cases(settings)
+        for seed in range(settings.n_seeds)
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
-class Lessons(Experiment):
-    """Cases, each taught with every seed, and the SSD of those that belong together as a row.
+class SsdTables:
+    """Tables of SSD: those of the lessons that belong together are a row.
 
     Attributes:
-        cases: The parameters of each case, without the seed.
         names: Parameters by which runs are put together.
         title_of, label_of: The table and the row of such a group, of its parameters.
         published: Rows of the paper by table, put before ours.
         phases: Which minutes alone are shown, each in a row of its own.
         with_agreement: Whether the agreement after teaching has a column.
         with_teacher: Whether each table ends with the teachers' own last minutes.
-        curves: The series of the plot, of the groups; with its title and labels in `axes`.
     """
 
-    name: str
-    title: str
-    text: str
-    cases: Callable[[ExperimentSettings], Iterable[Params]]
     names: tuple[str, ...]
     title_of: Callable[..., str]
     label_of: Callable[..., str]
@@ -53,54 +58,40 @@ class Lessons(Experiment):
     phases: tuple[str, ...] = ("before",)
     with_agreement: bool = False
     with_teacher: bool = False
-    axes: tuple[str, str, str] = ("", "", "")
-    log_y: bool = False
-    curves: Callable[[Groups], list[tuple[str, tuple[Any, ...], tuple[float, ...]]]] | None = None
 
-    def plan(self, settings: ExperimentSettings) -> list[Task]:
-        """Plan each case with every seed."""
-        return [
-            Task(kind="lesson", params={**case, "seed": seed})
-            for case in self.cases(settings)
-            for seed in range(settings.n_seeds)
-        ]
-
-    def tables(
-        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
-    ) -> list[Table]:
-        """Return the groups' rows by table."""
+    def __call__(self, runs: Runs) -> list[Table]:
+        """Return the tables of some runs."""
         rows = {
             title: [(*row, *(None,) * (1 + len(SSD_COLUMNS) - len(row))) for row in rows]
             for title, rows in self.published.items()
         }
         teachers: dict[str, list[Result]] = {}
-        for key, runs in group(tasks, results, *self.names).items():
-            table = rows.setdefault(self.title_of(*key), [])
+        for key, results in group(runs, *self.names).items():
+            title = self.title_of(*key)
+            teachers.setdefault(title, []).extend(result.get("teacher", {}) for result in results)
             for phase in self.phases:
                 label = ", ".join((self.label_of(*key), *([phase] if self.phases[1:] else [])))
-                more = [run["taught"]["agreement"] for run in runs] if self.with_agreement else []
-                mean = (spread(more).mean,) if more else ()
-                table.append((label, *mean, *ssd_cells([run[phase] for run in runs])))
-            if self.with_teacher:
-                teachers.setdefault(self.title_of(*key), []).extend(run["teacher"] for run in runs)
-        for title, drives in teachers.items():
+                drives = [result[phase] for result in results]
+                row = (label, *self._agreement(results), *ssd_cells(drives))
+                rows.setdefault(title, []).append(row)
+        for title, drives in teachers.items() if self.with_teacher else ():
             rows[title].append(("teacher", *ssd_cells(drives)))
         agreement = ("agreement",) if self.with_agreement else ()
         columns = ("SSD", *agreement, *SSD_COLUMNS)
         return [Table(title=t, columns=columns, rows=tuple(lines)) for t, lines in rows.items()]
 
-    def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """Return the one plot, if there is one."""
-        if self.curves is None:
-            return []
-        title, x_label, y_label = self.axes
-        series = tuple(self.curves(group(tasks, results, *self.names)))
-        labels = {"x_label": x_label, "y_label": y_label}
-        return [Plot(title=title, series=series, log_y=self.log_y, **labels)]
+    def _agreement(self, results: Sequence[Result]) -> tuple[Cell, ...]:
+        if not self.with_agreement:
+            return ()
+        return (spread([result["taught"]["agreement"] for result in results]).mean,)
 
 
-def _mean(runs: Sequence[Result]) -> float:
-    return spread([run["before"]["ssd"] for run in runs]).mean
+def _mean(results: Sequence[Result]) -> float:
+    return spread([result["before"]["ssd"] for result in results]).mean
+
+
+def _median(results: Sequence[Result], phase: str) -> float:
+    return spread([result[phase]["ssd"] for result in results]).median
 
 
 # Figure 6 -----------------------------------------------------------------------------------------
@@ -117,29 +108,34 @@ def _by_nodes(settings: ExperimentSettings) -> Iterable[Params]:
         yield {**case, "teach_s": 90.0}
 
 
-FIGURE6 = Lessons(
+def _plot_nodes(runs: Runs) -> list[Plot]:
+    groups = group(runs, "kind", "nodes")
+    series: list[Series] = [
+        (kind, NODES, tuple(_mean(groups[kind, nodes]) for nodes in NODES))
+        for kind in dict.fromkeys(kind for kind, _ in groups if kind in KINDS)
+    ]
+    series.append(("paper", NODES, tuple(mean for mean, _ in FIGURE_6.values())))
+    axes = {"x_label": "nodes", "y_label": "mean SSD"}
+    return [Plot(title="SSD, self-trained", **axes, series=series, log_y=True)]
+
+
+FIGURE6 = Experiment(
     name="figure6",
     title="Figure 6: nodes",
     text="In the box, the sonar controller (below 20 cm or bumped: left for two seconds, else "
     "forward) drives for 90 s, then the robot drives 60 s alone; nobody corrects it.",
-    cases=_by_nodes,
-    names=("kind", "nodes"),
-    title_of=lambda kind, nodes: "SSD by nodes",
-    label_of=lambda kind, nodes: f"{kind}, {nodes} nodes" if nodes else str(kind),
-    published={
-        "SSD by nodes": [
-            (f"paper, {nodes} nodes", None, *figures) for nodes, figures in FIGURE_6.items()
-        ]
-    },
-    axes=("SSD, self-trained", "nodes", "mean SSD"),
-    log_y=True,
-    curves=lambda groups: [
-        *(
-            (kind, NODES, tuple(_mean(groups[kind, nodes]) for nodes in NODES))
-            for kind in dict.fromkeys(kind for kind, _ in groups if kind in KINDS)
-        ),
-        ("paper", NODES, tuple(mean for mean, _ in FIGURE_6.values())),
-    ],
+    plan=_with_seeds(_by_nodes),
+    tables=SsdTables(
+        names=("kind", "nodes"),
+        title_of=lambda kind, nodes: "SSD by nodes",
+        label_of=lambda kind, nodes: f"{kind}, {nodes} nodes" if nodes else str(kind),
+        published={
+            "SSD by nodes": [
+                (f"paper, {nodes} nodes", None, *figures) for nodes, figures in FIGURE_6.items()
+            ]
+        },
+    ),
+    plots=_plot_nodes,
 )
 
 # Figure 7 -----------------------------------------------------------------------------------------
@@ -155,26 +151,26 @@ def _trial(trial: int, learners: Iterable[str], settings: ExperimentSettings) ->
 def _trials(settings: ExperimentSettings) -> Iterable[Params]:
     for trial in TRIALS:
         more = ("published-128", "default-128") if trial == 3 else ()
-        yield from _trial(
-            trial, settings.learners or ("published-32", "default-32", *more), settings
-        )
+        learners = settings.learners or ("published-32", "default-32", *more)
+        yield from _trial(trial, learners, settings)
 
 
 def _title_of_trial(trial: int, *_: object) -> str:
     return f"Trial {trial}: {TRIALS[trial]['world']}, {', '.join(TRIALS[trial]['moves'])}"
 
 
-def _after_retraining(groups: Groups) -> list[tuple[str, tuple[str, ...], tuple[float, ...]]]:
-    series = []
-    for learner in dict.fromkeys(str(learner) for _, learner in groups):
-        mine = {f"trial {trial}": runs for (trial, name), runs in groups.items() if name == learner}
-        medians = (spread([run["after"]["ssd"] for run in runs]).median for runs in mine.values())
-        series.append((learner, tuple(mine), tuple(medians)))
-    paper = tuple(figures["after"][0] for figures in FIGURE_7.values())
-    return [*series, ("paper (mean)", tuple(f"trial {trial}" for trial in FIGURE_7), paper)]
+def _plot_trials(runs: Runs) -> list[Plot]:
+    by_learner: dict[str, dict[str, float]] = {}
+    for (trial, learner), results in group(runs, "trial", "learner").items():
+        by_learner.setdefault(learner, {})[f"trial {trial}"] = _median(results, "after")
+    by_learner["paper (mean)"] = {
+        f"trial {trial}": figures["after"][0] for trial, figures in FIGURE_7.items()
+    }
+    series = [(name, tuple(ssds), tuple(ssds.values())) for name, ssds in by_learner.items()]
+    return [Plot(title="After retraining", y_label="median SSD", series=series, log_y=True)]
 
 
-FIGURE7 = Lessons(
+FIGURE7 = Experiment(
     name="figure7",
     title="Figure 7: retraining",
     text="90 s of teaching, 60 s alone (before), 330 s in which the pilot corrects, 60 s alone "
@@ -183,22 +179,22 @@ FIGURE7 = Lessons(
     "drove (teaching and 4 minutes more, of which the robot learns nothing that is measured); "
     "'against lesson' holds it against the 90 s of teaching alone. The row 'teacher' is the "
     "teacher's own last minute: less than that is chance.",
-    cases=_trials,
-    names=("trial", "learner"),
-    title_of=_title_of_trial,
-    label_of=lambda trial, learner: str(learner),
-    published={
-        _title_of_trial(trial): [
-            (f"paper, {phase}", None, mean, sd, None, largest)
-            for phase, (mean, sd, largest) in phases.items()
-        ]
-        for trial, phases in FIGURE_7.items()
-    },
-    phases=("before", "after"),
-    with_teacher=True,
-    axes=("After retraining", "", "median SSD"),
-    log_y=True,
-    curves=_after_retraining,
+    plan=_with_seeds(_trials),
+    tables=SsdTables(
+        names=("trial", "learner"),
+        title_of=_title_of_trial,
+        label_of=lambda trial, learner: str(learner),
+        published={
+            _title_of_trial(trial): [
+                (f"paper, {phase}", None, mean, sd, None, largest)
+                for phase, (mean, sd, largest) in phases.items()
+            ]
+            for trial, phases in FIGURE_7.items()
+        },
+        phases=("before", "after"),
+        with_teacher=True,
+    ),
+    plots=_plot_trials,
 )
 
 # Figure 8 -----------------------------------------------------------------------------------------
@@ -214,36 +210,34 @@ def _by_time(settings: ExperimentSettings) -> Iterable[Params]:
                 yield {**place, "who": who, "learner": learner, "teach_s": float(seconds)}
 
 
-FIGURE8 = Lessons(
+def _plot_times(runs: Runs) -> list[Plot]:
+    groups = group(runs, "learner", "who", "teach_s")
+    names = tuple(f"{who} {seconds} s" for who, seconds in FIGURE_8)
+    series: list[Series] = [
+        (learner, names, tuple(_mean(groups[learner, who, float(s)]) for who, s in FIGURE_8))
+        for learner in dict.fromkeys(learner for learner, *_ in groups)
+    ]
+    series.append(("paper", names, tuple(FIGURE_8.values())))
+    return [Plot(title="Training time", y_label="mean SSD", series=series)]
+
+
+FIGURE8 = Experiment(
     name="figure8",
     title="Figure 8: training time",
     text="60 s alone straight after 90 s or 180 s of teaching. 'robot': the sonar controller in "
     "the box. 'human': simulated people in the three trials of figure 7, before any correction.",
-    cases=_by_time,
-    names=("learner", "who", "teach_s"),
-    title_of=lambda *_: "SSD by training time",
-    label_of=lambda learner, who, seconds: f"{learner}, {who}, {seconds:.0f} s",
-    published={
-        "SSD by training time": [
-            (f"paper, {who}, {seconds} s", None, mean) for (who, seconds), mean in FIGURE_8.items()
-        ]
-    },
-    axes=("Training time", "", "mean SSD"),
-    curves=lambda groups: [
-        *(
-            (
-                learner,
-                tuple(f"{who} {seconds} s" for who, seconds in FIGURE_8),
-                tuple(_mean(groups[learner, who, float(seconds)]) for who, seconds in FIGURE_8),
-            )
-            for learner in dict.fromkeys(str(learner) for learner, *_ in groups)
-        ),
-        (
-            "paper",
-            tuple(f"{who} {seconds} s" for who, seconds in FIGURE_8),
-            tuple(FIGURE_8.values()),
-        ),
-    ],
+    plan=_with_seeds(_by_time),
+    tables=SsdTables(
+        names=("learner", "who", "teach_s"),
+        title_of=lambda *_: "SSD by training time",
+        label_of=lambda learner, who, seconds: f"{learner}, {who}, {seconds:.0f} s",
+        published={
+            "SSD by training time": [
+                (f"paper, {who}, {s} s", None, mean) for (who, s), mean in FIGURE_8.items()
+            ]
+        },
+    ),
+    plots=_plot_times,
 )
 
 # Beyond the paper ---------------------------------------------------------------------------------
@@ -260,19 +254,15 @@ def _by_delay(settings: ExperimentSettings) -> Iterable[Params]:
                     yield {**case, "delay_ms": delay_ms, "names_frame": named}
 
 
-def _against_delay(groups: Groups) -> list[tuple[str, tuple[int, ...], tuple[float, ...]]]:
-    series = []
-    delays = tuple(dict.fromkeys(int(ms) for _, _, ms, _ in groups))
-    for named, name in _NAMED.items():
-        medians = []
-        for delay_ms in delays:
-            runs = [r for key, some in groups.items() if key[2:] == (delay_ms, named) for r in some]
-            medians.append(spread([run["before"]["ssd"] for run in runs]).median)
-        series.append((f"label on {name}", delays, tuple(medians)))
-    return series
+def _plot_delays(runs: Runs) -> list[Plot]:
+    by_name: dict[str, dict[int, float]] = {}
+    for (named, delay_ms), results in group(runs, "names_frame", "delay_ms").items():
+        by_name.setdefault(_NAMED[named], {})[delay_ms] = _median(results, "before")
+    series = [(f"label on {name}", tuple(m), tuple(m.values())) for name, m in by_name.items()]
+    return [Plot(title="Link delay", x_label="ms", y_label="median SSD", series=series)]
 
 
-DELAY = Lessons(
+DELAY = Experiment(
     name="delay",
     title="Delay: does naming the frame help?",
     text="Box and office with two moves: 90 s of teaching over a link with a delay (half for the "
@@ -280,13 +270,14 @@ DELAY = Lessons(
     "command names, which is the one on the screen, or to the newest frame when the command "
     "comes. The pilot's own reaction time of 0.2 s is there in every run. The governor, "
     "which forbids learning over slow links, is switched off for this question.",
-    cases=_by_delay,
-    names=("trial", "learner", "delay_ms", "names_frame"),
-    title_of=lambda trial, *_: f"Delay: {TRIALS[trial]['world']}",
-    label_of=lambda trial, learner, ms, named: f"{learner}, {ms} ms, {_NAMED[bool(named)]}",
-    with_agreement=True,
-    axes=("Link delay", "ms", "median SSD"),
-    curves=_against_delay,
+    plan=_with_seeds(_by_delay),
+    tables=SsdTables(
+        names=("trial", "learner", "delay_ms", "names_frame"),
+        title_of=lambda trial, *_: f"Delay: {TRIALS[trial]['world']}",
+        label_of=lambda trial, learner, ms, named: f"{learner}, {ms} ms, {_NAMED[bool(named)]}",
+        with_agreement=True,
+    ),
+    plots=_plot_delays,
 )
 
 _SETS = {
@@ -303,16 +294,18 @@ def _by_moves(settings: ExperimentSettings) -> Iterable[Params]:
             yield {**case, "teach_s": 90.0, "correct_s": 330.0}
 
 
-MOVES = Lessons(
+MOVES = Experiment(
     name="moves",
     title="Beyond the paper: other moves",
     text="The office with the teacher of trial 3, who turns about one wheel, and with the same "
     "teacher spinning on the spot. 90 s of teaching, 330 s of correction, 60 s alone.",
-    cases=_by_moves,
-    names=("learner", "how"),
-    title_of=lambda *_: "Moves, after retraining",
-    label_of=lambda learner, how: f"{learner}, turns {how}",
-    phases=("after",),
+    plan=_with_seeds(_by_moves),
+    tables=SsdTables(
+        names=("learner", "how"),
+        title_of=lambda *_: "Moves, after retraining",
+        label_of=lambda learner, how: f"{learner}, turns {how}",
+        phases=("after",),
+    ),
 )
 
 ABLATED = ("default", *(kind for kind in VARIANTS if kind != "whole-numbers"), "published")
@@ -323,14 +316,16 @@ def _without_parts(settings: ExperimentSettings) -> Iterable[Params]:
         yield from _trial(trial, [f"{kind}-{nodes}" for kind in ABLATED], settings)
 
 
-ABLATION = Lessons(
+ABLATION = Experiment(
     name="ablation",
     title="Ablation in closed loop",
     text="As figure 7 after retraining: trial 2 with 32 nodes, trial 3 with 128. Each row has one "
     "part of the default learner changed (robot/policy/variants.py).",
-    cases=_without_parts,
-    names=("trial", "learner"),
-    title_of=lambda trial, learner: f"Trial {trial} after retraining",
-    label_of=lambda trial, learner: str(learner),
-    phases=("after",),
+    plan=_with_seeds(_without_parts),
+    tables=SsdTables(
+        names=("trial", "learner"),
+        title_of=lambda trial, learner: f"Trial {trial} after retraining",
+        label_of=lambda trial, learner: str(learner),
+        phases=("after",),
+    ),
 )

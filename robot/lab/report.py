@@ -10,10 +10,9 @@ from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from robot.lab.experiment import Experiment, ExperimentSettings
+from robot.lab.experiment import Experiment, Runs
 from robot.lab.plots import draw_svg
-from robot.lab.tables import Table, format_cell
-from robot.lab.task import Result, Task
+from robot.store.table import Table, format_cell
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 75rem; margin: 2rem auto; padding: 0 1rem;
@@ -101,16 +100,11 @@ def _section(section: Section) -> Iterator[str]:
             yield f"<p>{escape(table.note)}</p>"
 
 
-def make_section(
-    experiment: Experiment,
-    settings: ExperimentSettings,
-    tasks: Sequence[Task],
-    results: Sequence[Result],
-) -> Section:
+def make_section(experiment: Experiment, runs: Runs) -> Section:
     """Make tables and plots of an experiment's results."""
     return Section(
         title=experiment.title,
         text=experiment.text,
-        tables=experiment.tables(settings, tasks, results),
-        svgs=[draw_svg(plot) for plot in experiment.plots(tasks, results)],
+        tables=experiment.tables(runs),
+        svgs=[draw_svg(plot) for plot in experiment.plots(runs)],
     )

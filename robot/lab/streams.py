@@ -5,8 +5,7 @@ from __future__ import annotations
 import inspect
 import pkgutil
 import re
-import statistics
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from typing import Any
 
@@ -14,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import MissingExtraError
-from robot.lab.experiment import Experiment, ExperimentSettings, group
-from robot.lab.ground.ground import interval
-from robot.lab.tables import Table
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
+from robot.lab.tables import mean_in_interval
 from robot.lab.task import Result, Task
+from robot.store.table import Table
 
 STREAMS = ("digits", "image segments", "text")
 _N_HASHES = 512
@@ -25,42 +24,22 @@ _SENTENCES = 500
 Example = tuple[NDArray[np.float64], str]
 
 
-class Streams(Experiment):
-    """BSOC beside learners of river and scikit-learn, all online, all on the same vectors."""
+def _plan(settings: ExperimentSettings) -> Iterator[Task]:
+    """Plan every learner on every stream."""
+    for stream in STREAMS:
+        for learner in tuple(LEARNERS)[:3] if settings.quick else LEARNERS:
+            for seed in range(settings.n_seeds):
+                yield Task("stream", {"stream": stream, "learner": learner, "seed": seed})
 
-    name = "streams"
-    title = "Streams beyond driving"
-    text = (
-        "Share of examples that were predicted right before they were learned. Digits: "
-        "scikit-learn's, 64 pixels. Image segments: river's, 18 numbers. Text: of which library's "
-        "documentation (numpy, scikit-learn, river) a sentence is, by hashed words. Values are "
-        "standardised online. All data comes inside the libraries; seeds shuffle its order. "
-        "In brackets the 95 % interval of the mean (bootstrap)."
-    )
 
-    def plan(self, settings: ExperimentSettings) -> list[Task]:
-        """Plan every learner on every stream."""
-        return [
-            Task(kind="stream", params={"stream": stream, "learner": learner, "seed": seed})
-            for stream in STREAMS
-            for learner in (tuple(LEARNERS)[:3] if settings.quick else LEARNERS)
-            for seed in range(settings.n_seeds)
-        ]
-
-    def tables(
-        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
-    ) -> list[Table]:
-        """Return one table: learners down, streams across."""
-        grouped = group(tasks, results, "learner", "stream")
-        rows = []
-        for learner in dict.fromkeys(learner for learner, _ in grouped):
-            cells = []
-            for stream in STREAMS:
-                rights = [run["right"] / run["examples"] for run in grouped[learner, stream]]
-                low, high = interval(rights)
-                cells.append(f"{statistics.fmean(rights):.3f} [{low:.3f}, {high:.3f}]")
-            rows.append((str(learner), *cells))
-        return [Table(title="Predicted right", columns=("", *STREAMS), rows=tuple(rows))]
+def _tables(runs: Runs) -> list[Table]:
+    """Return one table: learners down, streams across."""
+    rows: dict[str, list[str]] = {}
+    for (learner, _), results in group(runs, "learner", "stream").items():
+        rights = [result["right"] / result["examples"] for result in results]
+        rows.setdefault(learner, []).append(mean_in_interval(rights, 3))
+    lines = tuple((learner, *cells) for learner, cells in rows.items())
+    return [Table(title="Predicted right", columns=("", *STREAMS), rows=lines)]
 
 
 def run_stream(params: Mapping[str, Any]) -> Result:
@@ -188,3 +167,16 @@ def _of_text(text: str, library: str) -> Iterator[str]:
         words = " ".join(part.split())
         if re.fullmatch(r"[A-Z][\w ,'()-]{40,300}", words) and library not in words.lower():
             yield words
+
+
+ONLINE = Experiment(
+    name="streams",
+    title="Streams beyond driving",
+    text="Share of examples that were predicted right before they were learned. Digits: "
+    "scikit-learn's, 64 pixels. Image segments: river's, 18 numbers. Text: of which library's "
+    "documentation (numpy, scikit-learn, river) a sentence is, by hashed words. Values are "
+    "standardised online. All data comes inside the libraries; seeds shuffle its order. "
+    "In brackets the 95 % interval of the mean (bootstrap).",
+    plan=_plan,
+    tables=_tables,
+)

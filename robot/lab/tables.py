@@ -6,10 +6,13 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot.lab.task import Result
-from robot.store.table import Cell, Table, format_cell
+import numpy as np
 
-__all__ = ["SSD_COLUMNS", "Cell", "Spread", "Table", "format_cell", "spread", "ssd_cells"]
+from robot.lab.task import Result
+from robot.store.table import Cell
+
+_DRAWS = 2000
+"""Of the bootstrap that the intervals come from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +37,25 @@ def spread(values: Sequence[float]) -> Spread:
     )
 
 
+def interval(values: Sequence[float]) -> tuple[float, float]:
+    """Return the 95 % interval of the mean of some runs, by bootstrap; the same on every call."""
+    sample = np.asarray(values, dtype=float)
+    draws = np.random.default_rng(0).choice(sample, (_DRAWS, sample.size)).mean(axis=1)
+    low, high = np.quantile(draws, (0.025, 0.975))
+    return float(low), float(high)
+
+
+def mean_in_interval(values: Sequence[float], digits: int = 2) -> str:
+    """Return the mean of some runs as text, and its interval in brackets."""
+    low, high = (f"{end:.{digits}f}" for end in interval(values))
+    return f"{statistics.fmean(values):.{digits}f} [{low}, {high}]"
+
+
+def percent(share: float, digits: int = 0) -> str:
+    """Return a share as text."""
+    return f"{100 * share:.{digits}f} %"
+
+
 SSD_COLUMNS = (
     *("runs", "mean", "sd", "median", "max", "move never made"),
     *("of moves made, median", "of frequent moves, median", "against lesson, median"),
@@ -44,22 +66,22 @@ SSD_COLUMNS = (
 
 def ssd_cells(drives: Sequence[Result]) -> tuple[Cell, ...]:
     """Return the figures of many runs' drives, in the order of `SSD_COLUMNS`."""
-    total = spread([drive["ssd"] for drive in drives])
+
+    def values(name: str) -> list[float]:
+        return [drive[name] for drive in drives]
+
+    total = spread(values("ssd"))
     return (
-        total.n,
-        total.mean,
-        total.sd,
-        total.median,
-        total.max,
+        *(total.n, total.mean, total.sd, total.median, total.max),
         sum(bool(drive["never"]) for drive in drives),
-        spread([drive["ssd_of_moves_made"] for drive in drives]).median,
-        spread([drive["ssd_frequent"] for drive in drives]).median,
-        spread([drive["ssd_against_lesson"] for drive in drives]).median,
+        statistics.median(values("ssd_of_moves_made")),
+        statistics.median(values("ssd_frequent")),
+        statistics.median(values("ssd_against_lesson")),
         sum(bool(drive["stuck"]) for drive in drives),
-        max(drive["longest_push_s"] for drive in drives),
-        statistics.fmean(drive["pushing_s_per_min"] for drive in drives),
-        statistics.fmean(drive["collisions_per_min"] for drive in drives),
-        f"{100 * statistics.fmean(drive['asking_share'] for drive in drives):.0f} %",
-        statistics.fmean(drive["driven_m"] for drive in drives),
-        statistics.fmean(drive["covered_m2"] for drive in drives),
+        max(values("longest_push_s")),
+        statistics.fmean(values("pushing_s_per_min")),
+        statistics.fmean(values("collisions_per_min")),
+        percent(statistics.fmean(values("asking_share"))),
+        statistics.fmean(values("driven_m")),
+        statistics.fmean(values("covered_m2")),
     )

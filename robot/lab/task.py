@@ -14,7 +14,7 @@ Result = dict[str, Any]
 """Plain figures, ready for JSON. What depends on the machine's speed stands under `timing`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Task:
     """A run of one `kind` (a key of `kinds.RUNNERS`) with its parameters, all plain values."""
 
@@ -50,13 +50,7 @@ _PARTS_THAT_COUNT = (
     *("bodies/ev3/integer_policy.py", "bodies/ev3/integer_ridge.py"),
     *("bodies/ev3/integer_features.py", "lab/variants.py", "lab/baselines", "lab/eyes"),
     *("lab/metrics", "lab/evaluation.py", "lab/trial.py", "lab/kinds.py", "lab/footage.py"),
-    *(
-        "measures/profile.py",
-        "lab/pilots.py",
-        "lab/simulated_pilots",
-        "lab/cycles.py",
-        "lab/episodes.py",
-    ),
+    *("lab/pilots.py", "lab/simulated_pilots", "lab/cycles.py", "lab/episodes.py"),
     *("lab/habit_run.py", "lab/ready_run.py", "lab/mind_run.py", "lab/ground"),
     *("lab/streams.py", "lab/adapters"),
     *("clock.py", "driver.py", "types.py"),

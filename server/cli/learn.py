@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
-from robot.errors import ConfigurationError, MissingExtraError
+from robot.errors import ConfigurationError
 from robot.policy.policy import Policy
 from robot.policy.registry import MOST_NODES, make_policy
 from robot.store.episodes.episode import Episode
@@ -20,6 +18,7 @@ from robot.store.models.model import encode_model, take_model
 from robot.store.models.store import ModelStore
 from robot.types import DEFAULT_MOVES, Action
 from server.cli.kept import add_data, find_episodes
+from server.cli.output import progress
 from server.cli.parser import whole
 
 
@@ -57,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     policy, taught = _begin(args, episodes)
     total = len(plan(episodes))
     started_s = time.monotonic()
-    with _progress(total) as bar:
+    with progress(total, "example", "learn", "episodes") as bar:
         report = learn_again(policy, episodes, on_step=bar.update)
     taught += report.taught
     _say(report, policy, episodes, time.monotonic() - started_s)
@@ -136,11 +135,3 @@ def _save(out: str, storage: Storage, policy: Policy, taught: Counter[Action]) -
         name = store.free_name(out)
         store.save(name, model)
         print(f"saved as the model {name!r}")
-
-
-def _progress(total: int) -> Any:
-    try:
-        from tqdm import tqdm
-    except ImportError as error:
-        raise MissingExtraError("the command learn", "episodes") from error
-    return tqdm(total=total, unit="example", file=sys.stderr)

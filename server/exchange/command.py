@@ -5,12 +5,10 @@ from __future__ import annotations
 import argparse
 import itertools
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-from robot.errors import ConfigurationError, MissingExtraError, RecordingError
+from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.beside import beside
 from robot.exchange.film import check_suffix
 from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
@@ -20,6 +18,7 @@ from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.teaching import EditedEpisode
 from robot.store.folder import Storage
 from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_episodes
+from server.cli.output import progress
 from server.cli.parser import whole
 
 EXPORTS = ("tub", "lerobot", "folder", "npz", "film")
@@ -88,7 +87,7 @@ def _import_one(
 
     drive = read_drive(source, threshold, ImportReport(is_strict=args.strict))
     path = store.new_path(args.name or _tidy(drive.name))
-    with _progress(None, "picture") as bar:
+    with progress(None, "picture", "episodes", "episodes") as bar:
         count = write_episode(drive, path, on_shot=bar.update)
     print(f"{path.stem}: {count} pictures from {source.name} ({drive.source})")
     for line in drive.report.lines():
@@ -113,7 +112,7 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
         raise ConfigurationError(f"{out} exists already; choose another with --out")
     total = sum(len(episode.frames) for episode, _ in episodes)
     try:
-        with _progress(total, "picture") as bar, beside(out) as part:
+        with progress(total, "picture", "episodes", "episodes") as bar, beside(out) as part:
             made = _export(args, episodes, part, bar.update)
     except OSError as error:
         raise ConfigurationError(f"cannot write {out}: {error}") from error
@@ -158,14 +157,6 @@ def _free_path(folder: Path, episode_id: str, form: str) -> Path:
         if not path.exists():
             return path
     raise AssertionError
-
-
-def _progress(total: int | None, unit: str) -> Any:
-    try:
-        from tqdm import tqdm
-    except ImportError as error:
-        raise MissingExtraError("the command episodes", "episodes") from error
-    return tqdm(total=total, unit=unit, file=sys.stderr)
 
 
 EXPORT = EpisodeVerb("write episodes for other programs", configure_export, export_episodes)

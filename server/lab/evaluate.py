@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import json
 import os
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.lab import evaluation
+from server.cli.output import progress, write_json
 from server.cli.parser import number, whole
 
 OURS = ["published-32", "integer-32", "default-32", "linear-alone-32"]
@@ -47,16 +48,11 @@ def run(args: argparse.Namespace) -> int:
     # scikit-learn spends ten times as long on one picture when its threads outnumber the cores.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     learners = _learners(args.learners)
-    try:
-        from tqdm import tqdm
-    except ImportError as error:
-        raise MissingExtraError("the command evaluate", "evaluate") from error
     pairs = evaluation.load_pairs(args.folder, args.light, args.examples)
-    with tqdm(total=len(pairs) * len(learners), unit="run", file=sys.stderr) as bar:
+    with progress(len(pairs) * len(learners), "run", "evaluate", "evaluate") as bar:
         results = list(evaluation.evaluate(pairs, learners, tick=bar.update))
-    print(evaluation.table(results))
-    if args.json is not None:
-        _write(args.json, json.dumps(evaluation.as_json(results), indent=2) + "\n")
+    print(evaluation.table(results).as_text())
+    write_json(args.json, {"pairs": [asdict(result) for result in results]})
     return 0
 
 
@@ -72,10 +68,3 @@ def _learners(names: str | None) -> list[str]:
     left_out = MissingExtraError(f"comparing with {', '.join(BASELINES)}", "evaluate")
     print(f"drivelesson: {left_out}", file=sys.stderr)
     return OURS
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {path}: {error}") from error

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import shlex
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robot.errors import ConfigurationError, MissingExtraError
+from robot.errors import ConfigurationError
+from server.cli.output import numbers_in, progress, write_json, write_text
 from server.cli.parser import whole
 
 if TYPE_CHECKING:
-    from robot.lab.experiment import Experiment, ExperimentSettings
+    from robot.lab.experiment import Experiment, ExperimentSettings, Runs
     from robot.lab.report import Section
-    from robot.lab.task import Result, Task
 
 NAMES = (
     *("figure3", "figure5", "figure6", "figure7", "figure8"),
@@ -92,20 +90,19 @@ def run(args: argparse.Namespace) -> int:
     sections: list[Section] = []
     everything = {}
     for name in NAMES if "all" in args.names else dict.fromkeys(args.names):
-        tasks, results = _run_one(EXPERIMENTS[name], settings, args)
+        runs = _run_one(EXPERIMENTS[name], settings, args)
         everything[name] = [
             {"kind": task.kind, "params": dict(task.params), "result": result}
-            for task, result in zip(tasks, results, strict=True)
+            for task, result in runs
         ]
-        sections.append(make_section(EXPERIMENTS[name], settings, tasks, results))
+        sections.append(make_section(EXPERIMENTS[name], runs))
         for table in sections[-1].tables:
             print(f"\n{table.as_text()}", flush=True)
-        _print_speed(results)
+        _print_speed(runs)
     report = args.report or args.folder / "report.html"
-    _write(report, write_html(sections, shlex.join(["drivelesson", *sys.argv[1:]])))
+    write_text(report, write_html(sections, shlex.join(["drivelesson", *sys.argv[1:]])))
     print(f"\nThe report is in {report}")
-    if args.json is not None:
-        _write(args.json, json.dumps(everything, indent=1) + "\n")
+    write_json(args.json, everything)
     return 0
 
 
@@ -114,22 +111,16 @@ def _settings(args: argparse.Namespace) -> ExperimentSettings:
     from robot.lab.ideas import make_learner, make_teacher
     from robot.types import DEFAULT_MOVES
 
-    if args.seeds < 1 or (args.jobs is not None and args.jobs < 1):
-        raise ConfigurationError("--seeds and --jobs must be at least 1")
     for learner in args.learner:
         make_learner(learner, DEFAULT_MOVES)
     if args.teacher:
         make_teacher(args.teacher, DEFAULT_MOVES)
-    try:
-        delays = tuple(int(part) for part in args.delay.split(","))
-    except ValueError as error:
-        raise ConfigurationError(f"--delay expects 0,100,300, not {args.delay!r}") from error
     return ExperimentSettings(
         seeds=args.seeds,
         quick=args.quick,
         learners=tuple(args.learner),
         teacher=args.teacher,
-        delays_ms=delays,
+        delays_ms=tuple(numbers_in(args.delay, int, "--delay")),
         recordings=_recordings(args.recordings),
         robot=args.robot,
         worlds=tuple(args.world),
@@ -144,18 +135,14 @@ def _recordings(given: str | None) -> str | None:
 
 def _run_one(
     experiment: Experiment, settings: ExperimentSettings, args: argparse.Namespace
-) -> tuple[list[Task], list[Result]]:
+) -> Runs:
     from robot.lab.catalogue import ALONE
     from robot.lab.runner import run_all
     from robot.lab.store import Store
 
-    try:
-        from tqdm import tqdm
-    except ImportError as error:
-        raise MissingExtraError("the command experiment", "experiments") from error
-    tasks = experiment.plan(settings)
+    tasks = list(experiment.plan(settings))
     is_alone = experiment.name in ALONE
-    with tqdm(total=len(tasks), desc=experiment.name, unit="run", file=sys.stderr) as bar:
+    with progress(len(tasks), "run", "experiment", "experiments", experiment.name) as bar:
         results = run_all(
             tasks,
             Store(args.folder),
@@ -164,24 +151,14 @@ def _run_one(
             scheduler=args.scheduler,
             on_done=lambda task: bar.update(),
         )
-    return tasks, results
+    return list(zip(tasks, results, strict=True))
 
 
-def _print_speed(results: Sequence[Result]) -> None:
-    rates = [
-        result["timing"]["frames_per_s"]
-        for result in results
-        if "frames_per_s" in result.get("timing", {})
-    ]
+def _print_speed(runs: Runs) -> None:
+    timings = [result.get("timing", {}) for _, result in runs]
+    rates = [timing["frames_per_s"] for timing in timings if "frames_per_s" in timing]
     if rates:
         print(
             f"\nSimulation (render, features, learn, drive), one process: slowest run "
             f"{min(rates):.0f}, mean {sum(rates) / len(rates):.0f} frames a second"
         )
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {path}: {error}") from error

@@ -19,9 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from robot.lab.catalogue import EXPERIMENTS
-from robot.lab.experiment import ExperimentSettings
-from robot.lab.tables import Table, format_cell
 from robot.lab.task import Task
+from robot.store.table import Table, format_cell
 
 FOLDER = Path(__file__).parents[2] / "docs/results"
 PAGE = FOLDER / "README.md"
@@ -88,9 +87,9 @@ def _take(file: Path, command: Sequence[str]) -> None:
     date = datetime.date.fromtimestamp(file.stat().st_mtime).isoformat()
     run = {"command": shlex.join(command), "commit": commit, "date": date}
     for name, runs in json.loads(file.read_text("utf-8")).items():
-        tasks = [Task(kind=one["kind"], params=one["params"]) for one in runs]
-        results = [one["result"] for one in runs]
-        tables = EXPERIMENTS[name].tables(ExperimentSettings(), tasks, results)
+        tables = EXPERIMENTS[name].tables(
+            [(Task(one["kind"], one["params"]), one["result"]) for one in runs]
+        )
         wanted = {
             path: question
             for path, question in questions().items()

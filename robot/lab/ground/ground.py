@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
-import numpy as np
-
-from robot.lab.experiment import Experiment, ExperimentSettings, Plot, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, group
 from robot.lab.ground.run import TEACHER
 from robot.lab.ground.worlds import WORLDS
-from robot.lab.tables import Cell, Table
+from robot.lab.tables import mean_in_interval
 from robot.lab.task import Result, Task
+from robot.store.table import Cell, Table
 
 LEARNERS = (
     *("default-32", "published-32", "linear-alone-32", "fair-knn-9", "eyes-32"),
@@ -21,109 +20,111 @@ WAYS = ("corrections", "demonstration", "asked")
 COUNTS = (100, 250, 400)
 FIRST_SEED = 3000
 _QUICK_WORLDS = ("Sidewalk", "ViZDoom")
-_DRAWS = 2000
-"""Of the bootstrap that the intervals come from."""
 
 
-class Ground(Experiment):
-    """Each learner in each world, taught in each way."""
-
-    name = "ground"
-    title = "Worlds that others made"
-    text = (
-        "MiniWorld (score: share of drives that reach the red box), CarRacing (percent of the "
-        "track's tiles in 150 decisions), ViZDoom (tics survived, of 2,100). After 50 examples "
-        "by demonstration the robot drives: with 'corrections' the teacher takes the wheel when it "
-        "was wrong twice running; 'asked' only when the robot asks. In brackets the 95 % interval "
-        "of the mean over seeds (bootstrap)."
-    )
-
-    def plan(self, settings: ExperimentSettings) -> list[Task]:
-        """Plan every world, learner, way and seed; the teacher once a world and seed."""
-        learners = settings.learners or (LEARNERS[:2] if settings.quick else LEARNERS)
-        ways = WAYS[:1] if settings.quick else WAYS
-        runs = [(TEACHER, ""), *((learner, way) for learner in learners for way in ways)]
-        return [
-            Task(
-                kind="ground",
-                params={
-                    "world": world,
-                    "learner": learner,
-                    "way": way,
-                    "seed": FIRST_SEED + seed,
-                    "counts": list(COUNTS),
-                    "drives": 5 if settings.quick else 10,
-                },
-            )
-            for world in settings.worlds or (_QUICK_WORLDS if settings.quick else tuple(WORLDS))
-            for learner, way in runs
-            for seed in range(2 if settings.quick else settings.n_seeds)
-        ]
-
-    def tables(
-        self, settings: ExperimentSettings, tasks: Sequence[Task], results: Sequence[Result]
-    ) -> list[Table]:
-        """Return one table a world."""
-        grouped = group(tasks, results, "world", "learner", "way")
-        columns = ("", "runs", *(f"after {count}" for count in COUNTS), "taken over", "examples")
-        return [
-            Table(
-                title=str(world),
-                columns=columns,
-                rows=tuple(
-                    _row(f"{learner}, {way}" if way else str(learner), runs)
-                    for (place, learner, way), runs in grouped.items()
-                    if place == world
-                ),
-            )
-            for world in dict.fromkeys(place for place, *_ in grouped)
-        ]
-
-    def plots(self, tasks: Sequence[Task], results: Sequence[Result]) -> list[Plot]:
-        """Return two plots a world: the score over examples, and over takeovers."""
-        grouped = group(tasks, results, "world", "learner", "way")
-        return [
-            Plot(
-                title=str(world),
-                x_label=x_label,
-                y_label="score",
-                series=tuple(
-                    (f"{learner}, {way}", _means(runs, key), _means(runs, "score"))
-                    for (place, learner, way), runs in grouped.items()
-                    if place == world and way and (key == "examples" or way != "demonstration")
-                ),
-            )
-            for world in dict.fromkeys(place for place, *_ in grouped)
-            for key, x_label in (("examples", "examples"), ("takeovers", "takeovers"))
-        ]
+def _plan(settings: ExperimentSettings) -> Iterator[Task]:
+    """Plan every world, learner, way and seed; the teacher once a world and seed."""
+    learners = settings.learners or (LEARNERS[:2] if settings.quick else LEARNERS)
+    ways = WAYS[:1] if settings.quick else WAYS
+    for world in settings.worlds or (_QUICK_WORLDS if settings.quick else tuple(WORLDS)):
+        yield from ground_tasks(world, TEACHER, "", settings)
+        for learner in learners:
+            for way in ways:
+                yield from ground_tasks(world, learner, way, settings)
 
 
-def interval(values: Sequence[float]) -> tuple[float, float]:
-    """Return the 95 % interval of the mean of some runs, by bootstrap; the same on every call."""
-    sample = np.asarray(values, dtype=float)
-    draws = np.random.default_rng(0).choice(sample, (_DRAWS, sample.size)).mean(axis=1)
-    low, high = np.quantile(draws, (0.025, 0.975))
-    return float(low), float(high)
+def ground_tasks(
+    world: str, learner: str, way: str, settings: ExperimentSettings
+) -> Iterator[Task]:
+    """Yield a learner's runs in one world, taught in one way."""
+    for seed in range(2 if settings.quick else settings.n_seeds):
+        params = {
+            "world": world,
+            "learner": learner,
+            "way": way,
+            "seed": FIRST_SEED + seed,
+            "counts": list(COUNTS),
+            "drives": 5 if settings.quick else 10,
+        }
+        yield Task("ground", params)
 
 
-def _row(name: str, runs: Sequence[Result]) -> tuple[Cell, ...]:
-    cells: list[Cell] = []
-    for stages in zip(*(run["stages"] for run in runs), strict=True):
-        scores = [statistics.fmean(stage["scores"]) for stage in stages]
-        low, high = interval(scores)
-        cells.append(f"{statistics.fmean(scores):.2f} [{low:.2f}, {high:.2f}]")
-    last = [run["stages"][-1] for run in runs]
-    return (name, len(runs), *cells, *(_mean(last, key) for key in ("takeovers", "examples")))
+def _by_world(runs: Runs) -> dict[str, dict[tuple[str, str], list[Result]]]:
+    """Return the runs of each learner and way, by world."""
+    worlds: dict[str, dict[tuple[str, str], list[Result]]] = {}
+    for (world, learner, way), results in group(runs, "world", "learner", "way").items():
+        worlds.setdefault(world, {})[learner, way] = results
+    return worlds
 
 
-def _means(runs: Sequence[Result], key: str) -> tuple[float, ...]:
+def _tables(runs: Runs) -> list[Table]:
+    columns = ("", "runs", *(f"after {count}" for count in COUNTS), "taken over", "examples")
+    return [
+        Table(
+            title=world,
+            columns=columns,
+            rows=tuple(
+                _row(f"{learner}, {way}" if way else learner, results)
+                for (learner, way), results in ways.items()
+            ),
+        )
+        for world, ways in _by_world(runs).items()
+    ]
+
+
+def _plots(runs: Runs) -> list[Plot]:
+    """Return two plots a world: the score over examples, and over takeovers."""
+    return [
+        Plot(
+            title=world,
+            x_label=x_label,
+            y_label="score",
+            series=[
+                (f"{learner}, {way}", _means(results, x_label), _mean_scores(results))
+                for (learner, way), results in ways.items()
+                if way and (x_label == "examples" or way != "demonstration")
+            ],
+        )
+        for world, ways in _by_world(runs).items()
+        for x_label in ("examples", "takeovers")
+    ]
+
+
+def scores_by_stage(results: Sequence[Result]) -> list[list[float]]:
+    """Return the mean score of each run, by number of examples."""
+    return [
+        [statistics.fmean(stage["scores"]) for stage in stages]
+        for stages in zip(*(result["stages"] for result in results), strict=True)
+    ]
+
+
+def _row(name: str, results: Sequence[Result]) -> tuple[Cell, ...]:
+    cells = map(mean_in_interval, scores_by_stage(results))
+    has_examples = "examples" in results[0]["stages"][-1]
+    last = [_means(results, key)[-1] if has_examples else None for key in ("takeovers", "examples")]
+    return (name, len(results), *cells, *last)
+
+
+def _mean_scores(results: Sequence[Result]) -> tuple[float, ...]:
+    return tuple(map(statistics.fmean, scores_by_stage(results)))
+
+
+def _means(results: Sequence[Result], key: str) -> tuple[float, ...]:
     return tuple(
-        statistics.fmean(statistics.fmean(s["scores"]) for s in stages)
-        if key == "score"
-        else statistics.fmean(stage[key] for stage in stages)
-        for stages in zip(*(run["stages"] for run in runs), strict=True)
+        statistics.fmean(stage[key] for stage in stages)
+        for stages in zip(*(result["stages"] for result in results), strict=True)
     )
 
 
-def _mean(stages: Sequence[Result], key: str) -> float | None:
-    return statistics.fmean(stage[key] for stage in stages) if key in stages[0] else None
+GROUND = Experiment(
+    name="ground",
+    title="Worlds that others made",
+    text="MiniWorld (score: share of drives that reach the red box), CarRacing (percent of the "
+    "track's tiles in 150 decisions), ViZDoom (tics survived, of 2,100). After 50 examples "
+    "by demonstration the robot drives: with 'corrections' the teacher takes the wheel when it "
+    "was wrong twice running; 'asked' only when the robot asks. In brackets the 95 % interval "
+    "of the mean over seeds (bootstrap).",
+    plan=_plan,
+    tables=_tables,
+    plots=_plots,
+)

@@ -11,15 +11,15 @@ import pytest
 
 from robot.devices.simulation.world import world_names
 from robot.lab.experiment import ExperimentSettings
-from robot.lab.habits import LONG_S, RATES_HZ, WORLDS, Habits, difference_by_chance
-from robot.lab.ready import PILOTS, Ready
+from robot.lab.habits import GATE, LONG_S, RATES_HZ, WORLDS, difference_by_chance
+from robot.lab.ready import PILOTS, READY
 from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.task import Result, Task
 from robot.types import Pose
 
 
 def test_every_habit_is_met_in_every_place_at_every_rate() -> None:
-    tasks = Habits().plan(ExperimentSettings())
+    tasks = list(GATE.plan(ExperimentSettings()))
     assert len(tasks) >= 240
     long = {
         (t.params["habit"], t.params["world"], t.params["rate_hz"])
@@ -36,12 +36,12 @@ def test_every_habit_is_met_in_every_place_at_every_rate() -> None:
 
 
 def test_more_seeds_are_other_robots() -> None:
-    tasks = Habits().plan(ExperimentSettings(seeds=20))
+    tasks = list(GATE.plan(ExperimentSettings(seeds=20)))
     assert len({t.params["seed"] for t in tasks}) == len(tasks) >= 480
 
 
 def test_ready_has_forty_varied_pilots() -> None:
-    tasks = Ready().plan(ExperimentSettings())
+    tasks = list(READY.plan(ExperimentSettings()))
     assert len(tasks) == PILOTS == 40
     for name, fewest in (("habit", 12), ("world", 5), ("rate_hz", 3)):
         counts = Counter(t.params[name] for t in tasks)
@@ -70,12 +70,12 @@ def beside(own: dict[str, Any], pilot: dict[str, Any]) -> Result:
 
 
 def gate(results: list[Result], tasks: list[Task]) -> dict[str, Any]:
-    table = Habits().tables(ExperimentSettings(), tasks, results)[0]
+    table = GATE.tables(list(zip(tasks, results, strict=True)))[0]
     return {str(row[0]): row[2] for row in table.rows}
 
 
 def test_the_gate_says_what_is_wrong() -> None:
-    tasks = Habits().plan(ExperimentSettings())
+    tasks = list(GATE.plan(ExperimentSettings()))
     results: list[Result] = [beside(figures(), figures()) for _ in tasks]
     assert gate(results, tasks)["stuck"] == "0.0 %"
     assert gate(results, tasks)["metres"] == "100 %"
@@ -99,7 +99,7 @@ def test_the_gate_says_how_much_of_a_difference_is_chance() -> None:
     assert (far, farthest) == pytest.approx((least + 1.0, most + 1.0))
     assert difference_by_chance([1.0], [0.5]) == (0.5, 0.5)
 
-    tasks = Habits().plan(ExperimentSettings())
+    tasks = list(GATE.plan(ExperimentSettings()))
     results: list[Result] = [
         beside(figures(ssd_alike=2.0 if task.params["rate_hz"] == 30.0 else 0.5), figures())
         for task in tasks
@@ -111,8 +111,8 @@ def test_the_gate_says_how_much_of_a_difference_is_chance() -> None:
 
 def test_the_quick_form_has_no_table_without_rows() -> None:
     settings = ExperimentSettings(quick=True)
-    tasks = Habits().plan(settings)
-    tables = Habits().tables(settings, tasks, [beside(figures(), figures()) for _ in tasks])
+    tasks = list(GATE.plan(settings))
+    tables = GATE.tables([(task, beside(figures(), figures())) for task in tasks])
     assert tables
     assert all(table.rows for table in tables)
 
@@ -195,14 +195,14 @@ def test_a_pilot_is_told_what_is_missing_and_following_it_makes_him_ready(
 
 def test_those_called_ready_late_stand_in_a_row_of_their_own() -> None:
     settings = ExperimentSettings()
-    tasks = Ready().plan(settings)[:4]
+    tasks = list(READY.plan(settings))[:4]
     runs: list[Result] = [
         {**_TRIED, "tried_s": 180.0, "missing": []},
         {**_TRIED, "tried_s": 180.1, "missing": ["corrected"]},
         {**_TRIED, "tried_s": 480.0, "missing": ["corrected"], "asking_share": 0.06},
         {**_TRIED, "tried_s": 1200.0, "missing": ["pushed"], "is_ready": False},
     ]
-    [table] = Ready().tables(settings, tasks, runs)
+    [table] = READY.tables(list(zip(tasks, runs, strict=True)))
     told = table.columns.index("told what is missing")
     too_often = table.columns.index("asked 5 % or more")
     assert [(row[0], row[1], row[told], row[too_often]) for row in table.rows] == [

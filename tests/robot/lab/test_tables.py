@@ -10,8 +10,9 @@ import pytest
 from robot.lab.catalogue import EXPERIMENTS
 from robot.lab.experiment import ExperimentSettings
 from robot.lab.report import make_section, write_html
-from robot.lab.tables import Table, spread
+from robot.lab.tables import spread
 from robot.lab.task import Task
+from robot.store.table import Table
 from server.__main__ import main
 from server.lab.experiment import NAMES
 
@@ -72,9 +73,9 @@ def test_the_command_knows_every_experiment() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_experiment_makes_tables_and_a_report(name: str) -> None:
     experiment = EXPERIMENTS[name]
-    tasks = experiment.plan(QUICK)
+    tasks = list(experiment.plan(QUICK))
     assert len({task.key() for task in tasks}) == len(tasks), "no run twice"
-    section = make_section(experiment, QUICK, tasks, [made_up(task) for task in tasks])
+    section = make_section(experiment, [(task, made_up(task)) for task in tasks])
     assert section.tables
     html = write_html([section], "drivelesson experiment x", ["A note <here>."])
     assert "A note &lt;here&gt;." in html
@@ -84,16 +85,18 @@ def test_every_experiment_makes_tables_and_a_report(name: str) -> None:
 
 
 def test_more_seeds_are_more_runs() -> None:
-    few, many = (len(EXPERIMENTS["figure7"].plan(ExperimentSettings(seeds=n))) for n in (1, 3))
+    few, many = (
+        len(list(EXPERIMENTS["figure7"].plan(ExperimentSettings(seeds=n)))) for n in (1, 3)
+    )
     assert many == 3 * few
 
 
 def test_a_learner_that_is_named_runs_once_with_its_own_number_of_nodes() -> None:
     settings = ExperimentSettings(quick=True, learners=("default-8", "knn-9"))
     figure6 = EXPERIMENTS["figure6"]
-    tasks = figure6.plan(settings)
+    tasks = list(figure6.plan(settings))
     assert [task.params["learner"] for task in tasks] == ["default-8", "knn-9"]
-    (table,) = make_section(figure6, settings, tasks, [made_up(task) for task in tasks]).tables
+    (table,) = figure6.tables([(task, made_up(task)) for task in tasks])
     assert [row[0] for row in table.rows[-2:]] == ["default-8", "knn-9"]
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.lab.ground.ground import interval
 from robot.lab.ground.run import FIRST_EXAMPLES, Course, drive_alone
 from robot.lab.ground.worlds import Picture
+from robot.lab.tables import interval
 from robot.policy.driving_learner import DrivingLearner
 
 

@@ -1,0 +1,52 @@
+"""What commands share: lists of numbers, files that they write, and a bar of their progress."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from robot.errors import ConfigurationError, MissingExtraError
+
+_T = TypeVar("_T", int, float)
+
+
+def numbers_in(text: str, kind: Callable[[str], _T], option: str) -> list[_T]:
+    """Return the numbers of an option, with commas between.
+
+    Raises:
+        ConfigurationError: If one is none.
+    """
+    try:
+        return [kind(part) for part in text.split(",")]
+    except ValueError as error:
+        raise ConfigurationError(f"{option} expects numbers such as 1,10, not {text!r}") from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file; raises ConfigurationError if it cannot be."""
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {path}: {error}") from error
+
+
+def write_json(path: Path | None, plain: Any) -> None:
+    """Write what the option --json asked for, if it was given."""
+    if path is not None:
+        write_text(path, json.dumps(plain, indent=1) + "\n")
+
+
+def progress(total: int | None, unit: str, command: str, extra: str, text: str = "") -> Any:
+    """Return a bar on the standard error, to be used as a context manager, with `update()`.
+
+    Raises:
+        MissingExtraError: If its library is not installed; names the command and its extra.
+    """
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise MissingExtraError(f"the command {command}", extra) from error
+    return tqdm(total=total, unit=unit, desc=text or None, file=sys.stderr)
