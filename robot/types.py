@@ -185,6 +185,7 @@ class PilotCommand:
     `frame_age_s` is how old that frame was when this was sent, as the page reckons it, and
     `phone_s` the part of that age that the frame had spent on the phone. `proven_s` is a time
     before which the command cannot have been sent; None: it was sent when it was received.
+    `seen_id` is the newest frame that has been acknowledged; None: not known.
     """
 
     held: Action | None
@@ -195,6 +196,7 @@ class PilotCommand:
     frame_age_s: float | None = None
     phone_s: float | None = None
     proven_s: float | None = None
+    seen_id: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -102,6 +102,12 @@ class CameraTiming:
         return max(0.0, self.period_s - USUAL_PERIOD_S)
 
     @property
+    def sight_slack_s(self) -> float:
+        """What a camera with fewer than five pictures a second adds to how long a pilot may have
+        seen nothing new: two of its periods pass between a picture and the one after a lost one."""
+        return 2 * max(0.0, self.period_s - 1 / 5)
+
+    @property
     def speed_scale(self) -> float:
         """Share of full speed at which the robot travels no further on one picture than allowed."""
         sight_s = self.delivery_age_s + self.period_s

@@ -6,6 +6,7 @@ step down only after the link has been clearly better for a while (hysteresis).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -82,7 +83,13 @@ class LinkGovernor:
 
     def is_blind(self, now_s: float, slack_s: float = 0.0) -> bool:
         """True if the pilot has seen nothing for too long, even if heartbeats arrive."""
-        return self._seen_s is not None and now_s - self._seen_s > self.config.stop_s + slack_s
+        return self.blind_in_s(now_s, slack_s) < 0
+
+    def blind_in_s(self, now_s: float, slack_s: float = 0.0) -> float:
+        """Return in what time the pilot is blind; infinite for one who was shown nothing yet."""
+        if self._seen_s is None:
+            return math.inf
+        return self.config.stop_s + slack_s - (now_s - self._seen_s)
 
     def note_age(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:
         """Take note of an age, and step up at once or down when it has been better long enough.

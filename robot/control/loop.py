@@ -46,6 +46,9 @@ from robot.types import (
 
 log = logging.getLogger(__name__)
 _T = TypeVar("_T")
+_STANDS_S = 0.04
+"""A tick and the body take at most so long: then the wheels stand when the pilot is blind."""
+_SHORTEST_WAIT_S = 0.001
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,6 +113,14 @@ class ControlLoop:
     def wake(self) -> threading.Event:
         """Set when there is a reason for a tick: a frame, a command, a request."""
         return self._mailbox.wake
+
+    @property
+    def wait_s(self) -> float:
+        """The longest time until the next tick: a pilot who grows blind is not waited for."""
+        longest_s = self.config.longest_wait_s
+        if self._gate.mode is Mode.STOPPED:
+            return longest_s
+        return min(longest_s, max(_SHORTEST_WAIT_S, self._blind_in_s(self._clock.now_s())))
 
     @property
     def clock(self) -> Clock:
@@ -259,8 +270,7 @@ class ControlLoop:
             self._judge_link(command, now_s)
         if self._gate.mode is Mode.STOPPED:
             return []
-        is_blind = self._governor.is_blind(now_s, self._camera_timing.slack_s)
-        if self._governor.must_stop or is_blind:
+        if self._governor.must_stop or self._blind_in_s(now_s) < 0:
             self._trip(StopReason.LINK_SLOW)
             return []
         taken: list[PilotCommand] = []
@@ -268,6 +278,9 @@ class ControlLoop:
             is_taken = self._gate.receive(command, now_s)
             (taken if is_taken else self._refused).append(command)
         return taken
+
+    def _blind_in_s(self, now_s: float) -> float:
+        return self._governor.blind_in_s(now_s + _STANDS_S, self._camera_timing.sight_slack_s)
 
     def _judge_link(self, command: PilotCommand, now_s: float) -> None:
         """Pass the age of the picture that the pilot acts upon to the link governor."""
@@ -277,7 +290,9 @@ class ControlLoop:
         if times is None:
             return
         captured_s, delivered_s = times
-        self._governor.note_seen(delivered_s)
+        seen_id = command.frame_id if command.seen_id is None else command.seen_id
+        seen = self._online_learning.times_of(min(seen_id, command.frame_id))
+        self._governor.note_seen((seen or times)[1])
         reported_s = command.frame_age_s
         if reported_s is not None:
             reported_s -= delivered_s - captured_s

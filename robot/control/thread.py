@@ -11,7 +11,7 @@ from robot.types import StopReason
 
 class LoopThread:
     """Runs a `ControlLoop` on a thread of its own: a tick for each new frame, command or request,
-    and every 50 ms without them."""
+    and every 50 ms or sooner without them."""
 
     def __init__(self, loop: ControlLoop, clock: Clock) -> None:
         self._loop = loop
@@ -36,7 +36,7 @@ class LoopThread:
     def _run(self) -> None:
         loop = self._loop
         while not self._ending.is_set():
-            self._clock.wait(loop.wake, loop.config.longest_wait_s)
+            self._clock.wait(loop.wake, loop.wait_s)
             loop.wake.clear()
             loop.tick(self._clock.now_s())
         loop.tick(self._clock.now_s())

@@ -121,7 +121,10 @@ class VirtualRobot:
         self._is_tick_due = False
         self.loop.wake.clear()
         self.loop.tick(self.clock.now_s())
-        self._tick_by_s = self._event_loop.time() + self.loop.config.longest_wait_s
+        self._tick_by_s = self._event_loop.time() + self.loop.wait_s
+        if self._timer is not None and self._timer.when() > self._tick_by_s:
+            self._timer.cancel()
+            self._timer = None
         if self._timer is None:
             self._timer = self._event_loop.call_at(self._tick_by_s, self._tick_if_idle)
         self.poke()

@@ -94,10 +94,11 @@ class VideoWindow:
         self._starved += 1
         return False
 
-    def sent(self, frame_id: int, n_bytes: int, now_s: float) -> bool:
-        """Record a frame as in flight; True if it is to be quiet."""
+    def sent(self, frame_id: int, n_bytes: int, now_s: float, *, is_frequent: bool = True) -> bool:
+        """Record a frame as in flight; True if it is to be quiet, as none is that comes seldom."""
         is_quiet = (
             self.is_easy
+            and is_frequent
             and len(self._flight) + 1 < self._ASK_EVERY
             and self._bytes + 3 * n_bytes <= self.LARGEST_BYTES
         )

@@ -242,6 +242,7 @@ class Hub:
                 frame_age_s=None if message.frame_age_ms is None else message.frame_age_ms / 1000,
                 phone_s=None if message.phone_ms is None else message.phone_ms / 1000,
                 proven_s=self.nonces.issued_s(message.nonce),
+                seen_id=self.video.drawn_by(client.person),
             )
         )
 

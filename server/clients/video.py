@@ -19,6 +19,8 @@ from server.protocol import VideoFrame, encode_picture
 _BINARY = 0x82
 _REMEMBERED_FRAMES = 256
 """How many frames' capture times are remembered."""
+_FREQUENT_S = 0.06
+"""Frames that come less often are all acknowledged: a pilot who sees nothing is noticed soon."""
 
 
 class Encoder:
@@ -116,11 +118,16 @@ class Viewer:
         send: Sends a frame. It must return at once: a viewer's window holds fewer bytes than its
             transport takes without pausing the writer.
         every_s: At most one frame in so many seconds.
+        person: Whose eyes these are.
     """
 
-    def __init__(self, send: Callable[[EncodedFrame], None], every_s: float = 0.0) -> None:
+    def __init__(
+        self, send: Callable[[EncodedFrame], None], every_s: float = 0.0, person: str = ""
+    ) -> None:
         self.send = send
         self.every_s = every_s
+        self.person = person
+        self.drawn_id: int | None = None
         self.last_sent_s = float("-inf")
         self.window = VideoWindow()
         self.size = PictureSize()
@@ -207,7 +214,8 @@ class VideoHub:
         n_bytes = len(picture.data)
         if not window.may_send(n_bytes):
             return
-        is_quiet = window.sent(frame.frame_id, n_bytes, now_s)
+        is_frequent = now_s - viewer.last_sent_s < _FREQUENT_S
+        is_quiet = window.sent(frame.frame_id, n_bytes, now_s, is_frequent=is_frequent)
         viewer.last_sent_id, viewer.last_sent_s = frame.frame_id, now_s
         self.frames_sent += 1
         viewer.send(self._encode_once(picture, is_large, is_quiet))
@@ -244,11 +252,17 @@ class VideoHub:
             ProtocolError: If that frame is not in flight to this viewer.
         """
         viewer.window.acknowledged(frame_id, now_s)
+        viewer.drawn_id = frame_id
         viewer.size.note(viewer.window.delay_s or 0.0, now_s)
         captured_s = self._captured_s.get(frame_id)
         if captured_s is not None:
             self.frame_ages.note(now_s - captured_s)
         self.offer(viewer)
+
+    def drawn_by(self, person: str) -> int | None:
+        """Return the newest frame that a person's viewers have acknowledged; None if none has."""
+        own = (viewer for viewer in self._viewers.values() if viewer.person == person)
+        return max((one.drawn_id for one in own if one.drawn_id is not None), default=None)
 
     def captured_s(self, frame_id: int) -> float | None:
         """Return when a frame was taken; None for an unknown or forgotten one."""

@@ -13,7 +13,7 @@ from server.hosting.uvicorn_fastpath import EXTENSION, FastPath
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.answers import Route
 from server.routes.sockets import end_with_either
-from server.security.guard import note_use
+from server.security.guard import note_use, person_of
 from server.security.pace import Pace
 from server.services import services_of
 
@@ -32,7 +32,7 @@ class _VideoClient:
         self._refusals_left = limits.refused_before_closing
         self._waiting: asyncio.Queue[EncodedFrame] = asyncio.Queue()
         self._direct: FastPath | None = websocket.scope.get("extensions", {}).get(EXTENSION)
-        self.viewer = Viewer(self._send, every_s)
+        self.viewer = Viewer(self._send, every_s, person_of(websocket))
 
     def _send(self, frame: EncodedFrame) -> None:
         if self._direct is not None:

@@ -76,6 +76,18 @@ def _speak_late(world: FaultWorld) -> None:
     world.page.send(type="mode", mode="train", seq=1)
 
 
+def _close_pictures(world: FaultWorld) -> None:
+    world.page.close_pictures()
+
+
+def _acknowledge_nothing(world: FaultWorld) -> None:
+    world.page.acknowledges = False
+
+
+def _acknowledge(world: FaultWorld) -> None:
+    world.page.acknowledges = True
+
+
 def _is_picture_old(world: FaultWorld) -> bool:
     """True once the pilot looks at a picture that is older than what the governor allows."""
     frame = world.hub.video.captured_s(world.page.picture or 0)
@@ -99,6 +111,17 @@ FAULTS = (
         begin=_silence,
         end=_speak,
         reasons=("pilot_silent", "link_slow"),
+    ),
+    Fault(
+        name="the pictures' connection alone is closed",
+        begin=_close_pictures,
+        reasons=("link_slow",),
+    ),
+    Fault(
+        name="pictures are no longer acknowledged",
+        begin=_acknowledge_nothing,
+        end=_acknowledge,
+        reasons=("link_slow",),
     ),
     Fault(
         name="the network falls silent",

@@ -332,7 +332,7 @@ def test_pictures_that_stop_while_the_heartbeat_goes_on_stop_the_robot() -> None
         await world.until(lambda: not world.stands())
         page.is_blind = True
         took_s = await world.until(world.stands)
-        assert took_s < 0.55
+        assert took_s < 0.5
         assert world.loop.state.decision.stop_reason is StopReason.LINK_SLOW
 
     virtually(scenario)
@@ -341,7 +341,7 @@ def test_pictures_that_stop_while_the_heartbeat_goes_on_stop_the_robot() -> None
 @pytest.mark.parametrize("mode", ["train", "autonomous"])
 @pytest.mark.parametrize("seed", range(10))
 def test_acknowledgements_that_stop_alone_stop_the_robot(mode: str, seed: int) -> None:
-    """The words go on, with fresh nonces: the pictures run dry, and with them what they name."""
+    """The words go on, with fresh nonces: what nobody has acknowledged nobody has seen."""
 
     async def scenario(world: ServedWorld) -> None:
         page = Page(world)
@@ -353,10 +353,8 @@ def test_acknowledgements_that_stop_alone_stop_the_robot(mode: str, seed: int) -
         await world.forward(world.dice.uniform(0.5, 1.0))
         page.acknowledges = False
         stalled_s = world.clock.now_s()
-        await world.until(world.stands, 2.0)
-        stood_s = world.clock.now_s()
+        assert await world.until(world.stands, 2.0) < 0.5
         assert page.seen_s - stalled_s < 0.25, "no more pictures than the window"
-        assert stood_s - page.seen_s < 0.55
         assert world.loop.state.decision.stop_reason is StopReason.LINK_SLOW
         assert not page.errors, "the messages themselves are fresh"
         moved_s = world.driver.moved_s

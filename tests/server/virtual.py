@@ -231,6 +231,11 @@ class Pilot:
         for socket in self._open_sockets():
             socket.close()
 
+    def close_pictures(self) -> None:
+        """Close the pictures' connection alone; words go on."""
+        assert self._video is not None
+        self._video.close()
+
     def vanish(self) -> None:
         """Disconnect like a killed browser: no closing handshake."""
         self.has_ended = True

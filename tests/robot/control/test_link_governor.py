@@ -120,9 +120,9 @@ def test_a_slow_link_halves_the_speed_then_ends_learning_then_stops() -> None:
     assert robot.driver.sent[-1] == (Action.FORWARD, 1.0)
     _drive_with_age(robot, 0.26)
     assert robot.driver.sent[-1] == (Action.FORWARD, 0.5)
-    _drive_with_age(robot, 0.4)
+    _drive_with_age(robot, 0.35)
     lessons = sum(robot.loop.state.taught.values())
-    _drive_with_age(robot, 0.4)
+    _drive_with_age(robot, 0.35)
     assert sum(robot.loop.state.taught.values()) == lessons
     assert robot.loop.state.decision.mode is Mode.TRAIN
     _drive_with_age(robot, 0.6, steps=15)
