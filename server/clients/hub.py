@@ -51,8 +51,7 @@ class Hub:
         self.clients: dict[str, Client] = {}
         self._limit_s = robot.loop.config.gate.command_timeout_s
         self.pilot = ""  # whose client had the wheel last: that person may come back
-        driver = robot.driver
-        self._declared_moves = describe_moves(driver.moves, driver.declared_moves)
+        self._declared_moves = describe_moves(robot.driver.moves, robot.driver.declared_moves)
         self._ids = itertools.count(1)
         self._sent: object = None
         self._sent_s = 0.0
