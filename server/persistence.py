@@ -9,6 +9,7 @@ from typing import Any
 from robot.devices.rig import Rig
 from robot.driver import describe
 from robot.errors import ConfigurationError
+from robot.store.disk import DiskThread
 from robot.store.episodes.recorder import Recorder
 from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage
@@ -62,6 +63,9 @@ class Persistence(StartStop):
             announce=announce,
             journal=self.journal,
         )
+        self._disk = DiskThread(rig.clock)
+        self._disk.add(self.journal.sync)
+        self._disk.add(self.autosave.save_if_due)
         self.recorder = Recorder(
             rig.loop,
             storage.episodes,
@@ -69,6 +73,7 @@ class Persistence(StartStop):
             declared_moves=describe(rig.driver.moves, rig.driver.declared_moves),
             options=options,
             announce=announce,
+            disk=self._disk,
         )
         self.episodes = EpisodeStore(storage, recording=lambda: self.recording)
 
@@ -100,6 +105,7 @@ class Persistence(StartStop):
         self.journal.start(after=newest_boot(self.models))
         self.autosave.start()
         self.recorder.start()
+        self._disk.start()
         if recovered is not None:
             self._adopt(recovered)
 
@@ -120,6 +126,7 @@ class Persistence(StartStop):
     def stop(self) -> None:
         """Finish the recording and save the model; the loop must still run. Idempotent."""
         self.recorder.stop()
+        self._disk.stop()
         self.autosave.stop()
         self.journal.stop()
         self._lock.stop()

@@ -10,6 +10,7 @@ import errno
 import logging
 import os
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -28,9 +29,9 @@ _SPARE_BYTES = 64 * 2**20
 _UNUSABLE = (RecordingError, ValueError, KeyError, TypeError, RecursionError)
 
 
-def end_cut_recordings(folder: Path) -> None:
-    """End every recording of the folder that was cut short; never raises."""
-    for path in sorted(folder.glob("*.mcap")):
+def end_cut_recordings(paths: Sequence[Path]) -> None:
+    """End every recording of these that was cut short; never raises."""
+    for path in paths:
         try:
             if end_recording(path):
                 log.info("the recording %s was cut short; it has its end now", path.name)
@@ -43,7 +44,8 @@ def end_recording(path: Path) -> bool:
     if not path.is_file() or path.is_symlink():
         return False
     with path.open("rb") as file:
-        size = os.fstat(file.fileno()).st_size
+        status = os.fstat(file.fileno())
+        size = status.st_size
         if size < 2 * len(MAGIC) or file.read(len(MAGIC)) != MAGIC:
             return False
         file.seek(-len(MAGIC), os.SEEK_END)
@@ -54,6 +56,8 @@ def end_recording(path: Path) -> bool:
     try:
         with whole_file(path) as copy:
             _copy_what_is_left(path, copy)
+            if not os.path.samestat(status, path.stat()):
+                return False
     except _UNUSABLE:
         return False
     return True

@@ -1,4 +1,4 @@
-"""Records each run while it is driven. The loop only queues; a thread of its own writes.
+"""Records each run while it is driven. The loop only queues; the disk's thread writes.
 
 A recording begins when the robot leaves `stopped`, or when something changes the learner; it ends
 after the robot has stood for ten seconds. What waits for the disk is bounded by count and by
@@ -21,6 +21,8 @@ from robot.control.state import Tick
 from robot.driver import Move
 from robot.errors import MissingExtraError
 from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
+from robot.store.disk import DiskThread
+from robot.store.episodes.ending import end_cut_recordings
 from robot.store.episodes.messages import (
     COMMAND,
     DECISION,
@@ -28,20 +30,13 @@ from robot.store.episodes.messages import (
     MODE,
     PREDICTION,
     SENSORS,
-    Fields,
     describe_command,
     describe_prediction,
     describe_sensors,
 )
+from robot.store.episodes.queue import RecorderConfig, RecordingQueue
 from robot.store.episodes.reader import require_mcap
 from robot.store.episodes.writer import Run
-from robot.store.episodes.writer_thread import (
-    Close,
-    Open,
-    RecorderConfig,
-    WriteMessage,
-    WriterThread,
-)
 from robot.store.models.autosave import Announce, no_announcement
 from robot.store.models.events import describe_event
 from robot.store.models.model import Model, take_model
@@ -61,6 +56,7 @@ class Recorder:
         config: The bounds.
         open_file: Opens a new file for writing; tests give slow and failing ones.
         wall_ns: Nanoseconds since 1970.
+        disk: The thread that writes; by default one of its own.
     """
 
     def __init__(
@@ -75,6 +71,7 @@ class Recorder:
         config: RecorderConfig | None = None,
         open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
         wall_ns: Callable[[], int] | None = None,
+        disk: DiskThread | None = None,
     ) -> None:
         self._loop = loop
         self._robot = robot
@@ -83,7 +80,10 @@ class Recorder:
         self._config = config or RecorderConfig()
         self._wall_ns = wall_ns or (lambda: round(1e9 * loop.clock.wall_s()))
         self._run_id = secrets.token_hex(8)
-        self._disk = WriterThread(folder, self._config, open_file, announce, loop.clock)
+        self._folder = folder
+        self._queue = RecordingQueue(folder, self._config, open_file, announce, loop.clock)
+        self._disk = disk or DiskThread(loop.clock)
+        self._disk.add(self._queue.write_waiting)
         self._unsubscribe: Callable[[], None] = lambda: None
         self._base: Model | None = None
         self._is_open = False
@@ -96,31 +96,34 @@ class Recorder:
     @property
     def fault(self) -> str | None:
         """Why nothing is recorded at present, as a sentence; None if all is well."""
-        return self._disk.fault
+        return self._queue.fault
 
     @property
     def episode_id(self) -> str | None:
         """The recording that is being written."""
-        return self._disk.episode_id
+        return self._queue.episode_id
 
     @property
     def dropped_frames(self) -> int:
         """Pictures that the disk was too slow for, since the start."""
-        return self._disk.lost.frames
+        return self._queue.lost.frames
 
     def refuse(self, sentence: str) -> None:
         """Record nothing; `fault` is this sentence."""
-        self._disk.refuse(sentence)
+        self._queue.refuse(sentence)
 
     def start(self) -> None:
         """Start recording. Without the library `mcap` recording is off, and `fault` says so."""
         try:
             require_mcap()
         except MissingExtraError as error:
-            self._disk.refuse(str(error))
+            self._queue.refuse(str(error))
             return
+        self._queue.is_ending = False
         self._unsubscribe = self._loop.subscribe(self.note)
         self._disk.start()
+        found = sorted(self._folder.glob("*.mcap"))
+        self._loop.clock.start_thread(lambda: end_cut_recordings(found), "endings")
 
     def stop(self) -> None:
         """Finish the recording, best while the loop still runs; idempotent."""
@@ -128,6 +131,7 @@ class Recorder:
             with contextlib.suppress(TimeoutError):
                 self._loop.clock.result(self._loop.submit(self._end), 2.0)
         self._unsubscribe()
+        self._queue.is_ending = True
         self._disk.stop()
 
     # On the loop's thread ----------------------------------------------------------------------
@@ -148,7 +152,7 @@ class Recorder:
         self._moved_s = now_s if is_moving else self._moved_s
         events = self._own_events(tick.history_events)
         if began:
-            self._disk.try_again()
+            self._queue.fault = None
         if not self._is_open and (is_moving or events):
             self._open(now_s)
         if self._is_open:
@@ -187,7 +191,7 @@ class Recorder:
             declared_moves=self._declared_moves,
             options=self._options,
         )
-        self._disk.put(Open(run=run, model=self._base, lost_before=self._disk.lost), 0)
+        self._queue.begin(run, self._base)
         self._is_open = True
         self._kept.clear()
         self._taught.clear()
@@ -203,7 +207,7 @@ class Recorder:
             else:
                 self._remember(tick.frame)
         for command in tick.commands:
-            self._queue_message(COMMAND, now_s, describe_command(command))
+            self._queue.write_message(COMMAND, now_s, describe_command(command))
         if tick.decision.mode is not Mode.STOPPED:
             self._record_decision(tick)
         for event in events:
@@ -211,7 +215,9 @@ class Recorder:
 
     def _record_mode(self, tick: Tick) -> None:
         reason = tick.decision.stop_reason
-        self._queue_message(MODE, tick.now_s, {"mode": tick.decision.mode, "stop_reason": reason})
+        self._queue.write_message(
+            MODE, tick.now_s, {"mode": tick.decision.mode, "stop_reason": reason}
+        )
 
     def _record_decision(self, tick: Tick) -> None:
         decision = tick.decision
@@ -225,20 +231,20 @@ class Recorder:
             "asks_pilot": decision.asks_pilot,
             "cycle_ms": round(tick.cycle_s * 1000, 4),
         }
-        self._queue_message(DECISION, tick.now_s, fields)
+        self._queue.write_message(DECISION, tick.now_s, fields)
 
     def _record_frame(self, tick: Tick) -> None:
         assert tick.frame is not None
         self._keep(tick.frame)
-        self._queue_message(SENSORS, tick.now_s, describe_sensors(tick.sensors))
+        self._queue.write_message(SENSORS, tick.now_s, describe_sensors(tick.sensors))
         if tick.prediction is not None and tick.prediction.frame_id == tick.frame.frame_id:
-            self._queue_message(PREDICTION, tick.now_s, describe_prediction(tick.prediction))
+            self._queue.write_message(PREDICTION, tick.now_s, describe_prediction(tick.prediction))
 
     def _record_event(self, event: HistoryEvent, now_s: float) -> None:
         is_lost = isinstance(event, Taught) and event.example.frame_id not in self._kept
         if isinstance(event, Taught):
             self._taught.add(event.example.frame_id)
-        self._queue_message(LESSON, now_s, describe_event(event, with_vector=is_lost))
+        self._queue.write_message(LESSON, now_s, describe_event(event, with_vector=is_lost))
 
     def _record_lead(self) -> None:
         """Write the pictures from just before: a command may label what was seen then."""
@@ -251,13 +257,10 @@ class Recorder:
             self._lead.popleft()
 
     def _keep(self, frame: Frame) -> None:
-        if frame.frame_id not in self._kept and self._disk.put(frame, len(frame.data)):
+        if frame.frame_id not in self._kept and self._queue.write_frame(frame):
             self._kept[frame.frame_id] = None
             while len(self._kept) > 512:
                 del self._kept[next(iter(self._kept))]
-
-    def _queue_message(self, topic: str, now_s: float, fields: Fields) -> None:
-        self._disk.put(WriteMessage(topic=topic, now_s=now_s, fields=fields), 0)
 
     def _end_if_due(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         """End after a pause, and where an undo reached back beyond this recording."""
@@ -272,7 +275,7 @@ class Recorder:
             self.finish()
 
     def _close(self, final: Model | None) -> None:
-        self._disk.put(Close(model=final), 0)
+        self._queue.end(final)
         self._is_open = False
 
     def _take(self) -> Model:

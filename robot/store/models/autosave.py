@@ -1,6 +1,6 @@
 """Saves what the robot learns by itself, and loads it again at the next start.
 
-The loop's thread only marks that a save is due; a thread of its own copies the learner and writes
+The loop's thread only marks that a save is due; the disk's thread copies the learner and writes
 it. A save is due after every change of mode, undo and edit, every ten seconds of teaching, and at
 the end. The journal holds what happened between two saves.
 """
@@ -8,11 +8,9 @@ the end. The journal holds what happened between two saves.
 from __future__ import annotations
 
 import logging
-import threading
 from collections import Counter
 from collections.abc import Callable, Collection
 
-from robot.clock import Worker
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.driver import CLASSIC
@@ -72,10 +70,8 @@ class Autosave:
         self._name: str | None = None
         self._recovered_name: str | None = None
         self._lock = self._clock.lock()
-        self._due = threading.Event()
-        self._ending = False
-        self._thread: Worker | None = None
-        self._unsubscribe: Callable[[], None] = lambda: None
+        self._is_due = False
+        self._unsubscribe: Callable[[], None] | None = None
         self._mode = Mode.STOPPED
         self._saved_changes = loop.history.changes
         self._saved_s = 0.0
@@ -93,18 +89,13 @@ class Autosave:
     def start(self) -> None:
         """Start saving."""
         self._unsubscribe = self._loop.subscribe(self.note)
-        self._thread = self._clock.start_thread(self._run, "autosave")
 
     def stop(self) -> None:
         """Save once more and end; call it while the loop still runs. Idempotent."""
-        if self._thread is None:
-            return
-        self._unsubscribe()
-        self._ending = True
-        self._due.set()
-        self._thread.join(timeout=10.0)
-        self._thread = None
-        self.save_if_changed()
+        unsubscribe, self._unsubscribe = self._unsubscribe, None
+        if unsubscribe is not None:
+            unsubscribe()
+            self.save_if_changed()
 
     def note(self, tick: Tick) -> None:
         """Process one tick, on the loop's thread."""
@@ -116,12 +107,12 @@ class Autosave:
         is_due = mode_changed or is_more_than_teaching or tick.now_s - self._saved_s >= SAVE_EVERY_S
         if is_due and self.has_unsaved:
             self._saved_s = tick.now_s
-            self._due.set()
+            self._is_due = True
 
-    def _run(self) -> None:
-        while not self._ending:
-            self._clock.wait(self._due)
-            self._due.clear()
+    def save_if_due(self) -> None:
+        """Take a turn of the disk's thread."""
+        if self._is_due:
+            self._is_due = False
             self.save_if_changed()
 
     def save_if_changed(self) -> None:

@@ -1,7 +1,7 @@
 """The journal: every change of the learner, numbered, and written as soon as it is made.
 
 What is written survives a kill; a power cut costs at most what came since the last `fsync`, five of
-which are made in a second, on a thread of their own: a disk that takes its time holds up no write.
+which are made in a second, on the disk's thread: a disk that takes its time holds up no write.
 
 It is the source of truth (a write-ahead log); a model's file is a cache of it. Entries are numbered
 by the start of the program (a counter in the files' names) and the count of changes since; no clock
@@ -11,7 +11,8 @@ undo, and whenever another model is loaded, so that replay learns only what foll
     journal/000007-02.a     second part of the seventh start, and its twin 000007-02.b
 
 Each part is two files of the same records (robot/store/records.py) and begins with a checkpoint;
-the part before the last stays too. Loop thread: `note`. Everything else: the journal's own threads.
+the part before the last stays too. Loop thread: `note`. Disk's thread: `sync`. Everything else: the
+journal's own thread.
 """
 
 from __future__ import annotations
@@ -41,7 +42,6 @@ log = logging.getLogger(__name__)
 
 PART_BYTES = 4 * 2**20
 """At this size a new part is begun, so that replay stays short."""
-SYNC_EVERY_S = 0.2
 _LONGEST_WAIT_S = 2.0
 _MOST_WAITING = 8192
 _TRY_AGAIN_S = 5.0
@@ -118,8 +118,8 @@ class Journal:
         self._lock = threading.Lock()
         self._queue: deque[_Item] = deque()
         self._wake = threading.Event()
-        self._ending = threading.Event()
-        self._threads: list[Worker] = []
+        self._is_ending = False
+        self._thread: Worker | None = None
         self._writer: RecordWriter | None = None
         self._written = -1
         self._part = 0
@@ -145,11 +145,8 @@ class Journal:
             after: The number of an earlier start, if one is known from elsewhere.
         """
         self.open_boot(after)
-        self._ending.clear()
-        self._threads = [
-            self._clock.start_thread(self._run, "journal"),
-            self._clock.start_thread(self._sync, "journal-sync"),
-        ]
+        self._is_ending = False
+        self._thread = self._clock.start_thread(self._run, "journal")
 
     def open_boot(self, after: int = 0) -> None:
         """Take the next number; `write_waiting` may then be called on any one thread."""
@@ -157,10 +154,11 @@ class Journal:
 
     def stop(self) -> None:
         """Write what is queued, and end; idempotent."""
-        self._ending.set()
+        self._is_ending = True
         self._wake.set()
-        while self._threads:
-            self._threads.pop(0).join(timeout=10.0)
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.join(timeout=10.0)
         if self._writer is not None:
             self._writer.close()
             self._writer = None
@@ -238,26 +236,26 @@ class Journal:
         Waits no longer than two seconds, and not where nothing can be written.
         """
         until_s = self._clock.now_s() + _LONGEST_WAIT_S
-        while self._threads and self._written < change and self._clock.now_s() < until_s:
+        while self._thread is not None and self._written < change and self._clock.now_s() < until_s:
             if self._fault is not None:
                 return
             await self._clock.pause(0.005)
 
-    # On the journal's threads ---------------------------------------------------------------------
+    def sync(self) -> None:
+        """Have what is written reach the disk."""
+        writer = self._writer
+        if writer is not None:
+            writer.sync()
+
+    # On the journal's thread ----------------------------------------------------------------------
 
     def _run(self) -> None:
-        while not self._ending.is_set():
+        is_last = False
+        while not is_last:
             self._clock.wait(self._wake)
             self._wake.clear()
+            is_last = self._is_ending
             self.write_waiting()
-        self.write_waiting()
-
-    def _sync(self) -> None:
-        """Have what is written reach the disk, again and again."""
-        while not self._clock.wait(self._ending, SYNC_EVERY_S):
-            writer = self._writer
-            if writer is not None:
-                writer.sync()
 
     def write_waiting(self) -> None:
         """Write what is queued. Never raises: a failure is reported, and writing is tried again."""

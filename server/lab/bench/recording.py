@@ -20,8 +20,8 @@ from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.errors import MissingExtraError
 from robot.policy.registry import make_policy
+from robot.store.episodes.queue import RecorderConfig
 from robot.store.episodes.recorder import Recorder
-from robot.store.episodes.writer_thread import RecorderConfig
 from robot.testing import FakeCamera, FakeDriver
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand
 from server.cli.parser import number, whole

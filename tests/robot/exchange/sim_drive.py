@@ -10,8 +10,8 @@ from robot.devices.simulation.camera import SimCamera, SimCameraOptions
 from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.learner.base import State
 from robot.policy.registry import make_policy
+from robot.store.episodes.queue import RecorderConfig
 from robot.store.episodes.recorder import Recorder
-from robot.store.episodes.writer_thread import RecorderConfig
 from robot.testing import VirtualClock
 from robot.types import Action, Mode, PilotCommand
 

@@ -23,7 +23,7 @@ from robot.control.loop import ControlLoop
 from robot.devices.simulation.driver import SimDriver
 from robot.devices.simulation.world import world_names
 from robot.policy.registry import make_policy
-from robot.store.episodes.writer_thread import RecorderConfig
+from robot.store.episodes.queue import RecorderConfig
 from robot.types import Mode, PilotCommand
 
 RATE_HZ = 30

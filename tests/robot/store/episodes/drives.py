@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from robot.store.episodes.episode import Episode, open_episode
+from robot.store.episodes.queue import RecorderConfig
 from robot.store.episodes.recorder import Recorder
-from robot.store.episodes.writer_thread import RecorderConfig
 from robot.types import Action, Mode
 from tests.robot.bench_robot import BenchRobot
 

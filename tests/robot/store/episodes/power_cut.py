@@ -26,7 +26,7 @@ from robot.errors import RobotError
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.store.episodes.episode import open_episode
-from robot.store.episodes.writer_thread import RecorderConfig
+from robot.store.episodes.queue import RecorderConfig
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
 from robot.types import Action, Mode, PilotCommand
@@ -79,7 +79,7 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     persistence = Persistence(Storage(folder), rig, name="bench")
     persistence.models._wall_s = lambda: wall_s
     persistence.recorder._wall_ns = lambda: round(wall_s * 1e9)
-    persistence.recorder._disk._config = RecorderConfig(spare_bytes=0)
+    persistence.recorder._queue._config = RecorderConfig(spare_bytes=0)
     is_loaded = False
     rig.loop.subscribe(note)  # first: what is on the disk at any moment has been told before
     with rig:

@@ -15,9 +15,10 @@ from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
 from robot.clock import Clock
+from robot.store.disk import FLUSH_EVERY_S
 from robot.store.episodes.episode import open_episode, taught_frames
 from robot.store.episodes.messages import COMMAND, DECISION, MODE, PREDICTION, SENSORS
-from robot.store.episodes.writer_thread import RecorderConfig
+from robot.store.episodes.queue import RecorderConfig
 from robot.testing import VirtualClock
 from robot.types import Action, Mode
 
@@ -45,7 +46,7 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_power_that_goes_costs_what_was_not_flushed_yet(tmp_path: Path, seed: int) -> None:
-    """At any moment what is on the disk is a recording up to a quarter of a second before."""
+    """At any moment what is on the disk is a recording up to a fifth of a second before."""
     chance, robot = random.Random(seed), RecordedBench(tmp_path)
     start_s = robot.clock.now_s()
     robot.start(Mode.TRAIN)
@@ -56,7 +57,7 @@ def test_power_that_goes_costs_what_was_not_flushed_yet(tmp_path: Path, seed: in
             kept = [open_episode(path) for path in paths]
             ends_s = [episode.start_s + episode.duration_s for episode in kept]
             lost_s = robot.clock.now_s() - max([start_s, *ends_s])
-            assert lost_s <= RecorderConfig().flush_every_s + 2 * 0.1  # it flushes when a step ends
+            assert lost_s <= FLUSH_EVERY_S + 2 * 0.1  # it flushes when a step ends
 
 
 def test_pictures_come_back_as_the_camera_gave_them(tmp_path: Path) -> None:
@@ -177,12 +178,12 @@ def test_a_disk_that_crawls_costs_pictures_and_neither_memory_nor_lessons(tmp_pa
     file = SlowFile()
     config = RecorderConfig(queue_bytes=1_000_000, spare_bytes=0)
     robot = RecordedBench(tmp_path, config=config, open_file=lambda path: file)
-    disk, file.clock = robot.recorder._disk, robot.clock
+    queue, file.clock = robot.recorder._queue, robot.clock
     robot.start(Mode.TRAIN)
     most = 0
     for scene in range(100):
         robot.step(scene, Action.LEFT)
-        most = max(most, disk.waiting_bytes)
+        most = max(most, queue.waiting_bytes)
     assert most <= 1_000_000
     assert robot.recorder.dropped_frames >= 80
     robot.recorder.finish()
@@ -216,7 +217,7 @@ def test_a_full_disk_stops_recording_with_a_word_and_the_robot_drives_on(tmp_pat
         files.append(FullFile() if not files else path.open("xb"))
         return files[-1]
 
-    config = RecorderConfig(spare_bytes=0, flush_every_s=0.01)
+    config = RecorderConfig(spare_bytes=0)
     robot = RecordedBench(tmp_path, config=config, open_file=open_file)
     robot.start(Mode.TRAIN)
     scene = 0

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from robot.clock import RealClock
+from robot.store.disk import DiskThread
 from robot.store.folder import Storage
 from robot.store.models.journal import list_parts
 from robot.store.models.replay import recover
@@ -219,6 +220,9 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
     monkeypatch.setattr(os, "fsync", flush)
     life.journal._clock = RealClock()
     life.journal.start()
+    disk = DiskThread(RealClock())
+    disk.add(life.journal.sync)
+    disk.start()
     try:
         life.teach()
         assert hangs.wait(60)
@@ -234,6 +238,7 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
             assert found is not None and same(found.model.state, life.state())
     finally:
         goes_on.set()
+        disk.stop()
         life.journal.stop()
 
 

@@ -1,4 +1,4 @@
-"""Writes the recorder's queue to the disk on one thread; the queue is bounded."""
+"""What waits to be recorded: a bounded queue, and the file that it is written to."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-from robot.clock import Clock, Worker
-from robot.store.episodes.ending import end_cut_recordings
+from robot.clock import Clock
 from robot.store.episodes.messages import Fields
 from robot.store.episodes.writer import EpisodeWriter, Run
 from robot.store.models.autosave import Announce
@@ -30,8 +29,6 @@ class RecorderConfig:
     """Bytes of queued pictures; more are dropped and counted."""
     queue_items: int = 4096
     """Queued items of any kind; messages are small and are dropped last."""
-    flush_every_s: float = 0.25
-    """A kill loses at most so much."""
     pause_s: float = 10.0
     """A robot that stands for so long ends the recording."""
     trail_s: float = 1.0
@@ -51,36 +48,16 @@ class Lost:
     messages: int = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Open:
-    """Begin a recording, of a learner that knows `model`."""
+class RecordingQueue:
+    """Takes what is to be recorded on the loop's thread, and writes it on the disk's.
 
-    run: Run
-    model: Model | None
-    lost_before: Lost
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class WriteMessage:
-    """Write one message of a topic."""
-
-    topic: str
-    now_s: float
-    fields: Fields
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Close:
-    """End the recording; `model` is what the learner knows now, None if not known."""
-
-    model: Model | None
-
-
-Item = Open | WriteMessage | Close | Frame
-
-
-class WriterThread:
-    """One thread that writes the queued items."""
+    Args:
+        folder: Where recordings go.
+        config: The bounds.
+        open_file: Opens a new file for writing.
+        announce: Called when recording begins, ends, stops because of a fault, or loses pictures.
+        clock: The clock.
+    """
 
     def __init__(
         self,
@@ -96,127 +73,96 @@ class WriterThread:
         self._announce = announce
         self._clock = clock
         self._lock = threading.Lock()
-        self._queue: deque[tuple[Item, int]] = deque()
-        self._waiting_bytes = 0
-        self._wake = threading.Event()
-        self._ending = False
-        self._thread: Worker | None = None
+        self._jobs: deque[tuple[int, Callable[..., None], tuple[Any, ...]]] = deque()
         self._writer: EpisodeWriter | None = None
-        self._flushed_s = 0.0
         self._checked_s = 0.0
         self._lost_before = Lost()
+        self.waiting_bytes = 0
+        """Bytes of queued pictures."""
+        self.is_ending = False
+        """What is open when nothing waits any more is to be ended."""
         self.lost = Lost()
         self.episode_id: str | None = None
         self.fault: str | None = None
 
     # Called on the loop's thread ---------------------------------------------------------------
 
-    def put(self, item: Item, size: int) -> bool:
-        """Queue an item; False if the queue is full. Never waits for the disk."""
+    def begin(self, run: Run, model: Model | None) -> None:
+        """Begin a recording, of a learner that knows `model`."""
+        self._put(0, self._begin, run, model, self.lost, must_go=True)
+
+    def end(self, model: Model | None) -> None:
+        """End the recording; `model` is what the learner knows now, None if not known."""
+        self._put(0, self._end, model, must_go=True)
+
+    def write_frame(self, frame: Frame) -> bool:
+        """Write a picture; False if there is no room for it."""
+        is_kept = self._put(len(frame.data), self._write, EpisodeWriter.write_frame, frame)
+        if not is_kept:
+            self.lost = replace(self.lost, frames=self.lost.frames + 1)
+        return is_kept
+
+    def write_message(self, topic: str, now_s: float, fields: Fields) -> None:
+        """Write one message of a topic."""
+        if not self._put(0, self._write, EpisodeWriter.write_message, topic, now_s, fields):
+            self.lost = replace(self.lost, messages=self.lost.messages + 1)
+
+    def _put(self, size: int, job: Callable[..., None], *what: Any, must_go: bool = False) -> bool:
+        """Queue a job; False if the queue is full. Never waits for the disk."""
         config = self._config
         with self._lock:
-            is_full = self._waiting_bytes + size > config.queue_bytes and size > 0
-            must_go = isinstance(item, Open | Close)
-            if is_full or (len(self._queue) >= config.queue_items and not must_go):
-                self._note_loss(item)
+            is_full = self.waiting_bytes + size > config.queue_bytes and size > 0
+            if is_full or (len(self._jobs) >= config.queue_items and not must_go):
                 return False
-            self._queue.append((item, size))
-            self._waiting_bytes += size
-        if not self._wake.is_set():
-            self._wake.set()
+            self._jobs.append((size, job, what))
+            self.waiting_bytes += size
         return True
-
-    def _note_loss(self, item: Item) -> None:
-        is_frame = isinstance(item, Frame)
-        lost = self.lost
-        self.lost = Lost(frames=lost.frames + is_frame, messages=lost.messages + (not is_frame))
-
-    def try_again(self) -> None:
-        """Forget a fault of the disk: the robot starts again, and so may recording."""
-        if self._thread is not None:
-            self.fault = None
-
-    @property
-    def waiting_bytes(self) -> int:
-        """Bytes of queued pictures."""
-        return self._waiting_bytes
-
-    # Life --------------------------------------------------------------------------------------
 
     def refuse(self, sentence: str) -> None:
         """Record nothing; `fault` is this sentence."""
         self.fault = sentence
         self._announce("recording_off", detail=sentence)
 
-    def start(self) -> None:
-        """Start the thread."""
-        self._ending = False
-        self._thread = self._clock.start_thread(self._run, "recorder")
+    # On the disk's thread ------------------------------------------------------------------------
 
-    def stop(self) -> None:
-        """Write what is queued, and end; gives up on a hanging disk after ten seconds."""
-        if self._thread is not None:
-            self._ending = True
-            self._wake.set()
-            self._thread.join(timeout=10.0)
-            self._thread = None
-
-    # On the recorder's thread --------------------------------------------------------------------
-
-    def _run(self) -> None:
-        end_cut_recordings(self._folder)
-        while True:
-            self._clock.wait(self._wake, self._config.flush_every_s)
-            self._wake.clear()
-            is_last = self._ending
-            self._write_what_waits()
-            if is_last:
-                self._finish(None)
-                return
-
-    def _write_what_waits(self) -> None:
+    def write_waiting(self) -> None:
+        """Write what waits, and flush it. Never raises: a failure ends the recording."""
         try:
-            while True:
+            waiting = len(self._jobs)
+            for _ in range(waiting):
                 with self._lock:
-                    if not self._queue:
-                        break
-                    item, size = self._queue.popleft()
-                self._write(item)
+                    size, job, what = self._jobs.popleft()
+                job(*what)
                 with self._lock:
-                    self._waiting_bytes -= size
-                self._flush_if_due()
-            self._flush_if_due()
+                    self.waiting_bytes -= size
+            if self._writer is not None and waiting:
+                self._writer.flush()
+                self._check_room_if_due()
+            if self.is_ending and not self._jobs:
+                self._end(None)
         except Exception as error:  # whatever it is, the thread must go on
             with self._lock:
-                self._waiting_bytes = sum(size for _, size in self._queue)
+                self.waiting_bytes = sum(size for size, _, _ in self._jobs)
             if isinstance(error, OSError):
                 self._give_up(f"Recording stopped, the disk refused: {error.strerror or error}")
             else:
                 log.exception("recording stopped")
                 self._give_up(f"Recording stopped: {error}")
 
-    def _write(self, item: Item) -> None:
-        if isinstance(item, Open):
-            self._finish(None)
-            self._begin(item)
-        elif self._writer is None:
-            return
-        elif isinstance(item, Frame):
-            self._writer.write_frame(item)
-        elif isinstance(item, WriteMessage):
-            self._writer.write_message(item.topic, item.now_s, item.fields)
-        else:
-            self._finish(item.model)
+    def _write(self, write: Callable[..., None], *what: Any) -> None:
+        if self._writer is not None:
+            write(self._writer, *what)
 
-    def _begin(self, item: Open) -> None:
+    def _begin(self, run: Run, model: Model | None, lost_before: Lost) -> None:
+        self._end(None)
         self._check_room()
         if self.fault is not None:
             return
-        before = encode_model(item.model, is_packed=True) if item.model is not None else None
-        run, file = self._open_free(item.run)
+        before = encode_model(model, is_packed=True) if model is not None else None
+        run, file = self._open_free(run)
         self._writer = EpisodeWriter(file, run.describe(), before)
         self.episode_id = run.episode_id
-        self._lost_before = item.lost_before
+        self._lost_before = lost_before
         self._announce("recording_on", episode=self.episode_id)
 
     def _open_free(self, run: Run) -> tuple[Run, BinaryIO]:
@@ -230,12 +176,8 @@ class WriterThread:
             return replace(run, episode_id=episode_id), file
         raise OSError("there are too many recordings of the same moment")
 
-    def _flush_if_due(self) -> None:
+    def _check_room_if_due(self) -> None:
         now_s = self._clock.now_s()
-        if self._writer is None or now_s - self._flushed_s < self._config.flush_every_s:
-            return
-        self._writer.flush()
-        self._flushed_s = self._clock.now_s()
         if now_s - self._checked_s > 2.0:
             self._checked_s = now_s
             self._check_room()
@@ -243,10 +185,10 @@ class WriterThread:
     def _check_room(self) -> None:
         free = shutil.disk_usage(self._folder).free
         if free < self._config.spare_bytes:
-            self._finish(None)
+            self._end(None)
             self._give_up(f"Recording stopped: the disk has only {free >> 20} MB left.")
 
-    def _finish(self, model: Model | None) -> None:
+    def _end(self, model: Model | None) -> None:
         writer, self._writer = self._writer, None
         if writer is None:
             return
