@@ -118,7 +118,7 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
 
     @app.get("/api/robots")
     async def list_robots() -> dict[str, Any]:
-        return {"robots": board.describe()}
+        return {"robots": board.describe(), "strangers": board.strangers.describe()}
 
     @app.post(STOP_PATH)
     async def stop(body: StopOrder = _ALL) -> dict[str, Any]:
@@ -240,8 +240,10 @@ async def _tell(
         if onlooker.changed:
             numbers, onlooker.changed = sorted(onlooker.changed), set()
             robots = [board.robots[number].describe() for number in numbers]
-            text = json.dumps({"type": "robots", "robots": robots}, separators=(",", ":"))
-            await websocket.send_text(text)
+            await websocket.send_json({"type": "robots", "robots": robots})
+        if onlooker.strangers_changed:
+            onlooker.strangers_changed = False
+            await websocket.send_json({"type": "strangers", **board.strangers.describe()})
         if onlooker.pictures and may_send.is_set():
             may_send.clear()
             pictures, onlooker.pictures = onlooker.pictures, {}

@@ -12,9 +12,9 @@ from robot.errors import NotFoundError
 from server.board.class_key import ClassKey
 from server.board.robot_link import RobotLink
 from server.board.stopping import CONFIRM_S, Stopping
-from server.board.transport import RobotAddress, Transport, UnreachableError
+from server.board.strangers import Strangers
+from server.board.transport import NetworkTransport, RobotAddress, UnreachableError
 
-MOST_ROBOTS = 64
 PICTURE_EVERY_S = 1.0
 
 
@@ -29,6 +29,7 @@ class Onlooker:
         self.watched: frozenset[int] = frozenset()
         self.changed: set[int] = set()
         self.pictures: dict[int, bytes] = {}
+        self.strangers_changed = False
         self.on_due = on_due
 
 
@@ -40,18 +41,24 @@ class Board:
         transport: Reaches the robots.
         clock: All waiting goes through it.
         picture_every_s: How often a robot's picture is renewed, while a page shows it.
+
+    Attributes:
+        robots: Those of the class: the teacher has named them, or they have proved it. None is
+            ever removed.
+        strangers: Who else was announced.
     """
 
     def __init__(
         self,
         key: ClassKey,
-        transport: Transport,
+        transport: NetworkTransport,
         clock: Clock,
         picture_every_s: float = PICTURE_EVERY_S,
     ) -> None:
         self._key, self._transport, self._clock = key, transport, clock
         self._picture_every_s = picture_every_s
         self.robots: dict[int, RobotLink] = {}
+        self.strangers = Strangers(key, transport, clock, self.add, self._note_strangers)
         self._tasks: list[asyncio.Task[None]] = []
         self._onlookers: list[Onlooker] = []
         self.at_leisure = asyncio.Event()
@@ -61,10 +68,8 @@ class Board:
         self._leisure: asyncio.Task[None] | None = None
 
     def add(self, address: RobotAddress) -> RobotLink | None:
-        """Add a robot and connect to it; None if it is there already, or there are too many."""
-        if len(self.robots) >= MOST_ROBOTS or any(
-            robot.address == address for robot in self.robots.values()
-        ):
+        """Add a robot and connect to it; None if it is there already."""
+        if self.has(address):
             return None
         robot = RobotLink(
             len(self.robots) + 1,
@@ -81,8 +86,18 @@ class Board:
         self._note_news(robot)
         return robot
 
+    def announce(self, address: RobotAddress) -> None:
+        """Take in what the network announced: it is no robot of the class before it proves it."""
+        if not self.has(address):
+            self.strangers.announce(address)
+
+    def has(self, address: RobotAddress) -> bool:
+        """True if this robot is of the class."""
+        return any(robot.address == address for robot in self.robots.values())
+
     async def close(self) -> None:
         """Disconnect from all robots."""
+        await self.strangers.close()
         tasks = [*self._tasks, *filter(None, [self._leisure])]
         for task in tasks:
             task.cancel()
@@ -138,6 +153,7 @@ class Board:
         """Add a page; it is told of all robots."""
         self._onlookers.append(page)
         page.changed.update(self.robots)
+        page.strangers_changed = True
         page.on_due()
 
     def leave(self, page: Onlooker) -> None:
@@ -162,6 +178,11 @@ class Board:
             self.at_leisure.set()
         for page in self._onlookers:
             page.changed.add(robot.number)
+            page.on_due()
+
+    def _note_strangers(self) -> None:
+        for page in self._onlookers:
+            page.strangers_changed = True
             page.on_due()
 
     def _note_picture(self, robot: RobotLink, message: bytes) -> None:

@@ -71,9 +71,9 @@ def run(args: argparse.Namespace) -> int:
             if not listed:
                 event_loop = asyncio.get_running_loop()
 
-                def found(address: RobotAddress) -> None:  # on zeroconf's thread
+                def found(address: RobotAddress) -> None:  # on another thread
                     with contextlib.suppress(RuntimeError):  # the board has just ended
-                        event_loop.call_soon_threadsafe(board.add, address)
+                        event_loop.call_soon_threadsafe(board.announce, address)
 
                 stack.enter_context(browsing(found))
 

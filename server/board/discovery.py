@@ -1,21 +1,30 @@
-"""Which robots there are: from a list, or from what they announce on the network."""
+"""Which robots there are: from a list, or from what they announce on the network.
+
+Anybody can announce anything. Believed is the port alone: the address is the one that the
+announcement came from, so that nobody can have the board ask a third computer.
+"""
 
 from __future__ import annotations
 
 import logging
 import socket
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
+from robot.clock import Clock, RealClock
 from robot.errors import ConfigurationError, MissingExtraError
 from server.board.transport import RobotAddress
 from server.hosting.discovery import ADDRESS, ROBOT
+from server.hosting.network import own_addresses
 
 log = logging.getLogger(__name__)
-_KINDS = ("_http._tcp.local.", "_https._tcp.local.")
-_PATIENCE_MS = 3000
+_KINDS = {"_http._tcp.local.": False, "_https._tcp.local.": True}
+_GROUP, _PORT = "224.0.0.251", 5353
+_LONGEST = 9000
+_ASK_EVERY_S = 60.0
+"""At first oftener: who was not heard is asked again after 1, 2, 4 ... seconds."""
 
 
 def read_list(text: str) -> list[RobotAddress]:
@@ -41,53 +50,113 @@ def read_list(text: str) -> list[RobotAddress]:
 
 @contextmanager
 def browsing(
-    found: Callable[[RobotAddress], None], interfaces: Sequence[str] | None = None
+    found: Callable[[RobotAddress], None],
+    interfaces: Sequence[str] | None = None,
+    clock: Clock | None = None,
 ) -> Iterator[None]:
-    """Call `found` for each robot on the network inside the block, on another thread.
-
-    Anybody can announce anything: the board takes an address from here and believes no more of it.
+    """Call `found` for each announcement of a robot inside the block, on another thread.
 
     Args:
-        found: Gets a robot's address.
+        found: Gets a robot's address, again whenever it is announced.
         interfaces: This computer's addresses to ask from; None: all.
+        clock: When to ask again.
 
     Raises:
         MissingExtraError: If zeroconf is not installed.
     """
     try:
-        from zeroconf import ServiceBrowser, Zeroconf
+        import zeroconf  # noqa: F401
     except ImportError as error:
         raise MissingExtraError("finding robots on the network", "lan") from error
-
-    def on_change(zeroconf: Any, service_type: str, name: str, state_change: Any) -> None:
-        if state_change.name == "Removed":
-            return  # it stays on the board, and is named as away
-        info = zeroconf.get_service_info(service_type, name, timeout=_PATIENCE_MS)
-        address = read_service(info, is_tls=service_type.startswith("_https"))
-        if address is not None:
-            found(address)
-
+    addresses = own_addresses() if interfaces is None else interfaces
     try:
-        network = Zeroconf() if interfaces is None else Zeroconf(interfaces=list(interfaces))
+        network = _join(addresses)
     except OSError as error:
         log.warning("robots are not looked for on the network: %s", error)
         yield
         return
+    ending = threading.Event()
+
+    def work(clock: Clock) -> None:
+        ask_s, pause_s = clock.now_s(), 1.0
+        while not ending.is_set():
+            if clock.now_s() >= ask_s:
+                _ask(network, addresses)
+                ask_s, pause_s = ask_s + pause_s, min(2 * pause_s, _ASK_EVERY_S)
+            with suppress(OSError):  # nothing came for a while
+                data, source = network.recvfrom(_LONGEST)
+                for address in read_announcement(data, str(source[0])):
+                    found(address)
+
+    thread = threading.Thread(target=work, args=(clock or RealClock(),), name="hears-robots")
+    thread.start()
     try:
-        ServiceBrowser(network, list(_KINDS), handlers=[on_change])
         yield
     finally:
+        ending.set()
+        thread.join()
         network.close()
 
 
-def read_service(info: Any, *, is_tls: bool) -> RobotAddress | None:
-    """Return the robot's address in an announced service; None if it is no robot."""
-    properties = info.properties if info is not None else {}
-    if ROBOT.encode() not in properties or not info.port:
-        return None
-    own = (properties.get(ADDRESS.encode()) or b"").decode("ascii", "replace")
+def _join(addresses: Sequence[str]) -> socket.socket:
+    """Listen to what is announced on these of this computer's addresses."""
+    network = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        socket.inet_aton(own)
+        for name in ("SO_REUSEADDR", "SO_REUSEPORT"):  # others listen there as well
+            if hasattr(socket, name):
+                network.setsockopt(socket.SOL_SOCKET, getattr(socket, name), 1)
+        network.bind(("", _PORT))
+        network.settimeout(0.25)
+        for address in addresses:
+            member = socket.inet_aton(_GROUP) + socket.inet_aton(address)
+            network.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
     except OSError:
-        own = next(iter(info.parsed_addresses()), "")
-    return RobotAddress(own, info.port, is_tls) if own else None
+        network.close()
+        raise
+    return network
+
+
+def _ask(network: socket.socket, addresses: Sequence[str]) -> None:
+    """Ask all who announce anything of these kinds to announce it again."""
+    from zeroconf import DNSOutgoing, DNSQuestion
+
+    question = DNSOutgoing(0)
+    for kind in _KINDS:
+        question.add_question(DNSQuestion(kind, 12, 1))
+    for address in addresses:
+        with suppress(OSError):  # a cable that was pulled out
+            own = socket.inet_aton(address)
+            network.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, own)
+            for packet in question.packets():
+                network.sendto(packet, (_GROUP, _PORT))
+
+
+def read_announcement(data: bytes, source: str) -> list[RobotAddress]:
+    """Return the robots in a packet that came from `source`; none of a robot elsewhere.
+
+    A robot with several addresses names the best; what it says from another is left out.
+    """
+    from zeroconf import DNSIncoming, DNSService, DNSText
+
+    packet = DNSIncoming(data, (source, _PORT))
+    records = packet.answers() if packet.valid and packet.is_response() else []
+    texts = {one.key: _properties(one.text) for one in records if isinstance(one, DNSText)}
+    found = []
+    for record in records:
+        is_tls = _KINDS.get(record.name.partition(".")[2].lower())
+        said = texts.get(record.key, {})
+        if is_tls is None or not isinstance(record, DNSService) or not record.ttl:
+            continue
+        if ROBOT in said and record.port and said.get(ADDRESS) in (None, "", source):
+            found.append(RobotAddress(source, record.port, is_tls))
+    return found
+
+
+def _properties(text: bytes) -> dict[str, str]:
+    """Return what the strings of a TXT record say, each of which begins with its length."""
+    found = {}
+    while text:
+        one, text = text[1 : 1 + text[0]], text[1 + text[0] :]
+        name, _, value = one.decode("utf-8", "replace").partition("=")
+        found[name] = value
+    return found

@@ -21,9 +21,9 @@ from server.board.teacher_session import RefusedError, Status, TeacherSession, W
 from server.board.transport import (
     Channel,
     HttpAnswer,
+    NetworkTransport,
     RobotAddress,
     ServerPlace,
-    Transport,
     UnreachableError,
 )
 from server.protocol import ProtocolError, encode_acknowledgement, parse_picture
@@ -59,7 +59,7 @@ class RobotLink:
         number: int,
         address: RobotAddress,
         key: ClassKey,
-        transport: Transport,
+        transport: NetworkTransport,
         clock: Clock,
         on_news: Callable[[RobotLink], None],
         on_picture: Callable[[RobotLink, bytes], None],

@@ -15,7 +15,7 @@ from typing import Any
 
 from robot.clock import Clock
 from server.board.teacher_session import TeacherSession
-from server.board.transport import Channel, Transport, UnreachableError
+from server.board.transport import Channel, NetworkTransport, UnreachableError
 
 log = logging.getLogger(__name__)
 
@@ -50,7 +50,7 @@ class RobotStop:
     def __init__(
         self,
         session: TeacherSession,
-        transport: Transport,
+        transport: NetworkTransport,
         clock: Clock,
         on_change: Callable[[], None],
     ) -> None:

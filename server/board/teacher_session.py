@@ -11,9 +11,9 @@ from robot.errors import RobotError
 from server.board.class_key import ClassKey, new_nonce
 from server.board.transport import (
     HttpAnswer,
+    NetworkTransport,
     RobotAddress,
     ServerPlace,
-    Transport,
     UnreachableError,
 )
 
@@ -56,7 +56,7 @@ class TeacherSession:
         transport: Reaches it.
     """
 
-    def __init__(self, address: RobotAddress, key: ClassKey, transport: Transport) -> None:
+    def __init__(self, address: RobotAddress, key: ClassKey, transport: NetworkTransport) -> None:
         self.address, self._key, self._transport = address, key, transport
         self.place: ServerPlace | None = None
         self._secret: str | None = None

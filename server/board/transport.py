@@ -13,7 +13,8 @@ import http.client
 import json
 import socket
 import ssl
-from collections.abc import AsyncIterator, Callable, Mapping
+import threading
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
@@ -111,40 +112,19 @@ class Channel(Protocol):
         ...
 
 
-class Transport(Protocol):
-    """Reaches robots. Methods raise UnreachableError when a robot does not answer."""
-
-    async def locate(self, address: RobotAddress) -> ServerPlace:
-        """Return where a robot is now."""
-        ...
-
-    async def request(
-        self,
-        place: ServerPlace,
-        method: str,
-        path: str,
-        headers: Mapping[str, str],
-        body: bytes = b"",
-    ) -> HttpAnswer:
-        """Send one request."""
-        ...
-
-    def connect(
-        self, place: ServerPlace, path: str, headers: Mapping[str, str]
-    ) -> contextlib.AbstractAsyncContextManager[Channel]:
-        """Open a websocket for the length of the block."""
-        ...
-
-
 class NetworkTransport:
-    """Reaches robots over the network."""
+    """Reaches robots over the network. Methods raise UnreachableError when one does not answer.
+
+    Who has opened no session yet, as strangers have not, is asked by other threads than the class.
+    """
 
     def __init__(self) -> None:
         self._threads = ThreadPoolExecutor(_THREADS, thread_name_prefix="asks-robots")
+        self._foyer = ThreadPoolExecutor(_THREADS, thread_name_prefix="asks-strangers")
 
     async def locate(self, address: RobotAddress) -> ServerPlace:
-        """Look the name up; see `Transport.locate`."""
-        return await self._in_thread(_locate, address)
+        """Return where a robot is now: look its name up, and over https its certificate."""
+        return await self._in_thread(self._foyer, _locate, address)
 
     async def request(
         self,
@@ -154,14 +134,15 @@ class NetworkTransport:
         headers: Mapping[str, str],
         body: bytes = b"",
     ) -> HttpAnswer:
-        """Send one request on a connection of its own; see `Transport.request`."""
-        return await self._in_thread(_request, place, method, path, dict(headers), body)
+        """Send one request on a connection of its own."""
+        threads = self._threads if "authorization" in headers else self._foyer
+        return await self._in_thread(threads, _request, place, method, path, dict(headers), body)
 
     @contextlib.asynccontextmanager
     async def connect(
         self, place: ServerPlace, path: str, headers: Mapping[str, str]
     ) -> AsyncIterator[Channel]:
-        """Open a websocket; see `Transport.connect`."""
+        """Open a websocket for the length of the block."""
         url = str(place.address).replace("http", "ws", 1) + path
         options: dict[str, Any] = {"compression": None, "max_size": 1 << 20}
         options |= {"open_timeout": _PATIENCE_S, "close_timeout": 1.0, "ping_interval": None}
@@ -173,9 +154,11 @@ class NetworkTransport:
         except (OSError, WebSocketException, EOFError) as error:
             raise UnreachableError(_describe(error)) from error
 
-    async def _in_thread(self, work: Callable[..., _T], *args: Any) -> _T:
+    async def _in_thread(
+        self, threads: ThreadPoolExecutor, work: Callable[..., _T], *args: Any
+    ) -> _T:
         try:
-            return await asyncio.get_running_loop().run_in_executor(self._threads, work, *args)
+            return await asyncio.get_running_loop().run_in_executor(threads, work, *args)
         except (OSError, http.client.HTTPException, ValueError) as error:
             raise UnreachableError(_describe(error)) from error
 
@@ -219,10 +202,8 @@ def _locate(address: RobotAddress) -> ServerPlace:
         return ServerPlace(there, own)
     unchecked = ssl.create_default_context()
     unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
-    with (
-        socket.create_connection((number, address.port), _PATIENCE_S) as plain,
-        unchecked.wrap_socket(plain, server_hostname=address.host) as wrapped,
-    ):
+    with _connected(there, unchecked, _PATIENCE_S) as wrapped:
+        assert isinstance(wrapped, ssl.SSLSocket)
         der = wrapped.getpeercert(binary_form=True) or b""
     pinned = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     pinned.check_hostname = False  # the certificate itself is compared, whatever its names
@@ -235,21 +216,39 @@ def _request(
     place: ServerPlace, method: str, path: str, headers: dict[str, str], body: bytes
 ) -> HttpAnswer:
     address = place.address
-    patience_s = _FILE_PATIENCE_S if path.endswith("/file") else _PATIENCE_S
-    connection: http.client.HTTPConnection
-    if place.certificate is not None:
-        connection = http.client.HTTPSConnection(
-            address.host, address.port, timeout=patience_s, context=place.certificate
-        )
-    else:
-        connection = http.client.HTTPConnection(address.host, address.port, timeout=patience_s)
-    with contextlib.closing(connection):
+    is_file = path.endswith("/file")
+    patience_s, most = (_FILE_PATIENCE_S, LARGEST_BYTES) if is_file else (_PATIENCE_S, 1 << 20)
+    connection = http.client.HTTPConnection(address.host, address.port)
+    with _connected(address, place.certificate, patience_s) as connection.sock:
         connection.request(method, path, body or None, headers)
         response = connection.getresponse()
-        data = response.read(LARGEST_BYTES + 1)
-        if len(data) > LARGEST_BYTES:
+        data = response.read(most + 1)
+        if len(data) > most:
             raise UnreachableError("its answer is too large")
         return HttpAnswer(response.status, data)
+
+
+@contextlib.contextmanager
+def _connected(
+    address: RobotAddress, certificate: ssl.SSLContext | None, patience_s: float
+) -> Iterator[socket.socket]:
+    """Connect for the length of the block, and no longer than so: who sends a byte now and then
+    would otherwise keep a thread for ever."""
+    line = socket.create_connection((address.host, address.port), patience_s)
+    if certificate is not None:
+        line = certificate.wrap_socket(
+            line, server_hostname=address.host, do_handshake_on_connect=False
+        )
+    cut = threading.Timer(patience_s, socket.socket.shutdown, (line, socket.SHUT_RDWR))
+    cut.daemon = True
+    with line:
+        cut.start()
+        try:
+            if isinstance(line, ssl.SSLSocket):
+                line.do_handshake()
+            yield line
+        finally:
+            cut.cancel()
 
 
 def _describe(error: BaseException) -> str:

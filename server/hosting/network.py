@@ -12,13 +12,18 @@ def lan_addresses(config: Config) -> list[str]:
     """Return the IPv4 addresses for the terminal and the certificate, the most likely first."""
     if config.host not in ("0.0.0.0", "::"):
         return [config.host]
+    return [address for address in own_addresses() if not address.startswith("127.")]
+
+
+def own_addresses() -> list[str]:
+    """Return this machine's IPv4 addresses; first the one that others most likely see."""
     found = [_outward_address()]
     with contextlib.suppress(ImportError):
         import ifaddr  # comes with zeroconf
 
         for adapter in ifaddr.get_adapters():
             found += [str(ip.ip) for ip in adapter.ips if ip.is_IPv4]
-    return list(dict.fromkeys(a for a in found if a and not a.startswith("127.")))
+    return list(dict.fromkeys(filter(None, found)))
 
 
 def page_addresses(config: Config) -> list[str]:

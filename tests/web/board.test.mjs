@@ -1,6 +1,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
+import { ClassLink } from '../../web/board/class-link.js';
 import { parsePictures } from '../../web/board/pictures.js';
 import { encodePicture } from '../../web/js/protocol.js';
 
@@ -30,6 +31,17 @@ test('the pictures of many robots come apart again', () => {
       assert.deepEqual([...found.get(number).data], [...one.data]);
     }
   }
+});
+
+test('strangers are told apart from the robots of the class', () => {
+  const link = new ClassLink('ws://board/ws/board');
+  const told = [];
+  for (const name of ['news', 'strangers']) link.addEventListener(name, ({ detail }) => told.push([name, detail]));
+  const stranger = { address: 'http://10.0.0.9:80', status: 'not_ours', detail: 'it has another class key' };
+  link.hear(JSON.stringify({ type: 'strangers', count: 1, some: [stranger] }));
+  link.hear(JSON.stringify({ type: 'robots', robots: [{ number: 1 }] }));
+  assert.deepEqual(told, [['strangers', { count: 1, some: [stranger] }], ['news', [{ number: 1 }]]]);
+  assert.deepEqual([...link.robots.keys()], [1]);
 });
 
 test('a message that is cut short gives the pictures before the cut', () => {

@@ -29,7 +29,10 @@ const RETRY_MS = 1000;
  * @property {number | null} battery
  */
 
-/** Events: `news` when robots have changed, `pictures` with a map of numbers to pictures, `link`. */
+/**
+ * Events: `news` when robots have changed, `strangers` when those have that have not proved the key,
+ * `pictures` with a map of numbers to pictures, `link`.
+ */
 export class ClassLink extends EventTarget {
   /** @param {string} url */
   constructor(url) {
@@ -68,9 +71,10 @@ export class ClassLink extends EventTarget {
 
   /** @param {string} text */
   hear(text) {
-    const { robots } = JSON.parse(text);
+    const { type, robots = [], ...words } = JSON.parse(text);
     for (const robot of robots) this.robots.set(robot.number, robot);
-    this.dispatchEvent(new CustomEvent('news', { detail: robots }));
+    const [name, detail] = type === 'strangers' ? [type, words] : ['news', robots];
+    this.dispatchEvent(new CustomEvent(name, { detail }));
   }
 
   /** @param {ArrayBuffer} data */

@@ -84,6 +84,15 @@ link.addEventListener('news', (event) => {
   summarize();
 });
 
+link.addEventListener('strangers', (event) => {
+  const { count, some } = /** @type {CustomEvent<{count: number, some: {address: string, status: string, detail: string}[]}>} */ (event).detail;
+  const list = find('strangers');
+  list.hidden = count === 0;
+  say(/** @type {HTMLElement} */ (list.firstElementChild), t('board.strangers', { n: count }));
+  const lines = some.map(({ address, status, detail }) => h('li', {}, `${address} · ${t(`board.status.${status}`)} · ${detail}`));
+  fill(/** @type {HTMLElement} */ (list.lastElementChild), ...lines);
+});
+
 link.addEventListener('pictures', async (event) => {
   const pictures = /** @type {CustomEvent<Map<number, import('../js/protocol.js').Picture>>} */ (event).detail;
   await Promise.all([...pictures].map(([number, picture]) => cards.get(number)?.draw(picture)));

@@ -86,7 +86,8 @@ class VirtualNetwork:
     """The board's transport: straight into the robots' apps, if the network lets it."""
 
     def __init__(self, pupils: Mapping[int, Any], dice: random.Random) -> None:
-        self.pupils, self._dice = pupils, dice
+        self.pupils: Mapping[int, Any] = pupils
+        self._dice = dice
         self.requests: list[tuple[int, str]] = []
         self.sees_as: dict[int, str] = {}
         """Endpoints as the board sees them, where somebody stands in between."""
@@ -203,6 +204,7 @@ def in_class(
     robots: int = 3,
     seed: int = 1,
     faults: Callable[[random.Random, int], str] = lambda dice, i: "none",
+    is_told: bool = True,
 ) -> _T:
     """Run a scenario with a class of robots, each with a fault from the start."""
     clock, dice = VirtualClock(100.0), random.Random(seed)
@@ -219,7 +221,8 @@ def in_class(
                 pupils.append(await stack.enter_async_context(pupil))
             world = ClassWorld(clock, pupils, seed)
             stack.push_async_callback(world.board.close)
-            world.add_all()
+            if is_told:
+                world.add_all()
             return await scenario(world)
 
     return clock.run(main())

@@ -376,6 +376,7 @@ export default {
   'board.release_all': 'Release all',
   'board.stopping': 'Stopping …',
   'board.not_reached': 'NOT STOPPED',
+  'board.strangers': 'Announced on the network, but not of this class: {n}',
   'board.missed': 'Not reached: {names}. Stop them by hand! They are stopped as soon as they answer.',
   'board.board_away': 'The board’s program does not answer. What you see is old. Stop robots by hand or on their phones.',
   'board.views': 'What to show',

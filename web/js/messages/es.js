@@ -375,6 +375,7 @@ export default {
   'board.release_all': 'Liberar todos',
   'board.stopping': 'Parando…',
   'board.not_reached': 'SIN PARAR',
+  'board.strangers': 'Anunciados en la red, pero ajenos a esta clase: {n}',
   'board.missed': 'Sin respuesta: {names}. ¡Páralos a mano! Se pararán en cuanto respondan.',
   'board.board_away': 'El programa del tablero no responde. Lo que ves es antiguo. Para los robots a mano o desde sus teléfonos.',
   'board.views': 'Qué mostrar',

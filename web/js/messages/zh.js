@@ -375,6 +375,7 @@ export default {
   'board.release_all': '全部解除',
   'board.stopping': '正在停止……',
   'board.not_reached': '未停止',
+  'board.strangers': '网络上宣告了、但不属于本班的：{n}',
   'board.missed': '联系不上：{names}。请用手停住！一旦恢复联系，会立即停止。',
   'board.board_away': '看板程序没有回应，画面已过时。请用手或在手机上停止机器人。',
   'board.views': '显示内容',
