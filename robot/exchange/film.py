@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from itertools import accumulate
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from robot.devices.pictures import MAX_SIDE_PX, Picture
 from robot.errors import ConfigurationError, MissingExtraError, RecordingError
 from robot.exchange.beside import beside
 from robot.exchange.timeline import make_timeline
@@ -17,6 +19,7 @@ from robot.policy.image import Pixels, to_rgb
 from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
+from robot.types import Encoding
 
 _SMALLEST_HEIGHT_PX = 480
 _BAR_PX = 56
@@ -38,12 +41,19 @@ def require_av() -> Any:
 
 
 def write_film(
-    pictures: Iterable[Pixels], path: Path, fps: int, *, crf: int = 18, preset: str = "medium"
+    pictures: Iterable[Pixels],
+    path: Path,
+    fps: int,
+    *,
+    crf: int = 18,
+    preset: str = "medium",
+    key_every: int | None = None,
 ) -> int:
     """Write pictures of one size, evenly spaced in time; return how many.
 
     H.264 with 4:2:0 colour, which every player supports; it needs even sides, so an odd last row or
-    column is left out. A key frame each second makes seeking fast. Nothing is left after an error.
+    column is left out. A key frame each second, or every so many pictures, makes seeking fast.
+    Nothing is left after an error.
 
     Raises:
         MissingExtraError: If `av` is not installed.
@@ -60,7 +70,7 @@ def write_film(
                 )
                 stream.height, stream.width = even.shape[:2]
                 stream.pix_fmt = "yuv420p"
-                stream.codec_context.gop_size = fps
+                stream.codec_context.gop_size = key_every or fps
                 stream.codec_context.max_b_frames = 0
             elif even.shape[:2] != (stream.height, stream.width):
                 raise RecordingError("the pictures of a film must all have one size")
@@ -71,6 +81,65 @@ def write_film(
         if stream is not None:
             container.mux(stream.encode())
     return count
+
+
+def to_jpeg(pixels: Pixels) -> Picture:
+    """Encode pixels, shape (height, width, 3), at a quality at which nobody sees a difference.
+
+    Raises:
+        RecordingError: If they are larger than 4096 pixels a side.
+    """
+    import cv2
+
+    height, width = pixels.shape[:2]
+    if max(height, width) > MAX_SIDE_PX:
+        raise RecordingError(f"a picture of {width}x{height} pixels is too large")
+    done, data = cv2.imencode(".jpg", pixels[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 95])
+    assert done
+    return Picture(encoding=Encoding.JPEG, width=width, height=height, data=data.tobytes())
+
+
+class FilmReader:
+    """Gives the pictures of a film by their times, best one after the other.
+
+    Args:
+        path: The film.
+        fps: Its pictures a second, which say how near a picture must be.
+    """
+
+    def __init__(self, path: Path, fps: float) -> None:
+        self._path, self._fps = path, fps
+        self._frames: Iterator[Any] = iter(())
+        self._next: Any = None
+        self._asked_s = math.inf
+
+    def at(self, t_s: float) -> Picture:
+        """Return the picture at this time, as a JPEG.
+
+        Raises:
+            RecordingError: If the film has none there, or is damaged.
+            MissingExtraError: If `av` is not installed.
+        """
+        if t_s < self._asked_s:  # back, or for the first time
+            self._frames = self._decode()
+            self._next = next(self._frames, None)
+        self._asked_s = t_s
+        while self._next is not None and self._next.time < t_s - 0.5 / self._fps:
+            self._next = next(self._frames, None)
+        if self._next is None or self._next.time > t_s + 0.5 / self._fps:
+            raise RecordingError(f"the film has no picture at {t_s:.2f} s")
+        return to_jpeg(self._next.to_ndarray(format="rgb24"))
+
+    def _decode(self) -> Iterator[Any]:
+        """Yield frames as far as they can be decoded."""
+        av = require_av()
+        try:
+            with av.open(str(self._path)) as container:
+                for frame in container.decode(video=0):
+                    if frame.time is not None:
+                        yield frame
+        except (av.error.FFmpegError, IndexError, ValueError):  # cut, or none
+            return
 
 
 def check_suffix(path: Path) -> None:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
+from functools import partial
 from pathlib import Path
 
 from robot.devices.pictures import read_picture_file, write_picture
 from robot.driver import CLASSIC, Move, describe, from_text, names, point_of, to_text
 from robot.errors import RecordingError
-from robot.exchange.drive import Drive, Shot, moves_with, read_label
+from robot.exchange.drive import Drive, read_label
 from robot.exchange.report import ImportReport
+from robot.exchange.rows import Row, drive_of, whole_rows
 from robot.exchange.steering import DEFAULT_THRESHOLD, read_share, to_move
-from robot.exchange.timeline import make_timeline
 from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
@@ -38,7 +39,7 @@ _ANGLE = ("angle", "steering", "user/angle", "steering_angle")
 _THROTTLE = ("throttle", "user/throttle", "speed")
 _TIME = ("time_s", "t", "time", "timestamp", "seconds")
 _MOST_TABLE_BYTES, _MOST_MOVES_BYTES = 64 * 2**20, 2**20
-Row = dict[str, str]
+Cells = dict[str, str]
 
 
 def write_folder(
@@ -107,25 +108,21 @@ def read_folder(
     found = _read_rows(path, report)
     declared = _read_moves(path.with_name(MOVES))
     known = {*CLASSIC, *names(declared)}
-    rows: list[tuple[str, Row]] = []
-    labels: list[Action | None] = []
-    for place, row in found:
-        try:
-            label = _label(row, threshold, known)
-        except ValueError as error:
-            report.skip(place, str(error))
-        else:
-            rows.append((place, row))
-            labels.append(label)
-    if not rows:
-        raise RecordingError(f"the table {path} has no rows to use{report.why_nothing()}")
-    line = make_timeline([_seconds(_find(row, _TIME)) for _, row in rows])
-    report.remark(line.remark)
-    return Drive(
+
+    def read(place: str, cells: Cells) -> Row:
+        return Row(
+            place=place,
+            stamp_s=_seconds(_find(cells, _TIME)),
+            label=_label(cells, threshold, known),
+            picture=partial(read_picture_file, folder, _find(cells, _FILE) or ""),
+            is_intervention=cells.get("correction") == "yes",
+        )
+
+    return drive_of(
+        whole_rows(found, read, report),
+        f"the table {path} has no rows",
         name=folder.name,
         source="folder",
-        shots=_shots(folder, rows, line.times_s, labels, report),
-        moves=moves_with(labels),
         declared_moves=declared,
         report=report,
     )
@@ -149,7 +146,7 @@ def _find_table(folder: Path) -> Path:
     return tables[0]
 
 
-def _read_rows(path: Path, report: ImportReport) -> list[tuple[str, Row]]:
+def _read_rows(path: Path, report: ImportReport) -> list[tuple[str, Cells]]:
     """Return the whole rows, and where each stands."""
     try:
         if path.stat().st_size > _MOST_TABLE_BYTES:
@@ -163,7 +160,7 @@ def _read_rows(path: Path, report: ImportReport) -> list[tuple[str, Row]]:
         raise RecordingError(f"the table {path} has no column {' or '.join(_FILE[:4])}")
     if not columns.intersection(_LABEL + _ANGLE):
         raise RecordingError(f"the table {path} has no column label or angle")
-    rows: list[tuple[str, Row]] = []
+    rows: list[tuple[str, Cells]] = []
     while True:
         place = f"{path.name} line {reader.line_num + 1}"
         try:
@@ -189,11 +186,11 @@ def _seconds(text: str | None) -> float | None:
         return None
 
 
-def _find(row: Row, names: tuple[str, ...]) -> str | None:
+def _find(row: Cells, names: tuple[str, ...]) -> str | None:
     return next((row[name] for name in names if name in row), None)
 
 
-def _label(row: Row, threshold: float, known: Collection[Action]) -> Action | None:
+def _label(row: Cells, threshold: float, known: Collection[Action]) -> Action | None:
     """Return the label of a row; raises ValueError if it has none that can be believed."""
     text = _find(row, _LABEL)
     if text is not None and not text.strip():
@@ -206,20 +203,3 @@ def _label(row: Row, threshold: float, known: Collection[Action]) -> Action | No
         raise ValueError(f"the label {text[:40]!r} is not a move")
     angle = read_share(angle_text, "the angle")
     return to_move(angle, read_share(throttle, "the throttle") if throttle else None, threshold)
-
-
-def _shots(
-    folder: Path,
-    rows: list[tuple[str, Row]],
-    times_s: list[float],
-    labels: list[Action | None],
-    report: ImportReport,
-) -> Iterator[Shot]:
-    for (place, row), t_s, label in zip(rows, times_s, labels, strict=True):
-        try:
-            picture = read_picture_file(folder, _find(row, _FILE) or "")
-        except RecordingError as error:
-            report.skip(place, str(error))
-            continue
-        is_correction = row.get("correction") == "yes"
-        yield Shot(t_s=t_s, picture=picture, label=label, is_intervention=is_correction)

@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 from robot.driver import point_of
 from robot.errors import RecordingError
 from robot.exchange.film import frame_rate, require_av, write_film
-from robot.exchange.lerobot_stats import Columns, PictureSums, Stats, column_stats, joined_stats
+from robot.exchange.lerobot_stats import Brightness, Columns, Stats, column_stats
 from robot.exchange.lerobot_tables import (
+    PILOT,
     require_pyarrow,
     write_data,
     write_episodes,
@@ -45,6 +46,8 @@ from robot.types import Action
 CAMERA = "observation.images.front"
 TASK = "Drive as the pilot taught."
 _FILES_A_CHUNK = 1000
+_KEY_EVERY = 2
+"""A loader asks for frames in any order: it should have few to decode before each."""
 _STEERED = ("angle", "throttle")
 _SENSORS = ("distance_m", "bumped", "battery")
 
@@ -95,22 +98,26 @@ def write_lerobot(
     if not parts:
         raise RecordingError("there are no pictures to export")
     names = [n for n in _SENSORS if any(n in _sensor_series(part.episode) for part in parts)]
-    actions = _action_names(parts)
+    actions, moves = _action_names(parts), _taught_moves(parts)
     folder.mkdir(parents=True)
     tables, rows, start = [], [], 0
+    seen = Brightness()
     for index, part in enumerate(parts):
-        columns = _columns(part, index, start, rate, names, actions)
-        image_stats = _write_video(part, folder, index, rate, on_frame)
+        columns = _columns(part, index, start, rate, names, actions, moves)
+        pictures = _write_video(part, folder, index, rate, on_frame)
+        seen.join(pictures)
         tables.append(columns)
-        rows.append(_episode_row(columns, image_stats, index, start, rate, task))
+        rows.append(_episode_row(columns, pictures.stats(), index, start, rate, task))
         start += len(part.moments)
     write_data(folder, tables)
     write_episodes(folder, rows)
     write_tasks(folder, task)
     name = robot_type or episodes[0][0].run.get("robot") or "drivelesson"
     shape = to_rgb(parts[0].episode.frame(parts[0].moments[0].frame_id)).shape
-    write_json(folder / "meta/info.json", _info(rows, rate, name, shape, names, actions))
-    write_json(folder / "meta/stats.json", joined_stats([row["stats"] for row in rows]))
+    write_json(folder / "meta/info.json", _info(rows, rate, name, shape, names, actions, moves))
+    joined = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+    stats = {name: column_stats(values) for name, values in joined.items()}
+    write_json(folder / "meta/stats.json", {**stats, CAMERA: seen.stats()})
     return len(parts)
 
 
@@ -144,6 +151,10 @@ def _action_names(parts: list[DatasetPart]) -> tuple[str, ...]:
     return tuple(sorted({str(action) for action, _ in found if action is not Action.STOP}))
 
 
+def _taught_moves(parts: list[DatasetPart]) -> list[str]:
+    return sorted({str(m.label) for part in parts for m in part.moments if m.label is not None})
+
+
 def _numbers(action: Action, episode: Episode, names: tuple[str, ...]) -> tuple[float, ...]:
     if names == _STEERED:
         return point_of(action, episode.declared_moves) or (0.0, 0.0)
@@ -151,13 +162,20 @@ def _numbers(action: Action, episode: Episode, names: tuple[str, ...]) -> tuple[
 
 
 def _columns(
-    part: DatasetPart, index: int, start: int, fps: int, sensors: list[str], names: tuple[str, ...]
+    part: DatasetPart,
+    index: int,
+    start: int,
+    fps: int,
+    sensors: list[str],
+    names: tuple[str, ...],
+    moves: list[str],
 ) -> Columns:
     count = len(part.moments)
     done = [_done(moment) for moment in part.moments]
     columns: Columns = {
         "action": np.array([_numbers(a, part.episode, names) for a in done], np.float32),
         "intervention": np.array([m.is_intervention for m in part.moments], bool),
+        PILOT: np.array([moves.index(m.label) if m.label else -1 for m in part.moments], np.int64),
         "timestamp": (np.arange(count) / fps).astype(np.float32),
         "frame_index": np.arange(count, dtype=np.int64),
         "episode_index": np.full(count, index, np.int64),
@@ -211,13 +229,13 @@ def _video_file(index: int) -> tuple[int, int, str]:
 
 def _write_video(
     part: DatasetPart, folder: Path, index: int, fps: int, on_frame: Callable[[], None]
-) -> dict[str, list[Any]]:
-    """Write the film of one episode, and return the statistics of its pictures."""
+) -> Brightness:
+    """Write the film of one episode, and return what its pictures are made of."""
     path = folder / _video_file(index)[2]
     path.parent.mkdir(parents=True, exist_ok=True)
-    sums = PictureSums()
-    write_film(map(sums.add, part.pictures(on_frame)), path, fps)
-    return sums.stats()
+    shown = Brightness()
+    write_film(map(shown.add, part.pictures(on_frame)), path, fps, key_every=_KEY_EVERY)
+    return shown
 
 
 def _episode_row(
@@ -257,6 +275,7 @@ def _info(
     shape: tuple[int, ...],
     sensors: list[str],
     actions: tuple[str, ...],
+    moves: list[str],
 ) -> dict[str, Any]:
     return {
         "codebase_version": "v3.0",
@@ -271,12 +290,18 @@ def _info(
         "splits": {"train": f"0:{len(rows)}"},
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
         "video_path": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4",
-        "features": _features(fps, (shape[0] // 2 * 2, shape[1] // 2 * 2, 3), sensors, actions),
+        "features": _features(
+            fps, (shape[0] // 2 * 2, shape[1] // 2 * 2, 3), sensors, actions, moves
+        ),
     }
 
 
 def _features(
-    fps: int, shape: tuple[int, int, int], sensors: list[str], actions: tuple[str, ...]
+    fps: int,
+    shape: tuple[int, int, int],
+    sensors: list[str],
+    actions: tuple[str, ...],
+    moves: list[str],
 ) -> dict[str, Any]:
     height, width, _ = shape
     video = {
@@ -298,6 +323,7 @@ def _features(
         },
         "action": {"dtype": "float32", "shape": [len(actions)], "names": list(actions)},
         "intervention": {"dtype": "bool", "shape": [1], "names": None},
+        PILOT: {"dtype": "int64", "shape": [1], "names": None, "info": {"moves": moves}},
         "timestamp": {"dtype": "float32", "shape": [1], "names": None},
     }
     if sensors:

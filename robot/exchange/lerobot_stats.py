@@ -12,35 +12,45 @@ from robot.policy.image import Pixels
 Columns = dict[str, NDArray[Any]]
 """Values of a frame each, by feature."""
 Stats = dict[str, dict[str, list[Any]]]
-"""Least, most, mean, deviation and count, by feature."""
+"""Least, most, mean, deviation, quantiles and count, by feature."""
+_QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 
 
-class PictureSums:
-    """Statistics of pictures by colour, as shares of full brightness, shape (3, 1, 1)."""
+class Brightness:
+    """How often each brightness occurs in pictures, by colour: all statistics follow from it."""
 
     def __init__(self) -> None:
-        self._count = self._pixels = 0
-        self._sum, self._squares = np.zeros(3), np.zeros(3)
-        self._least, self._most = np.ones(3), np.zeros(3)
+        self._pictures = 0
+        self._counts = np.zeros((3, 256), np.int64)
 
     def add(self, picture: Pixels) -> Pixels:
         """Add one picture, shape (height, width, 3), and return it unchanged."""
-        shares = picture.reshape(-1, 3) / 255.0
-        self._count += 1
-        self._pixels += len(shares)
-        self._sum += shares.sum(axis=0)
-        self._squares += (shares**2).sum(axis=0)
-        self._least = np.minimum(self._least, shares.min(axis=0))
-        self._most = np.maximum(self._most, shares.max(axis=0))
+        self._pictures += 1
+        for colour in range(3):
+            self._counts[colour] += np.bincount(picture[:, :, colour].reshape(-1), minlength=256)
         return picture
 
+    def join(self, other: Brightness) -> None:
+        """Add the pictures of another one."""
+        self._pictures += other._pictures
+        self._counts += other._counts
+
     def stats(self) -> dict[str, list[Any]]:
-        """Return minimum, maximum, mean and deviation of each colour, and the count of pictures."""
-        mean = self._sum / self._pixels
-        variance = np.clip(self._squares / self._pixels - mean**2, 0, None)
-        values = {"min": self._least, "max": self._most, "mean": mean, "std": np.sqrt(variance)}
-        plain: dict[str, list[Any]] = {k: v.reshape(3, 1, 1).tolist() for k, v in values.items()}
-        return {**plain, "count": [self._count]}
+        """Return the statistics as shares of full brightness, shape (3, 1, 1), and the count."""
+        shares, below = np.arange(256) / 255.0, self._counts.cumsum(axis=1)
+        total = below[:, -1:]
+        mean = (self._counts * shares).sum(axis=1, keepdims=True) / total
+        deviations = self._counts * (shares - mean) ** 2
+        found = {
+            "min": [shares[counts.nonzero()[0][0]] for counts in self._counts],
+            "max": [shares[counts.nonzero()[0][-1]] for counts in self._counts],
+            "mean": mean,
+            "std": np.sqrt(deviations.sum(axis=1, keepdims=True) / total),
+        }
+        for name, share in _QUANTILES.items():
+            found[name] = shares[(below < share * total).sum(axis=1)]
+        plain = {name: np.reshape(of, (3, 1, 1)).tolist() for name, of in found.items()}
+        return {**plain, "count": [self._pictures]}
 
 
 def column_stats(values: NDArray[Any]) -> dict[str, list[Any]]:
@@ -51,25 +61,6 @@ def column_stats(values: NDArray[Any]) -> dict[str, list[Any]]:
         "max": table.max(axis=0).tolist(),
         "mean": table.mean(axis=0).tolist(),
         "std": table.std(axis=0).tolist(),
+        **{name: np.quantile(table, q, axis=0).tolist() for name, q in _QUANTILES.items()},
         "count": [len(table)],
     }
-
-
-def joined_stats(parts: list[Stats]) -> Stats:
-    """Join the statistics of episodes, each weighted by its frames."""
-    joined: Stats = {}
-    for name in parts[0]:
-        counts = np.array([part[name]["count"][0] for part in parts], np.float64)
-        means = np.array([part[name]["mean"] for part in parts])
-        stds = np.array([part[name]["std"] for part in parts])
-        weights = (counts / counts.sum()).reshape(-1, *([1] * (means.ndim - 1)))
-        mean = (weights * means).sum(axis=0)
-        variance = (weights * (stds**2 + (means - mean) ** 2)).sum(axis=0)
-        joined[name] = {
-            "min": np.min([part[name]["min"] for part in parts], axis=0).tolist(),
-            "max": np.max([part[name]["max"] for part in parts], axis=0).tolist(),
-            "mean": mean.tolist(),
-            "std": np.sqrt(variance).tolist(),
-            "count": [int(counts.sum())],
-        }
-    return joined

@@ -8,8 +8,37 @@ from typing import Any
 
 import numpy as np
 
-from robot.errors import MissingExtraError
+from robot.errors import MissingExtraError, RecordingError
 from robot.exchange.lerobot_stats import Columns
+
+PILOT = "pilot"
+"""A column: which move the pilot taught, by its place among the feature's moves; -1 for none."""
+_MOST_TABLE_BYTES = 2**30
+
+
+def read_table(
+    path: Path, columns: list[str] | None = None, episode: int | None = None
+) -> list[dict[str, Any]]:
+    """Read rows, of one episode or all, with those of the columns that are there.
+
+    Raises:
+        RecordingError: If it is damaged, or unpacks to more than 1 GB.
+    """
+    pa, pq = require_pyarrow()
+    try:
+        with pq.ParquetFile(path) as file:
+            groups = range(file.metadata.num_row_groups)
+            size = sum(file.metadata.row_group(group).total_byte_size for group in groups)
+            there = file.schema_arrow.names
+        if size > _MOST_TABLE_BYTES:
+            raise RecordingError(f"{path} unpacks to more than 1 GB")
+        rows = None if episode is None else [("episode_index", "=", episode)]
+        chosen = None if columns is None else [name for name in columns if name in there]
+        table = pq.read_table(path, columns=chosen, filters=rows, partitioning=None)
+        found: list[dict[str, Any]] = table.to_pylist()
+    except (pa.lib.ArrowException, OSError, ValueError, KeyError) as error:
+        raise RecordingError(f"{path} cannot be read: {str(error)[:80]}") from error
+    return found
 
 
 def write_data(folder: Path, tables: list[Columns]) -> None:
@@ -85,5 +114,5 @@ def require_pyarrow() -> tuple[Any, Any]:
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
-        raise MissingExtraError("exporting a LeRobot dataset", "export") from error
+        raise MissingExtraError("reading and writing LeRobot datasets", "export") from error
     return pyarrow, pyarrow.parquet

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,10 @@ from numpy.typing import NDArray
 
 from robot.devices.pictures import read_picture
 from robot.errors import RecordingError
-from robot.exchange.drive import Drive, Shot
+from robot.exchange.drive import Drive
+from robot.exchange.film import to_jpeg
 from robot.exchange.report import ImportReport
+from robot.exchange.rows import Row, drive_of
 from robot.exchange.timeline import make_timeline
 from robot.policy.image import to_rgb
 from robot.store.episodes.editing import moments
@@ -75,21 +78,16 @@ def load_recording(path: Path | str) -> Recording:
 def read_npz(path: Path, report: ImportReport | None = None) -> Drive:
     """Read a recording of frames and labels; raises RecordingError as `load_recording` does."""
     recording, report = load_recording(path), report or ImportReport()
-    line = make_timeline(recording.t_s.tolist())
-    report.remark(line.remark)
-    shots = _shots(recording, line.times_s, report)
-    return Drive(name=path.stem, source="npz", shots=shots, report=report)
-
-
-def _shots(recording: Recording, times_s: list[float], report: ImportReport) -> Iterator[Shot]:
-    pairs = zip(recording.frames, recording.labels, times_s, strict=True)
-    for index, (data, label, t_s) in enumerate(pairs):
-        try:
-            picture = read_picture(data, "the picture")
-        except RecordingError as error:
-            report.skip(f"frame {index}", str(error))
-        else:
-            yield Shot(t_s=t_s, picture=picture, label=label)
+    rows = [
+        Row(
+            place=f"frame {index}",
+            stamp_s=float(recording.t_s[index]),
+            label=label,
+            picture=partial(read_picture, recording.frames[index], "the picture"),
+        )
+        for index, label in enumerate(recording.labels)
+    ]
+    return drive_of(rows, str(path), name=path.stem, source="npz", report=report)
 
 
 def write_npz(
@@ -131,8 +129,7 @@ def _small_jpeg(frame: Frame) -> bytes:
     pixels = to_rgb(frame)
     import cv2
 
-    small = cv2.resize(pixels, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
-    return cv2.imencode(".jpg", small[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+    return to_jpeg(cv2.resize(pixels, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)).data
 
 
 def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:

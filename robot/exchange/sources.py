@@ -8,6 +8,7 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import IO, Any
@@ -15,6 +16,7 @@ from typing import IO, Any
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive
 from robot.exchange.folder import read_folder
+from robot.exchange.lerobot_reader import LerobotDataset, is_dataset
 from robot.exchange.npz import read_npz
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import DEFAULT_THRESHOLD
@@ -29,37 +31,58 @@ _DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError,
 Entry = tuple[str, Callable[[], IO[bytes]]]
 
 
-def read_drive(
-    path: Path, threshold: float = DEFAULT_THRESHOLD, report: ImportReport | None = None
-) -> Drive:
-    """Read a donkeycar tub (1 or 2), a folder of pictures with a CSV table, or an `.npz`.
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where one drive is: at a path, or an episode of the dataset that is there."""
+
+    path: Path
+    episode: int | None = None
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+        return self.path.name if self.episode is None else f"{self.path.name} {self.episode}"
+
+    def read(
+        self, threshold: float = DEFAULT_THRESHOLD, report: ImportReport | None = None
+    ) -> Drive:
+        """Read the drive.
+
+        Raises:
+            RecordingError: If it is none that is known, or nothing of it can be used.
+        """
+        path = self.path
+        if self.episode is not None:
+            return LerobotDataset(path).read(self.episode, threshold, report)
+        if path.is_dir() and is_tub(path):
+            return read_tub(path, threshold, report)
+        if path.is_dir() and any(path.glob("*.csv")):
+            return read_folder(path, threshold, report=report)
+        if path.suffix == ".npz":
+            return read_npz(path, report)
+        if path.suffix == ".csv" and path.is_file():
+            return read_folder(path.parent, threshold, table=path, report=report)
+        raise RecordingError(
+            f"{path} is neither a donkeycar tub, nor a LeRobot dataset, nor a folder with a CSV "
+            "table, nor an .npz recording, nor a folder, .zip or .tar.gz of these"
+        )
+
+
+def find_drives(path: Path) -> list[Source]:
+    """Return the drives at a path, or in its folders.
 
     Raises:
-        RecordingError: If it is none of these, or nothing of it can be used.
+        RecordingError: If there is a dataset without a readable description.
     """
-    if path.is_dir() and is_tub(path):
-        return read_tub(path, threshold, report)
-    if path.is_dir() and any(path.glob("*.csv")):
-        return read_folder(path, threshold, report=report)
-    if path.suffix == ".npz":
-        return read_npz(path, report)
-    if path.suffix == ".csv" and path.is_file():
-        return read_folder(path.parent, threshold, table=path, report=report)
-    raise RecordingError(
-        f"{path} is neither a donkeycar tub, nor a folder with a CSV table, nor an .npz recording, "
-        "nor a folder, .zip or .tar.gz of these"
-    )
-
-
-def find_drives(path: Path) -> list[Path]:
-    """Return what `read_drive` can read: the path itself, or what is in its folders."""
     found = _within(path, _DEEPEST) if path.is_dir() else []
-    return found or [path]
+    return found or [Source(path)]
 
 
-def _within(folder: Path, depth: int) -> list[Path]:
+def _within(folder: Path, depth: int) -> list[Source]:
+    if is_dataset(folder):
+        return [Source(folder, episode) for episode in LerobotDataset(folder).episodes()]
     if is_tub(folder) or any(folder.glob("*.csv")):
-        return [folder]
+        return [Source(folder)]
     if depth == 0:
         return []
     inner = sorted(each for each in folder.iterdir() if each.is_dir() and not each.is_symlink())

@@ -10,21 +10,20 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from robot.devices.pictures import read_picture_file, write_picture
 from robot.driver import CLASSIC, Move, Point, point_of
-from robot.errors import RecordingError
-from robot.exchange.drive import Drive, Shot, moves_with
+from robot.exchange.drive import Drive
 from robot.exchange.report import ImportReport
+from robot.exchange.rows import Row, drive_of, whole_rows
 from robot.exchange.steering import DEFAULT_THRESHOLD, read_share, to_move
-from robot.exchange.timeline import make_timeline
 from robot.exchange.tub_records import (
     IMAGE,
     MOVES,
-    Placed,
     Record,
     own_name,
     read_first,
@@ -63,52 +62,30 @@ def read_tub(
     report = report or ImportReport()
     is_first = any(folder.glob("record_*.json")) and not (folder / "manifest.json").is_file()
     found, moves = (read_first(folder, report), None) if is_first else read_second(folder, report)
-    records: list[Placed] = []
-    labels: list[Action | None] = []
-    for place, record in found:
-        try:
-            label = _label(record, threshold, moves)
-        except ValueError as error:
-            report.skip(place, str(error))
-        else:
-            records.append((place, record))
-            labels.append(label)
-    if not records:
-        raise RecordingError(f"the tub {folder} has no records to use{report.why_nothing()}")
-    undriven = sum(_LABEL not in record and not _is_by_pilot(record) for _, record in records)
-    if undriven:
-        report.remark(f"not driven by the pilot, so no examples: {undriven} pictures")
-    stamps = [record.get("_timestamp_ms", record.get("milliseconds")) for _, record in records]
-    line = make_timeline([_seconds(stamp) for stamp in stamps])
-    report.remark(line.remark)
-    return Drive(
+    declared: dict[Action, Move] = {}
+    pictures = folder if is_first else folder / "images"
+
+    def read(place: str, record: Record) -> Row:
+        label, stamp_ms = _label(record, threshold, moves), record.get("_timestamp_ms")
+        _declare(record, label, declared)
+        return Row(
+            place=place,
+            stamp_s=_seconds(record.get("milliseconds") if stamp_ms is None else stamp_ms),
+            label=label,
+            picture=partial(read_picture_file, pictures, own_name(record[IMAGE])),
+            is_intervention=record.get(_CORRECTION) is True,
+            is_others=_LABEL not in record and not _is_by_pilot(record),
+        )
+
+    return drive_of(
+        whole_rows(found, read, report),
+        f"the tub {folder} has no records",
         name=folder.name,
         source="donkeycar tub v1" if is_first else "donkeycar tub v2",
-        shots=_shots(
-            folder if is_first else folder / "images", records, line.times_s, labels, report
-        ),
-        moves=moves_with(labels),
-        declared_moves=_declared(records, labels),
-        started_at_s=_seconds(records[0][1].get("_timestamp_ms")) or 0.0,
+        declared_moves=tuple(declared.values()),
+        started_at_s=_seconds(found[0][1].get("_timestamp_ms")) or 0.0 if found else 0.0,
         report=report,
     )
-
-
-def _shots(
-    pictures: Path,
-    records: list[Placed],
-    times_s: list[float],
-    labels: list[Action | None],
-    report: ImportReport,
-) -> Iterator[Shot]:
-    for (place, record), t_s, label in zip(records, times_s, labels, strict=True):
-        try:
-            picture = read_picture_file(pictures, own_name(record[IMAGE]))
-        except RecordingError as error:
-            report.skip(place, str(error))
-            continue
-        is_correction = record.get(_CORRECTION) is True
-        yield Shot(t_s=t_s, picture=picture, label=label, is_intervention=is_correction)
 
 
 def _is_by_pilot(record: Record) -> bool:
@@ -129,15 +106,12 @@ def _label(record: Record, threshold: float, moves: Sequence[str] | None) -> Act
     return to_move(angle, throttle, threshold) if _is_by_pilot(record) else None
 
 
-def _declared(records: list[Placed], labels: list[Action | None]) -> tuple[Move, ...]:
-    """Return steering and throttle of the driver's own moves, as in a tub that we wrote."""
-    found: dict[Action, Move] = {}
-    for (_, record), label in zip(records, labels, strict=True):
-        if _LABEL in record and label is not None and label not in CLASSIC | found:
-            with contextlib.suppress(ValueError):
-                steering, throttle = (read_share(record.get(n), n) for n in (_ANGLE, _THROTTLE))
-                found[label] = Move(label, steering=steering, throttle=throttle)
-    return tuple(found.values())
+def _declare(record: Record, label: Action | None, declared: dict[Action, Move]) -> None:
+    """Note steering and throttle of a move of the driver's own, as in a tub that we wrote."""
+    if _LABEL in record and label is not None and label not in CLASSIC | declared:
+        with contextlib.suppress(ValueError):
+            steering, throttle = (read_share(record.get(n), n) for n in (_ANGLE, _THROTTLE))
+            declared[label] = Move(label, steering=steering, throttle=throttle)
 
 
 def _seconds(stamp_ms: Any) -> float | None:

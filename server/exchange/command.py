@@ -7,6 +7,7 @@ import itertools
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.beside import beside
@@ -21,6 +22,9 @@ from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_episodes
 from server.cli.output import progress
 from server.cli.parser import whole
 
+if TYPE_CHECKING:
+    from robot.exchange.sources import Source
+
 EXPORTS = ("tub", "lerobot", "folder", "npz", "film")
 
 
@@ -33,6 +37,7 @@ def configure_export(parser: argparse.ArgumentParser) -> None:
         "--fps", type=whole(1, 240), default=None, help="pictures a second, of films"
     )
     parser.add_argument("--all", action="store_true", help="tub: also pictures nobody taught")
+    parser.add_argument("--task", default=None, help="lerobot: what the robot does, as a sentence")
 
 
 def configure_import(parser: argparse.ArgumentParser) -> None:
@@ -79,13 +84,12 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
 
 
 def _import_one(
-    source: Path, threshold: float, args: argparse.Namespace, store: EpisodeStore
+    source: Source, threshold: float, args: argparse.Namespace, store: EpisodeStore
 ) -> Path:
     from robot.exchange.drive import write_episode
     from robot.exchange.report import ImportReport
-    from robot.exchange.sources import read_drive
 
-    drive = read_drive(source, threshold, ImportReport(is_strict=args.strict))
+    drive = source.read(threshold, ImportReport(is_strict=args.strict))
     path = store.new_path(args.name or _tidy(drive.name))
     with progress(None, "picture", "episodes", "episodes") as bar:
         count = write_episode(drive, path, on_shot=bar.update)
@@ -128,9 +132,10 @@ def _export(
 ) -> str:
     episode, notes = episodes[0]
     if args.form == "lerobot":
-        from robot.exchange.lerobot import write_lerobot
+        from robot.exchange.lerobot import TASK, write_lerobot
 
-        return f"{write_lerobot(episodes, out, fps=args.fps, on_frame=tick)} LeRobot episodes"
+        count = write_lerobot(episodes, out, fps=args.fps, task=args.task or TASK, on_frame=tick)
+        return f"{count} LeRobot episodes"
     if args.form == "tub":
         from robot.exchange.tub import write_tub
 
@@ -161,5 +166,7 @@ def _free_path(folder: Path, episode_id: str, form: str) -> Path:
 
 EXPORT = EpisodeVerb("write episodes for other programs", configure_export, export_episodes)
 IMPORT = EpisodeVerb(
-    "read tubs, folders with CSV, or npz; archives, too", configure_import, import_episode
+    "read tubs, LeRobot datasets, folders with CSV, or npz; archives, too",
+    configure_import,
+    import_episode,
 )

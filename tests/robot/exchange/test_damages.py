@@ -19,7 +19,7 @@ import pytest
 from robot.errors import RecordingError
 from robot.exchange.drive import write_episode
 from robot.exchange.report import ImportReport
-from robot.exchange.sources import find_drives, read_drive, unpacked
+from robot.exchange.sources import Source, find_drives, unpacked
 from robot.store.episodes.episode import open_episode, taught_frames
 from robot.types import Action
 
@@ -212,7 +212,7 @@ def test_of_any_damaged_tub_what_is_whole_is_taken_and_nothing_wrong(tmp_path: P
         with unpacked(packed(home / "drives/tub", dice), home, ImportReport()) as path:
             try:
                 [source] = find_drives(path)
-                drive = read_drive(source)
+                drive = source.read()
                 write_episode(drive, home / "got.mcap")
             except RecordingError as error:
                 assert not (home / "got.mcap").exists() and "skipped" in str(error)
@@ -238,7 +238,7 @@ def test_the_last_row_of_a_table_that_was_cut_is_not_believed(tmp_path: Path, en
     (tmp_path / "b.jpg").write_bytes(picture(2))
     (tmp_path / "t.csv").write_text("file,angle\na.jpg,0.9\nb.jpg,-0" + ending)
     report = ImportReport()
-    assert len(list(read_drive(tmp_path, report=report).shots)) == (2 if ending else 1)
+    assert len(list(Source(tmp_path).read(report=report).shots)) == (2 if ending else 1)
     assert bool(report.skipped) is not bool(ending)
 
 

@@ -15,7 +15,7 @@ from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, write_episode
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import write_lerobot
-from robot.exchange.sources import read_drive
+from robot.exchange.sources import Source
 from robot.exchange.tub import write_tub
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode, open_episode, taught_frames
@@ -61,7 +61,7 @@ def all_labels(declared: tuple[Move, ...]) -> list[Action | None]:
 def test_labels_come_back_by_name(tmp_path: Path, declared: tuple[Move, ...], write) -> None:  # type: ignore[no-untyped-def]
     episode = drive(tmp_path, declared, all_labels(declared))
     write(episode, Notes(), tmp_path / "out", taught_only=True)
-    write_episode(read_drive(tmp_path / "out"), tmp_path / "back.mcap")
+    write_episode(Source(tmp_path / "out").read(), tmp_path / "back.mcap")
     back = open_episode(tmp_path / "back.mcap")
     assert list(taught_frames(back).values()) == list(taught_frames(episode).values())
     assert set(back.moves) == set(names(declared))
@@ -75,7 +75,7 @@ def test_a_tub_carries_the_numbers_there_and_back(tmp_path: Path) -> None:
         label = record["drivelesson/label"]
         point = point_of(Action(label or "stop"), STEERED)
         assert (record["user/angle"], record["user/throttle"]) == point
-    write_episode(read_drive(tmp_path / "tub"), tmp_path / "back.mcap")
+    write_episode(Source(tmp_path / "tub").read(), tmp_path / "back.mcap")
     back = open_episode(tmp_path / "back.mcap").declared_moves
     assert {move.name: move.point for move in back} == {m.name: m.point for m in STEERED}
 

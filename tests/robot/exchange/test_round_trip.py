@@ -9,7 +9,7 @@ import pytest
 
 from robot.exchange.drive import write_episode
 from robot.exchange.folder import read_folder, write_folder
-from robot.exchange.sources import read_drive
+from robot.exchange.sources import Source
 from robot.exchange.tub import write_tub
 from robot.learner.base import State
 from robot.policy.registry import make_policy
@@ -40,7 +40,7 @@ def test_the_recording_teaches_what_driving_taught(driven: Driven) -> None:
 def test_through_a_tub_and_back_the_nodes_are_the_same(driven: Driven, tmp_path: Path) -> None:
     episode = open_episode(driven.path)
     assert write_tub(episode, Notes(), tmp_path / "tub") == driven.lessons
-    write_episode(read_drive(tmp_path / "tub"), tmp_path / "back.mcap")
+    write_episode(Source(tmp_path / "tub").read(), tmp_path / "back.mcap")
     back = open_episode(tmp_path / "back.mcap")
     assert back.run["source"] == "donkeycar tub v2"
     assert same_nodes(learned(back, episode.run["learner"]), driven.state)

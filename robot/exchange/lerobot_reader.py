@@ -1,0 +1,320 @@
+"""LeRobot datasets in: versions 2.0, 2.1 and 3.0, an episode at a time, as far as they are whole.
+
+Version 2 has a table and a film an episode; in version 3 many episodes share a file, and a table
+says which rows and seconds are whose. Source: lerobot, datasets/utils.py, and its documents
+lerobot-dataset-v3.mdx and porting_datasets_v3.mdx.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from robot.devices.outside import Outside, must_be, number, read, text, whole
+from robot.devices.pictures import Picture, read_picture, read_picture_file
+from robot.driver import CLASSIC
+from robot.errors import ConfigurationError, RecordingError
+from robot.exchange.drive import Drive
+from robot.exchange.film import FilmReader
+from robot.exchange.lerobot_tables import PILOT, read_table
+from robot.exchange.report import ImportReport
+from robot.exchange.rows import Row, drive_of, whole_rows
+from robot.exchange.steering import DEFAULT_THRESHOLD, read_share, to_move
+from robot.types import Action
+
+_ANGLES = ("angle", "steering", "steering_angle", "user/angle")
+_THROTTLES = ("throttle", "user/throttle")
+_INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
+"""Where nothing else says who drove, the pilot is believed to have driven these alone."""
+_FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
+_MOST_S = 1e7
+_MOST_TEXT_BYTES = 64 * 2**20
+Record = dict[str, Any]
+
+
+class _Info(Outside):
+    """What is needed of meta/info.json."""
+
+    codebase_version: str = text()
+    fps: float = number(above=0, most=1000)
+    features: dict[str, dict[str, Any]] = must_be("an object of features")
+    data_path: str = text("")
+    video_path: str | None = text(None)
+    chunks_size: int = whole(1000, least=1, most=10**9)
+
+
+class LerobotDataset:
+    """A dataset that was opened.
+
+    Raises:
+        RecordingError: If its description is lost or is none.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        try:
+            self._info = read(_Info, json.loads(_read_text(folder / "meta/info.json")))
+        except (ConfigurationError, ValueError, RecursionError) as error:
+            raise RecordingError(f"{folder}/meta/info.json is damaged: {error}") from error
+        self._is_v3 = self._info.codebase_version.startswith("v3")
+        if not self._info.codebase_version.startswith(("v2.", "v3.")):
+            version = self._info.codebase_version
+            raise RecordingError(f"{folder} is a LeRobot dataset {version[:20]}, not v2 or v3")
+
+    def episodes(self) -> list[int]:
+        """Return the numbers of its episodes, from its table of them and from its data."""
+        found = {n for row in self._rows() if isinstance(n := row.get("episode_index"), int)}
+        for path in sorted(self.folder.glob("data/*/*.parquet")):
+            of_name = re.fullmatch(r"episode_(\d{1,9})", path.stem)
+            found |= {int(of_name[1])} if of_name else _episodes_in(path)
+        return sorted(n for n in found if n >= 0)
+
+    def read(
+        self,
+        episode: int,
+        threshold: float = DEFAULT_THRESHOLD,
+        report: ImportReport | None = None,
+    ) -> Drive:
+        """Read one episode; its pictures are read when the drive is written.
+
+        Raises:
+            RecordingError: If nothing of it can be used.
+            MissingExtraError: If pyarrow or av is not installed.
+        """
+        report = report or ImportReport()
+        row = next((r for r in self._rows() if r.get("episode_index") == episode), {})
+        path, camera = self._data_file(episode, row), self._camera(report)
+        is_film = self._info.features[camera].get("dtype") == "video"
+        wanted = [
+            PILOT,
+            "action",
+            "timestamp",
+            "frame_index",
+            *_INTERVENTIONS,
+            *([] if is_film else [camera]),
+        ]
+        records = read_table(path, wanted, episode)
+        picture_of = (
+            self._film(camera, episode, row) if is_film else partial(_stored, self.folder, camera)
+        )
+        read_label = self._labels(threshold, report)
+        said_by = next((n for n in (PILOT, *_INTERVENTIONS) if n in self._info.features), None)
+        if said_by in _INTERVENTIONS:
+            report.remark(f"only {said_by} says who drove: the rest is no example")
+
+        def read_row(place: str, record: Record) -> Row:
+            is_pilots = said_by is None or _flat(record.get(said_by))[:1] not in ([-1], [0], [])
+            if said_by == PILOT:
+                is_pilots = _flat(record[PILOT]) != [-1]
+            return Row(
+                place=place,
+                stamp_s=self._seconds(record),
+                label=read_label(record) if is_pilots else None,
+                picture=picture_of(record),
+                is_intervention=any(_flat(record.get(n))[:1] == [1] for n in _INTERVENTIONS),
+                is_others=not is_pilots,
+            )
+
+        numbered = ((f"episode {episode} frame {n}", r) for n, r in enumerate(records))
+        return drive_of(
+            whole_rows(numbered, read_row, report),
+            f"episode {episode} of {self.folder} has no frames",
+            name=f"{self.folder.name} {episode}",
+            source=f"LeRobot {self._info.codebase_version}",
+            report=report,
+        )
+
+    def _rows(self) -> Iterator[Record]:
+        """Yield the table of episodes, without the parts of it that are damaged."""
+        if self._is_v3:
+            for path in sorted(self.folder.glob("meta/episodes/*/*.parquet")):
+                try:
+                    yield from read_table(path)
+                except RecordingError:
+                    continue
+            return
+        for line in _read_text(self.folder / "meta/episodes.jsonl", must=False).splitlines():
+            try:
+                found = json.loads(line)
+            except (ValueError, RecursionError):
+                continue
+            if isinstance(found, dict):
+                yield found
+
+    def _data_file(self, episode: int, row: Record) -> Path:
+        if not self._is_v3:
+            return self._fill(self._info.data_path, episode)
+        if "data/file_index" in row:
+            place = {n: row[f"data/{n}"] for n in ("chunk_index", "file_index")}
+            return self._fill(self._info.data_path, episode, **place)
+        for path in sorted(self.folder.glob("data/*/*.parquet")):
+            if episode in _episodes_in(path):
+                return path
+        raise RecordingError(f"the data of episode {episode} is lost")
+
+    def _camera(self, report: ImportReport) -> str:
+        """Return the camera that looks ahead, as far as its name says so, or else the first."""
+        features = self._info.features
+        cameras = [n for n, of in features.items() if of.get("dtype") in ("video", "image")]
+        cameras = [n for n in cameras if not _is_depth(features[n])]
+        if not cameras:
+            raise RecordingError(f"{self.folder} has no camera")
+        best = next((n for n in cameras if "front" in n), cameras[0])
+        if len(cameras) > 1:
+            report.remark(f"taken of {len(cameras)} cameras: {best}")
+        return best
+
+    def _film(
+        self, camera: str, episode: int, row: Record
+    ) -> Callable[[Record], Callable[[], Picture]]:
+        """Return what gives a frame's picture out of the film."""
+        begin_s, template = 0.0, self._info.video_path or ""
+        place: Record = {"video_key": camera}
+        if self._is_v3:
+            key = f"videos/{camera}"
+            if f"{key}/file_index" not in row:
+                raise RecordingError(f"the table of episodes has no film of episode {episode}")
+            place |= {n: row[f"{key}/{n}"] for n in ("chunk_index", "file_index")}
+            begin_s = read_number(row.get(f"{key}/from_timestamp"))
+        film = FilmReader(self._fill(template, episode, **place), self._info.fps)
+
+        def picture_of(record: Record) -> Callable[[], Picture]:
+            at_s = self._seconds(record)
+            if at_s is None:
+                raise ValueError("it has no time, so its picture cannot be told")
+            return partial(film.at, begin_s + at_s)
+
+        return picture_of
+
+    def _seconds(self, record: Record) -> float | None:
+        """Return when a frame was taken; a lost time is that of its number, by definition."""
+        [stamp_s] = _flat(record.get("timestamp"))[:1] or [None]
+        [index] = _flat(record.get("frame_index"))[:1] or [None]
+        if isinstance(stamp_s, float) and 0 <= stamp_s < _MOST_S:
+            return stamp_s
+        return index / self._info.fps if isinstance(index, int) and 0 <= index < _MOST_S else None
+
+    def _labels(self, threshold: float, report: ImportReport) -> Callable[[Record], Action | None]:
+        """Return what tells a frame's label, by what the action's elements are called."""
+        features = self._info.features
+        own = (features.get(PILOT, {}).get("info") or {}).get("moves")
+        if isinstance(own, list) and all(isinstance(move, str) for move in own):
+            return lambda record: Action(own[_one(record[PILOT], range(len(own)))])
+        names = _names(features.get("action", {}).get("names"))
+        angle = next((i for i, n in enumerate(names) if n in _ANGLES), None)
+        throttle = next((i for i, n in enumerate(names) if n in _THROTTLES), None)
+        if angle is not None:
+            return lambda record: _steered(record, angle, throttle, len(names), threshold)
+        if names and set(names) <= {str(move) for move in CLASSIC}:
+            return lambda record: _one_hot(record, names)
+        told = ", ".join(names)[:80] or "without names"
+        report.skip("action", f"is neither steering nor moves ({told}): nothing is an example")
+        return lambda record: None
+
+    def _fill(self, template: str, episode: int, **values: Any) -> Path:
+        """Return a path of the dataset, within it."""
+        numbers = {
+            "episode_index": episode,
+            "episode_chunk": episode // self._info.chunks_size,
+            **values,
+        }
+
+        def put(found: re.Match[str]) -> str:
+            value = numbers.get(found[1], "")
+            return f"{value:0{found[2] or 1}d}" if isinstance(value, int) else str(value)
+
+        path = self.folder / _FIELD.sub(put, template)
+        if not path.resolve().is_relative_to(self.folder.resolve()) or not path.is_file():
+            raise RecordingError(f"{path.relative_to(self.folder)} is lost, or leads out")
+        return path
+
+
+def is_dataset(folder: Path) -> bool:
+    """True if the folder is a LeRobot dataset."""
+    return (folder / "meta/info.json").is_file()
+
+
+def read_number(value: object) -> float:
+    """Return a number of a table; raises RecordingError if it is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise RecordingError(f"{str(value)[:40]!r} is not a number")
+    return float(value)
+
+
+def _read_text(path: Path, *, must: bool = True) -> str:
+    try:
+        if path.stat().st_size > _MOST_TEXT_BYTES:
+            raise RecordingError(f"{path} is too large")
+        return path.read_text("utf-8", errors="replace")
+    except OSError as error:
+        if must:
+            raise RecordingError(f"{path} cannot be read: {error.strerror}") from error
+        return ""
+
+
+def _episodes_in(path: Path) -> set[int]:
+    try:
+        rows = read_table(path, ["episode_index"])
+    except RecordingError:
+        return set()
+    return {n for row in rows if isinstance(n := row.get("episode_index"), int)}
+
+
+def _is_depth(feature: Record) -> bool:
+    info = feature.get("info") or feature.get("video_info") or {}
+    return isinstance(info, dict) and info.get("video.is_depth_map") is True
+
+
+def _names(given: object) -> list[str]:
+    """Return the names of a vector's elements; some datasets have them below a further name."""
+    if isinstance(given, dict) and len(given) == 1:
+        given = next(iter(given.values()))
+    return [str(name).lower() for name in given] if isinstance(given, list) else []
+
+
+def _flat(value: object) -> list[Any]:
+    return value if isinstance(value, list) else [] if value is None else [value]
+
+
+def _one(value: object, known: range) -> int:
+    found = _flat(value)
+    if len(found) != 1 or found[0] not in known:
+        raise ValueError(f"{PILOT} is {str(value)[:40]!r}, not one of the moves")
+    return int(found[0])
+
+
+def _action(record: Record, count: int) -> list[Any]:
+    values = _flat(record.get("action"))
+    if len(values) != count:
+        raise ValueError(f"the action has {len(values)} elements, not {count}")
+    return values
+
+
+def _steered(
+    record: Record, angle: int, throttle: int | None, count: int, threshold: float
+) -> Action | None:
+    values = _action(record, count)
+    share = read_share(values[angle], "the angle")
+    gas = None if throttle is None else read_share(values[throttle], "the throttle")
+    return to_move(share, gas, threshold)
+
+
+def _one_hot(record: Record, names: list[str]) -> Action | None:
+    values = _action(record, len(names))
+    if set(values) - {0.0, 1.0} or values.count(1.0) > 1:
+        raise ValueError(f"the action {str(values)[:40]} is not one move")
+    return Action(names[values.index(1.0)]) if 1.0 in values else None
+
+
+def _stored(folder: Path, camera: str, record: Record) -> Callable[[], Picture]:
+    """Return what reads a picture that lies in the table, or in a file that it names."""
+    stored = record.get(camera)
+    if not isinstance(stored, dict):
+        raise ValueError("it has no picture")
+    if isinstance(data := stored.get("bytes"), bytes):
+        return partial(read_picture, data, "the picture")
+    return partial(read_picture_file, folder, str(stored.get("path")))

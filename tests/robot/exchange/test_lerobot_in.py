@@ -1,0 +1,329 @@
+"""LeRobot datasets of both versions, whole and damaged, teach nothing that is wrong."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import random
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from robot.errors import RecordingError
+from robot.exchange.drive import write_episode
+from robot.exchange.film import to_jpeg, write_film
+from robot.exchange.lerobot import write_lerobot
+from robot.exchange.report import ImportReport
+from robot.exchange.sources import find_drives
+from robot.policy.image import to_rgb
+from robot.store.episodes.edits import Edit, Notes
+from robot.store.episodes.episode import Episode, open_episode, taught_frames
+from robot.types import Action
+
+from .sim_drive import drive_in_simulator
+
+DATASETS = int(os.environ.get("DRIVELESSON_TUBS", "40"))
+CAMERA = "observation.images.front"
+ANGLES = {-0.7: Action.LEFT, 0.0: Action.FORWARD, 0.6: Action.RIGHT}
+_BLOCK_PX, _BITS = 16, 8
+
+
+def drawn(number: int) -> np.ndarray[Any, Any]:
+    """A picture that shows its number so coarsely that no film hides it."""
+    bits = [255 * (number >> bit & 1) for bit in range(_BITS)]
+    row = np.repeat(np.array(bits, np.uint8), _BLOCK_PX)
+    return np.repeat(np.tile(row, (2 * _BLOCK_PX, 1))[:, :, None], 3, axis=2)
+
+
+def number_in(pixels: np.ndarray[Any, Any]) -> int:
+    blocks = pixels[:, :, 1].reshape(pixels.shape[0], _BITS, _BLOCK_PX).mean(axis=(0, 2))
+    return sum(1 << bit for bit in range(_BITS) if blocks[bit] > 127)
+
+
+@dataclass
+class Dataset:
+    """A dataset on its way to the disk, and what is true of it: the label of each number."""
+
+    dice: random.Random
+    is_v3: bool
+    has_films: bool
+    episodes: list[list[dict[str, Any]]] = field(default_factory=list)
+    truth: dict[int, Action | None] = field(default_factory=dict)
+    features: dict[str, Any] = field(default_factory=dict)
+    info: dict[str, Any] = field(default_factory=dict)
+
+    def write(self, folder: Path) -> None:
+        at = 0
+        table_rows: list[dict[str, Any]] = []
+        rows: list[dict[str, Any]] = []
+        films: list[list[np.ndarray[Any, Any]]] = []
+        for index, frames in enumerate(self.episodes):
+            pictures = [drawn(frame["number"]) for frame in frames]
+            plain = [{k: v for k, v in f.items() if k != "number"} for f in frames]
+            for frame, picture in zip(plain, pictures, strict=True):
+                if not self.has_films:
+                    frame[CAMERA] = {"bytes": to_jpeg(picture).data, "path": None}
+            row = {"episode_index": index, "length": len(frames), "tasks": ["drive"]}
+            if self.is_v3:
+                begin_s = at / 10
+                row |= {"data/chunk_index": 0, "data/file_index": 0}
+                row |= {f"videos/{CAMERA}/{n}_index": 0 for n in ("chunk", "file")}
+                row |= {f"videos/{CAMERA}/from_timestamp": begin_s}
+                rows += plain
+            else:
+                write_rows(plain, folder / f"data/chunk-000/episode_{index:06d}.parquet")
+                films.append(pictures)
+            table_rows.append(row)
+            at += len(frames)
+        if self.is_v3:
+            write_rows(rows, folder / "data/chunk-000/file-000.parquet")
+            write_rows(table_rows, folder / "meta/episodes/chunk-000/file-000.parquet")
+            numbers = (f["number"] for frames in self.episodes for f in frames)
+            films = [[drawn(number) for number in numbers]]
+        name = "{video_key}/chunk-000/file-000" if self.is_v3 else "chunk-000/{video_key}/episode_"
+        for index, pictures in enumerate(films if self.has_films else []):
+            path = folder / "videos" / name.replace("{video_key}", CAMERA)
+            path = path.with_name(path.name + ("" if self.is_v3 else f"{index:06d}") + ".mp4")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_film(pictures, path, 10, key_every=2)
+        (folder / "meta").mkdir(exist_ok=True)
+        (folder / "meta/info.json").write_text(json.dumps(self.info))
+        if not self.is_v3:
+            lines = "".join(json.dumps(row) + "\n" for row in table_rows)
+            (folder / "meta/episodes.jsonl").write_text(lines)
+
+
+def write_rows(rows: list[dict[str, Any]], path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pq.write_table(pa.Table.from_pylist(rows), path)
+
+
+def whole(dice: random.Random, *, is_v3: bool, has_films: bool) -> Dataset:
+    made = Dataset(dice, is_v3, has_films)
+    number = 0
+    for index in range(dice.randint(1, 3)):
+        frames = []
+        for n in range(dice.randint(4, 12)):
+            angle = dice.choice(list(ANGLES))
+            made.truth[number] = ANGLES[angle]
+            frames.append(
+                {
+                    "number": number,
+                    "action": [angle, 0.5],
+                    "timestamp": n / 10,
+                    "frame_index": n,
+                    "episode_index": index,
+                }
+            )
+            number += 1
+        made.episodes.append(frames)
+    shape = [2 * _BLOCK_PX, _BITS * _BLOCK_PX, 3]
+    kind = "video" if has_films else "image"
+    made.features = {
+        "action": {"dtype": "float32", "shape": [2], "names": ["steering", "throttle"]},
+        CAMERA: {"dtype": kind, "shape": shape, "names": ["height", "width", "channels"]},
+    }
+    of_v3 = (
+        "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4",
+    )
+    of_v2 = (
+        "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
+        "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4",
+    )
+    data_path, video_path = of_v3 if is_v3 else of_v2
+    made.info = {
+        "codebase_version": "v3.0" if is_v3 else "v2.1",
+        "fps": 10,
+        "features": made.features,
+        "data_path": data_path,
+        "video_path": video_path if has_films else None,
+        "chunks_size": 1000,
+    }
+    return made
+
+
+def any_frame(made: Dataset) -> dict[str, Any]:
+    return made.dice.choice(made.dice.choice(made.episodes))
+
+
+def spoil_action(made: Dataset) -> None:
+    """An action that is no number, out of range, of another length, or not there."""
+    frame = any_frame(made)
+    frame["action"] = made.dice.choice(
+        [[math.nan, 0.5], [7.0, 0.5], [0.5], [], None, [-0.9, math.inf], [None, 0.5]]
+    )
+    made.truth.pop(frame["number"], None)
+
+
+def lose_time(made: Dataset) -> None:
+    """A time that is lost is that of the frame's number."""
+    any_frame(made)["timestamp"] = made.dice.choice([None, math.nan, -3.0])
+
+
+def let_the_policy_drive(made: Dataset) -> None:
+    """Some frames are the policy's, and no examples."""
+    for frames in made.episodes:
+        for frame in frames:
+            is_pilots = made.dice.random() < 0.5
+            frame["complementary_info.is_intervention"] = [float(is_pilots)]
+            if not is_pilots and frame["number"] in made.truth:
+                made.truth[frame["number"]] = None
+    made.features["complementary_info.is_intervention"] = {"dtype": "bool", "shape": [1]}
+
+
+def name_an_arm(made: Dataset) -> None:
+    """The elements of the action are joints: nothing is steering."""
+    made.features["action"]["names"] = {"motors": ["shoulder_pan.pos", "gripper.pos"]}
+    made.truth = dict.fromkeys(made.truth)
+
+
+BEFORE = [spoil_action, lose_time, let_the_policy_drive, name_an_arm]
+
+
+def cut(path: Path, dice: random.Random) -> None:
+    data = path.read_bytes()
+    path.write_bytes(data[: dice.randint(0, len(data) - 9)])
+
+
+def lose_a_film(folder: Path, made: Dataset) -> None:
+    found = sorted(folder.glob("videos/**/*.mp4"))
+    if found:
+        index = made.dice.randrange(len(found))
+        dice = made.dice
+        dice.choice([Path.unlink, lambda path: cut(path, dice)])(found[index])
+        forget(made, None if made.is_v3 else index)
+
+
+def lose_data(folder: Path, made: Dataset) -> None:
+    found = sorted(folder.glob("data/**/*.parquet"))
+    index = made.dice.randrange(len(found))
+    cut(found[index], made.dice)
+    forget(made, None if made.is_v3 else index)
+
+
+def lose_the_list(folder: Path, made: Dataset) -> None:
+    if made.is_v3:
+        cut(folder / "meta/episodes/chunk-000/file-000.parquet", made.dice)
+        if made.has_films:
+            forget(made, None)  # nothing says where in the film they begin
+    else:
+        cut(folder / "meta/episodes.jsonl", made.dice)
+
+
+def lead_out(folder: Path, made: Dataset) -> None:
+    made.info["data_path"] = made.dice.choice(["../../etc/passwd", "{episode_index.__class__}", ""])
+    (folder / "meta/info.json").write_text(json.dumps(made.info))
+    forget(made, None)
+
+
+def describe_nothing(folder: Path, made: Dataset) -> None:
+    text = made.dice.choice(["", "[]", "{", '{"fps": 0}', "[" * 9999, '{"codebase_version": "v9"}'])
+    (folder / "meta/info.json").write_text(text)
+    forget(made, None)
+
+
+AFTER = [lose_a_film, lose_data, lose_the_list, lead_out, describe_nothing]
+
+
+def forget(made: Dataset, episode: int | None) -> None:
+    for index, frames in enumerate(made.episodes):
+        if episode in (None, index):
+            for frame in frames:
+                made.truth.pop(frame["number"], None)
+
+
+def imported(folder: Path, scratch: Path) -> Iterator[tuple[Episode, ImportReport]]:
+    try:
+        sources = find_drives(folder)
+    except RecordingError as error:
+        assert "damaged" in str(error) or "not v2 or v3" in str(error)
+        return
+    for source in sources:
+        report, path = ImportReport(), scratch / f"{source.episode}.mcap"
+        try:
+            write_episode(source.read(report=report), path)
+        except RecordingError as error:
+            assert not path.exists() and str(error)
+        else:
+            yield open_episode(path), report
+
+
+def test_damaged_datasets_keep_what_is_whole_and_teach_nothing_wrong(tmp_path: Path) -> None:
+    total = kept = wrong = 0
+    for seed in range(DATASETS):
+        dice = random.Random(seed)
+        made = whole(dice, is_v3=dice.random() < 0.5, has_films=dice.random() < 0.6)
+        damages: list[Callable[..., None]] = dice.sample(BEFORE, dice.randint(0, 2))
+        for damage in damages:
+            damage(made)
+        root, scratch = tmp_path / f"set{seed}", tmp_path / f"got{seed}"
+        scratch.mkdir()
+        made.write(root)
+        if dice.random() < 0.5:
+            dice.choice(AFTER)(root, made)
+        found: dict[int, Action | None] = {}
+        for episode, _ in imported(root, scratch):
+            labels = taught_frames(episode)
+            for frame_id in episode.frames:
+                found[number_in(to_rgb(episode.frame(frame_id)))] = labels.get(frame_id)
+        total += len(made.truth)
+        kept += len(found.keys() & made.truth.keys())
+        for number, label in found.items():
+            wrong += number in made.truth and label != made.truth[number]
+            wrong += number not in made.truth and label not in (None, *ANGLES.values())
+        shutil.rmtree(root)
+        shutil.rmtree(scratch)
+    print(f"{DATASETS} datasets: {kept} of {total} whole frames kept, {wrong} wrong labels")
+    assert total > 3 * DATASETS and kept >= 0.99 * total and wrong == 0
+
+
+@pytest.fixture(scope="module")
+def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
+    return open_episode(drive_in_simulator(tmp_path_factory.mktemp("sim"), "default-8").path)
+
+
+def test_an_export_comes_back_with_its_labels_and_corrections(
+    episode: Episode, tmp_path: Path
+) -> None:
+    ids = list(episode.frames)
+    backward = Edit(verb="relabel", ranges=((ids[20], ids[29]),), label=Action.BACKWARD)
+    write_lerobot([(episode, Notes(edits=(backward,)))], tmp_path / "set")
+    [(back, report)] = imported(tmp_path / "set", tmp_path)
+    given, got = taught_frames(episode), taught_frames(back)
+    wanted = [given.get(frame_id) for frame_id in ids]
+    wanted[20:30] = [Action.BACKWARD] * 10
+    assert [got.get(frame_id) for frame_id in back.frames] == wanted
+    assert (
+        None in wanted and report.skipped == [] and "not driven by the pilot" in report.lines()[0]
+    )
+
+    def corrections(one: Episode) -> int:
+        return sum(entry.event.example.is_intervention for entry in one.events)  # type: ignore[union-attr]
+
+    assert corrections(back) == corrections(episode) > 0
+
+
+def test_strict_refuses_what_would_be_skipped(tmp_path: Path) -> None:
+    made = whole(random.Random(1), is_v3=True, has_films=True)
+    any_frame(made)["action"] = [math.nan, 0.0]
+    made.write(tmp_path / "set")
+    with pytest.raises(RecordingError, match="the angle is 'nan'"):
+        for source in find_drives(tmp_path / "set"):
+            source.read(report=ImportReport(is_strict=True))
+
+
+def test_a_dataset_of_an_arm_says_why_it_teaches_nothing(tmp_path: Path) -> None:
+    made = whole(random.Random(2), is_v3=False, has_films=False)
+    name_an_arm(made)
+    made.write(tmp_path / "set")
+    [(_, report), *_] = imported(tmp_path / "set", tmp_path)
+    assert "neither steering nor moves (shoulder_pan.pos, gripper.pos)" in report.lines()[1]
