@@ -1,4 +1,4 @@
-"""A camera whose pictures come from elsewhere, and a thread that watches that they come."""
+"""Cameras with threads of their own; one of them may watch that pictures come from elsewhere."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import importlib.util
 import threading
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from robot.camera import Camera
 from robot.clock import Clock, Worker
@@ -17,17 +17,15 @@ from robot.errors import MissingExtraError
 _WATCH_EVERY_S = 0.05
 
 
-class WatchedCamera(Camera):
-    """What cameras share that read on threads, or are called by a library.
+class ThreadedCamera(Camera):
+    """A camera that works on threads: `start` begins them by `_work`, `stop` ends them."""
 
-    A subclass calls `_watch_over` when it starts, asks `_freshness` of each picture, and says in
-    `_name_fault` what is wrong when they stay away.
-    """
+    longest_join_s: ClassVar[float] = 2.0
+    """A thread that hangs for longer is left behind."""
 
     def __init__(self, options: Any, clock: Clock) -> None:
         super().__init__(clock)
         self.options = options
-        self._freshness = Freshness(clock.now_s())
         self._ending = threading.Event()
         self._threads: list[Worker] = []
 
@@ -36,35 +34,51 @@ class WatchedCamera(Camera):
         """Build the camera; it goes with every driver."""
         return cls(options, clock)
 
-    @abstractmethod
-    def _name_fault(self, wrong: str) -> str:
-        """Return the sentence for what is wrong, as that it "gives no pictures"."""
+    def stop(self) -> None:
+        self._ending.set()
+        for thread in self._threads:
+            thread.join(timeout=self.longest_join_s)
+        self._threads = []
 
-    def _lose(self, sentence: str) -> None:
-        """Report that pictures stay away, unless a fault is known."""
-        if self._fault is None:
-            self._report_fault(sentence)
+    def _work(self, *works: Callable[[], None]) -> None:
+        """Do each on a thread; it must return soon after `_ending` is set."""
+        self._ending.clear()
+        self._threads = [self.clock.start_thread(work, f"{self.name}-camera") for work in works]
 
     def _need(self, *libraries: str) -> None:
         """Raise MissingExtraError unless these libraries are installed."""
         if any(importlib.util.find_spec(library) is None for library in libraries):
             raise MissingExtraError(f"the camera {self.name!r}", "camera")
 
+
+class WatchedCamera(ThreadedCamera):
+    """What cameras share that read on threads, or are called by a library.
+
+    A subclass calls `_watch_over` when it starts, asks `_freshness` of each picture, and says in
+    `_name_fault` what is wrong when they stay away.
+    """
+
+    def __init__(self, options: Any, clock: Clock) -> None:
+        super().__init__(options, clock)
+        self._freshness = Freshness(clock.now_s())
+
+    @abstractmethod
+    def _name_fault(self, wrong: str) -> str:
+        """Return the sentence for what is wrong, as that it "gives no pictures"."""
+
+    def stop(self) -> None:
+        super().stop()
+        self._freshness = Freshness(self.clock.now_s())  # the next start repeats nothing
+
+    def _lose(self, sentence: str) -> None:
+        """Report that pictures stay away, and why: more may be known by now."""
+        if sentence != self._fault:
+            self._report_fault(sentence)
+
     def _watch_over(self, *reading: Callable[[], None]) -> None:
         """Begin to watch the time, beside threads that read."""
-        self._ending.clear()
         self._freshness = Freshness(self.clock.now_s())
-        self._threads = [
-            self.clock.start_thread(work, f"{self.name}-camera") for work in (*reading, self._watch)
-        ]
-
-    def _join(self, timeout_s: float = 2.0) -> None:
-        """End the threads; one that hangs is left behind."""
-        self._ending.set()
-        for thread in self._threads:
-            thread.join(timeout=timeout_s)
-        self._threads = []
-        self._freshness = Freshness(self.clock.now_s())  # the next start repeats nothing
+        self._work(*reading, self._watch)
 
     def _watch(self) -> None:
         while not self.clock.wait(self._ending, _WATCH_EVERY_S):

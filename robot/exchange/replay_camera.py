@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar, Protocol
 
 from numpy.typing import NDArray
 
-from robot.camera import Camera
-from robot.clock import Clock, Worker
+from robot.clock import Clock
 from robot.devices.options import Options, option
-from robot.driver import Driver
+from robot.devices.watched_camera import ThreadedCamera
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.npz import Recording, load_recording
 from robot.types import Frame
@@ -47,7 +45,7 @@ class Footage(Protocol):
         ...
 
 
-class ReplayCamera(Camera):
+class ReplayCamera(ThreadedCamera):
     """Plays one recording, or a folder's in the order of their names.
 
     Raises:
@@ -59,7 +57,7 @@ class ReplayCamera(Camera):
     options_type: ClassVar[type[Any]] = ReplayCameraOptions
 
     def __init__(self, options: ReplayCameraOptions, clock: Clock) -> None:
-        super().__init__(clock)
+        super().__init__(options, clock)
         if bool(options.recording) == bool(options.episode):
             raise ConfigurationError(
                 "the camera 'replay' needs --recording, a file or a folder, or else --episode FILE"
@@ -67,30 +65,15 @@ class ReplayCamera(Camera):
         self._path = Path(options.recording or options.episode).expanduser()
         self._is_episode = bool(options.episode)
         self._loops = options.loop
-        self._thread: Worker | None = None
-        self._ending = threading.Event()
-
-    @classmethod
-    def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        """Play beside any body; it need not know."""
-        return cls(options, clock)
 
     def start(self) -> None:
         """Read the footage and begin to play it."""
-        if self._thread is not None:
+        if self._threads:
             return
         recordings: Sequence[Footage] = (
             [_load_episode(self._path)] if self._is_episode else load_footage(self._path)
         )
-        self._ending.clear()
-        self._thread = self.clock.start_thread(lambda: self._play(recordings), "replay-camera")
-
-    def stop(self) -> None:
-        """End the thread."""
-        if self._thread is not None:
-            self._ending.set()
-            self._thread.join(timeout=5.0)
-            self._thread = None
+        self._work(lambda: self._play(recordings))
 
     def _play(self, recordings: Sequence[Footage]) -> None:
         try:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from robot.camera import Camera
-from robot.clock import Clock, Worker
+from robot.clock import Clock
+from robot.devices.watched_camera import ThreadedCamera
 from robot.driver import Driver
 from robot.testing.driver import NoOptions
 from robot.types import Encoding, Frame
@@ -17,7 +16,7 @@ from robot.types import Encoding, Frame
 _PICTURES = 8
 
 
-class FakeCamera(Camera):
+class FakeCamera(ThreadedCamera):
     """Shows patterns. Between `start` and `stop` at a steady rate; can be frozen or broken.
 
     `pictures` are shown in place of the patterns, as a camera's own JPEG.
@@ -48,11 +47,9 @@ class FakeCamera(Camera):
         age_s: float = 0.0,
         pictures: Sequence[bytes] = (),
     ) -> None:
-        super().__init__(clock)
+        super().__init__(NoOptions(), clock)
         self.rate_hz, self.width, self.height, self.age_s = rate_hz, width, height, age_s
         self.is_frozen = False
-        self._ending = threading.Event()
-        self._thread: Worker | None = None
         self._encoding = Encoding.JPEG if pictures else Encoding.RGB
         self._pictures = pictures or [_pattern(seed, width, height) for seed in range(_PICTURES)]
 
@@ -63,13 +60,8 @@ class FakeCamera(Camera):
 
     def start(self) -> None:
         """Begin to take pictures."""
-        self._thread = self.clock.start_thread(self._run, "fake-camera")
-
-    def stop(self) -> None:
-        """End the thread."""
-        self._ending.set()
-        if self._thread is not None:
-            self._thread.join()
+        if not self._threads:
+            self._work(self._run)
 
     def take(self) -> Frame:
         """Take one picture now."""

@@ -3,33 +3,27 @@
 from __future__ import annotations
 
 import contextlib
-import threading
 from typing import Any, ClassVar, Self
 
 from robot.bodies.ev3.agent.ports import HardwareError
 from robot.bodies.ev3.link import BrickLink, RemotePicture
 from robot.bodies.v4l2.options import UsbCameraOptions
-from robot.camera import Camera
-from robot.clock import Clock, Worker
-from robot.devices.freshness import Freshness
+from robot.clock import Clock
+from robot.devices.watched_camera import WatchedCamera
 from robot.driver import Driver
 from robot.errors import CameraError, ConfigurationError
 from robot.types import Encoding
 
 
-class Ev3RemoteCamera(Camera):
+class Ev3RemoteCamera(WatchedCamera):
     """Frames as the brick's camera gives them, the newest only, on this machine's clock."""
 
     name: ClassVar[str] = "ev3-remote"
     options_type: ClassVar[type[Any]] = UsbCameraOptions
 
     def __init__(self, options: UsbCameraOptions, clock: Clock, link: BrickLink) -> None:
-        super().__init__(clock)
-        self.options = options
+        super().__init__(options, clock)
         self._link = link
-        self._freshness = Freshness(0.0)
-        self._ending = threading.Event()
-        self._thread: Worker | None = None
 
     @classmethod
     def for_driver(cls, driver: Driver, options: UsbCameraOptions, clock: Clock) -> Self:
@@ -43,10 +37,9 @@ class Ev3RemoteCamera(Camera):
 
     def start(self) -> None:
         """Have the agent open its camera and send what it sees."""
-        if self._thread is not None:
+        if self._threads:
             return
         options = self.options
-        self._freshness = Freshness(self.clock.now_s())
         self._link.on_picture = self._take
         try:
             self._link.open("camera")
@@ -62,20 +55,15 @@ class Ev3RemoteCamera(Camera):
         except HardwareError as error:
             self._let_go()
             raise CameraError(str(error)) from error
-        self._ending.clear()
-        self._thread = self.clock.start_thread(self._watch, "brick-camera")
+        self._watch_over()
 
     @property
     def source_age_s(self) -> float | None:
-        """How old pictures are when the brick has them: exposure and the bus."""
         return self._link.picture_age_s
 
     def stop(self) -> None:
-        """Have the agent close its camera."""
-        if self._thread is not None:
-            self._ending.set()
-            self._thread.join(timeout=2.0)
-            self._thread = None
+        if self._threads:
+            super().stop()
             with contextlib.suppress(HardwareError):  # a lost line closes the camera by itself
                 self._link.send("blind")
             self._let_go()
@@ -100,9 +88,5 @@ class Ev3RemoteCamera(Camera):
         clock_s = self.clock.now_s()
         return clock_s - max(0.0, self._link.clock.now_s() - taken_s)
 
-    def _watch(self) -> None:
-        while not self.clock.wait(self._ending, 0.05):
-            if self._freshness.fault(self.clock.now_s()) is not None:
-                fault = self._link.fault or self._link.camera_fault or "The brick sends no pictures"
-                if fault != self._fault:
-                    self._report_fault(fault)
+    def _name_fault(self, wrong: str) -> str:
+        return self._link.fault or self._link.camera_fault or "The brick sends no pictures"

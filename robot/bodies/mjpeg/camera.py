@@ -16,7 +16,6 @@ from robot.devices.watched_camera import WatchedCamera
 from robot.errors import CameraError, ConfigurationError, RecordingError
 from robot.types import Encoding
 
-_JOIN_S = 4.0
 _JPEG = b"\xff\xd8"
 
 
@@ -37,6 +36,7 @@ class MjpegCamera(WatchedCamera):
 
     name: ClassVar[str] = "mjpeg"
     options_type: ClassVar[type[Any]] = MjpegOptions
+    longest_join_s: ClassVar[float] = 4.0
 
     def __init__(self, options: MjpegOptions, clock: Clock) -> None:
         super().__init__(options, clock)
@@ -66,10 +66,9 @@ class MjpegCamera(WatchedCamera):
         self._watch_over(self._read)
 
     def stop(self) -> None:
-        """End the threads and close the stream."""
         self._ending.set()
         self._line.close()
-        self._join(_JOIN_S)
+        super().stop()
 
     def _read(self) -> None:
         is_open = True
@@ -123,10 +122,6 @@ class MjpegCamera(WatchedCamera):
             encoding=picture.encoding,
             captured_s=captured_s,
         )
-
-    def _lose(self, sentence: str) -> None:
-        if sentence != self._fault:  # more may be known by now
-            self._report_fault(sentence)
 
     def _name_fault(self, wrong: str) -> str:
         return f"The camera at {self._host} {self._explain(wrong)}."

@@ -48,9 +48,8 @@ class PhoneCamera(WatchedCamera):
             self._watch_over()
 
     def stop(self) -> None:
-        """Stop receiving pictures."""
         self._is_running = False
-        self._join()
+        super().stop()
 
     def offer(
         self, jpeg: bytes, *, width: int, height: int, captured_s: float, covered: bool = False
@@ -87,8 +86,8 @@ class PhoneCamera(WatchedCamera):
 
     def _lose(self, reason: str) -> None:
         self._reason = reason
-        if self._is_running and self._fault != reason:
-            self._report_fault(reason)
+        if self._is_running:
+            super()._lose(reason)
 
     def _name_fault(self, wrong: str) -> str:
         return self._reason or f"The phone {wrong}: is its page in front and awake?"

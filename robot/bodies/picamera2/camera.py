@@ -91,7 +91,6 @@ class Picamera2Camera(WatchedCamera):
         self._watch_over()
 
     def stop(self) -> None:
-        """Close the camera and end the watching thread."""
         self._ending.set()
         device, self._device = self._device, None
         if device is not None:
@@ -99,7 +98,7 @@ class Picamera2Camera(WatchedCamera):
             with contextlib.suppress(Exception):
                 device.stop()
             device.close()
-        self._join()
+        super().stop()
 
     def _take(self, request: Any) -> None:
         """Take one picture, on the library's thread."""

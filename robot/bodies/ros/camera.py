@@ -79,12 +79,11 @@ class RosCamera(WatchedCamera):
         self._watch_over()
 
     def stop(self) -> None:
-        """Unsubscribe, by closing the connection."""
         self._ending.set()
         bridge, self._bridge = self._bridge, None
         if bridge is not None:
             bridge.close()
-        self._join()
+        super().stop()
 
     def _take(self, message: Mapping[str, Any]) -> None:
         """Take one image, on the bridge's thread."""

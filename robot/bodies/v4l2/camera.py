@@ -4,35 +4,21 @@ from __future__ import annotations
 
 import importlib.util
 import select
-import threading
 import time
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from robot.bodies.v4l2.options import UsbCameraOptions
 from robot.bodies.v4l2.reader import CameraReader
-from robot.camera import Camera
-from robot.clock import Clock
-from robot.driver import Driver
+from robot.devices.watched_camera import ThreadedCamera
 from robot.errors import CameraError
 from robot.types import Encoding
 
 
-class V4l2Camera(Camera):
+class V4l2Camera(ThreadedCamera):
     """Frames as the camera sends them, stamped by its kernel driver."""
 
     name: ClassVar[str] = "v4l2"
     options_type: ClassVar[type[Any]] = UsbCameraOptions
-
-    def __init__(self, options: UsbCameraOptions, clock: Clock) -> None:
-        super().__init__(clock)
-        self.options = options
-        self._ending = threading.Event()
-        self._thread: threading.Thread | None = None
-
-    @classmethod
-    def for_driver(cls, driver: Driver, options: UsbCameraOptions, clock: Clock) -> Self:
-        """Build the camera; it needs nothing of the driver."""
-        return cls(options, clock)
 
     def start(self) -> None:
         """Open the camera and take pictures on a thread.
@@ -40,7 +26,7 @@ class V4l2Camera(Camera):
         Raises:
             CameraError: If it cannot be opened.
         """
-        if self._thread is not None:
+        if self._threads:
             return
         options = self.options
         reader = CameraReader(
@@ -57,20 +43,9 @@ class V4l2Camera(Camera):
                 "take a camera with YUYV (a Logitech C270 has it), or run the server on another "
                 "computer (drivelesson brick agent ADDRESS)"
             )
-        self._ending.clear()
-        self._thread = threading.Thread(
-            target=self._watch, args=(reader,), name="v4l2-camera", daemon=True
-        )
-        self._thread.start()
+        self._work(lambda: self._read(reader))
 
-    def stop(self) -> None:
-        """End the thread and let go of the camera."""
-        if self._thread is not None:
-            self._ending.set()
-            self._thread.join(timeout=2.0)
-            self._thread = None
-
-    def _watch(self, reader: CameraReader) -> None:
+    def _read(self, reader: CameraReader) -> None:
         try:
             while not self._ending.is_set():
                 self._tick(reader)
@@ -80,7 +55,7 @@ class V4l2Camera(Camera):
     def _tick(self, reader: CameraReader) -> None:
         """Wait at most 50 ms for a picture; publish it, or report the fault."""
         if reader.video is None:
-            self._ending.wait(0.05)
+            self.clock.wait(self._ending, 0.05)
         else:
             select.select([reader.video], [], [], 0.05)
         taken = reader.poll(time.monotonic())

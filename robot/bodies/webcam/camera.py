@@ -57,10 +57,6 @@ class OpencvCamera(WatchedCamera):
             )
         self._watch_over(lambda: self._read(capture))
 
-    def stop(self) -> None:
-        """End the threads and let go of the source; a read that hangs is left behind."""
-        self._join()
-
     def _open(self) -> Any:
         """Return an open capture, or None."""
         import cv2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self, runtime_checkable
@@ -10,11 +11,11 @@ from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.camera import Camera
-from robot.clock import Clock, Worker
+from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.simulation.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX, WIDTH_PX
 from robot.devices.simulation.simulation import Simulation
+from robot.devices.watched_camera import ThreadedCamera
 from robot.driver import Driver
 from robot.errors import CameraError, ConfigurationError, RobotError
 from robot.types import Encoding, Frame
@@ -45,7 +46,58 @@ class SimCameraOptions(Options):
     jpeg_quality: int = option(75, "of simulated pictures", range=(1, 100))
 
 
-class SimCamera(Camera):
+class WorldCamera(ThreadedCamera):
+    """The camera of a simulated world: its thread is also what moves the world on."""
+
+    longest_join_s: ClassVar[float] = 5.0
+    patience_s: ClassVar[float] = 20.0
+    """For a first picture: some worlds load for long."""
+    _failure: RobotError | None = None
+
+    def start(self) -> None:
+        """Begin to take pictures in real time; returns when the first is there."""
+        if self._threads:
+            return
+        self._failure = None
+        first = threading.Event()
+        self._work(lambda: self._run(first))
+        if not self.clock.wait(first, self.patience_s):
+            self._failure = CameraError(f"the camera {self.name!r} gives no picture")
+        if self._failure is not None:
+            self.stop()
+            raise self._failure
+
+    @abstractmethod
+    def _take(self) -> Frame:
+        """Take one picture."""
+
+    @abstractmethod
+    def _live(self) -> None:
+        """Move the world on and take pictures, until `_ending`."""
+
+    @abstractmethod
+    def _leave(self) -> None:
+        """Let go of the world, on the thread that it belongs to."""
+
+    def _run(self, first: threading.Event) -> None:
+        try:
+            self._take()
+            first.set()
+            self._live()
+        except RobotError as error:
+            self._fail(error, first)
+        except Exception as error:  # top of a thread that may run other people's code
+            self._fail(CameraError(f"the world of this camera failed: {error}"), first)
+        finally:
+            self._leave()
+
+    def _fail(self, error: RobotError, first: threading.Event) -> None:
+        self._failure = error
+        self._report_fault(str(error))
+        first.set()
+
+
+class SimCamera(WorldCamera):
     """Renders what the simulated robot sees.
 
     In real time it gives JPEG, as a webcam does: encoded once for page, recording and learner.
@@ -59,13 +111,10 @@ class SimCamera(Camera):
     options_type: ClassVar[type[Any]] = SimCameraOptions
 
     def __init__(self, body: SimulatedBody, options: SimCameraOptions, clock: Clock) -> None:
-        super().__init__(clock)
+        super().__init__(options, clock)
         self._body = body
         self._compress = make_compressor(options.jpeg_quality)
         self._period_s = 1.0 / options.frame_rate_hz
-        self._ending = threading.Event()
-        self._thread: Worker | None = None
-        self._failure: RobotError | None = None
         self._asked_id = -_ASKED_FRAMES
         self._large: Frame | None = None
 
@@ -77,28 +126,6 @@ class SimCamera(Camera):
                 f"the camera 'sim' only works with a simulated robot, not with {driver.name!r}"
             )
         return cls(driver, options, clock)
-
-    def start(self) -> None:
-        """Begin to take pictures in real time; returns when the first is there."""
-        if self._thread is not None:
-            return
-        self._ending.clear()
-        self._failure = None
-        first = threading.Event()
-        self._thread = self.clock.start_thread(lambda: self._run(first), "sim-camera")
-        self.clock.wait(first, 20.0)
-        if self._failure is not None:
-            self.stop()
-            raise self._failure
-        if self.latest() is None:
-            raise CameraError("the simulated camera gives no picture")
-
-    def stop(self) -> None:
-        """End the thread."""
-        if self._thread is not None:
-            self._ending.set()
-            self._thread.join(timeout=5.0)
-            self._thread = None
 
     def capture(self) -> Frame:
         """Take one picture now, on this thread: for experiments, which use no `start`."""
@@ -117,7 +144,7 @@ class SimCamera(Camera):
         large = self._large
         return large if large is not None and large.frame_id == frame.frame_id else frame
 
-    def _capture_jpeg(self) -> Frame:
+    def _take(self) -> Frame:
         """Take one picture as a webcam gives it."""
         if self._compress is None:
             return self.capture()
@@ -140,26 +167,17 @@ class SimCamera(Camera):
             captured_s=captured_s,
         )
 
-    def _run(self, first: threading.Event) -> None:
-        try:
-            self._capture_jpeg()
-            first.set()
-            self._run_in_real_time()
-        except RobotError as error:
-            self._failure = error
-            self._report_fault(str(error))
-            first.set()
-        finally:
-            self._body.simulation.close()
+    def _leave(self) -> None:
+        self._body.simulation.close()
 
-    def _run_in_real_time(self) -> None:
+    def _live(self) -> None:
         last_s = self.clock.now_s()
         due_s = last_s + self._period_s
         while not self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s())):
             now_s = self.clock.now_s()
             self._body.advance(min(now_s - last_s, _LONGEST_GAP_S))
             last_s = now_s
-            self._capture_jpeg()
+            self._take()
             due_s = max(due_s + self._period_s, now_s)
 
 

@@ -41,14 +41,14 @@ def test_a_minute_of_driving_costs_at_most_eight_megabytes(tmp_path, world: str)
     recorder = Recorder(loop, tmp_path, config=RecorderConfig(spare_bytes=0))
     recorder.start()
     seconds = 10
-    camera._capture_jpeg()
+    camera._take()
     loop.tick(clock.now_s())
     loop.set_mode(Mode.TRAIN)
     loop.tick(clock.now_s())
     for step in range(seconds * RATE_HZ):
         clock.advance(1 / RATE_HZ)
         driver.advance(1 / RATE_HZ)
-        frame = camera._capture_jpeg()
+        frame = camera._take()
         assert frame.encoding is Encoding.JPEG
         held = MOVES[step // RATE_HZ % len(MOVES)]
         now_s = clock.now_s()
@@ -79,7 +79,7 @@ def test_experiments_get_the_pixels_themselves() -> None:
     driver = SimDriver(make_options(SimDriver.options_type, {}))
     driver.connect()
     camera = SimCamera(driver, SimCameraOptions(), ManualClock())
-    raw, jpeg = camera.capture(), camera._capture_jpeg()
+    raw, jpeg = camera.capture(), camera._take()
     assert raw.encoding is Encoding.RGB and len(raw.data) == 160 * 120 * 3
     assert abs(to_rgb(raw).astype(int) - to_rgb(jpeg)).mean() < 6
     assert len(jpeg.data) < len(raw.data) / 8
@@ -109,7 +109,7 @@ def test_the_eyes_picture_leaves_what_is_learned_and_recorded_bit_for_bit(seed: 
         for move, looks in plan:
             driver.send_action(move)
             driver.advance(1 / RATE_HZ)
-            frame = camera._capture_jpeg()
+            frame = camera._take()
             taken.append(frame.data)
             if is_looked_at and looks:
                 large = camera.for_the_eye(frame)
@@ -131,10 +131,10 @@ def test_nobody_looks_and_nothing_is_made_for_the_eye() -> None:
     driver = SimDriver(make_options(SimDriver.options_type, {}))
     driver.connect()
     camera = SimCamera(driver, SimCameraOptions(), ManualClock())
-    camera.for_the_eye(camera._capture_jpeg())
-    large = [camera.for_the_eye(camera._capture_jpeg()).width for _ in range(3)]
+    camera.for_the_eye(camera._take())
+    large = [camera.for_the_eye(camera._take()).width for _ in range(3)]
     assert large == [320, 320, 320]
     for _ in range(40):
-        last = camera._capture_jpeg()
+        last = camera._take()
     assert camera.for_the_eye(last) is last
     driver.simulation.close()
