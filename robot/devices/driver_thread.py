@@ -70,40 +70,32 @@ class DriverThread(Driver):
 
     @property
     def options_type(self) -> type[Any]:  # type: ignore[override]
-        """What the body declares."""
         return self.driver.options_type
 
     @property
     def declared_moves(self) -> tuple[Move, ...]:  # type: ignore[override]
-        """What the body declares."""
         return self.driver.declared_moves
 
     @property
     def moves(self) -> tuple[Action, ...]:
-        """What the body can do."""
         return self.driver.moves
 
     @property
     def track_m(self) -> float | None:  # type: ignore[override]
-        """What the body says."""
         return self.driver.track_m
 
     def wheels_mps(self, action: Action) -> tuple[float, float] | None:
-        """Return what the body says."""
         return self.driver.wheels_mps(action)
 
     @property
     def is_connected(self) -> bool:
-        """True if the body is connected."""
         return self.driver.is_connected
 
     @property
     def takes_advice(self) -> bool:
-        """True if the body takes it."""
         return self.driver.takes_advice
 
     def advise(self, prediction: Prediction) -> None:
-        """Hand it on; it returns at once."""
         self.driver.advise(prediction)
 
     def announce(self, address: str) -> None:
@@ -111,7 +103,6 @@ class DriverThread(Driver):
         self.driver.announce(address)
 
     def connect(self) -> None:
-        """Connect the body, and begin to serve it; raises as the body does."""
         self.driver.connect()
         if self._thread is None and self._threaded:
             self._ending = False
@@ -161,7 +152,6 @@ class DriverThread(Driver):
         return button
 
     def show(self, mode: Mode) -> None:
-        """Have the body show the mode."""
         with self._lock:
             self._mode = mode
         self._due.set()

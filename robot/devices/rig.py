@@ -55,7 +55,6 @@ class Rig(StartStop):
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop the robot, end the loop, and let go of the hardware; idempotent."""
         self._thread.stop()
         self.camera.stop()
         self.driver.disconnect()

@@ -55,11 +55,9 @@ class FakeCamera(ThreadedCamera):
 
     @classmethod
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        """Build one; it needs nothing of the body."""
         return cls(clock)
 
     def start(self) -> None:
-        """Begin to take pictures."""
         if not self._threads:
             self._work(self._run)
 

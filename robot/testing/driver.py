@@ -60,18 +60,15 @@ class FakeDriver(Driver):
 
     @property
     def is_connected(self) -> bool:
-        """Always."""
         return True
 
     def connect(self) -> None:
         """Do nothing: there is nothing to open."""
 
     def disconnect(self) -> None:
-        """Stop."""
         self.stop()
 
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        """Record the action."""
         if self.failure is not None:
             raise DriveError(self.failure)
         self.sent.append((action, speed_scale))
@@ -81,16 +78,13 @@ class FakeDriver(Driver):
         return action
 
     def sense(self) -> Sensors:
-        """Return `sensors`."""
         return self.sensors
 
     def stop(self) -> None:
-        """Record the stop."""
         self.stops += 1
         self._note(Action.STOP)
 
     def take_button(self) -> BodyButton | None:
-        """Return `button`, once."""
         button, self.button = self.button, None
         return button
 

@@ -27,25 +27,20 @@ class FakePolicy(Policy):
         self.first: Action | None = None
 
     def extract(self, frame: Frame) -> Vector:
-        """Return the same vector for every picture."""
         return _NOTHING
 
     def propose(self, frame_id: int, x: Vector, **context: Any) -> Prediction:
-        """Propose what was learned first; see `Policy`."""
         shares = {} if self.first is None else {self.first: 1.0}
         return Prediction(
             frame_id=frame_id, action=self.first, confidence=1.0, probabilities=shares
         )
 
     def learn(self, x: Vector, label: Action, at_s: float | None = None) -> None:
-        """Count, and remember the first label."""
         self.first = self.first or label
         self._n_examples += 1
 
     def get_state(self) -> State:
-        """Return the label and the number of examples."""
         return State(kind="fake", params={"first": self.first, "lessons": self._n_examples})
 
     def set_state(self, state: State) -> None:
-        """Become the policy that gave `state`."""
         self.first, self._n_examples = state.params["first"], state.params["lessons"]

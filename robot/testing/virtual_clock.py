@@ -48,7 +48,6 @@ class VirtualClock(ManualClock):
         self._deadlock: str | None = None
 
     def now_s(self) -> float:
-        """Return the present virtual time in seconds."""
         event_loop, now_s = self._event_loop, self._now_s  # as `_base_s`: it is asked all the time
         if event_loop is not None and event_loop.now_s > now_s:
             now_s = event_loop.now_s
@@ -72,7 +71,6 @@ class VirtualClock(ManualClock):
         return _VirtualThread(self, target, name)
 
     def sleep(self, seconds: float) -> None:
-        """Hold up this thread for `seconds` of virtual time."""
         self._let_others_run(None, seconds)
 
     def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
@@ -142,7 +140,6 @@ class VirtualClock(ManualClock):
             self._event_loop = None
 
     async def pause(self, seconds: float) -> None:
-        """Hold up this task for `seconds` of virtual time."""
         await asyncio.sleep(seconds)
 
 

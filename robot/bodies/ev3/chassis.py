@@ -110,11 +110,9 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 
     @property
     def track_m(self) -> float:  # type: ignore[override]
-        """Distance between the wheels."""
         return self.options.track_m
 
     def wheels_mps(self, action: Action) -> tuple[float, float]:
-        """Return how fast each wheel rolls forwards at full speed."""
         left, right = wheel_speeds(action, self.options)
         return self._rolled_m(left), self._rolled_m(right)
 
@@ -170,7 +168,6 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
         _asked(lambda: connection.run(left, right, round(1000 * ACTION_TIMEOUT_S)))
 
     def sense(self) -> Sensors:
-        """Read distance, bumpers, battery and the wheels' counts."""
         read = dict(_asked(self._connected().sense))
         turned_deg = read.pop("wheels_deg", None)  # an agent of another release sends none
         wheels_m = None

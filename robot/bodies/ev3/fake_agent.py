@@ -94,12 +94,10 @@ class FakeAgent(StartStop):
             self._agent.tick()
 
     def start(self) -> None:
-        """Begin to serve; idempotent."""
         if self._thread.ident is None:
             self._thread.start()
 
     def stop(self) -> None:
-        """End, and close the door; idempotent."""
         self._ending.set()
         if self._thread.ident is not None:
             self._thread.join()

@@ -279,12 +279,10 @@ class FakeBrick(StartStop):
         motor.write("position", "000000000000")  # last: whoever sees it sees the rest, too
 
     def start(self) -> None:
-        """Begin to play the kernel; idempotent."""
         if self._thread is None:
             self._thread = self.clock.start_thread(self._play_kernel, "fake-brick")
 
     def stop(self) -> None:
-        """End, and close the buttons; idempotent."""
         self._ending.set()
         if self._thread is not None:
             self._thread.join()

@@ -54,7 +54,6 @@ class BrickConnection:
             yield message
 
     def close(self) -> None:
-        """Close the connection."""
         self.line.close()
 
 

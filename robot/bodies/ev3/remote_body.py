@@ -18,14 +18,12 @@ class RemoteBody:
         self._top_speeds_dps: list[float] = []
 
     def open(self) -> None:
-        """Join the brick and have it find its motors and sensors."""
         self._link.open("body")
         self._link.keep_sent("body", "open", **self._ports)
         opened = self._link.answer("opened")
         self._top_speeds_dps = [float(dps) for dps in opened["top_speeds_dps"]]
 
     def top_speeds_dps(self) -> list[float]:
-        """How fast each wheel can turn, in degrees a second."""
         return self._top_speeds_dps
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
@@ -45,25 +43,20 @@ class RemoteBody:
             self._link.send("stop")
 
     def positions(self) -> list[float]:
-        """How far each wheel has turned, in degrees; asks the brick and waits."""
         self._link.send("positions")
         return [float(degrees) for degrees in self._link.answer("positions")]
 
     def sense(self) -> dict[str, Any]:
-        """Return what the brick last reported."""
         return self._link.sensors()
 
     def take_button(self) -> str | None:
-        """Return the brick's button that was pressed."""
         return self._link.take_button()
 
     def show(self, mode: str, address: str) -> None:
-        """Show mode and address on the brick."""
         with contextlib.suppress(HardwareError):
             self._link.keep_sent("show", "show", mode=mode, address=address)
 
     def close(self) -> None:
-        """Stop the motors and close the connection, unless the camera still uses it."""
         self.stop()
         self._link.forget("body")
         self._link.forget("show")

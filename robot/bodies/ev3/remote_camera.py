@@ -27,7 +27,6 @@ class Ev3RemoteCamera(WatchedCamera):
 
     @classmethod
     def for_driver(cls, driver: Driver, options: UsbCameraOptions, clock: Clock) -> Self:
-        """Build the camera on the driver's own line to the brick."""
         link = getattr(driver, "link", None)
         if not isinstance(link, BrickLink):
             raise ConfigurationError(

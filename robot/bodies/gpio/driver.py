@@ -43,7 +43,6 @@ class GpioOptions(Options):
     turn_speed: float = option(0.4, "share of it in turns", range=(0.01, 1.0))
 
     def check(self) -> None:
-        """Refuse pins that are none."""
         self.settings()
 
     def settings(self) -> dict[str, Any]:

@@ -73,7 +73,6 @@ class KeeperLine:
         os.write(self._down, message + b"\n")
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Return one line; see `MessageLine`."""
         line = self._next(timeout_s)
         if line is not None:
             self._waits_s = None

@@ -45,7 +45,6 @@ class GymnasiumCamera(WorldCamera):
 
     @classmethod
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        """Look into the environment that `driver` acts in."""
         if not isinstance(driver, GymnasiumDriver):
             raise ConfigurationError(
                 f"the camera 'gymnasium' works with the robot 'gymnasium', not {driver.name!r}"

@@ -52,7 +52,6 @@ class HubLine:
         self._worker.keep(self._connect_once)
 
     def send(self, message: bytes) -> None:
-        """Write one line to the program; see `MessageLine`."""
         if self._client is None:
             raise ConnectionError(self._worker.trouble)
         if not self._runs:
@@ -63,7 +62,6 @@ class HubLine:
         self._writing.result(SEND_S)
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Return a line of the program; see `MessageLine`."""
         try:
             if timeout_s > 0:
                 return self._received.get(timeout=timeout_s)
@@ -72,7 +70,6 @@ class HubLine:
             return None
 
     def close(self) -> None:
-        """Disconnect and end the thread; see `MessageLine`."""
         self._worker.close()
 
     # On the thread -----------------------------------------------------------------------------

@@ -40,18 +40,15 @@ class UdpLine:
             raise
 
     def send(self, message: bytes) -> None:
-        """Send a datagram; see `MessageLine`."""
         self._socket.send(message)
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Return a datagram; see `MessageLine`."""
         self._socket.settimeout(max(timeout_s, 0.001))
         with contextlib.suppress(TimeoutError):
             return self._socket.recv(2048)
         return None
 
     def close(self) -> None:
-        """Let go; see `MessageLine`."""
         self._socket.close()
 
 
@@ -85,7 +82,6 @@ class WebsocketLine:
         )
 
     def send(self, message: bytes) -> None:
-        """Send a message of text; see `MessageLine`."""
         if self._unanswered >= _MOST_UNANSWERED:
             self._drop()
         if self._socket is None:
@@ -98,7 +94,6 @@ class WebsocketLine:
         self._unanswered += 1
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Return a message; see `MessageLine`."""
         if self._socket is None:
             raise ConnectionError("the connection was lost")
         try:
@@ -113,7 +108,6 @@ class WebsocketLine:
         return message.encode() if isinstance(message, str) else bytes(message)
 
     def close(self) -> None:
-        """Let go; see `MessageLine`."""
         self._drop()
         self._worker.close()
 

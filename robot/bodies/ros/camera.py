@@ -31,7 +31,6 @@ class RosCameraOptions(Options):
     )
 
     def check(self) -> None:
-        """Refuse a name that is no topic's."""
         if not is_topic(self.image_topic):
             raise ConfigurationError(
                 f"--image-topic must be a topic's name, as /camera/image_raw/compressed, not "

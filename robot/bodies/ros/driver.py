@@ -49,7 +49,6 @@ class RosOptions(Options):
     advice_topic: str = option("", "topic for what the learner would do, as JSON text; empty: none")
 
     def check(self) -> None:
-        """Refuse names that are no topic's."""
         for name in ("cmd_vel_topic", "advice_topic"):
             topic = getattr(self, name)
             if (name == "cmd_vel_topic" or topic) and not is_topic(topic):
@@ -163,7 +162,6 @@ class RosDriver(ConnectedDriver[RosBridge]):
         return Sensors()
 
     def stop(self) -> None:
-        """Publish zero, if the bridge is there."""
         if self._connection is not None:
             with contextlib.suppress(OSError):  # the next request says so
                 self._connection.publish(self._topic, self.velocity(0.0, 0.0))

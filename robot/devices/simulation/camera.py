@@ -120,7 +120,6 @@ class SimCamera(WorldCamera):
 
     @classmethod
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        """Look out of a simulated body."""
         if not isinstance(driver, SimulatedBody):
             raise ConfigurationError(
                 f"the camera 'sim' only works with a simulated robot, not with {driver.name!r}"

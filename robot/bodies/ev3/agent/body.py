@@ -40,19 +40,15 @@ class BrickBody:
             ) from error
 
     def top_speeds_dps(self) -> List[float]:
-        """How fast each wheel can turn, in degrees a second; left, right."""
         return self.motors.top_speeds_dps()
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
-        """Turn the wheels at so many degrees a second for at most `time_ms`."""
         self.motors.run(left_dps, right_dps, time_ms)
 
     def stop(self) -> None:
-        """Stop both motors. Never raises."""
         self.motors.stop()
 
     def positions(self) -> List[float]:
-        """How far each wheel has turned since it was opened, in degrees; left, right."""
         return self.motors.positions()
 
     def sense(self) -> Dict[str, Any]:
@@ -66,15 +62,12 @@ class BrickBody:
         return read
 
     def take_button(self) -> Optional[str]:
-        """Return "start" (the middle button) or "stop" (any other) if one was pressed."""
         return self.console.take_button()
 
     def show(self, mode: str, address: str) -> None:
-        """Show mode and address on screen and lights; what is not there is left out."""
         self.console.show(mode, address)
 
     def close(self) -> None:
-        """Stop the motors and let go of everything; idempotent."""
         self.stop()
         self.motors.close()
         self.sensors.close()

@@ -88,7 +88,6 @@ class StockBody:
         return ports
 
     def top_speeds_dps(self) -> list[float]:
-        """How fast each wheel can turn, in degrees a second."""
         return self._top_dps
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
@@ -109,7 +108,6 @@ class StockBody:
             self._ask(codec.stop(self._both))
 
     def positions(self) -> list[float]:
-        """How far each wheel has turned, in degrees."""
         asked = b"".join(codec.motor_count(p, 4 * at) for at, p in enumerate(self._motors))
         return [float(count) for count in struct.unpack("<2i", self._ask(asked, 8))]
 
@@ -145,7 +143,6 @@ class StockBody:
             self._ask(codec.light(_LIGHTS.get(mode, 1)))
 
     def close(self) -> None:
-        """Stop the motors and let go of the line."""
         self.stop()
         self._is_closed = True
         line, self._line = self._line, None

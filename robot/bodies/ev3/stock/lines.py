@@ -45,7 +45,6 @@ class SocketLine:
         self._name = name
 
     def ask(self, message: bytes) -> bytes:
-        """Send and receive; see `BrickLine`."""
         if self._socket is None:
             raise HardwareError(f"the line to the brick ({self._name}) is closed")
         try:
@@ -70,7 +69,6 @@ class SocketLine:
         return data
 
     def close(self) -> None:
-        """Let go; see `BrickLine`."""
         sock, self._socket = self._socket, None
         if sock is not None:
             sock.close()
@@ -90,7 +88,6 @@ class UsbLine:
             ) from error
 
     def ask(self, message: bytes) -> bytes:
-        """Send and receive; see `BrickLine`."""
         if self._file is None:
             raise HardwareError(f"the line to the brick ({self._name}) is closed")
         try:
@@ -107,7 +104,6 @@ class UsbLine:
             ) from error
 
     def close(self) -> None:
-        """Let go; see `BrickLine`."""
         file, self._file = self._file, None
         if file is not None:
             os.close(file)
