@@ -6,7 +6,7 @@ import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import Any, Literal
 
 WHEEL_TOLERANCE = 0.25
 """A wheel's speed may be so far from what was asked: a weak battery, friction."""
@@ -80,64 +80,67 @@ def write_report(findings: Sequence[Finding]) -> str:
     return "\n".join(lines)
 
 
-def _host(facts: BrickFacts) -> str:
-    return facts.address.partition(":")[0]
+def _judge(
+    topic: str,
+    text: str,
+    *,
+    wrong: str | Literal[False] = False,
+    note: str | Literal[False] = False,
+) -> Finding:
+    """Return a finding; `wrong` and `note` are what to do where something is the matter."""
+    level = Level.WRONG if wrong else Level.NOTE if note else Level.OK
+    return Finding(level, topic, text, wrong or note or "")
 
 
 def _versions(facts: BrickFacts) -> Iterator[Finding]:
-    there = facts.inspected
-    text = (
+    there, host = facts.inspected, facts.address.partition(":")[0]
+    yield _judge(
+        "versions",
         f"agent {there['release']}, Python {there['python']}, Linux {there['kernel']} "
-        f"on {there['machine']}"
+        f"on {there['machine']}",
+        note=there["release"] != facts.release
+        and f"the agent is another than this program's; drivelesson brick agent {host}",
     )
-    if there["release"] == facts.release:
-        yield Finding(Level.OK, "versions", text)
-    else:
-        renew = f"the agent is another than this program's; drivelesson brick agent {_host(facts)}"
-        yield Finding(Level.NOTE, "versions", text, renew)
 
 
 def _line(facts: BrickFacts) -> Iterator[Finding]:
     usual, worst = statistics.median(facts.round_trips_s), max(facts.round_trips_s)
-    text = (
-        f"round trip {1000 * usual:.0f} ms, worst {1000 * worst:.0f} of {len(facts.round_trips_s)}"
-    )
     nearer = (
         "weak Wi-Fi: bring brick and access point nearer, try another channel or dongle, and keep "
         "large downloads out of this network"
     )
-    if usual > 0.1:
-        yield Finding(Level.WRONG, "wi-fi", text, nearer)
-    elif usual > 0.04 or worst > 0.3:
-        yield Finding(Level.NOTE, "wi-fi", text, nearer)
-    else:
-        yield Finding(Level.OK, "wi-fi", text)
+    yield _judge(
+        "wi-fi",
+        f"round trip {1000 * usual:.0f} ms, worst {1000 * worst:.0f} of {len(facts.round_trips_s)}",
+        wrong=usual > 0.1 and nearer,
+        note=(usual > 0.04 or worst > 0.3) and nearer,
+    )
 
 
 def _clock(facts: BrickFacts) -> Iterator[Finding]:
-    ahead_s = facts.clock_ahead_s
-    if abs(ahead_s) < 60:
+    hours = facts.clock_ahead_s / 3600
+    if abs(hours) < 1 / 60:
         yield Finding(Level.OK, "clock", "as on this computer, to the minute")
     else:
-        way = "ahead of" if ahead_s > 0 else "behind"
         yield Finding(
             Level.NOTE,
             "clock",
-            f"{abs(ahead_s) / 3600:.1f} hours {way} this computer",
+            f"{abs(hours):.1f} hours {'ahead of' if hours > 0 else 'behind'} this computer",
             "a brick has no clock of its own; driving does not need it. For dates in its logs: "
             "connect it to the internet, or on the brick: sudo date -s '2026-01-31 12:00'",
         )
 
 
 def _ports(facts: BrickFacts) -> Iterator[Finding]:
-    motors = facts.inspected["motors"]
-    listed = ", ".join(f"{one['driver_name']} at {one['address']}" for one in motors)
-    if facts.body_fault is not None:
-        yield Finding(
-            Level.WRONG, "motors", listed or "none found", facts.body_fault.partition(": ")[2]
-        )
-    else:
-        yield Finding(Level.OK, "motors", listed)
+    fault = facts.body_fault
+    listed = _listed(facts.inspected["motors"])
+    advice = fault is not None and (fault.partition(": ")[2] or fault)
+    yield _judge("motors", listed, wrong=advice)
+
+
+def _listed(devices: Sequence[dict[str, str]]) -> str:
+    found = ", ".join(f"{one['driver_name']} at {one['address']}" for one in devices)
+    return found or "none found"
 
 
 def _wheels(facts: BrickFacts) -> Iterator[Finding]:
@@ -186,16 +189,10 @@ def _faults(facts: BrickFacts, turn: WheelTurn) -> Iterator[tuple[str, str]]:
 
 def _sensors(facts: BrickFacts) -> Iterator[Finding]:
     found = facts.inspected["sensors"]
-    listed = ", ".join(f"{one['driver_name']} at {one['address']}" for one in found)
-    if listed:
-        yield Finding(Level.OK, "sensors", listed)
-    else:
-        yield Finding(
-            Level.NOTE,
-            "sensors",
-            "none found",
-            "the robot drives without; an ultrasonic and two touch sensors are welcome at any port",
-        )
+    welcome = (
+        "the robot drives without; an ultrasonic and two touch sensors are welcome at any port"
+    )
+    yield _judge("sensors", _listed(found), note=not found and welcome)
 
 
 def _battery(facts: BrickFacts) -> Iterator[Finding]:
@@ -203,31 +200,24 @@ def _battery(facts: BrickFacts) -> Iterator[Finding]:
     if volts is None:
         yield Finding(Level.NOTE, "battery", "cannot be read")
         return
-    text = f"{volts:.1f} V"
-    if volts < 6.5:
-        yield Finding(
-            Level.WRONG, "battery", text, "charge it: the brick switches itself off at 6 V"
-        )
-    elif volts < 7.0:
-        yield Finding(Level.NOTE, "battery", text, "charge it soon: motors get slower below 7 V")
-    else:
-        yield Finding(Level.OK, "battery", text)
+    yield _judge(
+        "battery",
+        f"{volts:.1f} V",
+        wrong=volts < 6.5 and "charge it: the brick switches itself off at 6 V",
+        note=volts < 7.0 and "charge it soon: motors get slower below 7 V",
+    )
 
 
 def _room(facts: BrickFacts) -> Iterator[Finding]:
     memory_mb, card_mb = facts.inspected["memory_mb"], facts.inspected["card_mb"]
     if memory_mb is None:
         yield Finding(Level.NOTE, "memory", "cannot be read")
-    elif memory_mb < 10:
-        advice = "end other programs on the brick, or restart it"
-        yield Finding(Level.WRONG, "memory", f"{memory_mb:.0f} MB free", advice)
     else:
-        yield Finding(Level.OK, "memory", f"{memory_mb:.0f} MB free")
-    if card_mb < 50:
-        advice = "delete what you do not need on the brick, or take a larger card"
-        yield Finding(Level.WRONG, "card", f"{card_mb:.0f} MB free", advice)
-    else:
-        yield Finding(Level.OK, "card", f"more than {50 if card_mb < 500 else 500} MB free")
+        advice = memory_mb < 10 and "end other programs on the brick, or restart it"
+        yield _judge("memory", f"{memory_mb:.0f} MB free", wrong=advice)
+    free = f"{card_mb:.0f}" if card_mb < 50 else f"more than {50 if card_mb < 500 else 500}"
+    advice = card_mb < 50 and "delete what you do not need on the brick, or take a larger card"
+    yield _judge("card", f"{free} MB free", wrong=advice)
 
 
 def _camera(facts: BrickFacts) -> Iterator[Finding]:
@@ -243,46 +233,40 @@ def _camera(facts: BrickFacts) -> Iterator[Finding]:
         return
     for one in cameras:
         yield from _offers(one)
-    if not facts.pictures:
+    if facts.pictures:
+        yield _pictures(facts.pictures)
+    else:
         fault = facts.camera_fault or "no pictures came"
         yield Finding(Level.WRONG, "pictures", fault, "try another cable or hub, or another camera")
-        return
-    yield from _pictures(facts.pictures)
 
 
 def _offers(camera: dict[str, Any]) -> Iterator[Finding]:
     if "fault" in camera:
         yield Finding(Level.WRONG, "camera", camera["fault"], "unplug it and plug it in again")
-        return
-    offers = camera["offers"]
-    text = camera["device"] + ": " + "; ".join(f"{k} {', '.join(v)}" for k, v in offers.items())
-    if not offers:
-        return  # the second device of a camera, which gives no pictures
-    if "YUYV" not in offers:
-        advice = "serve beside the brick, not on it: the brick cannot read MJPEG"
-        yield Finding(Level.NOTE, "camera", text, advice)
-    elif "160x120" not in offers["YUYV"]:
-        advice = "pictures come more slowly: the brick's bus carries ten of 160x120 a second"
-        yield Finding(Level.NOTE, "camera", text, advice)
-    else:
-        yield Finding(Level.OK, "camera", text)
+    elif offers := camera["offers"]:  # the second device of a camera gives no pictures
+        text = "; ".join(f"{kind} {', '.join(sizes)}" for kind, sizes in offers.items())
+        advice = (
+            "YUYV" not in offers
+            and "serve beside the brick, not on it: the brick cannot read MJPEG"
+        ) or (
+            "160x120" not in offers.get("YUYV", ())
+            and "pictures come more slowly: the brick's bus carries ten of 160x120 a second"
+        )
+        yield _judge("camera", f"{camera['device']}: {text}", note=advice)
 
 
-def _pictures(pictures: Sequence[PictureArrival]) -> Iterator[Finding]:
+def _pictures(pictures: Sequence[PictureArrival]) -> Finding:
     ages = sorted(one.age_s for one in pictures)
     usual, old = statistics.median(ages), ages[int(0.95 * (len(ages) - 1))]
     span_s = pictures[-1].at_s - pictures[0].at_s
     rate_hz = (len(pictures) - 1) / span_s if span_s > 0 else 0.0
     width, height = pictures[-1].size
-    text = (
+    return _judge(
+        "pictures",
         f"{rate_hz:.1f} a second, {1000 * usual:.0f} ms old, 19 of 20 under {1000 * old:.0f}; "
-        f"{width}x{height} {pictures[-1].encoding}"
+        f"{width}x{height} {pictures[-1].encoding}",
+        wrong=usual > 0.3
+        and "too old to drive at speed; look at the Wi-Fi and the camera's cable first",
+        note=(usual > 0.18 or rate_hz < 7)
+        and "the robot will slow down; is the hub shared with more than camera and Wi-Fi?",
     )
-    if usual > 0.3:
-        advice = "too old to drive at speed; look at the Wi-Fi and the camera's cable first"
-        yield Finding(Level.WRONG, "pictures", text, advice)
-    elif usual > 0.18 or rate_hz < 7:
-        advice = "the robot will slow down; is the hub shared with more than camera and Wi-Fi?"
-        yield Finding(Level.NOTE, "pictures", text, advice)
-    else:
-        yield Finding(Level.OK, "pictures", text)

@@ -18,21 +18,110 @@ SEARCH_S = 2.0
 BATTERY_S = 5.0
 
 
-class RobotSensors:
-    """What a body senses. Ports are "auto" (take what is there), "none", or names of ports.
+class SensorGroup:
+    """Sensors of one kind: "auto" takes what is there, by port, "none" nothing, else named ports.
 
-    Several touch sensors are bumpers, from left to right: in the order in which their ports are
-    named ("in4,in1"), or by port. `clock` has the functions of Python's `time`.
+    Several are in the order in which their ports are named, or by port.
+    """
+
+    def __init__(self, name: str, drivers: List[str], wanted: str, root: str) -> None:
+        self._name = name
+        self._drivers = drivers
+        self._wanted = wanted
+        self._root = root
+        self._ports = []  # type: List[DevicePort]
+        self._expected = 0
+
+    def find(self) -> None:
+        """Open them; one that was named must be there."""
+        self._forget()
+        for address in self._addresses():
+            port = find_port("lego-sensor", "sensor*", driver_name=self._drivers, address=address)
+            if port is None:
+                raise HardwareError(
+                    "no {} sensor at port {}; plug it in there, or say where with --{}-port: its "
+                    "port, auto or none ({})".format(
+                        self._name, address, self._name, describe_ports(self._root, "lego-sensor")
+                    )
+                )
+            self._prepare(port)
+            self._ports.append(port)
+        self._expected = max(self._expected, len(self._ports))
+
+    def find_more(self) -> None:
+        """Look for sensors that nobody named and that were not there before."""
+        if self._wanted == "auto" and len(self._addresses()) > len(self._ports):
+            self.find()
+
+    def read(self) -> List[int]:
+        """Return what each measures.
+
+        Raises:
+            HardwareError: If one that was there does not answer; it is looked for again.
+        """
+        if not self._expected:
+            return []
+        try:
+            if not self._ports:
+                self.find()
+            if len(self._ports) < self._expected:
+                raise OSError("it was unplugged")
+            return [int(port.read("value0")) for port in self._ports]
+        except Exception as error:
+            self._forget()
+            raise HardwareError(
+                "the {} sensor does not answer ({}); check its cable".format(self._name, error)
+            ) from error
+
+    def close(self) -> None:
+        """Let go of them; idempotent."""
+        self._forget()
+        self._expected = 0
+
+    def _addresses(self) -> List[str]:
+        if self._wanted == "none":
+            return []
+        if self._wanted != "auto":
+            return [address.strip() for address in self._wanted.split(",")]
+        found = list_ports(self._root, "lego-sensor")
+        return [entry["address"] for entry in found if entry["driver_name"] in self._drivers]
+
+    def _prepare(self, port: DevicePort) -> None:
+        pass
+
+    def _forget(self) -> None:
+        for port in self._ports:
+            port.close()
+        self._ports = []
+
+
+class Ultrasonic(SensorGroup):
+    """The one ultrasonic sensor, which measures in units that it tells."""
+
+    def _addresses(self) -> List[str]:
+        return super()._addresses()[:1]
+
+    def _prepare(self, port: DevicePort) -> None:
+        port.write("mode", "US-DIST-CM")
+        self._metres_per_unit = 0.01 / 10 ** int(port.read("decimals"))
+
+    def read_m(self) -> Optional[float]:
+        """Return the distance in metres; None without a sensor."""
+        values = self.read()
+        return values[0] * self._metres_per_unit if values else None
+
+
+class RobotSensors:
+    """What a body senses; the arguments are as for `SensorGroup`.
+
+    Several touch sensors are bumpers, from left to right. `clock` has the functions of Python's
+    `time`.
     """
 
     def __init__(self, ultrasonic: str, touch: str, root: str, clock: Any = time) -> None:
         self._clock = clock
-        self._wanted = {"ultrasonic": ultrasonic, "touch": touch}
-        self._root = root
-        self._ultrasonic = None  # type: Optional[DevicePort]
-        self._touch = []  # type: List[DevicePort]
-        self._expected = {"ultrasonic": 0, "touch": 0}
-        self._metres_per_unit = 0.001
+        self._ultrasonic = Ultrasonic("ultrasonic", ULTRASONIC, ultrasonic, root)
+        self._touch = SensorGroup("touch", TOUCH, touch, root)
         self._battery = None  # type: Optional[DevicePort]
         self._battery_range = (0.0, 1.0)
         self._battery_share = None  # type: Optional[float]
@@ -41,8 +130,8 @@ class RobotSensors:
 
     def open(self) -> None:
         """Find the sensors; one that was named must be there."""
-        self._find_ultrasonic()
-        self._find_touch()
+        self._ultrasonic.find()
+        self._touch.find()
         self._searched_s = self._clock.monotonic()
         battery = find_port("power_supply", "*ev3-battery")
         if battery is not None:
@@ -55,10 +144,14 @@ class RobotSensors:
         Raises:
             HardwareError: If a sensor that was there does not answer.
         """
-        self._search()
-        bumpers = self._read_bumpers()
+        now_s = self._clock.monotonic()
+        if now_s - self._searched_s >= SEARCH_S:
+            self._searched_s = now_s
+            self._ultrasonic.find_more()
+            self._touch.find_more()
+        bumpers = [value != 0 for value in self._touch.read()]
         return {
-            "distance_m": self._read_distance(),
+            "distance_m": self._ultrasonic.read_m(),
             "bumped": any(bumpers) if bumpers else None,
             "bumpers": bumpers,
             "battery_share": self._read_battery(),
@@ -66,103 +159,11 @@ class RobotSensors:
 
     def close(self) -> None:
         """Let go of the devices; idempotent."""
-        self._forget_touch()
-        for port in (self._ultrasonic, self._battery):
-            if port is not None:
-                port.close()
-        self._ultrasonic, self._battery = None, None
-        self._expected = {"ultrasonic": 0, "touch": 0}
-
-    def _search(self) -> None:
-        """Look now and then for sensors that nobody named and that were not there at first."""
-        now_s = self._clock.monotonic()
-        if now_s - self._searched_s < SEARCH_S:
-            return
-        self._searched_s = now_s
-        if self._wanted["ultrasonic"] == "auto" and self._ultrasonic is None:
-            self._find_ultrasonic()
-        if self._wanted["touch"] == "auto" and len(self._touch_ports()) > len(self._touch):
-            self._find_touch()
-
-    def _find_ultrasonic(self) -> None:
-        wanted = self._wanted["ultrasonic"]
-        if wanted == "none":
-            return
-        named = {} if wanted == "auto" else {"address": wanted}
-        sensor = find_port("lego-sensor", "sensor*", driver_name=ULTRASONIC, **named)
-        if sensor is None:
-            if wanted != "auto":
-                raise self._missing("ultrasonic", wanted)
-            return
-        sensor.write("mode", "US-DIST-CM")
-        self._metres_per_unit = 0.01 / 10 ** int(sensor.read("decimals"))
-        self._ultrasonic = sensor
-        self._expected["ultrasonic"] = 1
-
-    def _touch_ports(self) -> List[str]:
-        """The ports of the touch sensors, from left to right."""
-        wanted = self._wanted["touch"]
-        if wanted == "none":
-            return []
-        if wanted != "auto":
-            return [port.strip() for port in wanted.split(",")]
-        found = list_ports(self._root, "lego-sensor")
-        return [entry["address"] for entry in found if entry["driver_name"] in TOUCH]
-
-    def _find_touch(self) -> None:
-        self._forget_touch()
-        for port in self._touch_ports():
-            sensor = find_port("lego-sensor", "sensor*", driver_name=TOUCH, address=port)
-            if sensor is None:
-                raise self._missing("touch", port)
-            self._touch.append(sensor)
-        self._expected["touch"] = max(self._expected["touch"], len(self._touch))
-
-    def _missing(self, name: str, port: str) -> HardwareError:
-        return HardwareError(
-            "no {} sensor at port {}; plug it in there, or say where with --{}-port: its "
-            "port, auto or none ({})".format(
-                name, port, name, describe_ports(self._root, "lego-sensor")
-            )
-        )
-
-    def _lost(self, name: str, error: object) -> HardwareError:
-        return HardwareError(
-            "the {} sensor does not answer ({}); check its cable".format(name, error)
-        )
-
-    def _forget_touch(self) -> None:
-        for port in self._touch:
-            port.close()
-        self._touch = []
-
-    def _read_distance(self) -> Optional[float]:
-        if not self._expected["ultrasonic"]:
-            return None
-        try:
-            if self._ultrasonic is None:
-                self._find_ultrasonic()
-            if self._ultrasonic is None:
-                raise OSError("it was unplugged")
-            return int(self._ultrasonic.read("value0")) * self._metres_per_unit
-        except Exception as error:
-            if self._ultrasonic is not None:
-                self._ultrasonic.close()
-                self._ultrasonic = None
-            raise self._lost("ultrasonic", error) from error
-
-    def _read_bumpers(self) -> List[bool]:
-        if not self._expected["touch"]:
-            return []
-        try:
-            if not self._touch:
-                self._find_touch()
-            if len(self._touch) < self._expected["touch"]:
-                raise OSError("one was unplugged")
-            return [int(port.read("value0")) != 0 for port in self._touch]
-        except Exception as error:
-            self._forget_touch()
-            raise self._lost("touch", error) from error
+        self._ultrasonic.close()
+        self._touch.close()
+        if self._battery is not None:
+            self._battery.close()
+            self._battery = None
 
     def _read_battery(self) -> Optional[float]:
         """Charge between 0 and 1, estimated from the voltage; read every five seconds."""
