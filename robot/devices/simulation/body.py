@@ -35,7 +35,7 @@ WHEELS_MPS: Mapping[Action, tuple[float, float]] = {
 
 SONAR_RANGE_M = 2.55
 SONAR_HALF_CONE_RAD = math.radians(12.5)
-_SONAR_RAYS = 7
+_SONAR_RAYS_RAD = np.linspace(-SONAR_HALF_CONE_RAD, SONAR_HALF_CONE_RAD, 7)
 _BUMPER_HALF_ARC_RAD = math.radians(80)
 
 
@@ -86,10 +86,7 @@ def push_out(world: World, pose: Pose) -> tuple[Pose, list[Contact]]:
 
 def sonar_m(world: World, pose: Pose) -> float:
     """Return the distance to the nearest thing in the sonar's cone, from the body's front edge."""
-    nearest_m = SONAR_RANGE_M + RADIUS_M
-    for ray in range(_SONAR_RAYS):
-        offset_rad = SONAR_HALF_CONE_RAD * (2 * ray / (_SONAR_RAYS - 1) - 1)
-        nearest_m = min(nearest_m, _ray_m(world, pose, pose.heading_rad + offset_rad))
+    nearest_m = min(SONAR_RANGE_M + RADIUS_M, float(ranges_m(world, pose, _SONAR_RAYS_RAD).min()))
     return max(nearest_m - RADIUS_M, 0.0)
 
 
@@ -109,7 +106,7 @@ def ranges_m(world: World, pose: Pose, bearings_rad: NDArray[np.float64]) -> NDA
 def _ranges_to_m(
     obstacle: Obstacle, pose: Pose, steps_x: NDArray[np.float64], steps_y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """As `_ray_to_obstacle_m`, for many rays at once."""
+    """Return the way to one thing; infinite where the ray passes it."""
     from_x, from_y = _into(obstacle, pose.x_m - obstacle.x_m, pose.y_m - obstacle.y_m)
     cos, sin = math.cos(obstacle.heading_rad), math.sin(obstacle.heading_rad)
     rays_x, rays_y = steps_x * cos + steps_y * sin, steps_y * cos - steps_x * sin
@@ -165,42 +162,6 @@ def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> tuple[float, flo
         reach_m = gap_m + RADIUS_M
     normal_x, normal_y = _out_of(obstacle, gap_x / gap_m, gap_y / gap_m)
     return normal_x, normal_y, reach_m - gap_m
-
-
-def _ray_m(world: World, pose: Pose, angle_rad: float) -> float:
-    """Return how far a ray from the robot's centre goes before it meets something."""
-    step_x, step_y = math.cos(angle_rad), math.sin(angle_rad)
-    far_m = math.inf
-    if step_x:
-        far_m = min(far_m, ((world.width_m if step_x > 0 else 0.0) - pose.x_m) / step_x)
-    if step_y:
-        far_m = min(far_m, ((world.depth_m if step_y > 0 else 0.0) - pose.y_m) / step_y)
-    for obstacle in world.obstacles:
-        far_m = min(far_m, _ray_to_obstacle_m(obstacle, pose, step_x, step_y))
-    return far_m
-
-
-def _ray_to_obstacle_m(obstacle: Obstacle, pose: Pose, step_x: float, step_y: float) -> float:
-    from_x, from_y = _into(obstacle, pose.x_m - obstacle.x_m, pose.y_m - obstacle.y_m)
-    ray_x, ray_y = _into(obstacle, step_x, step_y)
-    if obstacle.shape == "cylinder":
-        half = from_x * ray_x + from_y * ray_y
-        rest = from_x**2 + from_y**2 - (obstacle.width_m / 2) ** 2
-        root = half * half - rest
-        enter_m = -half - math.sqrt(root) if root >= 0 else math.inf
-        return enter_m if enter_m >= 0 else math.inf
-    enter_m, leave_m = 0.0, math.inf
-    for start, step, half in (
-        (from_x, ray_x, obstacle.width_m / 2),
-        (from_y, ray_y, obstacle.depth_m / 2),
-    ):
-        if abs(step) < 1e-12:
-            if abs(start) > half:
-                return math.inf
-            continue
-        first, second = sorted(((-half - start) / step, (half - start) / step))
-        enter_m, leave_m = max(enter_m, first), min(leave_m, second)
-    return enter_m if enter_m <= leave_m else math.inf
 
 
 def _into(obstacle: Obstacle, x: float, y: float) -> tuple[float, float]:

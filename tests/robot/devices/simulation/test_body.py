@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +12,12 @@ import pytest
 from robot.devices.simulation.body import (
     RADIUS_M,
     WHEELS_MPS,
-    _ray_m,
     move,
     push_out,
     ranges_m,
     sonar_m,
 )
-from robot.devices.simulation.world import Obstacle, World, load_world
+from robot.devices.simulation.world import Obstacle, World, load_world, world_names
 from robot.types import Action, Pose
 
 
@@ -114,9 +114,33 @@ def test_a_turned_box_is_met_where_it_stands(box: World) -> None:
     assert sonar_m(world, MIDDLE) == pytest.approx(0.94 - 0.575 - RADIUS_M)
 
 
-def test_many_ranges_at_once_are_as_the_sonars_single_rays() -> None:
-    world = load_world("office")
+def is_free(world: World, x_m: float, y_m: float) -> bool:
+    """Whether a point is in the room and in no thing."""
+    if not (0 <= x_m <= world.width_m and 0 <= y_m <= world.depth_m):
+        return False
+    for thing in world.obstacles:
+        across, along = x_m - thing.x_m, y_m - thing.y_m
+        cos, sin = math.cos(thing.heading_rad), math.sin(thing.heading_rad)
+        own_x, own_y = across * cos + along * sin, along * cos - across * sin
+        is_in_box = abs(own_x) <= thing.width_m / 2 and abs(own_y) <= thing.depth_m / 2
+        is_round = thing.shape == "cylinder"
+        if math.hypot(own_x, own_y) <= thing.width_m / 2 if is_round else is_in_box:
+            return False
+    return True
+
+
+@pytest.mark.parametrize("name", world_names())
+def test_each_range_is_free_as_far_as_it_says_and_no_farther(name: str) -> None:
+    world, dice = load_world(name), random.Random(name)
     bearings = np.radians(np.arange(0.0, 360.0, 7.0))
-    for pose in (Pose(x_m=1.0, y_m=1.0, heading_rad=0.0), Pose(x_m=2.6, y_m=1.9, heading_rad=1.3)):
-        single = [_ray_m(world, pose, pose.heading_rad + bearing) for bearing in bearings]
-        assert ranges_m(world, pose, bearings) == pytest.approx(np.array(single))
+    for _ in range(20):
+        x_m, y_m = dice.uniform(0.0, world.width_m), dice.uniform(0.0, world.depth_m)
+        if not is_free(world, x_m, y_m):
+            continue
+        pose = Pose(x_m=x_m, y_m=y_m, heading_rad=dice.uniform(-math.pi, math.pi))
+        for bearing, range_m in zip(bearings, ranges_m(world, pose, bearings), strict=True):
+            step_x, step_y = (part(pose.heading_rad + bearing) for part in (math.cos, math.sin))
+            for way_m in [*np.arange(0.0, range_m, 0.02), range_m - 1e-9]:
+                assert is_free(world, x_m + way_m * step_x, y_m + way_m * step_y)
+            beyond_m = range_m + 1e-9
+            assert not is_free(world, x_m + beyond_m * step_x, y_m + beyond_m * step_y)
