@@ -12,12 +12,13 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 from typing import Any, ClassVar
 
 from robot.clock import Clock, Worker
-from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver, Move
+from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
 from robot.errors import DriveError, NotConnectedError
-from robot.types import Action, Mode, Prediction, Sensors
+from robot.types import Action, Mode, Sensors
 
 SENSE_EVERY_S = 0.1
 """How often the sensors are read while actions wait; with nothing to do, as often."""
@@ -32,6 +33,11 @@ class _Order:
     action: Action
     speed_scale: float
     queued_s: float
+
+
+def _of_body(name: str) -> Any:
+    """Make what the body says, or takes at once, the wrapper's own."""
+    return property(attrgetter(f"driver.{name}"))
 
 
 class DriverThread(Driver):
@@ -68,39 +74,15 @@ class DriverThread(Driver):
         self._driven = Action.STOP
         self._request_s: float | None = None
 
-    @property
-    def options_type(self) -> type[Any]:  # type: ignore[override]
-        return self.driver.options_type
-
-    @property
-    def declared_moves(self) -> tuple[Move, ...]:  # type: ignore[override]
-        return self.driver.declared_moves
-
-    @property
-    def moves(self) -> tuple[Action, ...]:
-        return self.driver.moves
-
-    @property
-    def track_m(self) -> float | None:  # type: ignore[override]
-        return self.driver.track_m
-
-    def wheels_mps(self, action: Action) -> tuple[float, float] | None:
-        return self.driver.wheels_mps(action)
-
-    @property
-    def is_connected(self) -> bool:
-        return self.driver.is_connected
-
-    @property
-    def takes_advice(self) -> bool:
-        return self.driver.takes_advice
-
-    def advise(self, prediction: Prediction) -> None:
-        self.driver.advise(prediction)
-
-    def announce(self, address: str) -> None:
-        """Hand on the page's address; called before `connect`, so on the caller's thread."""
-        self.driver.announce(address)
+    options_type = _of_body("options_type")
+    declared_moves = _of_body("declared_moves")
+    moves = _of_body("moves")
+    track_m = _of_body("track_m")
+    wheels_mps = _of_body("wheels_mps")
+    is_connected = _of_body("is_connected")
+    takes_advice = _of_body("takes_advice")
+    advise = _of_body("advise")
+    announce = _of_body("announce")
 
     def connect(self) -> None:
         self.driver.connect()
