@@ -6,11 +6,13 @@ A library that is missing is named with the command that adds it to this very in
 from __future__ import annotations
 
 import difflib
+import importlib
 import json
 import shlex
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -36,6 +38,18 @@ class MissingExtraError(RobotError, ImportError):
             f"install it with: {install_command(extra)}"
         )
         self.extra = extra
+
+
+def need(library: str, feature: str, extra: str) -> Any:
+    """Import a library that an extra brings, and return it.
+
+    Raises:
+        MissingExtraError: If it is not installed.
+    """
+    try:
+        return importlib.import_module(library)
+    except ImportError as error:
+        raise MissingExtraError(feature, extra) from error
 
 
 class PluginError(RobotError, LookupError):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot.errors import MissingExtraError, RecordingError
+from robot.errors import RecordingError, need
 from robot.policy.image import to_rgb
 from robot.policy.png import encode_png
 from robot.types import Encoding, Frame
@@ -90,10 +90,7 @@ def _size(data: bytes) -> tuple[int, int] | None:
     """Read width and height from the header, before anything is decoded."""
     if not data.startswith((_PNG, _JPEG)):
         return None
-    try:
-        import imagesize
-    except ImportError as error:
-        raise MissingExtraError("reading pictures", "camera") from error
+    imagesize = need("imagesize", "reading pictures", "camera")
     try:
         width, height = imagesize.get(io.BytesIO(data))
     except (ValueError, struct.error):
@@ -121,10 +118,7 @@ def _has_end(data: bytes) -> bool:
 
 
 def _decode(data: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]] | None:
-    try:
-        import cv2
-    except ImportError as error:
-        raise MissingExtraError("reading pictures", "camera") from error
+    cv2 = need("cv2", "reading pictures", "camera")
     try:
         bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     except cv2.error:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import CameraError, ConfigurationError, MissingExtraError
+from robot.errors import CameraError, ConfigurationError, need
 from robot.types import Game
 
 Pixels = NDArray[np.uint8]
@@ -48,10 +48,7 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
         ConfigurationError: If there is no such environment; says what Gymnasium says.
         MissingExtraError: If Gymnasium is not installed.
     """
-    try:
-        import gymnasium
-    except ImportError as error:
-        raise MissingExtraError("the robot gymnasium", "gymnasium") from error
+    gymnasium = need("gymnasium", "the robot gymnasium", "gymnasium")
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("PYGLET_HEADLESS", "1")  # MiniWorld's library asks for a screen
     module, _, attribute = name.rpartition(":")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -11,7 +10,7 @@ from robot.clock import Clock, RealClock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, describe
-from robot.errors import DriveError, MissingExtraError
+from robot.errors import DriveError, need
 from robot.types import Action, Sensors
 
 SEARCH_S = 8.0
@@ -57,10 +56,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
 
     def _open(self) -> Any:
         if self._library is None:
-            try:
-                self._library = importlib.import_module("legoeducation")
-            except ImportError as error:
-                raise MissingExtraError("the robot 'lego-education'", "lego-education") from error
+            self._library = need("legoeducation", "the robot 'lego-education'", "lego-education")
         motor = self._library.DoubleMotor()
         found = motor.search(timeout=SEARCH_S, device_name=self.options.hub or None)
         if not found:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.watched_camera import WatchedCamera
-from robot.errors import CameraError, MissingExtraError
+from robot.errors import CameraError, need
 from robot.types import Encoding
 
 _OLDEST_S = 2.0
@@ -51,12 +50,8 @@ class Picamera2Camera(WatchedCamera):
         """
         if self._device is not None:
             return
-        options, library = self.options, self._library
-        if library is None:
-            try:
-                library = importlib.import_module("picamera2")
-            except ImportError as error:
-                raise MissingExtraError("the camera 'picamera2'", "gpio") from error
+        options = self.options
+        library = self._library or need("picamera2", "the camera 'picamera2'", "gpio")
         n_cameras = len(library.Picamera2.global_camera_info())
         if options.camera_number >= n_cameras:
             raise CameraError(

@@ -12,7 +12,7 @@ from robot.bodies.remote.orders import BodyReport, parse_moves
 from robot.bodies.remote.plain import HELLO, encode_plain_order, parse_plain_report
 from robot.clock import Clock
 from robot.devices.options import Options, option
-from robot.errors import MissingExtraError
+from robot.errors import need
 from robot.types import Action
 
 
@@ -49,12 +49,7 @@ class PybricksDriver(ReportingDriver):
         return f"the hub {self.options.hub!r}" if self.options.hub else "the hub"
 
     def _open_line(self) -> MessageLine:
-        bluetooth = self._bluetooth
-        if bluetooth is None:
-            try:
-                import bleak as bluetooth
-            except ImportError as error:
-                raise MissingExtraError("the robot 'pybricks'", "pybricks") from error
+        bluetooth = self._bluetooth or need("bleak", "the robot 'pybricks'", "pybricks")
         return HubLine(bluetooth, self.options.hub, self._clock)
 
     def _parse(self, data: bytes) -> BodyReport | None:

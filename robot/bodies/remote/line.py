@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from robot.bodies.remote.event_loop import EventLoopThread
 from robot.clock import RealClock
-from robot.errors import ConfigurationError, MissingExtraError
+from robot.errors import ConfigurationError, need
 
 _OPENS_S, _OPENS_AGAIN_S, _SENDS_S = 4.0, 1.0, 0.5
 _MOST_UNANSWERED = 10
@@ -60,11 +60,7 @@ class WebsocketLine:
     """
 
     def __init__(self, host: str, port: int) -> None:
-        try:
-            from websockets import connect
-        except ImportError as error:
-            raise MissingExtraError("the robot 'ws'", "demo") from error
-        self._connect = connect
+        self._connect = need("websockets", "the robot 'ws'", "demo").connect
         self._worker = EventLoopThread("websocket", RealClock())
         self._run = self._worker.run
         self._address = host, port

@@ -14,7 +14,7 @@ from typing import Any
 
 from robot.bodies.remote.event_loop import EventLoopThread, said
 from robot.clock import Clock
-from robot.errors import MissingExtraError
+from robot.errors import need
 
 PORT = 9090
 CONNECT_S = 4.0
@@ -55,10 +55,7 @@ class RosBridge:
         subscribed: Mapping[str, str] | None = None,
         on_message: Callable[[str, Message], None] = lambda topic, message: None,
     ) -> None:
-        try:
-            import websockets  # noqa: F401 - with a sentence where it is missing
-        except ImportError as error:
-            raise MissingExtraError("ROS", "demo") from error
+        self._websockets = need("websockets", "ROS", "demo")
         self._url, self._clock = f"ws://{host}:{port}/", clock
         self._advertised, self._subscribed = dict(advertised or {}), dict(subscribed or {})
         self._on_message = on_message
@@ -112,11 +109,9 @@ class RosBridge:
     # On the thread -----------------------------------------------------------------------------
 
     async def _connect_once(self, connected: Callable[[], None]) -> None:
-        from websockets import connect
-
         try:
             async with asyncio.timeout(CONNECT_S):
-                socket = await connect(
+                socket = await self._websockets.connect(
                     self._url,
                     compression=None,
                     max_size=MAX_BYTES,

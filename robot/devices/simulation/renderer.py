@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.devices.simulation.world import Colour, Obstacle, World
-from robot.errors import MissingExtraError
+from robot.errors import need
 from robot.types import Pose
 
 WIDTH_PX, HEIGHT_PX = 160, 120
@@ -42,12 +42,9 @@ class Renderer:
     """
 
     def __init__(self, world: World, seed: int = 0) -> None:
-        try:
-            from panda3d import core
-        except ImportError as error:
-            raise MissingExtraError("the simulator", "sim") from error
+        core = need("panda3d.core", "the simulator", "sim")
         core.loadPrcFileData("", "notify-level error\naudio-library-name null\n")
-        self._core: Any = core
+        self._core = core
         self._open_engine()
         self._root = core.NodePath("world")
         self._n_quads = 0
