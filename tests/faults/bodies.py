@@ -133,9 +133,10 @@ def _ev3_stock(seed: int) -> Iterator[TimedBody]:
             pass
 
     def make_body() -> ChassisBody:
-        return StockBody(lambda: line, left="outB", right="outC", ultrasonic="none", touch="none")
+        return StockBody(lambda: line, driver.options.ports())
 
-    brick, line, driver = StockFirmware(clock.now_s), Line(), Ev3StockDriver(Ev3StockOptions())
+    options = Ev3StockOptions(ultrasonic_port="none", touch_port="none")
+    brick, line, driver = StockFirmware(clock.now_s), Line(), Ev3StockDriver(options)
     driver._make_body = make_body  # type: ignore[method-assign]
 
     def lose() -> None:

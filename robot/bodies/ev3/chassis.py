@@ -46,15 +46,25 @@ class ChassisOptions(Options):
     )
     reversed_motors: bool = option(False, "the motors are mounted the other way round")
 
+    def ports(self) -> dict[str, str]:
+        """Return where motors and sensors are plugged in, as bodies take it."""
+        return {
+            "left": self.left_port,
+            "right": self.right_port,
+            "ultrasonic": self.ultrasonic_port,
+            "touch": self.touch_port,
+        }
+
 
 class ChassisBody(Protocol):
     """What a chassis moves: the brick's own devices, or an agent's line to them."""
 
-    def open(self) -> None:
-        """Find the devices, and make sure that nothing moves."""
+    def open(self) -> Sequence[float]:
+        """Find the devices, and make sure that nothing moves.
 
-    def top_speeds_dps(self) -> list[float]:
-        """How fast the left and the right wheel can turn, in degrees a second."""
+        Returns:
+            How fast the left and the right wheel can turn, in degrees a second.
+        """
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
         """Turn the wheels for at most `time_ms`."""
@@ -107,6 +117,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def __init__(self, options: ChassisOptions) -> None:
         self.options = options
         self._address = ""
+        self._top_dps: Sequence[float] = ()
 
     @property
     def track_m(self) -> float:  # type: ignore[override]
@@ -128,14 +139,14 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def _open(self) -> ChassisBody:
         body = self._make_body()
         try:
-            body.open()
+            self._top_dps = body.open()
         except HardwareError as error:
             body.close()
             raise DriveError(str(error)) from error
         return body
 
     def _begin(self) -> None:
-        self._check_speeds(self._connected().top_speeds_dps())
+        self._check_speeds(self._top_dps)
         self.show(Mode.STOPPED)
 
     def _close(self, connection: ChassisBody) -> None:

@@ -35,12 +35,5 @@ class Ev3Driver(ChassisDriver):
     def _make_body(self) -> ChassisBody:
         if importlib.util.find_spec("ev3dev2") is None:
             raise MissingExtraError("driving an EV3", "ev3")
-        options = self.options
-        return BrickBody(
-            options.left_port,
-            options.right_port,
-            options.ultrasonic_port,
-            options.touch_port,
-            options.brick_root,
-            SimpleNamespace(monotonic=self._clock.now_s, sleep=self._clock.sleep),
-        )
+        clock = SimpleNamespace(monotonic=self._clock.now_s, sleep=self._clock.sleep)
+        return BrickBody(**self.options.ports(), root=self.options.brick_root, clock=clock)

@@ -105,14 +105,7 @@ class Examination:
     def _try_wheels(
         self, may_turn_wheels: Callable[[], bool]
     ) -> tuple[str | None, list[WheelTurn] | None]:
-        options = self._options
-        body = RemoteBody(
-            self._link,
-            left=options.left_port,
-            right=options.right_port,
-            ultrasonic=options.ultrasonic_port,
-            touch=options.touch_port,
-        )
+        body = RemoteBody(self._link, self._options.ports())
         try:
             body.open()
             if not may_turn_wheels():

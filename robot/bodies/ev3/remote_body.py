@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from robot.bodies.ev3.agent.ports import HardwareError
@@ -12,19 +13,14 @@ from robot.bodies.ev3.link import BrickLink
 class RemoteBody:
     """A body at the other end of a link, with the same methods as the brick's own."""
 
-    def __init__(self, link: BrickLink, **ports: str) -> None:
+    def __init__(self, link: BrickLink, ports: Mapping[str, str]) -> None:
         self._link = link
         self._ports = ports
-        self._top_speeds_dps: list[float] = []
 
-    def open(self) -> None:
+    def open(self) -> Sequence[float]:
         self._link.open("body")
         self._link.keep_sent("body", "open", **self._ports)
-        opened = self._link.answer("opened")
-        self._top_speeds_dps = [float(dps) for dps in opened["top_speeds_dps"]]
-
-    def top_speeds_dps(self) -> list[float]:
-        return self._top_speeds_dps
+        return [float(dps) for dps in self._link.answer("opened")["top_speeds_dps"]]
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
         """Turn the wheels for at most `time_ms`. The brick refuses an order that comes late.

@@ -34,11 +34,4 @@ class Ev3RemoteDriver(ChassisDriver):
         self.link = link or BrickLink(options.brick, options.brick_secret)
 
     def _make_body(self) -> ChassisBody:
-        options = self.options
-        return RemoteBody(
-            self.link,
-            left=options.left_port,
-            right=options.right_port,
-            ultrasonic=options.ultrasonic_port,
-            touch=options.touch_port,
-        )
+        return RemoteBody(self.link, self.options.ports())

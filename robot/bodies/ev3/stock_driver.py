@@ -32,9 +32,5 @@ class Ev3StockDriver(ChassisDriver):
     def _make_body(self) -> ChassisBody:
         options = self.options
         return StockBody(
-            lambda: open_line(options.line, options.brick, options.beacon_port),
-            left=options.left_port,
-            right=options.right_port,
-            ultrasonic=options.ultrasonic_port,
-            touch=options.touch_port,
+            lambda: open_line(options.line, options.brick, options.beacon_port), options.ports()
         )

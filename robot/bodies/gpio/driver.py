@@ -13,13 +13,10 @@ from robot.bodies.gpio.keeper_line import KeeperLine
 from robot.bodies.gpio.wheels import SHARES
 from robot.bodies.remote.driver import ReportingDriver
 from robot.bodies.remote.line import MessageLine
-from robot.bodies.remote.orders import BodyReport
-from robot.bodies.remote.plain import HELLO, encode_plain_order, parse_plain_report
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.driver import describe
 from robot.errors import ConfigurationError, MissingExtraError
-from robot.types import Action
 
 MAX_PIN = 27
 
@@ -85,7 +82,6 @@ class GpioDriver(ReportingDriver):
     default_camera: ClassVar[str] = "picamera2"
     options_type: ClassVar[type[Any]] = GpioOptions
     declared_moves = describe(SHARES)
-    hello = HELLO
     no_answer = "is another program using its pins?"
     no_obedience = "restart this program"
 
@@ -111,11 +107,3 @@ class GpioDriver(ReportingDriver):
             raise MissingExtraError("the robot 'gpio'", "gpio")
         command = [sys.executable, "-m", "robot.bodies.gpio.keeper", json.dumps(settings)]
         return KeeperLine(command, self._clock)
-
-    def _parse(self, data: bytes) -> BodyReport | None:
-        return parse_plain_report(data)
-
-    def _encode(
-        self, action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport
-    ) -> bytes:
-        return encode_plain_order(action, for_ms=for_ms, speed=speed, seq=seq, report=report)

@@ -8,12 +8,10 @@ from typing import Any, ClassVar
 from robot.bodies.pybricks.hub_line import HubLine
 from robot.bodies.remote.driver import ReportingDriver
 from robot.bodies.remote.line import MessageLine
-from robot.bodies.remote.orders import BodyReport, parse_moves
-from robot.bodies.remote.plain import HELLO, encode_plain_order, parse_plain_report
+from robot.bodies.remote.orders import parse_moves
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.errors import need
-from robot.types import Action
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +30,6 @@ class PybricksDriver(ReportingDriver):
 
     name: ClassVar[str] = "pybricks"
     options_type: ClassVar[type[Any]] = PybricksOptions
-    hello = HELLO
     no_answer = "does docs/examples/firmware/hub.py run on it?"
     no_obedience = "does it run docs/examples/firmware/hub.py of this version?"
 
@@ -51,11 +48,3 @@ class PybricksDriver(ReportingDriver):
     def _open_line(self) -> MessageLine:
         bluetooth = self._bluetooth or need("bleak", "the robot 'pybricks'", "pybricks")
         return HubLine(bluetooth, self.options.hub, self._clock)
-
-    def _parse(self, data: bytes) -> BodyReport | None:
-        return parse_plain_report(data)
-
-    def _encode(
-        self, action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport
-    ) -> bytes:
-        return encode_plain_order(action, for_ms=for_ms, speed=speed, seq=seq, report=report)

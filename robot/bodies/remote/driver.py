@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from robot.bodies.remote.line import MessageLine, split_address
 from robot.bodies.remote.orders import BodyReport, encode_order, parse_moves, parse_report
+from robot.bodies.remote.plain import HELLO, encode_plain_order, parse_plain_report
 from robot.clock import Clock, RealClock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
@@ -30,10 +31,10 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
 
     default_camera: ClassVar[str] = "phone"
     is_remote: ClassVar[bool] = True
-    hello: ClassVar[bytes] = b"{}"
+    hello: ClassVar[bytes] = HELLO
     """Asks for a report."""
-    no_answer: ClassVar[str] = "is it on, in the same network, and is this its address?"
-    no_obedience: ClassVar[str] = "is --secret the one that it knows?"
+    no_answer: ClassVar[str]
+    no_obedience: ClassVar[str]
     """Ends of the sentences about a robot that is silent at first, and about one that disobeys."""
 
     def __init__(self, clock: Clock | None = None) -> None:
@@ -53,15 +54,13 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
     def _open_line(self) -> MessageLine:
         """Open the line; raises OSError."""
 
-    @abstractmethod
-    def _encode(
-        self, action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport
-    ) -> bytes:
-        """Write one order."""
+    def _encode(self, action: Action, **order: Any) -> bytes:
+        """Write one order, as words of one line where nobody else can send."""
+        return encode_plain_order(action, **order)
 
     def _parse(self, data: bytes) -> BodyReport | None:
         """Read one report; None if it is none."""
-        return parse_report(data)
+        return parse_plain_report(data)
 
     def _open(self) -> MessageLine:
         self._report, self._disobeyed = None, 0
@@ -167,6 +166,9 @@ class RemoteDriver(ReportingDriver):
     """A robot that uses the one-page protocol, at an address; subclasses provide the transport."""
 
     options_type: ClassVar[type[Any]] = RemoteOptions
+    hello: ClassVar[bytes] = b"{}"
+    no_answer: ClassVar[str] = "is it on, in the same network, and is this its address?"
+    no_obedience: ClassVar[str] = "is --secret the one that it knows?"
 
     def __init__(self, options: RemoteOptions, clock: Clock | None = None) -> None:
         super().__init__(clock)
@@ -184,10 +186,8 @@ class RemoteDriver(ReportingDriver):
     def _open_address(self, host: str, port: int) -> MessageLine:
         """Open the line; raises OSError."""
 
-    def _encode(
-        self, action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport
-    ) -> bytes:
-        secret = self.options.secret
-        return encode_order(
-            action, for_ms=for_ms, speed=speed, seq=seq, report=report, secret=secret
-        )
+    def _encode(self, action: Action, **order: Any) -> bytes:
+        return encode_order(action, secret=self.options.secret, **order)
+
+    def _parse(self, data: bytes) -> BodyReport | None:
+        return parse_report(data)

@@ -89,7 +89,7 @@ class _CountingBody:
     def __getattr__(self, name: str) -> Any:
         return lambda *_: None
 
-    def top_speeds_dps(self) -> list[float]:
+    def open(self) -> list[float]:
         return [1050.0, 1050.0]
 
     def sense(self) -> dict[str, Any]:

@@ -24,8 +24,11 @@ class BrickBody:
         self.sensors = RobotSensors(ultrasonic, touch, root, clock)
         self.console = Console(root)
 
-    def open(self) -> None:
-        """Find motors, sensors, battery and buttons, and make sure that nothing moves."""
+    def open(self) -> List[float]:
+        """Find motors, sensors, battery and buttons, and make sure that nothing moves.
+
+        Returns how fast each wheel can turn, in degrees a second; left, right.
+        """
         use_devices_of(self._root)
         try:
             self.motors.open()
@@ -38,8 +41,6 @@ class BrickBody:
                 "the brick's devices cannot be used ({}); be root, or a member of the group "
                 "ev3dev".format(error)
             ) from error
-
-    def top_speeds_dps(self) -> List[float]:
         return self.motors.top_speeds_dps()
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:

@@ -180,13 +180,13 @@ class Agent:
             self._clock,
         )
         try:
-            body.open()
+            top_speeds_dps = body.open()
         except HardwareError as error:
             body.close()
             caller.send({"failed": str(error)})
             return
         self._body = body
-        caller.send({"opened": {"top_speeds_dps": body.top_speeds_dps()}})
+        caller.send({"opened": {"top_speeds_dps": top_speeds_dps}})
 
     def _move(self, caller: Caller, command: Dict[str, Any], now_s: float) -> None:
         body = self._body

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from robot.bodies.ev3.agent.ports import HardwareError
@@ -27,27 +27,16 @@ class StockBody:
 
     Args:
         open_line: Opens the line to the brick.
-        left: Port of the left motor, as `outB`.
-        right: Port of the right motor.
-        ultrasonic: Port of the sensor as `in4`, `auto` or `none`.
-        touch: Ports of the bumpers from left to right, `auto` or `none`.
+        ports: As `ChassisOptions.ports` returns them.
     """
 
-    def __init__(
-        self,
-        open_line: Callable[[], BrickLine],
-        *,
-        left: str,
-        right: str,
-        ultrasonic: str,
-        touch: str,
-    ) -> None:
+    def __init__(self, open_line: Callable[[], BrickLine], ports: Mapping[str, str]) -> None:
         self._open_line = open_line
         self._line: BrickLine | None = None
         self._is_lost = self._is_closed = False
         self._count = 0
-        self._motors = [_known(port, _PORTS) for port in (left, right)]
-        self._wanted = {codec.ULTRASONIC: ultrasonic, codec.TOUCH: touch}
+        self._motors = [_known(port, _PORTS) for port in (ports["left"], ports["right"])]
+        self._wanted = {codec.ULTRASONIC: ports["ultrasonic"], codec.TOUCH: ports["touch"]}
         self._top_dps = [0.0, 0.0]
         self._ultrasonic: int | None = None
         self._touches: list[int] = []
@@ -56,7 +45,7 @@ class StockBody:
     def _both(self) -> int:
         return sum(1 << port for port in set(self._motors))
 
-    def open(self) -> None:
+    def open(self) -> Sequence[float]:
         """Connect, stop what another program left running, and find motors and sensors."""
         self._is_lost = self._is_closed = False
         self._line = self._open_line()
@@ -73,6 +62,7 @@ class StockBody:
         found = self._choose(codec.ULTRASONIC, kinds)
         self._ultrasonic = found[0] if found else None
         self._touches = self._choose(codec.TOUCH, kinds)
+        return self._top_dps
 
     def _choose(self, kind: int, kinds: bytes) -> list[int]:
         wanted = self._wanted[kind]
@@ -86,9 +76,6 @@ class StockBody:
                 name = "ultrasonic" if kind == codec.ULTRASONIC else "touch"
                 raise HardwareError(f"no {name} sensor answers at port in{port + 1}")
         return ports
-
-    def top_speeds_dps(self) -> list[float]:
-        return self._top_dps
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
         """Turn the wheels for at most `time_ms`; a wheel that is to stand is stopped."""

@@ -86,13 +86,8 @@ class Wire:
 
 def driver_for(brick: StockFirmware, **options: str) -> Ev3StockDriver:
     driver = Ev3StockDriver(Ev3StockOptions(**options))
-    ports = driver.options
     driver._make_body = lambda: StockBody(  # type: ignore[method-assign]
-        lambda: Wire(brick),
-        left=ports.left_port,
-        right=ports.right_port,
-        ultrasonic=ports.ultrasonic_port,
-        touch=ports.touch_port,
+        lambda: Wire(brick), driver.options.ports()
     )
     return driver
 
@@ -221,7 +216,7 @@ def test_the_cable_carries_reports_of_1024_bytes() -> None:
     line = UsbLine.__new__(UsbLine)
     line._name, line._file = "cable", os.dup(ours.fileno())
     ours.close()
-    body = StockBody(lambda: line, left="outB", right="outC", ultrasonic="auto", touch="auto")
+    body = StockBody(lambda: line, Ev3StockOptions().ports())
     body.open()
     body.run(360.0, 360.0, 400)
     assert brick.is_moving and body.sense()["distance_m"] == pytest.approx(0.42)
