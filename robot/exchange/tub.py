@@ -35,12 +35,14 @@ from robot.store.episodes.episode import Episode
 from robot.types import Action
 
 _ANGLE, _THROTTLE, _MODE = "user/angle", "user/throttle", "user/mode"
+_PILOT = "pilot/angle", "pilot/throttle"
 _LABEL, _FRAME = "drivelesson/label", "drivelesson/frame"
 _CORRECTION = "drivelesson/correction"
 _INPUTS = {
     IMAGE: "image_array",
     _ANGLE: "float",
     _THROTTLE: "float",
+    **dict.fromkeys(_PILOT, "float"),
     _MODE: "str",
     _LABEL: "str",
     _FRAME: "int",
@@ -133,7 +135,7 @@ def write_tub(
     frame id and whether the label corrected the robot, so that reading the tub again gives the
     same examples, whatever the threshold. Angle and throttle are what the driver declared of each
     move; where a move has none, as `push`, the tub has no such columns: a zero would teach a car
-    to stand.
+    to stand. What the robot would have done is in `pilot/angle` and `pilot/throttle`.
 
     Args:
         episode: What is exported.
@@ -166,12 +168,17 @@ def write_tub(
                 "_timestamp_ms": origin_ms + round(frame.captured_s * 1000),
             }
         )
+        proposed = moment.predicted and point_of(Action(moment.predicted), episode.declared_moves)
+        if proposed:
+            records[-1].update(zip(_PILOT, proposed, strict=True))
     is_steered = None not in points
     if is_steered:
         for record, point in zip(records, points, strict=True):
             assert point is not None
             record[_ANGLE], record[_THROTTLE] = point
-    inputs = {n: kind for n, kind in _INPUTS.items() if is_steered or n not in (_ANGLE, _THROTTLE)}
+    missing = {*(() if is_steered else (_ANGLE, _THROTTLE))}
+    missing |= {name for name in _PILOT if not any(name in record for record in records)}
+    inputs = {name: kind for name, kind in _INPUTS.items() if name not in missing}
     _write_catalogs(folder, records, episode, inputs)
     return len(records)
 

@@ -22,6 +22,7 @@ COMMAND = "/command"
 DECISION = "/decision"
 PREDICTION = "/prediction"
 SENSORS = "/sensors"
+POSE = "/pose"
 MODE = "/mode"
 LESSON = "/lesson"
 RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
@@ -48,6 +49,10 @@ def _schema(title: str, required: Mapping[str, Any], **optional: Any) -> Fields:
         "properties": {**required, **optional},
         "required": list(required),
     }
+
+
+def _numbers(*names: str) -> Fields:
+    return {"type": "object", "properties": dict.fromkeys(names, _NUMBER)}
 
 
 SCHEMAS: dict[str, Fields] = {
@@ -121,8 +126,25 @@ SCHEMAS: dict[str, Fields] = {
         frames={"type": "array", "items": _COUNT},
         learner=_TEXT,
     ),
+    POSE: {
+        **_schema(
+            "",
+            {
+                "timestamp": _numbers("sec", "nsec"),
+                "frame_id": _TEXT,
+                "pose": {
+                    "type": "object",
+                    "properties": {
+                        "position": _numbers("x", "y", "z"),
+                        "orientation": _numbers("x", "y", "z", "w"),
+                    },
+                },
+            },
+        ),
+        "title": "foxglove.PoseInFrame",
+    },
 }
-"""Topic to JSON schema. /camera is Foxglove's own (robot/store/episodes/images.py)."""
+"""Topic to JSON schema. /camera and /pose are Foxglove's own; robot/store/episodes/images.py."""
 
 
 @cache
@@ -186,4 +208,18 @@ def describe_sensors(sensors: Sensors) -> Fields:
             **({"is_estimate": True} if pose.is_estimate else {}),
         },
         **({} if sensors.game is None else {"game": asdict(sensors.game)}),
+    }
+
+
+def pose_in_frame(pose: Fields, stamp_ns: int) -> Fields:
+    """Return a pose of the sensors as the message of it that Foxglove draws."""
+    seconds, nanoseconds = divmod(stamp_ns, 10**9)
+    half_rad = pose["heading_rad"] / 2
+    return {
+        "timestamp": {"sec": seconds, "nsec": nanoseconds},
+        "frame_id": "floor",
+        "pose": {
+            "position": {"x": pose["x_m"], "y": pose["y_m"], "z": 0.0},
+            "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half_rad), "w": math.cos(half_rad)},
+        },
     }

@@ -16,10 +16,13 @@ from robot.store.episodes.messages import (
     LESSON,
     MODEL_AFTER,
     MODEL_BEFORE,
+    POSE,
     RUN,
+    SENSORS,
     SUMMARY,
     Fields,
     json_channel,
+    pose_in_frame,
     to_json,
 )
 from robot.store.episodes.reader import (
@@ -123,6 +126,9 @@ class EpisodeWriter:
             self.has_content = True
         stamp_ns, data = self._to_ns(now_s), to_json(fields)
         self._add(json_channel(topic), stamp_ns, data, 0, fields if is_lesson else None)
+        if topic == SENSORS and fields["pose"]:
+            drawn = to_json(pose_in_frame(fields["pose"], stamp_ns))
+            self._add(json_channel(POSE), stamp_ns, drawn, 0)
 
     def write_copy(self, record: Message | Metadata | Attachment) -> None:
         """Add what stands in another recording, byte for byte."""

@@ -9,6 +9,7 @@ import av
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from mcap.reader import make_reader
 
 from robot.exchange.film import write_look
 from robot.exchange.lerobot import CAMERA, write_lerobot
@@ -23,6 +24,11 @@ from .sim_drive import drive_in_simulator
 @pytest.fixture(scope="module")
 def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
     return open_episode(drive_in_simulator(tmp_path_factory.mktemp("sim"), "default-8").path)
+
+
+def key_frames(path: Path) -> list[int]:
+    with av.open(str(path)) as container:
+        return [i for i, frame in enumerate(container.decode(video=0)) if frame.key_frame]
 
 
 def decoded(path: Path) -> list[np.ndarray]:
@@ -55,6 +61,13 @@ def test_a_lerobot_dataset_has_the_published_layout(episode: Episode, tmp_path: 
     stats = json.loads((root / "meta/stats.json").read_text())
     assert set(stats) == set(info["features"])
     assert np.shape(stats[CAMERA]["mean"]) == (3, 1, 1)
+    film = np.stack(decoded(root / f"videos/{CAMERA}/chunk-000/file-000.mp4")) / 255
+    for kind, share in (("q01", 0.01), ("q50", 0.5), ("q99", 0.99)):
+        of_film = np.quantile(film, share, axis=(0, 1, 2))
+        assert np.abs(np.ravel(stats[CAMERA][kind]) - of_film).max() < 0.06
+        assert (
+            stats["action"][kind] == np.quantile(data["action"].to_pylist(), share, axis=0).tolist()
+        )
 
 
 def test_its_film_shows_the_pictures_frame_by_frame(episode: Episode, tmp_path: Path) -> None:
@@ -63,6 +76,8 @@ def test_its_film_shows_the_pictures_frame_by_frame(episode: Episode, tmp_path: 
     shown = decoded(root / f"videos/{CAMERA}/chunk-000/file-000.mp4")
     ids = list(episode.frames)
     assert len(shown) == len(ids)
+    keys = key_frames(root / f"videos/{CAMERA}/chunk-000/file-000.mp4")
+    assert keys[:3] == [0, 2, 4], "a loader decodes two at most"
     for index in (0, len(ids) // 2, len(ids) - 1):
         given = to_rgb(episode.frame(ids[index])).astype(float)
         assert np.abs(shown[index] - given).mean() < 12
@@ -104,3 +119,19 @@ def test_a_tub_counts_its_lines_as_donkeycar_reads_them(episode: Episode, tmp_pa
     assert [len(line) + 1 for line in text.splitlines()] == lengths
     first = json.loads(text.splitlines()[0])
     assert (tmp_path / "tub/images" / first["cam/image_array"]).is_file()
+    proposed = [json.loads(line).get("pilot/angle") for line in text.splitlines()]
+    assert {"pilot/angle", "pilot/throttle"} < {*inputs} and {-1.0, 0.0} <= {*proposed}
+
+
+def test_poses_are_drawn_by_foxglove(episode: Episode) -> None:
+    with episode.path.open("rb") as file:
+        found = list(make_reader(file).iter_messages(topics=["/pose"]))
+    [(schema, _, message), *_] = found
+    assert len(found) == len(episode.frames) and schema is not None
+    assert (schema.name, schema.encoding) == ("foxglove.PoseInFrame", "jsonschema")
+    drawn = json.loads(message.data)
+    turn = drawn["pose"]["orientation"]
+    assert set(drawn) == {"timestamp", "frame_id", "pose"}
+    assert turn["z"] ** 2 + turn["w"] ** 2 == pytest.approx(1.0)
+    stamp = drawn["timestamp"]
+    assert stamp["sec"] * 10**9 + stamp["nsec"] == message.log_time

@@ -1,0 +1,75 @@
+"""What is given away for Prometheus, Grafana and Foxglove names what there is."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from robot.store.episodes.messages import CAMERA, SCHEMAS
+from robot.testing import VirtualClock
+from robot.testing.world import VirtualRobot
+from robot.types import StopReason
+from server.clients.metrics import AGE_BUCKETS_S, Histogram, Measured, render
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+_NAME = re.compile(r"\bdrivelesson_\w+")
+
+
+@pytest.fixture(scope="module")
+def names() -> set[str]:
+    """The names in `/metrics` of a robot that does everything."""
+    clock = VirtualClock()
+
+    async def measure() -> bytes:
+        async with VirtualRobot(clock) as world:
+            await world.forward(1.0)
+            measured = Measured(
+                state=replace(world.loop.state, pilot_frame_age_s=0.1),
+                now_s=clock.now_s(),
+                clients=1,
+                viewers=1,
+                frames_sent=1,
+                frames_encoded=1,
+                frame_ages=Histogram(AGE_BUCKETS_S),
+                turned_away={"rate": 1},
+            )
+        return render(measured)
+
+    text = clock.run(measure()).decode()
+    return {*_NAME.findall(text), "drivelesson_learner_seconds_sum"}  # once it has learned
+
+
+@pytest.mark.parametrize("file", ["dashboard.json", "alerts.yml"])
+def test_every_metric_that_is_asked_for_is_measured(file: str, names: set[str]) -> None:
+    asked = set(_NAME.findall((EXAMPLES / "monitoring" / file).read_text("utf-8")))
+    assert len(asked) > 5
+    assert asked <= names
+
+
+def test_every_reason_that_an_alert_names_is_one() -> None:
+    alerts = (EXAMPLES / "monitoring/alerts.yml").read_text("utf-8")
+    [reasons] = re.findall(r'reason=~"([\w|]+)"', alerts)
+    assert set(reasons.split("|")) <= {*StopReason}
+
+
+def test_the_dashboard_has_no_two_panels_in_one_place() -> None:
+    panels = json.loads((EXAMPLES / "monitoring/dashboard.json").read_text("utf-8"))["panels"]
+    places = [(panel["gridPos"]["x"], panel["gridPos"]["y"]) for panel in panels]
+    assert len({*places}) == len({panel["id"] for panel in panels}) == len(panels)
+
+
+def test_the_layout_shows_topics_and_fields_that_recordings_have() -> None:
+    layout = json.loads((EXAMPLES / "foxglove/layout.json").read_text("utf-8"))
+    panels = layout["configById"].values()
+    paths = [line["value"] for panel in panels for line in panel.get("paths", ())]
+    assert len(paths) > 5
+    for path in paths:
+        topic, _, name = path.partition(".")
+        assert name in SCHEMAS[topic]["properties"], path
+    topics = [topic for panel in panels for topic in panel.get("topics", ())]
+    topics += [panel["imageMode"]["imageTopic"] for panel in panels if "imageMode" in panel]
+    assert {*topics} <= {CAMERA, *SCHEMAS}
