@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from robot.errors import MissingExtraError
-from robot.lab.baselines.wrapped import Baseline, Floats
+from robot.lab.baselines.wrapped import CLASSES, Baseline, Floats, from_library
 from robot.learner.votes import shares
+from robot.policy.features import THUMBNAIL_WIDTH
 
 SET_SIZE, N_VARIATIONS, MAX_SHIFT = 200, 15, 2
-_CLASSES = np.arange(16)
 
 
 def _even(x: Floats) -> Floats:
@@ -35,23 +34,17 @@ class ReplayNetwork(Baseline):
 
     kind = "alvinn"
 
-    def __init__(self, n_hidden: int, *, width: int = 40) -> None:
-        super().__init__()
-        try:
-            from sklearn.neural_network import MLPClassifier
-        except ImportError as error:
-            raise MissingExtraError("the learner alvinn", "learners") from error
-        self.n_hidden = n_hidden
+    def __init__(self, number: int, *, width: int = THUMBNAIL_WIDTH) -> None:
         self._width = width
-        self._make: Any = MLPClassifier
-        self._forget()
+        super().__init__(number)
 
     def _forget(self) -> None:
+        make = from_library("sklearn.neural_network", "MLPClassifier", self.kind)
         self._rng = np.random.default_rng(0)
         self._images: list[Floats] = []
         self._columns: list[int] = []
-        self._model: Any = self._make(
-            (self.n_hidden,),
+        self._model: Any = make(
+            (self.number,),
             activation="tanh",
             learning_rate_init=0.001,
             batch_size=15,
@@ -64,7 +57,7 @@ class ReplayNetwork(Baseline):
             shift = int(self._rng.integers(-MAX_SHIFT, MAX_SHIFT + 1))
             columns = (np.arange(self._width) + shift).clip(0, self._width - 1)
             self._insert(picture[:, columns].ravel(), column)
-        self._model.partial_fit(np.stack(self._images), self._columns, classes=_CLASSES)
+        self._model.partial_fit(np.stack(self._images), self._columns, classes=CLASSES)
 
     def _insert(self, image: Floats, column: int) -> None:
         if len(self._images) >= SET_SIZE:

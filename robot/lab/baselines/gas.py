@@ -14,16 +14,10 @@ MAX_AGE, GROW_EVERY, SPLIT, FADE = 50, 20, 0.5, 0.995
 class GrowingNeuralGas(Baseline):
     """Nodes that follow the frames, joined by edges that age; one more node every 20 frames.
 
-    Args:
-        max_nodes: How many nodes to grow at most.
+    The number is of nodes at most.
     """
 
     kind = "gas"
-
-    def __init__(self, max_nodes: int) -> None:
-        super().__init__()
-        self.max_nodes = max(2, max_nodes)
-        self._forget()
 
     def _forget(self) -> None:
         self._nodes = np.zeros((0, 0))
@@ -49,7 +43,7 @@ class GrowingNeuralGas(Baseline):
         self._ages[first, second] = self._ages[second, first] = 0.0
         self._votes[first, column] += 1.0
         self._prune()
-        if self._n_learned % GROW_EVERY == 0 and len(self._nodes) < self.max_nodes:
+        if self._n_learned % GROW_EVERY == 0 and len(self._nodes) < max(2, self.number):
             self._grow()
         self._errors *= FADE
 

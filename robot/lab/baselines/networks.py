@@ -8,8 +8,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from robot.errors import MissingExtraError
 from robot.lab.baselines.refitted import Refitted
+from robot.lab.baselines.wrapped import from_library
 from robot.learner.base import Label, Vector
 from robot.policy import image
 from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GreyFeatures
@@ -197,13 +197,9 @@ class Perceptron(_Network):
 
     kind = "mlp"
 
-    def __init__(self, n_hidden: int) -> None:
-        super().__init__(n_hidden)
-        try:
-            from sklearn.neural_network import MLPClassifier
-        except ImportError as error:
-            raise MissingExtraError("the learner mlp", "learners") from error
-        self._classifier: Any = MLPClassifier
+    def __init__(self, number: int) -> None:
+        self._classifier = from_library("sklearn.neural_network", "MLPClassifier", self.kind)
+        super().__init__(number)
 
     def _make(self) -> Any:
         return BatchClassifier(self._classifier((self.number,), random_state=0))

@@ -6,11 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from robot.errors import MissingExtraError
-from robot.lab.baselines.wrapped import Baseline, Floats
+from robot.lab.baselines.wrapped import CLASSES, Baseline, Floats, from_library
 from robot.learner.votes import shares
-
-_CLASSES = np.arange(16)
 
 
 class LinearOnline(Baseline):
@@ -18,20 +15,12 @@ class LinearOnline(Baseline):
 
     kind = "sgd"
 
-    def __init__(self) -> None:
-        super().__init__()
-        try:
-            from sklearn.linear_model import SGDClassifier
-        except ImportError as error:
-            raise MissingExtraError("the learner sgd", "learners") from error
-        self._make: Any = SGDClassifier
-        self._forget()
-
     def _forget(self) -> None:
-        self._model: Any = self._make(loss="log_loss", alpha=1e-3, random_state=0)
+        make = from_library("sklearn.linear_model", "SGDClassifier", self.kind)
+        self._model: Any = make(loss="log_loss", alpha=1e-3, random_state=0)
 
     def _learn(self, x: Floats, column: int) -> None:
-        self._model.partial_fit(x[None, :], [column], classes=_CLASSES)
+        self._model.partial_fit(x[None, :], [column], classes=CLASSES)
 
     def _shares(self, x: Floats) -> Floats:
         scores = self._model.decision_function(x[None, :])[0, : len(self.labels_)]
@@ -44,17 +33,8 @@ class RiverSoftmax(Baseline):
 
     kind = "river"
 
-    def __init__(self) -> None:
-        super().__init__()
-        try:
-            from river import linear_model
-        except ImportError as error:
-            raise MissingExtraError("the learner river", "learners") from error
-        self._make: Any = linear_model.SoftmaxRegression
-        self._forget()
-
     def _forget(self) -> None:
-        self._model: Any = self._make()
+        self._model: Any = from_library("river.linear_model", "SoftmaxRegression", self.kind)()
 
     def _learn(self, x: Floats, column: int) -> None:
         self._model.learn_one(dict(enumerate(x.tolist())), column)

@@ -7,28 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from robot.errors import MissingExtraError
-from robot.lab.baselines.wrapped import Baseline, Floats
+from robot.lab.baselines.wrapped import Baseline, Floats, from_library
 from robot.learner.votes import shares
 
 EXPECTED_LESSONS = 700
 
 
 class SelfOrganizingMap(Baseline):
-    """A map of about `n_cells` cells, taught one frame at a time."""
+    """A map of about `number` cells, taught one frame at a time."""
 
     kind = "som"
 
-    def __init__(self, n_cells: int) -> None:
-        super().__init__()
-        try:
-            from minisom import MiniSom
-        except ImportError as error:
-            raise MissingExtraError("the learner som", "learners") from error
-        self._rows = max(1, round(math.sqrt(n_cells)))
-        self._columns = max(1, n_cells // self._rows)
-        self._make: Any = MiniSom
-        self._forget()
+    def __init__(self, number: int) -> None:
+        self._make = from_library("minisom", "MiniSom", self.kind)
+        self._rows = max(1, round(math.sqrt(number)))
+        self._columns = max(1, number // self._rows)
+        super().__init__(number)
 
     def _forget(self) -> None:
         self._map: Any = None

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.errors import MissingExtraError
 from robot.learner.base import (
     BaseLearner,
     Evidence,
@@ -18,6 +21,20 @@ from robot.learner.base import (
 )
 
 Floats = NDArray[np.float64]
+CLASSES = np.arange(16)
+"""Numbers of labels, for libraries that want to know all of them at the first example."""
+
+
+def from_library(module: str, name: str, learner: str, extra: str = "learners") -> Any:
+    """Return a class of a library, which is imported only now.
+
+    Raises:
+        MissingExtraError: If it is not installed.
+    """
+    try:
+        return getattr(import_module(module), name)
+    except ImportError as error:
+        raise MissingExtraError(f"the learner {learner}", extra) from error
 
 
 class Baseline(BaseLearner):
@@ -25,14 +42,19 @@ class Baseline(BaseLearner):
 
     Its state is its examples: `set_state` learns them again, which gives the same learner because
     every baseline is seeded. Memory therefore grows with the examples.
+
+    Args:
+        number: What the learner's name says: of neighbours, cells, units ...
     """
 
     kind: str
 
-    def __init__(self) -> None:
+    def __init__(self, number: int) -> None:
+        self.number = number
         self.labels_: list[Label] = []
         self._xs: list[Vector] = []
         self._ys: list[Label] = []
+        self._forget()
 
     def learn_one(self, x: Vector, y: Label) -> None:
         """Learn one labelled vector; raises ValueError on bad input, and is then unchanged."""
@@ -42,15 +64,14 @@ class Baseline(BaseLearner):
         if y not in self.labels_:
             self.labels_.append(y)
         self._xs.append(array.copy())
-        self._ys.append(y)
-        self._learn(array.astype(np.float64) / 127.5 - 1.0, self.labels_.index(y))
+        self._ys.append(str(y))
+        self._learn(self._prepare(array), self.labels_.index(y))
 
     def explain_one(self, x: Vector) -> Evidence:
         """Return the prediction with its shares."""
         if not self._xs:
             raise NotFittedError("nothing was learned yet")
-        array = checked_vector(x, self._xs[0].size).astype(np.float64) / 127.5 - 1.0
-        shares = self._shares(array)
+        shares = self._shares(self._prepare(checked_vector(x, self._xs[0].size)))
         best = int(shares.argmax())
         return Evidence(
             label=self.labels_[best],
@@ -58,9 +79,13 @@ class Baseline(BaseLearner):
             confidence=float(shares[best]),
         )
 
+    def _prepare(self, x: Vector) -> Floats:
+        """Return the vector as it is learned: values in [-1, 1]."""
+        return x.astype(np.float64) / 127.5 - 1.0
+
     @abstractmethod
     def _learn(self, x: Floats, column: int) -> None:
-        """Learn a vector of values in [-1, 1], with the number of its label."""
+        """Learn a prepared vector, with the number of its label."""
 
     @abstractmethod
     def _shares(self, x: Floats) -> Floats:
@@ -73,7 +98,10 @@ class Baseline(BaseLearner):
     def get_state(self) -> State:
         """Return a copy of all examples."""
         arrays = {"xs": np.stack(self._xs)} if self._xs else {}
-        return State(kind=self.kind, params={}, arrays=arrays, labels=list(self._ys))
+        return State(kind=self.kind, params=self._params(), arrays=arrays, labels=list(self._ys))
+
+    def _params(self) -> dict[str, Any]:
+        return {}
 
     def set_state(self, state: State) -> None:
         """Learn again what `state` holds; raises ValueError if it is of another kind."""
