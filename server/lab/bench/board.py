@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
-import math
 import os
 import re
 import subprocess
@@ -22,9 +20,13 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError
+from robot.store.table import Table
 from server.board.class_key import keep_class_key
+from server.cli.output import numbers_in
 from server.cli.parser import number, whole
-from server.lab.bench.page import DevToolsPage, running_browser
+from server.lab.bench.browser import DevToolsPage, running_browser
+from server.lab.bench.report import add_json, percentile, report
+from server.lab.bench.worker import Worker
 
 _ALL_THERE = "document.querySelectorAll('.robot[data-status=there]').length"
 _DRAWN = (
@@ -46,86 +48,59 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seconds", type=number(above=0), default=10.0, help="for each")
     parser.add_argument("--stops", type=whole(1), default=10, help="presses for each (%(default)s)")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure, and print a table or JSON."""
-    try:
-        rates = [float(rate) for rate in args.pictures.split(",")]
-    except ValueError as error:
-        raise ConfigurationError(f"--pictures expects numbers, not {args.pictures!r}") from error
-    with tempfile.TemporaryDirectory() as folder:
+    rates_hz = numbers_in(args.pictures, float, "--pictures")
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
         key = Path(folder) / "class.key"
         keep_class_key(key)
-        with _class(args.robots, args.processes, args.rate, key) as robots:
-            rows = [
-                _measure(robots, key, rate, args.seconds, args.stops, args.robots) for rate in rates
-            ]
-    if args.json:
-        print(json.dumps(rows, indent=1))
-        return 0
-    print("| board's pictures/s | drawn/s | p50 | p95 | worst | board | page | Chromium |")
-    print("|---|---|---|---|---|---|---|---|")
-    for row in rows:
-        print(
-            f"| {row['pictures_hz']:g} | {row['drawn_per_s']:.0f} | {row['p50_ms']:.0f} ms"
-            f" | {row['p95_ms']:.0f} ms | {row['slowest_ms']:.0f} ms | {row['board']:.1%}"
-            f" | {row['page']:.1%} | {row['chromium']:.1%} |"
-        )
-    print(f"\np50, p95, worst: of {args.stops} presses of STOP ALL, until the last robot stood.")
-    driving = min(press["driving"] for row in rows for press in row["stops"])
-    print(f"At least {driving} of {args.robots} drove when STOP ALL was pressed.")
-    print(f"{args.robots} robots, {rows[0]['robots_hz']:.1f} pictures a second each.")
-    print("board, page, Chromium: share of one core; page is its main thread.")
-    loads = [press["load"] for row in rows for press in row["stops"]]
-    print(f"The machine's load was {min(loads):.1f} to {max(loads):.1f} on {os.cpu_count()} cores.")
-    return 0
+        n, of = args.robots, args.processes
+        shares = [n // of + (i < n % of) for i in range(of)]
+        robots = [
+            stack.enter_context(Worker("classroom", share, args.rate, key))
+            for share in filter(None, shares)
+        ]
+        rows = [_measure(robots, key, rate_hz, args) for rate_hz in rates_hz]
+    return report(args, rows, _table(rows, args))
 
 
-class _Robots:
-    """The processes of the robots."""
-
-    def __init__(self, processes: list[subprocess.Popen[str]]) -> None:
-        self._processes = processes
-        self.ports = [port for process in processes for port in json.loads(_line(process))]
-
-    def ask(self, word: str) -> list[dict[str, Any]]:
-        """Send a command to all, and return what each robot reports."""
-        for process in self._processes:
-            assert process.stdin is not None
-            process.stdin.write(word + "\n")
-            process.stdin.flush()
-        return [row for process in self._processes for row in json.loads(_line(process))["robots"]]
-
-
-def _line(process: subprocess.Popen[str]) -> str:
-    assert process.stdout is not None
-    line = process.stdout.readline()
-    if not line:
-        raise ConfigurationError("the robots' process ended; see above")
-    return line
-
-
-@contextlib.contextmanager
-def _class(count: int, processes: int, rate_hz: float, key: Path) -> Iterator[_Robots]:
-    shares = [count // processes + (i < count % processes) for i in range(processes)]
-    with contextlib.ExitStack() as stack:
-        started = []
-        for share in filter(None, shares):
-            words = [sys.executable, "-m", "server.lab.bench.classroom", str(share), str(rate_hz)]
-            process = subprocess.Popen(
-                [*words, str(key)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+def _table(rows: list[dict[str, Any]], args: argparse.Namespace) -> Table:
+    presses = [press for row in rows for press in row["stops"]]
+    loads = [press["load"] for press in presses]
+    return Table(
+        title=f"{args.robots} robots, {rows[0]['robots_hz']:.1f} pictures a second each",
+        columns=(
+            *("board's pictures/s", "drawn/s", "p50 ms", "p95 ms", "worst ms"),
+            *("board", "page", "Chromium"),
+        ),
+        rows=tuple(
+            (
+                f"{row['pictures_hz']:g}",
+                *(f"{row[key]:.0f}" for key in ("drawn_per_s", "p50_ms", "p95_ms", "slowest_ms")),
+                *(f"{row[key]:.1%}" for key in ("board", "page", "chromium")),
             )
-            stack.callback(process.communicate, timeout=20)
-            started.append(process)
-        yield _Robots(started)
+            for row in rows
+        ),
+        note=f"p50, p95, worst: of {args.stops} presses of STOP ALL, until the last robot stood.\n"
+        f"At least {min(press['driving'] for press in presses)} of {args.robots} drove then.\n"
+        "board, page, Chromium: share of one core; page is its main thread.\n"
+        f"The machine's load was {min(loads):.1f} to {max(loads):.1f} on {os.cpu_count()} cores.",
+    )
+
+
+def _ask(robots: list[Worker], word: str) -> list[dict[str, Any]]:
+    """Send a command to all, and return what each robot reports."""
+    return [row for worker in robots for row in worker.ask(word)]
 
 
 def _measure(
-    robots: _Robots, key: Path, pictures_hz: float, seconds: float, stops: int, count: int
+    robots: list[Worker], key: Path, pictures_hz: float, args: argparse.Namespace
 ) -> dict[str, Any]:
-    with _board(robots.ports, key, pictures_hz) as (address, pid), running_browser() as page:
+    ports = [port for worker in robots for port in worker.first]
+    with _board(ports, key, pictures_hz) as (address, pid), running_browser() as page:
         page.send(
             "Emulation.setDeviceMetricsOverride",
             width=1920,
@@ -134,12 +109,12 @@ def _measure(
             mobile=False,
         )
         page.send("Page.navigate", url=address)
-        page.wait_for(f"{_ALL_THERE} === {count}", _PATIENCE_S)
-        robots.ask("drive")
+        page.wait_for(f"{_ALL_THERE} === {args.robots}", _PATIENCE_S)
+        _ask(robots, "drive")
         time.sleep(3.0)
         before, board_s, browser_s = page.metrics(), _cpu_s(pid), page.processes_cpu_s()
         drawn, start_s = float(page.evaluate(_DRAWN)), time.monotonic()
-        time.sleep(seconds)
+        time.sleep(args.seconds)
         lasted_s = time.monotonic() - start_s
         after = page.metrics()
         row = {
@@ -148,41 +123,31 @@ def _measure(
             "board": (_cpu_s(pid) - board_s) / lasted_s,
             "page": (after["TaskDuration"] - before["TaskDuration"]) / lasted_s,
             "chromium": (page.processes_cpu_s() - browser_s) / lasted_s,
-            "robots_hz": sum(r["rate_hz"] for r in robots.ask("report")) / count,
+            "robots_hz": sum(r["rate_hz"] for r in _ask(robots, "report")) / args.robots,
         }
-        presses = [_stop_all(robots, page) for _ in range(stops)]
-        times_ms = sorted(press["ms"] for press in presses)
-        return {
-            **row,
-            "stops": presses,
-            "p50_ms": _share_of(times_ms, 0.5),
-            "p95_ms": _share_of(times_ms, 0.95),
-            "slowest_ms": times_ms[-1],
-        }
+        presses = [_stop_all(robots, page, args.robots) for _ in range(args.stops)]
+    times_ms = [press["ms"] for press in presses]
+    return {
+        **row,
+        "stops": presses,
+        "p50_ms": percentile(times_ms, 50),
+        "p95_ms": percentile(times_ms, 95),
+        "slowest_ms": max(times_ms),
+    }
 
 
-def _share_of(times_ms: list[float], share: float) -> float:
-    """Return the shortest time that this share of the presses did not exceed."""
-    return times_ms[math.ceil(share * len(times_ms)) - 1]
-
-
-def _stop_all(robots: _Robots, page: DevToolsPage) -> dict[str, float]:
+def _stop_all(robots: list[Worker], page: DevToolsPage, count: int) -> dict[str, float]:
     """Press STOP ALL; return after how many ms the last robot had latched, and how many drove."""
     deadline_s = time.monotonic() + _PATIENCE_S / 3
-    while len(_driving(robots.ask("drive"))) < len(robots.ports) and time.monotonic() < deadline_s:
+    while len(_driving(_ask(robots, "drive"))) < count and time.monotonic() < deadline_s:
         time.sleep(1.0)  # a busy machine stops some of them again
-    box = json.loads(
-        page.evaluate(
-            "JSON.stringify(document.querySelector('.stop.shown').getBoundingClientRect())"
-        )
-    )
-    point = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
-    driving = len(_driving(robots.ask("report")))
+    point = page.middle_of(".stop.shown")
+    driving = len(_driving(_ask(robots, "report")))
     pressed_s = time.monotonic()
     for kind in ("mousePressed", "mouseReleased"):
         page.send("Input.dispatchMouseEvent", type=kind, button="left", clickCount=1, **point)
     time.sleep(1.5)
-    rows = robots.ask("report")
+    rows = _ask(robots, "report")
     missed = [row for row in rows if row["latched_s"] is None]
     if missed:
         raise ConfigurationError(f"{len(missed)} robots were not stopped within 1.5 s")
@@ -210,7 +175,8 @@ def _board(ports: list[int], key: Path, pictures_hz: float) -> Iterator[tuple[st
         text=True,
     )
     try:
-        found = re.search(r"http://\S+", _line(process))
+        assert process.stdout is not None
+        found = re.search(r"http://\S+", process.stdout.readline())
         if found is None:
             raise ConfigurationError("the board did not start; see above")
         yield found[0], process.pid

@@ -8,7 +8,6 @@ when each stopped.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import sys
 import threading
@@ -23,6 +22,7 @@ from server.board.class_key import read_class_key
 from server.board.classroom import Classroom
 from server.config import Config
 from server.hosting.serving import served
+from server.lab.bench.worker import answer_all
 from server.services import make_services
 
 _BEAT_S = 0.1
@@ -97,31 +97,29 @@ def main() -> None:
             address = stack.enter_context(served(create_app(services), config))
             ports.append(int(address.rsplit(":", 1)[1]))
             pupils.append(_Pupil(rig))
-        ending = threading.Event()
 
         def hold_all() -> None:
-            while not ending.wait(_BEAT_S):
+            while True:
+                time.sleep(_BEAT_S)
                 for pupil in pupils:
                     pupil.hold()
 
         threading.Thread(target=hold_all, name="pupils", daemon=True).start()
-        print(json.dumps(ports), flush=True)
-        for line in sys.stdin:
-            if line.strip() == "drive":
-                for pupil in pupils:
-                    pupil.start_if_stopped()
-            rows = [
-                {
-                    "moved_s": pupil.moved_s,
-                    "latched_s": pupil.latched_s,
-                    "rate_hz": pupil.rig.loop.state.cycle_hz,
-                    "mode": pupil.rig.loop.state.decision.mode.value,
-                }
-                for pupil in pupils
-            ]
-            print(json.dumps({"robots": rows, "cpu_s": time.process_time()}), flush=True)
-        ending.set()
-        os._exit(0)
+        answer_all(ports, lambda word: _answer(word, pupils))
+
+
+def _answer(word: str, pupils: list[_Pupil]) -> list[dict[str, Any]]:
+    if word == "drive":
+        for pupil in pupils:
+            pupil.start_if_stopped()
+    return [
+        {
+            "moved_s": pupil.moved_s,
+            "latched_s": pupil.latched_s,
+            "rate_hz": pupil.rig.loop.state.cycle_hz,
+        }
+        for pupil in pupils
+    ]
 
 
 if __name__ == "__main__":

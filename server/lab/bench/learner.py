@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +12,8 @@ from numpy.typing import NDArray
 
 from robot.learner.bsoc import BSOC
 from robot.policy import autosize
+from robot.store.table import Table
+from server.lab.bench.report import add_json, report
 
 N_BYTES = 2400
 YOUNG, OLD = 1_000, 100_000
@@ -23,9 +23,7 @@ _BLOCK = 50
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("--learner", default="default", help="kind of learner (%(default)s)")
-    parser.add_argument(
-        "--json", nargs="?", const="-", default=None, metavar="FILE", help="write the figures"
-    )
+    add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -39,13 +37,7 @@ def run(args: argparse.Namespace) -> int:
         "cluster": {"bytes": N_BYTES, "sizes": [_cluster(size) for size in autosize.SIZES]},
         "ageing": _ageing(),
     }
-    if args.json == "-":
-        print(json.dumps(result, indent=1))
-        return 0
-    if args.json:
-        Path(args.json).write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    print(_table(result))
-    return 0
+    return report(args, result, *_tables(result))
 
 
 def _as_dict(cost: autosize.Cost) -> dict[str, float]:
@@ -130,31 +122,19 @@ def _times(
     return times
 
 
-def _table(result: dict[str, Any]) -> str:
-    lines = [
-        f"learner {result['learner']}, microseconds",
-        f"{'nodes':>6} {'extract':>8} {'predict':>8} {'p99':>8} "
-        f"{'learn':>8} {'p99':>8} {'frames/s':>9}",
-    ]
-    lines += [
-        f"{row['max_nodes']:6} {row['extract_us']:8.0f} {row['predict_us']:8.0f} "
-        f"{row['predict_p99_us']:8.0f} {row['learn_us']:8.0f} {row['learn_p99_us']:8.0f} "
-        f"{row['frames_per_second']:9.0f}"
-        for row in result["policies"]
-    ]
-    lines += [
-        f"\nthe cluster alone, vectors of {N_BYTES} bytes, microseconds",
-        f"{'nodes':>6} {'train':>8} {'p99':>8} {'lookup':>8} {'product':>8} {'train/product':>14}",
-    ]
-    lines += [
-        f"{row['max_nodes']:6} {row['train_us']:8.1f} {row['train_p99_us']:8.1f} "
-        f"{row['lookup_us']:8.1f} {row['product_us']:8.1f} {row['train_per_product']:14.2f}"
-        for row in result["cluster"]["sizes"]
-    ]
-    age = result["ageing"]
-    lines.append(
-        f"\n99th percentile of a training step with {age['max_nodes']} nodes: "
-        f"{age['p99_at_1000_us']:.1f} at frame 1,000, {age['p99_at_100000_us']:.1f} at frame "
-        f"100,000 ({age['ratio']:.2f} times)"
+def _tables(result: dict[str, Any]) -> tuple[Table, Table]:
+    policies = Table(
+        title=f"learner {result['learner']}, microseconds",
+        columns=("nodes", "extract", "predict", "p99", "learn", "p99", "frames/s"),
+        rows=tuple(tuple(f"{value:.0f}" for value in row.values()) for row in result["policies"]),
     )
-    return "\n".join(lines)
+    age = result["ageing"]
+    cluster = Table(
+        title=f"the cluster alone, vectors of {N_BYTES} bytes, microseconds",
+        columns=("nodes", "train", "p99", "lookup", "product", "train/product"),
+        rows=tuple(tuple(row.values()) for row in result["cluster"]["sizes"]),
+        note=f"\n99th percentile of a training step with {age['max_nodes']} nodes: "
+        f"{age['p99_at_1000_us']:.1f} at frame 1,000, {age['p99_at_100000_us']:.1f} at frame "
+        f"100,000 ({age['ratio']:.2f} times)",
+    )
+    return policies, cluster

@@ -7,20 +7,20 @@ import asyncio
 import contextlib
 import itertools
 import json
-import math
-import subprocess
 import sys
 import time
 from collections.abc import AsyncIterator, Sequence
-from pathlib import Path
 from typing import Any
 
-from robot.errors import ConfigurationError
+from robot.store.table import Cell, Table
 from robot.testing.link import LinkConditions
+from server.cli.output import numbers_in
 from server.cli.parser import number
 from server.lab.bench.proxy import Proxy
+from server.lab.bench.report import add_json, percentile, report
 from server.lab.bench.subject import KINDS
 from server.lab.bench.viewers import Watched, watch
+from server.lab.bench.worker import ServerUnderTest
 
 SLOW_LINE = 62_500.0  # 500 kbit/s
 _SETTLE_S = 0.7
@@ -43,25 +43,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rate", type=number(above=0), default=30.0, help="frames a second (%(default)s)"
     )
-    parser.add_argument(
-        "--json", nargs="?", const="-", default=None, metavar="FILE", help="write the figures"
-    )
+    add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure, and print a table or JSON."""
-    try:
-        counts = [int(count) for count in args.viewers.split(",")]
-    except ValueError as error:
-        raise ConfigurationError(f"--viewers expects numbers, not {args.viewers!r}") from error
+    counts = numbers_in(args.viewers, int, "--viewers")
     result = asyncio.run(_measure_all(counts, args.seconds, args.slow_seconds, args.rate))
-    if args.json == "-":
-        print(json.dumps(result, indent=1))
-        return 0
-    if args.json:
-        Path(args.json).write_text(json.dumps(result, indent=1) + "\n")
-    print(_table(result))
-    return 0
+    return report(args, result, _table(result))
 
 
 async def _measure_all(
@@ -80,41 +69,6 @@ async def _measure_all(
             for width, height in ((160, 120), (640, 480))
         ]
     return result
-
-
-class ServerUnderTest:
-    """A server in a process of its own."""
-
-    def __init__(self, kind: str, rate_hz: float, width: int = 160, height: int = 120) -> None:
-        words = [sys.executable, "-m", "server.lab.bench.subject", kind]
-        words += ["--rate", str(rate_hz), "--width", str(width), "--height", str(height)]
-        self._process = subprocess.Popen(
-            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-        self.port = int(self._line())
-
-    @property
-    def pid(self) -> int:
-        """The process's number."""
-        return self._process.pid
-
-    def ask(self, word: str = "") -> dict[str, Any]:
-        """Return what the server has noted by now; the word `forget` is for `subject`."""
-        assert self._process.stdin is not None
-        self._process.stdin.write(f"{word}\n")
-        self._process.stdin.flush()
-        notes: dict[str, Any] = json.loads(self._line())
-        return notes
-
-    def _line(self) -> str:
-        assert self._process.stdout is not None
-        return self._process.stdout.readline()
-
-    def __enter__(self) -> ServerUnderTest:
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self._process.communicate(timeout=60)
 
 
 async def _cpu_share(subject: ServerUnderTest, seconds: float) -> float:
@@ -251,7 +205,7 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
         without += await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, after")
         for proxy in proxies:
             await proxy.stop()
-    ratio = _percentile(with_slow, 99) / _percentile(without, 99)
+    ratio = percentile(with_slow, 99) / percentile(without, 99)
     return {
         "size": size,
         "others_ms_without_slow": _percentiles(without),
@@ -299,40 +253,38 @@ async def _watching(kind: str, ports: Sequence[int]) -> AsyncIterator[list[Watch
                 print(f"a viewer failed: {ended!r}", file=sys.stderr)
 
 
-def _percentile(values: Sequence[float], percent: int) -> float:
-    if not values:  # a machine that was too busy to show a single picture
-        return math.nan
-    ranked = sorted(values)
-    return ranked[min(len(ranked) - 1, len(ranked) * percent // 100)]
-
-
 def _percentiles(seconds: Sequence[float]) -> dict[str, float]:
-    return {f"p{p}": round(1000 * _percentile(seconds, p), 2) for p in (50, 95, 99)}
+    return {f"p{p}": round(1000 * percentile(seconds, p), 2) for p in (50, 95, 99)}
 
 
 def _progress(what: str) -> None:
     print(f"measuring: {what}", file=sys.stderr, flush=True)
 
 
-def _table(result: dict[str, Any]) -> str:
-    lines = [
-        f"{'server':16} {'viewers':>7} {'frames/s':>9} {'p50 ms':>7} {'p95':>7} {'p99':>7} "
-        f"{'CPU us/frame':>13} {'process':>10} {'loop Hz':>8} {'late':>5}"
+def _table(result: dict[str, Any]) -> Table:
+    rows: list[tuple[Cell, ...]] = [
+        (
+            row["server"],
+            row["viewers"],
+            row["frames_per_second"],
+            *row["latency_ms"].values(),
+            row["cpu_us_per_frame"],
+            row["process_cpu_us_per_frame"],
+            row.get("loop_hz"),
+            row.get("late_cycles"),
+        )
+        for row in result["servers"]
     ]
-    for row in result["servers"]:
-        latency = row["latency_ms"]
-        lines.append(
-            f"{row['server']:16} {row['viewers']:7} {row['frames_per_second']:9} "
-            f"{latency['p50']:7} {latency['p95']:7} {latency['p99']:7} "
-            f"{row['cpu_us_per_frame']:13} {row['process_cpu_us_per_frame']:10} "
-            f"{row.get('loop_hz', ''):>8} {row.get('late_cycles', ''):>5}"
-        )
-    commands = result["commands"]
-    lines.append(f"\ncommand to drive, ms: {commands['wire_to_drive_ms']}")
-    for slow in result.get("slow", []):
-        lines.append(
-            f"{slow['size']}, 4 of 16 at 500 kbit/s: their pictures {slow['slow_age_ms']} ms old; "
-            f"p99 of the others {slow['others_p99_ratio']} times that without them; "
-            f"loop {slow['loop_hz']} Hz, {slow['late_cycles']} late"
-        )
-    return "\n".join(lines)
+    notes = [f"\ncommand to drive, ms: {result['commands']['wire_to_drive_ms']}"]
+    notes += [
+        f"{slow['size']}, 4 of 16 at 500 kbit/s: their pictures {slow['slow_age_ms']} ms old; "
+        f"p99 of the others {slow['others_p99_ratio']} times that without them; "
+        f"loop {slow['loop_hz']} Hz, {slow['late_cycles']} late"
+        for slow in result.get("slow", [])
+    ]
+    columns = (
+        *("server", "viewers", "frames/s", "p50 ms", "p95", "p99", "CPU us/frame", "process"),
+        *("loop Hz", "late"),
+    )
+    title = "Pictures over loopback"
+    return Table(title=title, columns=columns, rows=tuple(rows), note="\n".join(notes))

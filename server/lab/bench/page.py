@@ -1,39 +1,21 @@
-"""How busy the page keeps a phone: main thread, pictures and examples, over the DevTools protocol.
+"""How busy the page keeps a phone: main thread, pictures and examples.
 
 A Chromium shows the page of a server in a process of its own and holds Forward with one finger;
-for a slow phone DevTools slows its main thread. Needs Chromium and nothing else that is not here.
+for a slow phone DevTools slows its main thread.
 """
 
 from __future__ import annotations
 
 import argparse
-import contextlib
-import itertools
-import json
-import os
-import shutil
-import subprocess
-import tempfile
 import time
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
-from robot.errors import ConfigurationError
-from server.lab.bench.link import ServerUnderTest
+from robot.store.table import Table
+from server.cli.output import numbers_in
+from server.lab.bench.browser import STATE, DevToolsPage, running_browser
+from server.lab.bench.report import add_json, report
+from server.lab.bench.worker import ServerUnderTest
 
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-shell")
-_FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--mute-audio",
-    "--remote-debugging-port=0",
-    "--window-size=390,844",
-)
-_PATIENCE_S = 30.0
-_STATE = "document.querySelector('drive-pad').page.store.state"
 _BUSY = ("TaskDuration", "ScriptDuration", "LayoutDuration", "RecalcStyleDuration")
 
 
@@ -44,30 +26,26 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--throttle", default="1,4,6", help="how many times slower the phone is (%(default)s)"
     )
     parser.add_argument("--rate", type=float, default=30.0, help="pictures a second (%(default)s)")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure, and print a table or JSON."""
-    try:
-        rates = [float(rate) for rate in args.throttle.split(",")]
-    except ValueError as error:
-        raise ConfigurationError(f"--throttle expects numbers, not {args.throttle!r}") from error
+    rates = numbers_in(args.throttle, float, "--throttle")
     with ServerUnderTest("drivelesson", args.rate) as subject, running_browser() as page:
         page.open(f"http://127.0.0.1:{subject.port}/")
         rows = [_measure(page, subject, rate, args.seconds) for rate in rates]
-    if args.json:
-        print(json.dumps(rows, indent=1))
-        return 0
-    print("| slower | main thread busy | script | style, layout | painted/s | learned/s | stops |")
-    print("|---|---|---|---|---|---|---|")
-    for row in rows:
-        print(
-            f"| {row['throttle']:g} | {row['busy']:.1%} | {row['script']:.1%} | {row['layout']:.1%}"
-            f" | {row['painted_per_s']:.1f} | {row['learned_per_s']:.1f}"
-            f" | {row['stops'] or 'none'} |"
+    lines = tuple(
+        (
+            f"{row['throttle']:g}",
+            *(f"{row[key]:.1%}" for key in ("busy", "script", "layout")),
+            *(f"{row[key]:.1f}" for key in ("painted_per_s", "learned_per_s")),
+            ", ".join(row["stops"]) or "none",
         )
-    return 0
+        for row in rows
+    )
+    columns = ("slower", "busy", "script", "style, layout", "painted/s", "learned/s", "stops")
+    return report(args, rows, Table(title="The page's main thread", columns=columns, rows=lines))
 
 
 def _measure(
@@ -80,7 +58,7 @@ def _measure(
     stops: list[str] = []
     while time.monotonic() - start_s < seconds:
         time.sleep(0.25)
-        reason = page.evaluate(f"{_STATE}.robot?.mode === 'stopped' && {_STATE}.robot.stop_reason")
+        reason = page.evaluate(f"{STATE}.robot?.mode === 'stopped' && {STATE}.robot.stop_reason")
         if reason:
             stops.append(str(reason))
             page.release()
@@ -98,136 +76,13 @@ def _measure(
         "painted_per_s": round((painted_then - painted) / lasted_s, 2),
         "learned_per_s": round((learned_then - learned) / lasted_s, 2),
         "stops": stops,
-        "link": page.evaluate(f"{_STATE}.robot.link"),
+        "link": page.evaluate(f"{STATE}.robot.link"),
         "camera_hz": subject.ask()["cycle_hz"],
     }
 
 
 def _progress(page: DevToolsPage) -> tuple[float, float]:
     """Return how many examples were learned and how many pictures painted."""
-    learned = page.evaluate(f"{_STATE}.robot.lessons")
+    learned = page.evaluate(f"{STATE}.robot.lessons")
     painted = page.evaluate("document.querySelector('video-view').frames")
     return float(learned), float(painted)
-
-
-class DevToolsPage:
-    """One tab, driven over the DevTools protocol."""
-
-    def __init__(self, socket: Any) -> None:
-        self._socket = socket
-        self._ids = itertools.count(1)
-        self._session: str | None = None
-        target = self.send("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self.send("Target.attachToTarget", targetId=target, flatten=True)[
-            "sessionId"
-        ]
-        self.send("Performance.enable", timeDomain="threadTicks")
-        self.send(
-            "Emulation.setDeviceMetricsOverride",
-            width=390,
-            height=844,
-            deviceScaleFactor=2,
-            mobile=True,
-        )
-        self.send("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
-
-    def send(self, method: str, **params: Any) -> dict[str, Any]:
-        """Send a command, and return its result."""
-        number = next(self._ids)
-        session = {"sessionId": self._session} if self._session else {}
-        self._socket.send(json.dumps({"id": number, "method": method, "params": params, **session}))
-        while True:
-            answer = json.loads(self._socket.recv(timeout=_PATIENCE_S))
-            if answer.get("id") == number:
-                if "error" in answer:
-                    raise ConfigurationError(f"Chromium refused {method}: {answer['error']}")
-                result: dict[str, Any] = answer["result"]
-                return result
-
-    def evaluate(self, expression: str) -> Any:
-        """Return what an expression comes to on the page."""
-        answer = self.send("Runtime.evaluate", expression=expression, returnByValue=True)
-        return answer["result"].get("value")
-
-    def wait_for(self, expression: str, within_s: float = _PATIENCE_S) -> None:
-        """Wait until an expression is true."""
-        deadline_s = time.monotonic() + within_s
-        while not self.evaluate(expression):
-            if time.monotonic() > deadline_s:
-                raise ConfigurationError(f"the page never came to {expression}")
-            time.sleep(0.05)
-
-    def open(self, address: str) -> None:
-        """Go to an address, and wait for the first picture."""
-        self.send("Page.navigate", url=address)
-        self.wait_for("Boolean(document.querySelector('video-view')?.dataset.frames)")
-
-    def metrics(self) -> dict[str, float]:
-        """Return Chromium's counters of this page's main thread, in seconds of its CPU time: what
-        else the machine does is not in them."""
-        rows = self.send("Performance.getMetrics")["metrics"]
-        return {row["name"]: row["value"] for row in rows}
-
-    def processes_cpu_s(self) -> float:
-        """Return the CPU time of all of Chromium's processes together."""
-        session, self._session = self._session, None  # the browser knows, not the tab
-        try:
-            rows = self.send("SystemInfo.getProcessInfo")["processInfo"]
-        finally:
-            self._session = session
-        return float(sum(row["cpuTime"] for row in rows))
-
-    def start_and_hold(self) -> None:
-        """Choose to teach, and hold Forward with one finger."""
-        deadline_s = time.monotonic() + _PATIENCE_S
-        while self.evaluate(f"{_STATE}.robot?.mode") != "train":
-            if time.monotonic() > deadline_s:
-                raise ConfigurationError("the robot does not start")
-            self.evaluate("document.querySelector('mode-bar [data-mode=train]').click()")
-            time.sleep(0.3)
-        box = self.evaluate(
-            "JSON.stringify(document.querySelector('.move[data-move=forward]')"
-            ".getBoundingClientRect())"
-        )
-        place = json.loads(box)
-        point = {"x": place["x"] + place["width"] / 2, "y": place["y"] + place["height"] / 2}
-        self.send("Input.dispatchTouchEvent", type="touchStart", touchPoints=[point])
-
-    def release(self) -> None:
-        """Lift the finger."""
-        self.send("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
-
-
-@contextlib.contextmanager
-def running_browser() -> Iterator[DevToolsPage]:
-    """Run a Chromium with a fresh profile while the block runs."""
-    from websockets.sync.client import connect
-
-    path = os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, _BROWSERS)), None)
-    if path is None:
-        raise ConfigurationError(
-            "no Chromium was found: install chromium, or name it in the environment as CHROMIUM"
-        )
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        process = subprocess.Popen(
-            [path, *_FLAGS, f"--user-data-dir={profile}", "about:blank"],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        try:
-            port, path = _wait_for_port(Path(profile) / "DevToolsActivePort", process)
-            with connect(f"ws://127.0.0.1:{port}{path}", compression=None, max_size=None) as socket:
-                yield DevToolsPage(socket)
-        finally:
-            process.terminate()
-            process.wait(10)
-
-
-def _wait_for_port(file: Path, process: subprocess.Popen[bytes]) -> tuple[int, str]:
-    deadline_s = time.monotonic() + _PATIENCE_S
-    while time.monotonic() < deadline_s and process.poll() is None:
-        with contextlib.suppress(OSError, ValueError):
-            port, path = file.read_text().splitlines()[:2]
-            return int(port), path
-        time.sleep(0.05)
-    raise ConfigurationError("Chromium did not start, or does not say where it listens")

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from robot.errors import MissingExtraError
 from robot.lab import evaluation
 from robot.policy.registry import make_policy
+from robot.store.table import Table
+from server.cli.output import progress
 from server.cli.parser import whole
 
 
@@ -22,24 +22,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Let each place be the first in turn, and print a table in Markdown."""
-    try:
-        from tqdm import tqdm
-    except ImportError as error:
-        raise MissingExtraError("the comparison of places", "evaluate") from error
+    """Let each place be the first in turn, and print a table."""
     pairs = evaluation.load_pairs(args.folder)
-    names = (f"default-{args.nodes}", f"multi-place-{args.nodes}", f"default-{args.nodes}")
-    print(
-        f"| first place | {names[0]}, taught it alone | {names[1]}, taught all | {names[2]}, "
-        "taught all |\n|---|---|---|---|"
-    )
-    rows = []
-    with tqdm(total=len(pairs), unit="drive", file=sys.stderr) as bar:
-        for first, rates in _accuracies(pairs, names):
-            rows.append(rates)
+    default, places = f"default-{args.nodes}", f"multi-place-{args.nodes}"
+    rows: dict[str, list[float]] = {}
+    with progress(len(pairs), "drive", "bench", "evaluate") as bar:
+        for first, rates in _accuracies(pairs, (default, places, default)):
+            rows[f"{first.train.path.stem} to {first.test.path.stem}"] = rates
             bar.update()
-            print(_row(f"{first.train.path.stem} to {first.test.path.stem}", rates), flush=True)
-    print(_row("mean", np.mean(rows, axis=0).tolist()))
+    rows["mean"] = np.mean(list(rows.values()), axis=0).tolist()
+    lines = tuple((name, *(f"{rate:.3f}" for rate in rates)) for name, rates in rows.items())
+    heads = (f"{default}, taught it alone", f"{places}, taught all", f"{default}, taught all")
+    print(Table(title="Right", columns=("first place", *heads), rows=lines).as_text())
     return 0
 
 
@@ -57,7 +51,3 @@ def _accuracies(
                 evaluation.teach(policy, pair.train, vectors)
             rates.append(evaluation.examine(policy, first, vectors).accuracy)
         yield first, rates
-
-
-def _row(name: str, rates: Sequence[float]) -> str:
-    return f"| {name} | {' | '.join(f'{rate:.3f}' for rate in rates)} |"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import resource
 import statistics
 import sys
@@ -22,9 +21,11 @@ from robot.errors import MissingExtraError
 from robot.policy.registry import make_policy
 from robot.store.episodes.queue import RecorderConfig
 from robot.store.episodes.recorder import Recorder
+from robot.store.table import Cell, Table
 from robot.testing import FakeCamera, FakeDriver
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand
 from server.cli.parser import number, whole
+from server.lab.bench.report import add_json, report
 
 _COMMAND_EVERY_S = 0.1
 
@@ -82,7 +83,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--size", default="640x480", help="of a picture (%(default)s)")
     parser.add_argument("--learner", default="default-32", help="what learns (%(default)s)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the results here")
+    add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -95,12 +96,7 @@ def run(args: argparse.Namespace) -> int:
                 camera = PhotoCamera(RealClock(), args.rate, width, height, jpeg)
                 outcomes.append(measure(camera, args.learner, args.seconds, records=records))
                 print(outcomes[-1], file=sys.stderr)
-    print(table(outcomes))
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"\npeak memory of the process: {peak_mb:.0f} MB")
-    if args.json is not None:
-        args.json.write_text(json.dumps([asdict(outcome) for outcome in outcomes], indent=1))
-    return 0
+    return report(args, [asdict(outcome) for outcome in outcomes], _table(outcomes))
 
 
 def measure(camera: PhotoCamera, learner: str, seconds: float, *, records: bool) -> Outcome:
@@ -156,31 +152,31 @@ def _hold(rig: Rig, seconds: float) -> None:
         pause.wait(_COMMAND_EVERY_S)
 
 
-def table(outcomes: list[Outcome]) -> str:
-    """Return a table: medians of the runs of a kind, and what recording changes."""
-    lines = [
-        f"{'pictures':9}{'recorded':>9}{'rate, Hz':>10}{'turn, ms':>10}{'p99, ms':>9}{'CPU, ms':>9}"
-        f"{'MB/s':>7}{'dropped':>9}{'rate lost':>11}{'CPU/period':>12}"
-    ]
+def _table(outcomes: list[Outcome]) -> Table:
+    """Return the medians of the runs of a kind, and what recording changes."""
+    rows: list[tuple[Cell, ...]] = []
     for pictures in ("JPEG", "raw"):
-        rates, cpu_ms = {}, {}
+        medians: dict[bool, dict[str, float]] = {}
         for records in (False, True):
             runs = [o for o in outcomes if (o.pictures, o.recording) == (pictures, records)]
-            rates[records] = statistics.median(o.rate_hz for o in runs)
-            cpu_ms[records] = statistics.median(o.cpu_ms for o in runs)
-            lost = ""
+            medians[records] = own = {
+                name: statistics.median(getattr(o, name) for o in runs)
+                for name in ("rate_hz", "turn_ms", "turn_p99_ms", "cpu_ms", "written_mb_s")
+            }
+            lost: tuple[Cell, ...] = (None, None)
             if records:
-                share = (cpu_ms[True] - cpu_ms[False]) / 1000 * rates[False]
-                lost = f"{1 - rates[True] / rates[False]:10.2%}{share:12.2%}"
-            lines.append(
-                f"{pictures:9}{'yes' if records else 'no':>9}{rates[records]:10.2f}"
-                f"{statistics.median(o.turn_ms for o in runs):10.2f}"
-                f"{statistics.median(o.turn_p99_ms for o in runs):9.2f}"
-                f"{cpu_ms[records]:9.2f}"
-                f"{statistics.median(o.written_mb_s for o in runs):7.1f}"
-                f"{sum(o.dropped for o in runs):9} {lost}"
-            )
-    return "\n".join(lines)
+                without = medians[False]
+                share = (own["cpu_ms"] - without["cpu_ms"]) / 1000 * without["rate_hz"]
+                lost = (f"{1 - own['rate_hz'] / without['rate_hz']:.2%}", f"{share:.2%}")
+            dropped = sum(o.dropped for o in runs)
+            rows.append((pictures, "yes" if records else "no", *own.values(), dropped, *lost))
+    columns = (
+        *("pictures", "recorded", "rate, Hz", "turn, ms", "p99, ms", "CPU, ms", "MB/s"),
+        *("dropped", "rate lost", "CPU/period"),
+    )
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    note = f"\npeak memory of the process: {peak_mb:.0f} MB"
+    return Table(title="What recording costs", columns=columns, rows=tuple(rows), note=note)
 
 
 def _to_jpeg(picture: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> bytes:

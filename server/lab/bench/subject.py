@@ -1,4 +1,4 @@
-"""One server to be measured, as a process: `python -m server.lab.bench.subject KIND ...`.
+"""One server to be measured, as a process: `python -m server.lab.bench.subject KIND HZ W H`.
 
 It prints its port, then answers each line on standard input with one line of JSON: the CPU time
 that the process and its serving thread have used, and for ours what loop and body have noted. The
@@ -7,11 +7,9 @@ line `forget` makes ours forget what it was taught and has noted first, and adds
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import ctypes
 import gc
-import json
 import os
 import sys
 import threading
@@ -22,6 +20,7 @@ from typing import Any
 
 from robot.clock import RealClock
 from robot.testing import FakeCamera, FakeDriver
+from server.lab.bench.worker import answer_all
 
 KINDS = ("drivelesson", "naive-websocket", "plain-websocket", "naive-mjpeg")
 """`plain` is `naive` without uvicorn's default, which compresses each picture once more."""
@@ -29,19 +28,17 @@ KINDS = ("drivelesson", "naive-websocket", "plain-websocket", "naive-mjpeg")
 
 def main() -> None:
     """Serve until standard input ends."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("kind", choices=KINDS)
-    parser.add_argument("--width", type=int, default=160)
-    parser.add_argument("--height", type=int, default=120)
-    parser.add_argument("--rate", type=float, default=30.0)
-    args = parser.parse_args()
-    camera = FakeCamera(RealClock(), args.rate, args.width, args.height)
-    with _serving(args.kind, camera) as (port, notes):
-        print(port, flush=True)
-        for line in sys.stdin:
-            cpu = {"process_s": time.process_time(), "serving_s": _serving_cpu_s()}
-            print(json.dumps({**cpu, **notes(line.strip() == "forget")}), flush=True)
-    os._exit(0)
+    kind, rate_hz, width, height = sys.argv[1:]
+    camera = FakeCamera(RealClock(), float(rate_hz), int(width), int(height))
+    with _serving(kind, camera) as (port, notes):
+        answer_all(
+            port,
+            lambda word: {
+                "process_s": time.process_time(),
+                "serving_s": _serving_cpu_s(),
+                **notes(word == "forget"),
+            },
+        )
 
 
 def _serving_cpu_s() -> float:
