@@ -44,7 +44,6 @@ def _tables(runs: Runs) -> list[Table]:
 
 
 def _plots(runs: Runs) -> list[Plot]:
-    """Return cycles a second against nodes."""
     series: list[Series] = []
     for (kind,), results in group(runs, "kind").items():
         for phase in ("learning", "applying"):

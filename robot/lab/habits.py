@@ -128,7 +128,6 @@ def _share(drives: Sequence[_Drive], name: str) -> float:
 
 
 def _gate(runs: Runs) -> Table:
-    """Return each criterion beside the measured value."""
 
     def of(is_wanted: Callable[[float], bool], *phases: str) -> list[_Drive]:
         wanted = [result for task, result in runs if is_wanted(task.params["teach_s"])]

@@ -60,7 +60,6 @@ class SsdTables:
     with_teacher: bool = False
 
     def __call__(self, runs: Runs) -> list[Table]:
-        """Return the tables of some runs."""
         rows = {
             title: [(*row, *(None,) * (1 + len(SSD_COLUMNS) - len(row))) for row in rows]
             for title, rows in self.published.items()

@@ -25,7 +25,6 @@ Example = tuple[NDArray[np.float64], str]
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan every learner on every stream."""
     for stream in STREAMS:
         for learner in tuple(LEARNERS)[:3] if settings.quick else LEARNERS:
             for seed in range(settings.n_seeds):
@@ -78,7 +77,6 @@ class _OneByOne:
         return None if self._is_new else self._model.predict([list(x.values())])[0]
 
     def learn_one(self, x: Mapping[int, float], y: str) -> None:
-        """Learn one example."""
         self._model.partial_fit([list(x.values())], [y], classes=self._classes)
         self._is_new = False
 

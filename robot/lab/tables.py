@@ -52,7 +52,6 @@ def mean_in_interval(values: Sequence[float], digits: int = 2) -> str:
 
 
 def percent(share: float, digits: int = 0) -> str:
-    """Return a share as text."""
     return f"{100 * share:.{digits}f} %"
 
 

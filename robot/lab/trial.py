@@ -152,7 +152,6 @@ class Trial:
         return state.fault or str(state.decision.stop_reason)
 
     def close(self) -> None:
-        """Close the renderer."""
         self.driver.disconnect()
         self.driver.simulation.close()
 

@@ -31,5 +31,4 @@ VARIANTS: dict[str, Design] = {
 
 
 def make_variant(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return the variant that `name` says; a `Maker`."""
     return VARIANTS[split_name(name)[0]].make(number, name, moves, integer)

@@ -68,7 +68,7 @@ def measure(
     max_nodes: int,
     *,
     kind: str = "default",
-    integer: bool = False,
+    integer: bool | None = None,
     repeats: int = 60,
     frames: Sequence[Frame] | None = None,
     now_s: Callable[[], float] = _MACHINE.now_s,
@@ -98,7 +98,7 @@ def choose_max_nodes(
     rate_hz: float,
     *,
     kind: str = "default",
-    integer: bool = False,
+    integer: bool | None = None,
     cost_of: Callable[[int], Cost] | None = None,
 ) -> Cost:
     """Return the cost of the largest size in `SIZES` that holds the rate with a margin.

@@ -64,7 +64,6 @@ def write_csv(lines: Iterable[Sequence[object]]) -> str:
 
 
 def write_events(events: Iterable[StudyEvent], *, with_head: bool = False) -> str:
-    """Return events as lines of CSV."""
     lines = [[getattr(event, column) for column in COLUMNS] for event in events]
     return write_csv([COLUMNS, *lines] if with_head else lines)
 

@@ -74,7 +74,6 @@ class StudyPlan:
 
     @cached_property
     def by_name(self) -> Mapping[str, Condition]:
-        """The conditions by their names."""
         return {condition.name: condition for condition in self.conditions}
 
     def order(self, slot: int) -> tuple[str, ...]:

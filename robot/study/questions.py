@@ -70,7 +70,6 @@ SCORES = {"nasa_tlx": "nasa-tlx", "trust": "trust"}
 
 
 def scores(answers: Mapping[str, Any]) -> dict[str, float]:
-    """Return the scores of the questionnaires that were answered in full."""
     found = {}
     for column, questionnaire in SCORES.items():
         names = [question.name for question in questionnaires()[questionnaire]]

@@ -53,7 +53,6 @@ class ConditionLog:
     events: Sequence[StudyEvent]
 
     def phase(self, name: str) -> list[StudyEvent]:
-        """Return the events of one phase."""
         return [event for event in self.events if event.phase == name]
 
     def profile(self, by: DrivenBy, *kinds: PhaseKind) -> Profile:
@@ -63,7 +62,6 @@ class ConditionLog:
 
 
 def named(events: Sequence[StudyEvent], event: str) -> list[StudyEvent]:
-    """Return the events of one kind."""
     return [e for e in events if e.event == event]
 
 

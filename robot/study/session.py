@@ -72,12 +72,10 @@ class StudySession:
 
     @property
     def left_s(self) -> float:
-        """Seconds that are left of the phase."""
         return max(0.0, self.phase.seconds - self.done_s) if self.phase else 0.0
 
     @property
     def done_s(self) -> float:
-        """Seconds of the phase that are over."""
         return max(self._exact_s, self.phase_s)
 
     @property

@@ -50,7 +50,6 @@ class TableReader:
         return value
 
     def text(self, name: str, *, default: Any = _MISSING, most: int = 200) -> str:
-        """Return a text on one line."""
         value = self._get(name, default)
         if not isinstance(value, str) or len(value) > most or not (value.isprintable()):
             raise self.fault(
@@ -69,7 +68,6 @@ class TableReader:
         return value
 
     def whole(self, name: str, least: int, most: int, *, default: Any = _MISSING) -> int:
-        """Return a whole number within limits."""
         value = self._get(name, default)
         if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
             raise self.fault(
@@ -78,7 +76,6 @@ class TableReader:
         return value
 
     def number(self, name: str, *, above: float, most: float, default: Any = _MISSING) -> float:
-        """Return a number within limits."""
         value = self._get(name, default)
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not is_number or not above < value <= most:
@@ -89,7 +86,6 @@ class TableReader:
         return float(value)
 
     def one_of(self, name: str, choices: Sequence[str], *, default: Any = _MISSING) -> str:
-        """Return one of some words."""
         value = self._get(name, default)
         if value not in choices:
             hint = did_you_mean(str(value), choices)
@@ -99,7 +95,6 @@ class TableReader:
         return str(value)
 
     def names(self, name: str, choices: Sequence[str], *, default: Any) -> tuple[str, ...]:
-        """Return a list of some words."""
         value = self._get(name, default)
         if not isinstance(value, list | tuple):
             raise self.fault(f"{name!r} is {_short(value)}", 'write a list: ["...", "..."]')
@@ -126,7 +121,6 @@ class TableReader:
         return moves
 
     def learner(self, name: str, *, default: Any) -> str:
-        """Return a learner's name."""
         value = self.text(name, default=default)
         try:
             kind, _ = split_name(value)

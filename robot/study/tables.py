@@ -46,7 +46,6 @@ def values_of(rows: Sequence[Row], condition: str, measure: Measure) -> dict[str
 
 
 def make_tables(plan: StudyPlan, rows: Sequence[Row]) -> dict[str, Table]:
-    """Return all tables by the names of their files."""
     tables = {
         "conditions": _conditions(plan, rows),
         "order": _order(plan, rows),

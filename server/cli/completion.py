@@ -10,12 +10,10 @@ _SHELLS = ("bash", "zsh", "tcsh")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the shell."""
     parser.add_argument("shell", choices=_SHELLS, help="whose script")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the script."""
     try:
         import shtab
     except ImportError as error:

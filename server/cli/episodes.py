@@ -26,7 +26,6 @@ VERBS = "drivelesson.episode-commands"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the subcommands."""
     commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     _add(commands, "list", list_episodes, "list all episodes, the newest first")
     _add(commands, "show", show, "show one along its time: labels, and what the robot said")
@@ -92,7 +91,6 @@ def _add_range(parser: argparse.ArgumentParser, verb: str) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run one subcommand."""
     storage = Storage(args.data or default_root())
     result = args.action(args, EpisodeStore(storage), storage)
     return int(result or 0)
@@ -114,7 +112,6 @@ def _range(args: argparse.Namespace, episode: Episode) -> tuple[int, int]:
 
 
 def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Print the list."""
     summaries = store.summaries()
     if not summaries:
         print(f"no episodes in {storage.episodes}")
@@ -139,7 +136,6 @@ def _remarks(summary: EpisodeSummary) -> str:
 
 
 def show(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Print what one holds, and its labels along the time axis."""
     [(episode, notes)] = find_episodes(store, [args.episode])
     found = moments(episode, notes)
     taught: dict[str, int] = {}
@@ -174,7 +170,6 @@ def _letter(move: str | None) -> str:
 
 
 def play_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int:
-    """Serve the page with the episode in place of a robot."""
     from server.cli.main import main
 
     path = Path(args.episode)
@@ -188,14 +183,12 @@ def play_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage
 
 
 def trim_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Keep only a range."""
     episode_id = find_id(store, args.episode)
     episode = store.open(episode_id)
     _print_edits(store.edit(episode_id, trim(episode.frames, *_range(args, episode))))
 
 
 def relabel(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Give a range another label."""
     episode_id = find_id(store, args.episode)
     episode = store.open(episode_id)
     label = read_move(args.label, episode)
@@ -204,7 +197,6 @@ def relabel(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> 
 
 
 def delete(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Delete a range, or the whole episode."""
     episode_id = find_id(store, args.episode)
     if args.first_s is None and args.last_s is None:
         key = store.delete(episode_id)
@@ -215,7 +207,6 @@ def delete(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> N
 
 
 def undo(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Undo the last edit."""
     _print_edits(store.undo_edit(find_id(store, args.episode)))
 
 
@@ -231,23 +222,19 @@ def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stor
 
 
 def compact(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Apply the edits to the recording."""
     key = store.compact(find_id(store, args.episode))
     print(f"done; the recording as it was is back with: drivelesson episodes restore {key}")
 
 
 def set_title(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Give a title."""
     store.set_title(find_id(store, args.episode), args.title)
 
 
 def protect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Protect one."""
     store.protect(find_id(store, args.episode), True)
 
 
 def unprotect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Remove the protection of one."""
     store.protect(find_id(store, args.episode), False)
 
 
@@ -255,7 +242,6 @@ def unprotect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -
 
 
 def show_budget(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Print the disk usage, and the oldest episodes that could be deleted."""
     if args.gigabytes is not None:
         store.budget_bytes = round(args.gigabytes * 1e9)
     usage, budget = storage.usage(), store.budget()
@@ -268,5 +254,4 @@ def show_budget(args: argparse.Namespace, store: EpisodeStore, storage: Storage)
 
 
 def empty_trash(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Delete for good what is in the trash."""
     print(f"{storage.empty_trash() / 1e6:.1f} MB are free again")

@@ -26,7 +26,6 @@ class EpisodeVerb(NamedTuple):
 
 
 def add_data(parser: argparse.ArgumentParser) -> None:
-    """Declare the data folder."""
     parser.add_argument("--data", type=Path, default=None, help="folder for what is kept")
 
 

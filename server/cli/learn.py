@@ -23,7 +23,6 @@ from server.cli.parser import whole
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
     parser.add_argument(
         "episodes", nargs="+", metavar="EPISODE", help="names, beginnings of names, files, or last"
     )
@@ -50,7 +49,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Learn, print the result, and save the model."""
     storage = Storage(args.data or default_root())
     episodes = find_episodes(EpisodeStore(storage), args.episodes)
     policy, taught = _begin(args, episodes)

@@ -15,7 +15,6 @@ _NAME = re.compile(r"[a-z][a-z0-9]{1,20}")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the name, and where the package goes."""
     parser.add_argument("name", metavar="NAME", help="the robot's name: small letters and digits")
     parser.add_argument(
         "--out", type=Path, default=None, help="new folder (default: drivelesson-NAME)"
@@ -23,7 +22,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the files."""
     name: str = args.name
     if _NAME.fullmatch(name) is None:
         raise ConfigurationError(

@@ -46,7 +46,6 @@ _CAMERA_HELP = "where pictures come from; as a rule the robot's own"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options that every robot has."""
     _add_choice_of_robot(parser)
     parser.add_argument("--learner", default=None, help="what learns (default: default)")
     parser.add_argument(
@@ -142,7 +141,6 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve until interrupted."""
     from robot.devices.rig import build_rig
     from server.app import create_app
     from server.events import EventBus

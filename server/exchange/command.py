@@ -29,7 +29,6 @@ EXPORTS = ("tub", "lerobot", "folder", "npz", "film")
 
 
 def configure_export(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of `export`."""
     parser.add_argument("episodes", nargs="+", metavar="EPISODE", help=EPISODE_HELP)
     parser.add_argument("--as", dest="form", required=True, choices=EXPORTS)
     parser.add_argument("--out", type=Path, default=None, help="new folder or file")
@@ -41,7 +40,6 @@ def configure_export(parser: argparse.ArgumentParser) -> None:
 
 
 def configure_import(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of `import`."""
     parser.add_argument("path", type=Path)
     parser.add_argument("--name", default=None, help="name of the episode")
     parser.add_argument(

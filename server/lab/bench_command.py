@@ -23,7 +23,6 @@ BENCHMARKS = {
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the name."""
     parser.add_argument("benchmark", choices=sorted(BENCHMARKS))
 
 
@@ -34,7 +33,6 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run it."""
     return int(_load(args.benchmark).run(args))
 
 

@@ -19,7 +19,6 @@ BASELINES = ["knn-9", "fair-knn-9", "fair-trees-100"]
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
     parser.add_argument("folder", type=Path, help="folder of recordings PLACE_A.npz, PLACE_B.npz")
     parser.add_argument(
         "--learners",
@@ -44,7 +43,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Evaluate, print the table and write the JSON."""
     # scikit-learn spends ten times as long on one picture when its threads outnumber the cores.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     learners = _learners(args.learners)

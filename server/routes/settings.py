@@ -6,17 +6,16 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal, get_args
 
-import numpy as np
 from fastapi import APIRouter, Depends, Request
 from starlette.concurrency import run_in_threadpool
 
-from robot.clock import Clock, RealClock
 from robot.control.loop import ControlLoop
 from robot.devices.outside import Outside, must_be, number, text
 from robot.driver import describe
 from robot.errors import ConfigurationError
-from robot.policy.registry import make_policy, split_name
-from robot.types import Action, Encoding, Frame
+from robot.policy import autosize
+from robot.policy.registry import split_name
+from robot.types import Action
 from server.identity import COLOURS
 from server.routes.answers import Route
 from server.routes.bodies import Short, do
@@ -29,7 +28,6 @@ Size = Literal[16, 32, 64, 128, 256]
 SIZES: tuple[int, ...] = get_args(Size)
 """Numbers of learned images that a person may choose from."""
 _TRIALS = 10
-_REAL = RealClock()
 
 
 class SettingsChange(Outside):
@@ -148,30 +146,10 @@ def estimate_rates_hz(kind: str) -> dict[int, float]:
     Two sizes are tried, once; the cost grows with the number of images along a straight line.
     """
     small, large = SIZES[0], SIZES[-2]
-    small_s, large_s = measure_frame_s(f"{kind}-{small}"), measure_frame_s(f"{kind}-{large}")
+    frames = autosize.sample_frames(4)
+    small_s, large_s = (
+        autosize.measure(size, kind=kind, repeats=_TRIALS, frames=frames).frame_s
+        for size in (small, large)
+    )
     slope_s = max(0.0, (large_s - small_s) / (large - small))
     return {n: 1 / (small_s + slope_s * (n - small)) for n in SIZES}
-
-
-def measure_frame_s(learner: str, clock: Clock = _REAL) -> float:
-    """Return the seconds that one picture takes a full learner: features, proposal, learning."""
-    policy = make_policy(learner)
-    noise = np.random.default_rng(1)
-    frames = [_noise_frame(noise, i) for i in range(4)]
-    vectors = [policy.extract(frame) for frame in frames]
-    varied = [v + noise.normal(0, 1, v.shape).astype(np.float32) for v in vectors]
-    for i in range(policy.max_nodes + 1):
-        policy.learn(np.abs(varied[i % 4] * (1 + i % 7)).astype(vectors[0].dtype), Action.FORWARD)
-    start_s = clock.now_s()
-    for i in range(_TRIALS):
-        x = policy.extract(frames[i % 4])
-        policy.propose(i, x)
-        policy.learn(x, Action.FORWARD)
-    return (clock.now_s() - start_s) / _TRIALS
-
-
-def _noise_frame(noise: np.random.Generator, frame_id: int) -> Frame:
-    data = noise.integers(0, 255, (120, 160, 3), dtype=np.uint8).tobytes()
-    return Frame(
-        frame_id=frame_id, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=data
-    )

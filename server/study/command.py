@@ -11,7 +11,6 @@ from robot.study.builtin import TRIALS
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the subcommands."""
     commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     new = commands.add_parser("new", help="write the paper's protocol as a plan to change")
     new.add_argument("plan", type=Path, metavar="PLAN.toml", help="file to write; must not exist")
@@ -31,7 +30,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run one subcommand."""
     return int(args.action(args))
 
 

@@ -84,7 +84,6 @@ class Conductor(StartStop):
         self._unsubscribe: Callable[[], None] = lambda: None
 
     def start(self) -> None:
-        """Put away what a power cut left in use, and follow the loop."""
         self._unsubscribe = self._loop.subscribe(self.note)
         try:
             self._models.put_away()

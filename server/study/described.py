@@ -11,7 +11,6 @@ from server.study.folder import StudyFolder
 
 
 def describe_study(folder: StudyFolder, name: str) -> dict[str, Any]:
-    """Return a study with its sessions."""
     plan, sessions = folder.plan(name), folder.summaries(name)
     free = set(range(plan.participants)) - {session.slot for session in sessions}
     return {

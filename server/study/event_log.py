@@ -42,7 +42,6 @@ class EventLog(StartStop):
         self._thread = self._clock.start_thread(self._run, "study-log")
 
     def stop(self) -> None:
-        """Write what is left, and end."""
         self._ending.set()
         self._thread.join(timeout=5.0)
         self._try()

@@ -37,12 +37,10 @@ class StudyExtension(Extension):
             )
 
     def start(self) -> None:
-        """Follow the loop; put away what a power cut left in use."""
         if self.conductor is not None:
             self.conductor.start()
 
     def stop(self) -> None:
-        """End the session as if it had been left."""
         if self.conductor is not None:
             self.conductor.stop()
 

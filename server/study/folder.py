@@ -62,7 +62,6 @@ class StudyFolder:
     # Studies ----------------------------------------------------------------------------------
 
     def names(self) -> list[str]:
-        """List the studies' names, sorted."""
         try:
             entries = sorted(self.root.iterdir())
         except OSError:
@@ -109,7 +108,6 @@ class StudyFolder:
         return parse_plan(self.plan_text(name), f"{name}/{_PLAN}")
 
     def zip(self, name: str) -> bytes:
-        """Return everything of a study as one zip, but the models."""
         text = self.plan_text(name)
         return pack(text, {code: self.log(name, code) for code in self.codes(name)})
 

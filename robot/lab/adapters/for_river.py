@@ -67,7 +67,6 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
         return True
 
     def learn_one(self, x: Mapping[Any, Any], y: Any) -> None:
-        """Learn one example."""
         # In an order of their own, so that the order in the dict does not matter.
         for name in sorted((name for name in x if name not in self._columns), key=repr):
             self._columns[name] = len(self._columns)
@@ -85,12 +84,10 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
         return dict(zip(self._labels, shares.values(), strict=True))
 
     def learn_many(self, X: pd.DataFrame, y: pd.Series) -> None:  # noqa: N803 - river's name
-        """Learn a frame of examples, in their order."""
         for row, label in zip(X.to_dict(orient="records"), y.tolist(), strict=True):
             self.learn_one(row, label)
 
     def predict_proba_many(self, X: pd.DataFrame) -> pd.DataFrame:  # noqa: N803
-        """Return each label's share for each row."""
         import pandas as pd  # river's own choice: whoever passes frames has it
 
         rows = [self.predict_proba_one(row) for row in X.to_dict(orient="records")]

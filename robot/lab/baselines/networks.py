@@ -27,16 +27,13 @@ class ColourFeatures(GreyFeatures):
     name = "colour"
 
     def extract(self, frame: Frame) -> Vector:
-        """Return shape (3600,), uint8."""
         return image.shrink(image.to_rgb(frame), THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT).ravel()
 
     def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
-        """Return shape (30, 40, 3)."""
         pixels = np.asarray(x).reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, 3)
         return pixels.round().clip(0, 255).astype(np.uint8)
 
     def grey(self, x: Vector) -> NDArray[np.uint8]:
-        """Return shape (1200,)."""
         return image.rgb_to_grey(self.thumbnail(x)).ravel()
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -107,7 +104,6 @@ class ConvolutionalNetwork:
             self.weights[i] -= _RATE * unbiased[0] / (np.sqrt(unbiased[1]) + _TINY)
 
     def predict_proba(self, xs: Floats) -> Floats:
-        """Return each class's chance."""
         return self._forward(xs)[1]
 
     def slopes(self, xs: Floats, columns: NDArray[np.intp]) -> list[Floats]:

@@ -68,7 +68,6 @@ class Baseline(BaseLearner):
         self._learn(self._prepare(array), self.labels_.index(y))
 
     def explain_one(self, x: Vector) -> Evidence:
-        """Return the prediction with its shares."""
         if not self._xs:
             raise NotFittedError("nothing was learned yet")
         shares = self._shares(self._prepare(checked_vector(x, self._xs[0].size)))
@@ -96,7 +95,6 @@ class Baseline(BaseLearner):
         """Become as new."""
 
     def get_state(self) -> State:
-        """Return a copy of all examples."""
         arrays = {"xs": np.stack(self._xs)} if self._xs else {}
         return State(kind=self.kind, params=self._params(), arrays=arrays, labels=list(self._ys))
 

@@ -56,7 +56,6 @@ class EyesFeatures:
         return np.concatenate([values.ravel(), small.ravel() >> 2])
 
     def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
-        """Return shape (30, 40)."""
         whole = (np.asarray(x)[self.n_outputs :] * 4.0 + 1.5).round().clip(0, 255)
         return whole.astype(np.uint8).reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH)
 

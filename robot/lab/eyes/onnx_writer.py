@@ -23,7 +23,6 @@ class OnnxWriter:
         self._constants: list[bytes] = []
 
     def constant(self, name: str, values: NDArray[np.float32]) -> str:
-        """Add numbers that are part of the net; returns their name."""
         shape = b"".join(_number(1, length) for length in values.shape)
         data = np.ascontiguousarray(values, "<f4").tobytes()
         self._constants.append(shape + _number(2, _FLOAT) + _text(8, name) + _bytes(9, data))
@@ -36,7 +35,6 @@ class OnnxWriter:
         output: str,
         settings: Mapping[str, int | Sequence[int]] | None = None,
     ) -> str:
-        """Add an operator; returns the name of its output."""
         parts = [_text(1, name) for name in inputs]
         parts += [_text(2, output), _text(4, operator)]
         parts += [_bytes(5, _attribute(name, value)) for name, value in (settings or {}).items()]

@@ -88,7 +88,6 @@ class Course:
             self._drive(count, most)
 
     def _drive(self, count: int, most: int) -> None:
-        """Drive one episode."""
         self._seed += 1
         self._wrong = self._held = 0
         self._learner.reset()

@@ -42,9 +42,7 @@ class ForeignWorld(Protocol):
         """Return what the teacher would do now."""
         ...
 
-    def close(self) -> None:
-        """Let go of the world."""
-        ...
+    def close(self) -> None: ...
 
 
 class _Gymnasium:
@@ -67,20 +65,17 @@ class _Gymnasium:
         self._n_steps = 0
 
     def reset(self, seed: int) -> Picture:
-        """Begin an episode."""
         seen, _ = self._env.reset(seed=seed)
         self.score, self._n_steps = 0.0, 0
         return self._picture(self._begin(seen))
 
     def step(self, move: str) -> tuple[Picture, bool]:
-        """Make a move."""
         seen, reward, *is_over, _ = self._env.step(self.codes[move])
         self._n_steps += 1
         self._note(float(reward))
         return self._picture(seen), any(is_over) or self._n_steps >= self.longest
 
     def close(self) -> None:
-        """Let go of the world."""
         self._env.close()
 
     def _picture(self, seen: Any) -> Picture:
@@ -91,7 +86,6 @@ class _Gymnasium:
         return seen
 
     def _note(self, reward: float) -> None:
-        """Count a step's reward."""
         self.score += reward
 
 

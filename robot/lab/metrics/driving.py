@@ -46,7 +46,6 @@ def longest_push_s(log: DriveLog) -> float:
 
 
 def driven_m(log: DriveLog) -> float:
-    """Return the distance driven, in metres."""
     return sum(
         math.hypot(b.pose.x_m - a.pose.x_m, b.pose.y_m - a.pose.y_m)
         for a, b in pairwise(log.moments)
@@ -117,7 +116,6 @@ def agreement(log: DriveLog) -> float | None:
 
 
 def mean_cycle_s(log: DriveLog) -> float:
-    """Return the mean time between two ticks."""
     return log.seconds / len(log) if len(log) > 1 else 0.0
 
 

@@ -43,7 +43,6 @@ class DriveLog:
         return len(self.moments)
 
     def add(self, moment: DriveSample) -> None:
-        """Add one more tick."""
         self.moments.append(moment)
 
     @property
@@ -59,18 +58,15 @@ class DriveLog:
         return DriveLog([moment for moment in self.moments if moment.driven_by is who])
 
     def last(self, seconds: float) -> DriveLog:
-        """Return the last `seconds` of the drive."""
         if not self.moments:
             return DriveLog()
         since_s = self.moments[-1].now_s - seconds + 1e-9
         return DriveLog([moment for moment in self.moments if moment.now_s > since_s])
 
     def actions(self) -> list[Action]:
-        """Return the action of each tick."""
         return [moment.action for moment in self.moments]
 
     def profile(self) -> Profile:
-        """Return the Behavior Profile of the drive."""
         return behavior_profile(
             [moment.action for moment in self.moments],
             np.array([moment.distance_m for moment in self.moments]),

@@ -88,7 +88,6 @@ class HumanDelayModel:
         self._under_way.append((arrives_s, command))
 
     def arrived(self, now_s: float) -> list[PilotCommand]:
-        """Return the commands that have reached the robot by now."""
         commands = []
         while self._under_way and self._under_way[0][0] <= now_s + _EPSILON_S:
             commands.append(self._under_way.popleft()[1])

@@ -68,7 +68,6 @@ class Situation:
         return nearest
 
     def range_at_m(self, bearing_rad: float) -> float:
-        """Return the free way from the body's middle in one direction."""
         return float(np.interp(bearing_rad, FAN_RAD, self.ranges_m))
 
     def turn_needed_rad(self, side: int, free_m: float) -> float:

@@ -50,7 +50,6 @@ class SonarController:
         return Action.LEFT if situation.at_s < self._turns_until_s - 1e-9 else Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Return True: this teacher never corrects."""
         return True
 
 
@@ -104,7 +103,6 @@ class Wanderer:
         self._anchored_s = 0.0
 
     def choose(self, situation: Situation) -> Action:
-        """Return FORWARD or the turn under way."""
         free_m = situation.free_ahead_m
         if self._turning is None and free_m < self.params.turn_at_m:
             self._turning = self._choose_turn(situation)

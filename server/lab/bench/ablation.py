@@ -17,13 +17,11 @@ KINDS = ("default", *VARIANTS, "published")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
     parser.add_argument("folder", type=Path, help="folder of recordings PLACE_A.npz, PLACE_B.npz")
     parser.add_argument("--nodes", default="32,64", help="numbers of nodes (%(default)s)")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Evaluate every variant, and print a table in Markdown."""
     try:
         from tqdm import tqdm
     except ImportError as error:

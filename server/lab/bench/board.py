@@ -37,7 +37,6 @@ _PATIENCE_S = 60.0
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
     parser.add_argument("--robots", type=whole(1, 60), default=30, help="how many (%(default)s)")
     parser.add_argument("--processes", type=whole(1, 30), default=2, help="for them (%(default)s)")
     parser.add_argument(
@@ -52,7 +51,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, and print a table or JSON."""
     rates_hz = numbers_in(args.pictures, float, "--pictures")
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
         key = Path(folder) / "class.key"

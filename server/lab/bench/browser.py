@@ -53,7 +53,6 @@ class DevToolsPage:
         self.send("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
 
     def send(self, method: str, **params: Any) -> dict[str, Any]:
-        """Send a command, and return its result."""
         number = next(self._ids)
         session = {"sessionId": self._session} if self._session else {}
         self._socket.send(json.dumps({"id": number, "method": method, "params": params, **session}))
@@ -71,7 +70,6 @@ class DevToolsPage:
         return answer["result"].get("value")
 
     def wait_for(self, expression: str, within_s: float = _PATIENCE_S) -> None:
-        """Wait until an expression is true."""
         deadline_s = time.monotonic() + within_s
         while not self.evaluate(expression):
             if time.monotonic() > deadline_s:
@@ -116,7 +114,6 @@ class DevToolsPage:
         self.send("Input.dispatchTouchEvent", type="touchStart", touchPoints=[point])
 
     def release(self) -> None:
-        """Lift the finger."""
         self.send("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
 
 

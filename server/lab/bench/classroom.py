@@ -80,7 +80,6 @@ class _Pupil:
 
 
 def main() -> None:
-    """Serve until standard input ends."""
     count, rate_hz, key = int(sys.argv[1]), float(sys.argv[2]), read_class_key(Path(sys.argv[3]))
     options: dict[str, Any] = {"frame_rate_hz": str(rate_hz)}
     with contextlib.ExitStack() as stack:

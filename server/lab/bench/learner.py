@@ -21,13 +21,11 @@ _BLOCK = 50
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
     parser.add_argument("--learner", default="default", help="kind of learner (%(default)s)")
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, and print a table or JSON."""
     policies = [
         _as_dict(autosize.measure(size, kind=args.learner, repeats=300)) for size in autosize.SIZES
     ]

@@ -29,7 +29,6 @@ _SLOW_VIEWERS, _ALL_VIEWERS = 4, 16
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
     parser.add_argument("--viewers", default="1,4,16", help="numbers of viewers (%(default)s)")
     parser.add_argument(
         "--seconds", type=number(above=0), default=5.0, help="for each (%(default)s)"
@@ -47,7 +46,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, and print a table or JSON."""
     counts = numbers_in(args.viewers, int, "--viewers")
     result = asyncio.run(_measure_all(counts, args.seconds, args.slow_seconds, args.rate))
     return report(args, result, _table(result))

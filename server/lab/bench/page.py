@@ -20,7 +20,6 @@ _BUSY = ("TaskDuration", "ScriptDuration", "LayoutDuration", "RecalcStyleDuratio
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
     parser.add_argument("--seconds", type=float, default=10.0, help="for each (%(default)s)")
     parser.add_argument(
         "--throttle", default="1,4,6", help="how many times slower the phone is (%(default)s)"
@@ -30,7 +29,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, and print a table or JSON."""
     rates = numbers_in(args.throttle, float, "--throttle")
     with ServerUnderTest("drivelesson", args.rate) as subject, running_browser() as page:
         page.open(f"http://127.0.0.1:{subject.port}/")

@@ -16,13 +16,11 @@ from server.cli.parser import whole
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
     parser.add_argument("folder", type=Path, help="folder of recordings PLACE_A.npz, PLACE_B.npz")
     parser.add_argument("--nodes", type=whole(1), default=32, help="of each network (%(default)s)")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Let each place be the first in turn, and print a table."""
     pairs = evaluation.load_pairs(args.folder)
     default, places = f"default-{args.nodes}", f"multi-place-{args.nodes}"
     rows: dict[str, list[float]] = {}

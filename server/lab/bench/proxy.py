@@ -28,7 +28,6 @@ class Proxy:
         self._dice = random.Random(1)
 
     async def start(self) -> None:
-        """Begin to listen."""
         listener = socket.create_server(("127.0.0.1", 0))
         # Small buffers, as a slow line has: what waits is to wait at the sender.
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
@@ -36,7 +35,6 @@ class Proxy:
         self.port = listener.getsockname()[1]
 
     async def stop(self) -> None:
-        """End all connections."""
         if self._server is not None:
             self._server.close()
         for task in list(self._tasks):

@@ -62,7 +62,6 @@ class PhotoCamera(FakeCamera):
         self.encoding = Encoding.JPEG if jpeg else Encoding.RGB
 
     def take(self) -> Frame:
-        """Take one picture now."""
         return self._publish(
             self._shots[self._last_frame_id % len(self._shots)],
             width=self.width,
@@ -73,7 +72,6 @@ class PhotoCamera(FakeCamera):
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
     parser.add_argument(
         "--seconds", type=number(above=0), default=8.0, help="of each run (%(default)s)"
     )
@@ -87,7 +85,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, and print the table."""
     width, height = (int(side) for side in args.size.split("x"))
     outcomes = []
     for jpeg in (True, False):

@@ -14,7 +14,6 @@ from server.cli.output import write_json
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
-    """Declare the option of all benchmarks."""
     parser.add_argument(
         "--json",
         nargs="?",

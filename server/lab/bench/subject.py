@@ -27,7 +27,6 @@ KINDS = ("drivelesson", "naive-websocket", "plain-websocket", "naive-mjpeg")
 
 
 def main() -> None:
-    """Serve until standard input ends."""
     kind, rate_hz, width, height = sys.argv[1:]
     camera = FakeCamera(RealClock(), float(rate_hz), int(width), int(height))
     with _serving(kind, camera) as (port, notes):

@@ -19,7 +19,6 @@ class Watched:
     ages_s: list[float] = field(default_factory=list)
 
     def note(self, captured_s: float) -> None:
-        """Take note of a frame that has just come."""
         now_s = time.monotonic()
         self.at_s.append(now_s)
         self.ages_s.append(now_s - captured_s)
