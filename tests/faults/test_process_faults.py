@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from robot.driver import ACTION_TIMEOUT_S
-from server.lab.bench.worker import ServerUnderTest
+from server.lab.bench.process import ServerUnderTest
 from tests.server.hosting.ending import check_a_hanging_upload_and_half_a_request_hold_up_no_end
 from tests.server.live_robot import Pilot
 from tests.server.own_process import own_process

@@ -25,8 +25,8 @@ from server.board.class_key import keep_class_key
 from server.cli.output import numbers_in
 from server.cli.parser import number, whole
 from server.lab.bench.browser import DevToolsPage, running_browser
+from server.lab.bench.process import BenchProcess
 from server.lab.bench.report import add_json, percentile, report
-from server.lab.bench.worker import Worker
 
 _ALL_THERE = "document.querySelectorAll('.robot[data-status=there]').length"
 _DRAWN = (
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         n, of = args.robots, args.processes
         shares = [n // of + (i < n % of) for i in range(of)]
         robots = [
-            stack.enter_context(Worker("classroom", share, args.rate, key))
+            stack.enter_context(BenchProcess("classroom", share, args.rate, key))
             for share in filter(None, shares)
         ]
         rows = [_measure(robots, key, rate_hz, args) for rate_hz in rates_hz]
@@ -89,15 +89,15 @@ def _table(rows: list[dict[str, Any]], args: argparse.Namespace) -> Table:
     )
 
 
-def _ask(robots: list[Worker], word: str) -> list[dict[str, Any]]:
+def _ask(robots: list[BenchProcess], word: str) -> list[dict[str, Any]]:
     """Send a command to all, and return what each robot reports."""
-    return [row for worker in robots for row in worker.ask(word)]
+    return [row for process in robots for row in process.ask(word)]
 
 
 def _measure(
-    robots: list[Worker], key: Path, pictures_hz: float, args: argparse.Namespace
+    robots: list[BenchProcess], key: Path, pictures_hz: float, args: argparse.Namespace
 ) -> dict[str, Any]:
-    ports = [port for worker in robots for port in worker.first]
+    ports = [port for process in robots for port in process.first]
     with _board(ports, key, pictures_hz) as (address, pid), running_browser() as page:
         page.send(
             "Emulation.setDeviceMetricsOverride",
@@ -134,7 +134,7 @@ def _measure(
     }
 
 
-def _stop_all(robots: list[Worker], page: DevToolsPage, count: int) -> dict[str, float]:
+def _stop_all(robots: list[BenchProcess], page: DevToolsPage, count: int) -> dict[str, float]:
     """Press STOP ALL; return after how many ms the last robot had latched, and how many drove."""
     deadline_s = time.monotonic() + _PATIENCE_S / 3
     while len(_driving(_ask(robots, "drive"))) < count and time.monotonic() < deadline_s:

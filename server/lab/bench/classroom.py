@@ -22,7 +22,7 @@ from server.board.class_key import read_class_key
 from server.board.classroom import Classroom
 from server.config import Config
 from server.hosting.serving import served
-from server.lab.bench.worker import answer_all
+from server.lab.bench.process import answer_all
 from server.services import make_services
 
 _BEAT_S = 0.1

@@ -16,11 +16,11 @@ from robot.store.table import Cell, Table
 from robot.testing.link import LinkConditions
 from server.cli.output import numbers_in
 from server.cli.parser import number
+from server.lab.bench.process import ServerUnderTest
 from server.lab.bench.proxy import Proxy
 from server.lab.bench.report import add_json, percentile, report
 from server.lab.bench.subject import KINDS
 from server.lab.bench.viewers import Watched, watch
-from server.lab.bench.worker import ServerUnderTest
 
 SLOW_LINE = 62_500.0  # 500 kbit/s
 _SETTLE_S = 0.7

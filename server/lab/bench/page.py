@@ -13,8 +13,8 @@ from typing import Any
 from robot.store.table import Table
 from server.cli.output import numbers_in
 from server.lab.bench.browser import STATE, DevToolsPage, running_browser
+from server.lab.bench.process import ServerUnderTest
 from server.lab.bench.report import add_json, report
-from server.lab.bench.worker import ServerUnderTest
 
 _BUSY = ("TaskDuration", "ScriptDuration", "LayoutDuration", "RecalcStyleDuration")
 

@@ -20,7 +20,7 @@ from typing import Any
 
 from robot.clock import RealClock
 from robot.testing import FakeCamera, FakeDriver
-from server.lab.bench.worker import answer_all
+from server.lab.bench.process import answer_all
 
 KINDS = ("drivelesson", "naive-websocket", "plain-websocket", "naive-mjpeg")
 """`plain` is `naive` without uvicorn's default, which compresses each picture once more."""

@@ -12,7 +12,7 @@ from typing import Any, NoReturn, Self
 from robot.errors import ConfigurationError
 
 
-class Worker:
+class BenchProcess:
     """A module of this package in a process of its own.
 
     Attributes:
@@ -50,7 +50,7 @@ class Worker:
         self._process.communicate(timeout=60)
 
 
-class ServerUnderTest(Worker):
+class ServerUnderTest(BenchProcess):
     """A server of one of the kinds in `subject`."""
 
     def __init__(self, kind: str, rate_hz: float, width: int = 160, height: int = 120) -> None:
