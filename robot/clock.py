@@ -25,11 +25,9 @@ class Worker(Protocol):
 
     def join(self, timeout: float | None = None) -> None:
         """Wait for its end, at most `timeout` seconds."""
-        ...
 
     def is_alive(self) -> bool:
         """True until its target has returned."""
-        ...
 
 
 class Clock(Protocol):
@@ -37,19 +35,15 @@ class Clock(Protocol):
 
     def now_s(self) -> float:
         """Return the present time in seconds; it never goes backwards."""
-        ...
 
     def wall_s(self) -> float:
         """Return seconds since 1970, for names and files; they may jump either way."""
-        ...
 
     def sleep(self, seconds: float) -> None:
         """Hold up this thread."""
-        ...
 
     def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
         """Hold up this thread until `event` is set or the time is up; True if it is set."""
-        ...
 
     def result(self, future: Future[_T], timeout_s: float | None = None) -> _T:
         """Hold up this thread until `future` is done, and return or raise what it holds.
@@ -57,56 +51,44 @@ class Clock(Protocol):
         Raises:
             TimeoutError: If it is not done in time.
         """
-        ...
 
     def lock(self) -> contextlib.AbstractContextManager[Any]:
         """Return a reentrant lock whose holder may wait through this clock."""
-        ...
 
     def start_thread(self, target: Callable[[], None], name: str) -> Worker:
         """Run `target` on a daemon thread of its own, which may wait through this clock."""
-        ...
 
     async def pause(self, seconds: float) -> None:
         """Hold up this task; with 0, let the others run once."""
-        ...
 
 
 class RealClock:
     """The machine's monotonic clock; jumps of the wall clock do not touch it."""
 
     def now_s(self) -> float:
-        """Return `time.monotonic()`."""
         return time.monotonic()
 
     def wall_s(self) -> float:
-        """Return `time.time()`."""
         return time.time()
 
     def sleep(self, seconds: float) -> None:
-        """Hold up this thread; see `Clock`."""
         time.sleep(seconds)
 
     def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
-        """Hold up this thread until `event`; see `Clock`."""
         return event.wait(timeout_s)
 
     def result(self, future: Future[_T], timeout_s: float | None = None) -> _T:
-        """Hold up this thread until `future` is done; see `Clock`."""
         return future.result(timeout_s)
 
     def lock(self) -> contextlib.AbstractContextManager[Any]:
-        """Return a `threading.RLock`."""
         return threading.RLock()
 
     def start_thread(self, target: Callable[[], None], name: str) -> Worker:
-        """Start a daemon thread; see `Clock`."""
         thread = threading.Thread(target=target, name=name, daemon=True)
         thread.start()
         return thread
 
     async def pause(self, seconds: float) -> None:
-        """Hold up this task; see `Clock`."""
         await asyncio.sleep(seconds)
 
 

@@ -38,11 +38,9 @@ class Footage(Protocol):
     @property
     def t_s(self) -> NDArray[Any]:
         """Seconds, ascending, shape (pictures,)."""
-        ...
 
     def frame(self, index: int) -> Frame:
         """Read one picture."""
-        ...
 
 
 class ReplayCamera(ThreadedCamera):

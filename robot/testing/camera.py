@@ -62,7 +62,6 @@ class FakeCamera(ThreadedCamera):
             self._work(self._run)
 
     def take(self) -> Frame:
-        """Take one picture now."""
         return self._show(self._pictures[self._last_frame_id % len(self._pictures)])
 
     def show(self, scene: int) -> Frame:
@@ -73,7 +72,6 @@ class FakeCamera(ThreadedCamera):
         return self._show(np.ascontiguousarray(picture[: self.height, : self.width]).tobytes())
 
     def show_rubbish(self) -> Frame:
-        """Publish bytes that are not a picture."""
         return self._show(b"no picture")
 
     def break_down(self, sentence: str) -> None:

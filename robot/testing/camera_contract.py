@@ -48,19 +48,16 @@ class CameraContract:
     """The suite. Each test gets a case whose camera is not started."""
 
     def test_it_declares_what_it_is(self, camera_case: CameraCase) -> None:
-        """Name and options are there before it starts."""
         kind = type(camera_case.camera)
         assert load_camera(kind.name) is kind
         assert all(option.help for option in options_of(kind.options_type))
 
     def test_nothing_before_start_and_stop_is_always_safe(self, camera_case: CameraCase) -> None:
-        """A camera that never started can be stopped."""
         camera_case.camera.stop()
         assert camera_case.camera.latest() is None
         camera_case.camera.stop()
 
     def test_frames_count_up_and_are_stamped_by_the_clock(self, camera_case: CameraCase) -> None:
-        """Ids and stamps grow, and no picture is from the future."""
         before_s = camera_case.camera.clock.now_s()
         with camera_case.camera as camera:
             frames = take(camera, 4)
@@ -72,7 +69,6 @@ class CameraContract:
         assert before_s - 1.0 <= stamps[0] <= stamps[-1] <= after_s
 
     def test_a_frame_is_a_picture_of_its_size(self, camera_case: CameraCase) -> None:
-        """The bytes are what width, height and encoding say."""
         with camera_case.camera as camera:
             frame = take(camera, 1)[0]
         assert to_rgb(frame).shape == (frame.height, frame.width, 3)
@@ -87,7 +83,6 @@ class CameraContract:
         assert second.frame_id > first.frame_id
 
     def test_it_leaves_no_thread_behind(self, camera_case: CameraCase) -> None:
-        """`stop` ends the camera's thread."""
         before = set(threading.enumerate())
         with camera_case.camera as camera:
             take(camera, 1)

@@ -71,14 +71,12 @@ class DriverContract:
     def test_stop_and_disconnect_are_safe_before_connect_and_twice(
         self, driver_case: DriverCase
     ) -> None:
-        """A half-built driver can be stopped."""
         for _ in range(2):
             driver_case.driver.stop()
             driver_case.driver.disconnect()
         assert not driver_case.driver.is_connected
 
     def test_connect_twice_is_one_connection(self, driver_case: DriverCase) -> None:
-        """`connect` is idempotent, and one `disconnect` ends it."""
         driver_case.driver.connect()
         driver_case.driver.connect()
         assert driver_case.driver.is_connected
@@ -86,12 +84,10 @@ class DriverContract:
         assert not driver_case.driver.is_connected
 
     def test_it_refuses_to_move_before_connect(self, driver_case: DriverCase) -> None:
-        """Nothing moves before `connect`."""
         with pytest.raises(NotConnectedError):
             driver_case.driver.send_action(driver_case.driver.moves[0])
 
     def test_every_move_moves_and_stop_stops(self, driver_case: DriverCase) -> None:
-        """Both ways to stop end every move."""
         with driver_case.driver as driver:
             for move in driver.moves:
                 assert driver.send_action(move) is move
@@ -110,7 +106,6 @@ class DriverContract:
             assert not moving(driver_case)
 
     def test_an_action_that_is_renewed_goes_on(self, driver_case: DriverCase) -> None:
-        """Renewing a move in time goes on with it."""
         with driver_case.driver as driver:
             move = driver.moves[-1]
             for _ in range(5):
@@ -119,7 +114,6 @@ class DriverContract:
             assert is_moving_half_way(driver_case, move)
 
     def test_bad_actions_are_refused(self, driver_case: DriverCase) -> None:
-        """Unknown moves and impossible speeds raise, and move nothing."""
         with driver_case.driver as driver:
             for scale in (0.0, -1.0, 1.01, float("nan")):
                 with pytest.raises(ValueError, match="speed_scale"):
@@ -131,7 +125,6 @@ class DriverContract:
             assert not moving(driver_case)
 
     def test_it_senses(self, driver_case: DriverCase) -> None:
-        """Sensors are in their units, or None."""
         with driver_case.driver as driver:
             sensors = driver.sense()
             driver.show(Mode.TRAIN)
@@ -141,13 +134,11 @@ class DriverContract:
         assert sensors.battery_share is None or 0.0 <= sensors.battery_share <= 1.0
 
     def test_leaving_the_context_stops_the_body(self, driver_case: DriverCase) -> None:
-        """`disconnect` stops the body."""
         with driver_case.driver as driver:
             driver.send_action(driver.moves[0])
         assert not moving(driver_case)
 
     def test_it_connects_again(self, driver_case: DriverCase) -> None:
-        """After `disconnect` the same driver can be used again."""
         for _ in range(2):
             with driver_case.driver as driver:
                 assert driver.send_action(driver.moves[0]) is driver.moves[0]
@@ -180,7 +171,6 @@ class DriverContract:
     def test_a_body_whose_line_is_cut_stands_and_the_driver_says_so(
         self, driver_case: DriverCase
     ) -> None:
-        """The body stops in time, and a request raises DriveError."""
         if driver_case.cut_link is None:
             pytest.skip("there is no line to cut")
         with driver_case.driver as driver:

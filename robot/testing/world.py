@@ -77,7 +77,6 @@ class VirtualRobot:
         self.driver.disconnect()
 
     async def forward(self, seconds: float) -> None:
-        """Let time pass."""
         await self.clock.pause(seconds)
 
     async def until(

@@ -46,7 +46,6 @@ class FakeCameraReader:
         self._n = 0
 
     def poll(self, now_s: float) -> VideoFrame | None:
-        """Return a new picture if it is time for one."""
         if now_s < self._next_s:
             return None
         self._next_s = max(self._next_s + PERIOD_S, now_s)
@@ -55,7 +54,6 @@ class FakeCameraReader:
         return VideoFrame(data, now_s - AGE_S - AGE_SPREAD_S * (self._n % 6) / 5)
 
     def close(self) -> None:
-        """Close the descriptors."""
         for end in self.video.pipe:
             os.close(end)
 

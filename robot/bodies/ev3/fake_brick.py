@@ -65,7 +65,6 @@ class FakeMotor:
         self.kept: set[str] = set()
 
     def read(self, name: str) -> str:
-        """Return the first line of an attribute."""
         return (self.folder / name).read_text().partition("\n")[0]
 
     def write(self, name: str, value: str) -> None:
@@ -134,7 +133,6 @@ class FakeBrick(StartStop):
         return folder
 
     def add_motor(self, port: str, *, stalled: bool = False) -> None:
-        """Plug a large motor in."""
         found = LEFTOVERS if self._leftovers else DEFAULTS
         folder = self._make(
             f"tacho-motor/motor{len(self.motors)}",
@@ -156,7 +154,6 @@ class FakeBrick(StartStop):
         motor.folder.rename(self.root / f"unplugged-{port}")
 
     def stall_motor(self, port: str) -> None:
-        """Block a wheel, so that it does not turn on command."""
         self.motors[port].is_stalled = True
 
     def keep_leftover(self, port: str, name: str) -> None:
@@ -189,22 +186,18 @@ class FakeBrick(StartStop):
         battery.write_text(f"{volts * 1e6:.0f}\n")
 
     def press(self, code: int, for_s: float = 0.1) -> None:
-        """Press and release a button of the brick."""
         assert self._keys is not None, "the brick was stopped"
         for value, at_s in ((1, 1000.0), (0, 1000.0 + for_s)):
             second, micro = int(at_s), round(at_s % 1 * 1e6)
             os.write(self._keys, struct.pack("@llHHi", second, micro, 1, code, value))
 
     def light(self, name: str) -> int:
-        """Return how bright a light is."""
         return int((self.root / "sys/class/leds" / name / "brightness").read_text().split()[0])
 
     def is_moving(self) -> bool:
-        """True while any motor is driven."""
         return any(motor.speed for motor in self.motors.values())
 
     def speeds(self) -> dict[str, int]:
-        """Return counts a second by port."""
         return {port: motor.speed for port, motor in self.motors.items()}
 
     def wait_until(self, is_so: Callable[[], bool], timeout_s: float = 3.0) -> float:

@@ -60,7 +60,6 @@ class IntegerGradientFeatures:
         return np.concatenate([part.ravel() for part in parts])
 
     def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
-        """Return shape (30, 40)."""
         doubled = np.asarray(x)[self.n_gradients :] * 2.0
         whole = doubled.round().clip(0, 255).astype(np.uint8)
         first, second = whole[:600].reshape(2, 15, 20)
@@ -74,7 +73,6 @@ class IntegerGradientFeatures:
         return x[self.n_gradients : self.n_compared]
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sums of squares of gradients and of the pixels that are compared."""
         bins = difference[: self.n_gradients].reshape(self.n_rows, self.n_columns, N_BINS)
         high, wide = THUMBNAIL_HEIGHT // self.n_rows, THUMBNAIL_WIDTH // self.n_columns
         by_pixel = np.kron((bins * bins).sum(axis=2), np.full((high, wide), 1 / (high * wide)))

@@ -61,13 +61,11 @@ class IntegerRidge:
         self._work = np.zeros((size, size), np.int32)
 
     def add_label(self) -> None:
-        """Add a row for a new label, which no frame so far had."""
         row = np.zeros((1, self.n_features + 1), np.int64)
         self._weights = np.vstack([self._weights, row])
         self._residual = np.vstack([self._residual, row])
 
     def scores(self, x: NDArray[Any]) -> Floats:
-        """Return one score a label, about its probability but not bounded, shape (n_labels,)."""
         scores: Floats = self._weights.dot(self._input(x)) / _ONE
         return scores
 
@@ -98,7 +96,6 @@ class IntegerRidge:
         self._residual -= self._weights.dot(added)
 
     def retarget(self, x: NDArray[Any], change: Floats) -> None:
-        """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
         z = np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
         self._residual += np.rint(_ONE / (1 << self._halvings) * np.outer(change, z)).astype(
             np.int64
@@ -134,7 +131,6 @@ class IntegerRidge:
         return z
 
     def get_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that was learned."""
         return {
             "products": self._products.copy(),
             "linear": self._weights.copy(),

@@ -93,7 +93,6 @@ class BrickLink:
 
     @property
     def camera_fault(self) -> str | None:
-        """What the agent reports of its camera."""
         return self._report.get("camera_fault")
 
     @property
@@ -153,7 +152,6 @@ class BrickLink:
         self.send(do, **rest)
 
     def forget(self, key: str) -> None:
-        """Stop repeating a command that was given to `keep_sent`."""
         self._standing.pop(key, None)
 
     def answer(self, name: str) -> Any:

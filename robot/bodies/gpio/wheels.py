@@ -55,7 +55,6 @@ class TimedWheels:
         self.stand()
 
     def stand(self) -> None:
-        """Stop both motors."""
         self._ends_ms = None
         for motor in self._motors:
             motor.value = 0.0

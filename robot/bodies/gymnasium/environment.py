@@ -86,7 +86,6 @@ class Environment:
         self.game = Game(number=0, score=0.0, reward=0.0, is_over=False)
 
     def reset(self) -> None:
-        """Begin the next game."""
         number = self.game.number + 1
         self._seen, _ = self.env.reset(seed=self._seed + number - 1)
         self.game = Game(number=number, score=0.0, reward=0.0, is_over=False)
@@ -124,7 +123,6 @@ class Environment:
         return found
 
     def close(self) -> None:
-        """Let go of it."""
         self.env.close()
 
 

@@ -31,7 +31,6 @@ class Head:
     fields: dict[str, list[str]]
 
     def first(self, name: str) -> str:
-        """Return the first value of a field, or nothing."""
         return self.fields.get(name, [""])[0]
 
     @property

@@ -81,7 +81,6 @@ class PhoneCamera(WatchedCamera):
         )
 
     def lose(self) -> None:
-        """Report that the phone has disconnected."""
         self._lose("The phone that is the robot's eye is gone: open its page again.")
 
     def _lose(self, reason: str) -> None:

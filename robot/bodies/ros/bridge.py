@@ -94,7 +94,6 @@ class RosBridge:
             self._send(topic, message, None)
 
     def close(self) -> None:
-        """Disconnect and end the thread; idempotent."""
         self._worker.close()
 
     def _send(

@@ -147,7 +147,6 @@ class Video:
             fcntl.ioctl(self._fd, QBUF, buffer)
 
     def fileno(self) -> int:
-        """The descriptor to wait on."""
         return self._fd
 
     def read(self) -> Optional[VideoFrame]:

@@ -52,7 +52,6 @@ class CameraReader:
         self._next_try_s = now_s + REOPEN_S
 
     def close(self) -> None:
-        """Let go of the camera; idempotent."""
         if self.video is not None:
             self.video.close()
             self.video = None

@@ -47,12 +47,10 @@ class Contact:
 
     @property
     def presses_left(self) -> bool:
-        """True if it presses the left bump sensor."""
         return -math.radians(10) <= self.bearing_rad <= _BUMPER_HALF_ARC_RAD
 
     @property
     def presses_right(self) -> bool:
-        """True if it presses the right bump sensor."""
         return -_BUMPER_HALF_ARC_RAD <= self.bearing_rad <= math.radians(10)
 
 

@@ -35,7 +35,6 @@ class SimulatedBody(Protocol):
 
     def advance(self, dt_s: float) -> None:
         """Let time pass in the world."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -96,7 +96,6 @@ class Renderer:
         return _pixels(texture, LARGE_WIDTH_PX, LARGE_HEIGHT_PX)
 
     def close(self) -> None:
-        """Close the window."""
         self._engine.removeAllWindows()
 
     def _open_engine(self) -> None:

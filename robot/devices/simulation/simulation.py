@@ -94,12 +94,10 @@ class Simulation:
 
     @property
     def bumped_left(self) -> bool:
-        """True while the left bump sensor is pressed."""
         return any(contact.presses_left for contact in self._contacts)
 
     @property
     def bumped_right(self) -> bool:
-        """True while the right bump sensor is pressed."""
         return any(contact.presses_right for contact in self._contacts)
 
     @property

@@ -76,11 +76,9 @@ class Caller:
         self.has_joined = True
 
     def send(self, message: Dict[str, Any]) -> None:
-        """Put a message into the outbox."""
         self._queue(pack_json(message, self._seal))
 
     def send_picture(self, body: bytes) -> None:
-        """Put a picture into the outbox."""
         self._queue(pack(b"F", body, self._seal))
 
     def _queue(self, data: bytes) -> None:
@@ -145,7 +143,6 @@ class CallerDoor:
         return max(strangers, key=lambda one: (names.count(one.name), -one.since_s), default=None)
 
     def leave(self, caller: Caller) -> None:
-        """Close a caller's connection."""
         self.callers.remove(caller)
         caller.line.close()
 
@@ -160,7 +157,6 @@ class LimitedLog:
         self._lines = 0
 
     def note(self, text: str) -> None:
-        """Print a line, unless there were too many."""
         minute = int(time.monotonic() / 60)
         if minute != self._minute:
             if self._lines > self.LINES_A_MINUTE:

@@ -17,7 +17,6 @@ class DevicePort:
         self._files = {}  # type: Dict[str, Any]
 
     def read(self, name: str) -> str:
-        """Return an attribute as text."""
         file, value = self._device.get_attr_string(self._files.get(name), name)
         self._files[name] = file
         return str(value).partition("\n")[0]

@@ -74,7 +74,6 @@ class SensorGroup:
             ) from error
 
     def close(self) -> None:
-        """Let go of them; idempotent."""
         self._forget()
         self._expected = 0
 
@@ -106,7 +105,6 @@ class Ultrasonic(SensorGroup):
         self._metres_per_unit = 0.01 / 10 ** int(port.read("decimals"))
 
     def read_m(self) -> Optional[float]:
-        """Return the distance in metres; None without a sensor."""
         values = self.read()
         return values[0] * self._metres_per_unit if values else None
 
@@ -129,7 +127,6 @@ class RobotSensors:
         self._searched_s = 0.0
 
     def open(self) -> None:
-        """Find the sensors; one that was named must be there."""
         self._ultrasonic.find()
         self._touch.find()
         self._searched_s = self._clock.monotonic()
@@ -158,7 +155,6 @@ class RobotSensors:
         }
 
     def close(self) -> None:
-        """Let go of the devices; idempotent."""
         self._ultrasonic.close()
         self._touch.close()
         if self._battery is not None:

@@ -68,7 +68,6 @@ class Agent:
             self.close()
 
     def close(self) -> None:
-        """Stop the motors and close all connections."""
         self._release_controller()
         for caller in list(self._door.callers):
             self._door.leave(caller)

@@ -53,7 +53,6 @@ class Seal:
         self._count = 0
 
     def mac(self, head: bytes, body: bytes) -> bytes:
-        """Return the MAC of the next message."""
         keyed = self._keyed.copy()
         keyed.update(_COUNT.pack(self._count))
         keyed.update(head)
@@ -91,7 +90,6 @@ class Unpacker:
         self._largest = largest
 
     def feed(self, data: bytes) -> None:
-        """Add bytes that came."""
         self._waiting += data
 
     def next(self) -> Optional[Tuple[bytes, bytes]]:
