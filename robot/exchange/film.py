@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from robot.devices.pictures import MAX_SIDE_PX, Picture
-from robot.errors import ConfigurationError, MissingExtraError, RecordingError
+from robot.errors import ConfigurationError, RecordingError, need
 from robot.exchange.beside import beside
 from robot.exchange.timeline import make_timeline
 from robot.policy.image import Pixels, to_rgb
@@ -33,11 +33,7 @@ def require_av() -> Any:
     Raises:
         MissingExtraError: If it is not installed.
     """
-    try:
-        import av
-    except ImportError as error:
-        raise MissingExtraError("writing films", "export") from error
-    return av
+    return need("av", "writing films", "export")
 
 
 def write_film(

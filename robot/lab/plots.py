@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from typing import Any
 
-from robot.errors import MissingExtraError
+from robot.errors import need
 from robot.lab.experiment import Plot
 
 
@@ -15,10 +15,7 @@ def draw_svg(plot: Plot) -> str:
     Raises:
         MissingExtraError: If matplotlib is not installed.
     """
-    try:
-        import matplotlib
-    except ImportError as error:
-        raise MissingExtraError("plots", "experiments") from error
+    matplotlib = need("matplotlib", "plots", "experiments")
     matplotlib.use("Agg")
     matplotlib.rcParams["svg.hashsalt"] = "drivelesson"  # the same plot, the same bytes
     from matplotlib.figure import Figure

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from robot.errors import ConfigurationError, MissingExtraError
+from robot.errors import ConfigurationError, need
 from robot.lab.kinds import run_task
 from robot.lab.store import Store
 from robot.lab.task import Result, Task
@@ -57,10 +57,7 @@ def _parallel(jobs: int, backend: str, scheduler: str | None) -> Iterator[_Runs]
     if backend == "processes" and jobs == 1:
         yield lambda waiting: (_run_keyed(key, task) for key, task in waiting.items())
         return
-    try:
-        import joblib
-    except ImportError as error:
-        raise MissingExtraError("running experiments side by side", "experiments") from error
+    joblib = need("joblib", "running experiments side by side", "experiments")
     with contextlib.ExitStack() as stack:
         if backend == "dask":
             stack.enter_context(_connected(scheduler))
@@ -82,13 +79,10 @@ def _run_keyed(key: str, task: Task) -> tuple[str, Result]:
 
 def _connected(scheduler: str | None) -> Any:
     """Return a client of an existing cluster, to be used as a context manager."""
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise MissingExtraError("the backend dask", "dask") from error
+    distributed = need("distributed", "the backend dask", "dask")
     if scheduler is None:
         raise ConfigurationError("--backend dask needs --scheduler ADDRESS")
     try:
-        return Client(scheduler, timeout=10)
+        return distributed.Client(scheduler, timeout=10)
     except (OSError, ValueError, TimeoutError) as error:
         raise ConfigurationError(f"no Dask scheduler answers at {scheduler}: {error}") from error

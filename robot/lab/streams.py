@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import MissingExtraError
+from robot.errors import need
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.tables import mean_in_interval
 from robot.lab.task import Result, Task
@@ -43,10 +43,7 @@ def _tables(runs: Runs) -> list[Table]:
 
 def run_stream(params: Mapping[str, Any]) -> Result:
     """Predict and learn one stream. Parameters: `stream`, `learner`, `seed`."""
-    try:
-        from river import preprocessing
-    except ImportError as error:
-        raise MissingExtraError("the experiment streams", "learners") from error
+    preprocessing = need("river.preprocessing", "the experiment streams", "learners")
     examples = read_stream(params["stream"])
     order = np.random.default_rng(params["seed"]).permutation(len(examples))
     scaler, learner = preprocessing.StandardScaler(), LEARNERS[params["learner"]]()

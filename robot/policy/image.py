@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import CameraError, MissingExtraError
+from robot.errors import CameraError, need
 from robot.types import Encoding, Frame
 
 Pixels = NDArray[np.uint8]
@@ -141,11 +141,7 @@ def _decode_jpeg(frame: Frame, *, colour: bool) -> Pixels:
 
 
 def _opencv() -> Any:
-    try:
-        import cv2
-    except ImportError as error:
-        raise MissingExtraError("reading JPEG frames", "camera") from error
-    return cv2
+    return need("cv2", "reading JPEG frames", "camera")
 
 
 def _yuyv_to_rgb(yuyv: Pixels) -> Pixels:

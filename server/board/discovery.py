@@ -12,9 +12,10 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from robot.clock import Clock, RealClock
-from robot.errors import ConfigurationError, MissingExtraError
+from robot.errors import ConfigurationError, need
 from server.board.transport import RobotAddress
 from server.hosting.discovery import ADDRESS, ROBOT
 from server.hosting.network import own_addresses
@@ -64,10 +65,7 @@ def browsing(
     Raises:
         MissingExtraError: If zeroconf is not installed.
     """
-    try:
-        import zeroconf  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError("finding robots on the network", "lan") from error
+    _zeroconf()
     addresses = own_addresses() if interfaces is None else interfaces
     try:
         network = _join(addresses)
@@ -116,13 +114,16 @@ def _join(addresses: Sequence[str]) -> socket.socket:
     return network
 
 
+def _zeroconf() -> Any:
+    return need("zeroconf", "finding robots on the network", "lan")
+
+
 def _ask(network: socket.socket, addresses: Sequence[str]) -> None:
     """Ask all who announce anything of these kinds to announce it again."""
-    from zeroconf import DNSOutgoing, DNSQuestion
-
-    question = DNSOutgoing(0)
+    zeroconf = _zeroconf()
+    question = zeroconf.DNSOutgoing(0)
     for kind in _KINDS:
-        question.add_question(DNSQuestion(kind, 12, 1))
+        question.add_question(zeroconf.DNSQuestion(kind, 12, 1))
     for address in addresses:
         with suppress(OSError):  # a cable that was pulled out
             own = socket.inet_aton(address)
@@ -136,16 +137,15 @@ def read_announcement(data: bytes, source: str) -> list[RobotAddress]:
 
     A robot with several addresses names the best; what it says from another is left out.
     """
-    from zeroconf import DNSIncoming, DNSService, DNSText
-
-    packet = DNSIncoming(data, (source, _PORT))
+    zeroconf = _zeroconf()
+    packet = zeroconf.DNSIncoming(data, (source, _PORT))
     records = packet.answers() if packet.valid and packet.is_response() else []
-    texts = {one.key: _properties(one.text) for one in records if isinstance(one, DNSText)}
+    texts = {one.key: _properties(one.text) for one in records if isinstance(one, zeroconf.DNSText)}
     found = []
     for record in records:
         is_tls = _KINDS.get(record.name.partition(".")[2].lower())
         said = texts.get(record.key, {})
-        if is_tls is None or not isinstance(record, DNSService) or not record.ttl:
+        if is_tls is None or not isinstance(record, zeroconf.DNSService) or not record.ttl:
             continue
         if ROBOT in said and record.port and said.get(ADDRESS) in (None, "", source):
             found.append(RobotAddress(source, record.port, is_tls))

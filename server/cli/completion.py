@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from robot.errors import MissingExtraError
+from robot.errors import need
 
 _SHELLS = ("bash", "zsh", "tcsh")
 
@@ -14,10 +14,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    try:
-        import shtab
-    except ImportError as error:
-        raise MissingExtraError("tab completion", "sim") from error
+    shtab = need("shtab", "tab completion", "sim")
     print(shtab.complete(_whole_parser(), args.shell))
     return 0
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from robot.errors import ConfigurationError, MissingExtraError
+from robot.errors import ConfigurationError, need
 
 _T = TypeVar("_T", int, float)
 
@@ -45,8 +45,5 @@ def progress(total: int | None, unit: str, command: str, extra: str, text: str =
     Raises:
         MissingExtraError: If its library is not installed; names the command and its extra.
     """
-    try:
-        from tqdm import tqdm
-    except ImportError as error:
-        raise MissingExtraError(f"the command {command}", extra) from error
+    tqdm = need("tqdm", f"the command {command}", extra).tqdm
     return tqdm(total=total, unit=unit, desc=text or None, file=sys.stderr)

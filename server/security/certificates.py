@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robot.errors import ConfigurationError, MissingExtraError
+from robot.errors import ConfigurationError, need
 from robot.store.folder import write_whole
 
 if TYPE_CHECKING:
@@ -64,10 +64,7 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
         MissingExtraError: If `cryptography` is not installed.
         ConfigurationError: If the folder cannot be written, or has files that are not valid.
     """
-    try:
-        import cryptography  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError("--tls", "tls") from error
+    need("cryptography", "--tls", "tls")
     names = [name for name in names if _is_private(name)]
     files = Certificates(
         key=folder / "server.key", chain=folder / "server.crt", authority=folder / "ca.crt"

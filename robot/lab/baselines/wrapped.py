@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import MissingExtraError
+from robot.errors import need
 from robot.learner.base import (
     BaseLearner,
     Evidence,
@@ -31,10 +30,7 @@ def from_library(module: str, name: str, learner: str, extra: str = "learners") 
     Raises:
         MissingExtraError: If it is not installed.
     """
-    try:
-        return getattr(import_module(module), name)
-    except ImportError as error:
-        raise MissingExtraError(f"the learner {learner}", extra) from error
+    return getattr(need(module, f"the learner {learner}", extra), name)
 
 
 class Baseline(BaseLearner):

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import MissingExtraError
+from robot.errors import need
 from robot.lab.eyes.onnx_writer import OnnxWriter
 from robot.lab.eyes.weights import Weights, load_weights
 
@@ -35,10 +35,7 @@ class Network:
     """The net, and what its outputs usually are."""
 
     def __init__(self) -> None:
-        try:
-            import cv2
-        except ImportError as error:
-            raise MissingExtraError("a learner of the kind eyes", "camera") from error
+        cv2 = need("cv2", "a learner of the kind eyes", "camera")
         file, self.usual, self.spread = _compiled()
         self._net: Any = cv2.dnn.readNetFromONNX(np.frombuffer(file, np.uint8))
         # OpenCV's net holds its input: two threads at a time would mix up their pictures.

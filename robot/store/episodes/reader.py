@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-from robot.errors import MissingExtraError, RecordingError
+from robot.errors import RecordingError, need
 
 MAX_RECORD_BYTES = 256 * 2**20
 """Attachments hold models, chunks hold pictures; nothing of ours is larger."""
@@ -110,10 +110,7 @@ Record = Message | Metadata | Attachment | Cut
 
 def require_mcap() -> None:
     """Raise MissingExtraError unless episodes can be recorded and read here."""
-    try:
-        import mcap.writer  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError("recording episodes", "episodes") from error
+    need("mcap.writer", "recording episodes", "episodes")
 
 
 def scan(path: Path) -> Iterator[Record]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot.errors import MissingExtraError
+from robot.errors import need
 from robot.lab import evaluation
 from robot.lab.variants import VARIANTS
 from robot.policy.registry import make_policy
@@ -22,10 +22,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    try:
-        from tqdm import tqdm
-    except ImportError as error:
-        raise MissingExtraError("the ablation", "evaluate") from error
+    tqdm = need("tqdm", "the ablation", "evaluate").tqdm
     sizes = [int(size) for size in args.nodes.split(",")]
     pairs = evaluation.load_pairs(args.folder)
     vectors: evaluation.Vectors = {}

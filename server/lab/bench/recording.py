@@ -17,7 +17,7 @@ import numpy as np
 from robot.clock import Clock, RealClock
 from robot.control.state import Tick
 from robot.devices.rig import Rig
-from robot.errors import MissingExtraError
+from robot.errors import need
 from robot.policy.registry import make_policy
 from robot.store.episodes.queue import RecorderConfig
 from robot.store.episodes.recorder import Recorder
@@ -177,8 +177,5 @@ def _table(outcomes: list[Outcome]) -> Table:
 
 
 def _to_jpeg(picture: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> bytes:
-    try:
-        import cv2
-    except ImportError as error:
-        raise MissingExtraError("the benchmark of recording", "camera") from error
+    cv2 = need("cv2", "the benchmark of recording", "camera")
     return bytes(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 90])[1])
