@@ -103,7 +103,7 @@ class ReplayCamera(ThreadedCamera):
 
 
 def _load_episode(path: Path) -> Footage:
-    from robot.store.episodes.footage import EpisodeFootage
+    from robot.exchange.footage import EpisodeFootage
 
     return EpisodeFootage(path)
 

@@ -16,6 +16,7 @@ from robot.policy.png import encode_png
 from robot.store.episodes.editing import choose, moments, read_move
 from robot.store.episodes.edits import Edit, Notes, trim
 from robot.store.episodes.episode import Episode
+from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import EpisodeSummary
 from robot.types import Encoding
 from server.routes.answers import IdAnswer, Of, Route, UndoAnswer, answer, media
@@ -160,6 +161,13 @@ class EpisodeTimeline:
     is_estimate: bool
 
 
+async def _store_of(request: Request) -> EpisodeStore:
+    return persistence_of(request).episodes
+
+
+Store = Annotated[EpisodeStore, Depends(_store_of)]
+
+
 def _describe(summary: EpisodeSummary, recording: str | None = None) -> EpisodeAnswer:
     return answer(EpisodeAnswer, summary, recording=summary.id == recording)
 
@@ -191,23 +199,21 @@ def show_storage(request: Request) -> StorageAnswer:
 
 
 @router.post("/episodes/restore", dependencies=[PILOT])
-async def restore_episode(request: Request, body: Key) -> IdAnswer:
+async def restore_episode(store: Store, body: Key) -> IdAnswer:
     """Restore a deleted episode."""
-    return IdAnswer(id=await do(persistence_of(request).episodes.restore, body.undo))
+    return IdAnswer(id=await do(store.restore, body.undo))
 
 
 @router.get("/episodes/{episode_id}", dependencies=[VIEWER])
-def show_episode(request: Request, episode_id: str) -> EpisodeDetails:
+def show_episode(request: Request, store: Store, episode_id: str) -> EpisodeDetails:
     """Describe one episode, with its edits and the run's metadata."""
-    persistence = persistence_of(request)
-    store = persistence.episodes
     episode, notes = store.open(episode_id), store.notes(episode_id)
     summary = store.summary(episode_id)
     ids = list(episode.frames)
     return answer(
         EpisodeDetails,
         summary,
-        recording=summary.id == persistence.recorder.episode_id,
+        recording=summary.id == persistence_of(request).recording,
         run=episode.run,
         moves=[move.value for move in episode.moves],
         declared_moves=[
@@ -215,21 +221,20 @@ def show_episode(request: Request, episode_id: str) -> EpisodeDetails:
         ],
         first_frame=ids[0] if ids else None,
         last_frame=ids[-1] if ids else None,
-        edit_list=_describe_edits(notes).edit_list,
+        edit_list=_edits(notes).edit_list,
         redoable=len(notes.undone),
     )
 
 
 @router.get("/episodes/{episode_id}/strip", dependencies=[VIEWER])
 def show_strip(
-    request: Request,
+    store: Store,
     episode_id: str,
     count: int = 24,
     first: int | None = None,
     last: int | None = None,
 ) -> Strip:
     """Return evenly spaced pictures, each with label, prediction and driver."""
-    store = persistence_of(request).episodes
     episode, notes = store.open(episode_id), store.notes(episode_id)
     found = [
         moment
@@ -241,11 +246,9 @@ def show_strip(
 
 
 @router.get("/episodes/{episode_id}/timeline", dependencies=[VIEWER])
-def show_timeline(request: Request, episode_id: str) -> EpisodeTimeline:
+def show_timeline(store: Store, episode_id: str) -> EpisodeTimeline:
     """Return every picture's label, prediction and driver, as columns for drawing."""
-    store = persistence_of(request).episodes
-    episode, notes = store.open(episode_id), store.notes(episode_id)
-    found = moments(episode, notes)
+    found = moments(store.open(episode_id), store.notes(episode_id))
     rows = [vars(answer(FrameAnswer, moment)) for moment in found]
     return EpisodeTimeline(
         columns={field.name: [row[field.name] for row in rows] for field in fields(FrameAnswer)},
@@ -259,9 +262,9 @@ def show_timeline(request: Request, episode_id: str) -> EpisodeTimeline:
     responses={200: {"content": {"image/jpeg": {}, "image/png": {}}}},
     response_class=Response,
 )
-def show_frame(request: Request, episode_id: str, frame_id: int) -> Response:
+def show_frame(store: Store, episode_id: str, frame_id: int) -> Response:
     """Return one picture: JPEG as recorded, or PNG."""
-    frame = persistence_of(request).episodes.open(episode_id).frame(frame_id)
+    frame = store.open(episode_id).frame(frame_id)
     is_jpeg = frame.encoding is Encoding.JPEG
     return Response(
         frame.data if is_jpeg else encode_png(to_rgb(frame), level=1),
@@ -276,16 +279,15 @@ def show_frame(request: Request, episode_id: str, frame_id: int) -> Response:
     responses=media("application/octet-stream"),
     response_class=Response,
 )
-def download_episode(request: Request, episode_id: str) -> Response:
+def download_episode(store: Store, episode_id: str) -> Response:
     """Download the recording without its edits."""
-    path = persistence_of(request).episodes.path(episode_id)
+    path = store.path(episode_id)
     return FileResponse(path, media_type="application/octet-stream", filename=path.name)
 
 
 @router.patch("/episodes/{episode_id}", dependencies=[PILOT])
-async def change_episode(request: Request, episode_id: str, body: EpisodeChange) -> EpisodeAnswer:
+async def change_episode(store: Store, episode_id: str, body: EpisodeChange) -> EpisodeAnswer:
     """Set the title of an episode, or protect it."""
-    store = persistence_of(request).episodes
     if body.title is not None:
         await do(store.set_title, episode_id, body.title)
     if body.protected is not None:
@@ -294,46 +296,43 @@ async def change_episode(request: Request, episode_id: str, body: EpisodeChange)
 
 
 @router.post("/episodes/{episode_id}/edits", dependencies=[PILOT], status_code=201)
-async def edit_episode(request: Request, episode_id: str, body: EpisodeEdit) -> EditList:
+async def edit_episode(store: Store, episode_id: str, body: EpisodeEdit) -> EditList:
     """Delete or relabel frames, or all others."""
-    store = persistence_of(request).episodes
 
     def edit() -> Notes:
         return store.edit(episode_id, _read_edit(body, store.open(episode_id)))
 
-    return _describe_edits(await do(edit))
+    return _edits(await do(edit))
 
 
 @router.delete("/episodes/{episode_id}/edits/last", dependencies=[PILOT])
-async def undo_edit(request: Request, episode_id: str) -> EditList:
+async def undo_edit(store: Store, episode_id: str) -> EditList:
     """Undo the last edit."""
-    notes = await do(persistence_of(request).episodes.undo_edit, episode_id)
-    return _describe_edits(notes)
+    return _edits(await do(store.undo_edit, episode_id))
 
 
 @router.post("/episodes/{episode_id}/edits/redo", dependencies=[PILOT])
-async def redo_edit(request: Request, episode_id: str) -> EditList:
+async def redo_edit(store: Store, episode_id: str) -> EditList:
     """Redo the edit that was undone last."""
-    notes = await do(persistence_of(request).episodes.redo_edit, episode_id)
-    return _describe_edits(notes)
+    return _edits(await do(store.redo_edit, episode_id))
 
 
 @router.post("/episodes/{episode_id}/split", dependencies=[PILOT], status_code=201)
-async def split_episode(request: Request, episode_id: str, body: EpisodeSplit) -> IdAnswer:
+async def split_episode(store: Store, episode_id: str, body: EpisodeSplit) -> IdAnswer:
     """Split a recording in two."""
-    return IdAnswer(id=await do(persistence_of(request).episodes.split, episode_id, body.frame))
+    return IdAnswer(id=await do(store.split, episode_id, body.frame))
 
 
 @router.post("/episodes/{episode_id}/compact", dependencies=[PILOT])
-async def compact_episode(request: Request, episode_id: str) -> UndoAnswer:
+async def compact_episode(store: Store, episode_id: str) -> UndoAnswer:
     """Apply the edits to the recording; `undo` restores the original."""
-    return UndoAnswer(undo=await do(persistence_of(request).episodes.compact, episode_id))
+    return UndoAnswer(undo=await do(store.compact, episode_id))
 
 
 @router.delete("/episodes/{episode_id}", dependencies=[PILOT])
-async def delete_episode(request: Request, episode_id: str) -> UndoAnswer:
+async def delete_episode(store: Store, episode_id: str) -> UndoAnswer:
     """Move an episode to the trash; `undo` is the key that restores it."""
-    return UndoAnswer(undo=await do(persistence_of(request).episodes.delete, episode_id))
+    return UndoAnswer(undo=await do(store.delete, episode_id))
 
 
 def _read_edit(body: EpisodeEdit, episode: Episode) -> Edit:
@@ -343,5 +342,5 @@ def _read_edit(body: EpisodeEdit, episode: Episode) -> Edit:
     return Edit(verb=body.verb, ranges=((body.first, body.last),), label=label)
 
 
-def _describe_edits(notes: Notes) -> EditList:
+def _edits(notes: Notes) -> EditList:
     return EditList(edit_list=[answer(EditAnswer, edit) for edit in notes.edits])

@@ -13,7 +13,7 @@ from robot.errors import ConfigurationError
 from robot.learner.base import Vector
 from robot.policy.history import Taught, Undone
 from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import Episode, FrameEntry, taught_frames
+from robot.store.episodes.episode import Episode, taught_frames
 from robot.store.episodes.messages import (
     CAMERA,
     DECISION,
@@ -107,11 +107,6 @@ def read_move(label: object, episode: Episode) -> Action:
     if not isinstance(label, str) or label not in known:
         raise ConfigurationError(f"unknown label {label!r}; known: {', '.join(known)}")
     return Action(label)
-
-
-def kept_frames(episode: Episode, notes: Notes) -> list[FrameEntry]:
-    """List the pictures that were not deleted."""
-    return [e for e in episode.frames.values() if not notes.is_deleted(e.frame_id)]
 
 
 def choose(found: Sequence[EpisodeFrame], count: int) -> list[EpisodeFrame]:

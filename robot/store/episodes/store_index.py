@@ -6,10 +6,10 @@ another form, and entry by entry where a file is not the one that was described.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
-import os
-import zlib
+import stat
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
@@ -18,12 +18,11 @@ from typing import Any
 from robot.store.episodes.edits import notes_path
 from robot.store.episodes.summary import EpisodeSummary, read_head, read_summary
 from robot.store.folder import is_text, write_whole
-from robot.store.records import read_regular
+from robot.store.records import frame_record, read_records
 
 log = logging.getLogger(__name__)
 
-FORMAT = 1
-_MOST_BYTES = 256 * 2**20
+FORMAT = 2
 _READ_WHOLE_BYTES = 2 * 2**20
 """Of a recording that is being written only the beginning is read once it is larger."""
 _FIELDS = tuple(field.name for field in fields(EpisodeSummary))
@@ -65,43 +64,32 @@ class SummaryIndex:
     def get(self, path: Path) -> EpisodeSummary:
         """Describe one recording; raises OSError if it is not there."""
         self._load()
-        status = path.stat()
-        state = (status.st_size, status.st_mtime_ns, *_state_of(notes_path(path)))
+        state = _state_of(path)
         found = self._known.get(path.stem)
-        if found is not None and found[0] == state:
-            return found[1]
-        summary = self._describe(path.stem, state)
-        if summary is None:
-            raise FileNotFoundError(path)
-        self._known[path.stem] = state, summary
-        return summary
+        if found is None or found[0] != state:
+            summary = self._describe(path.stem, state) if state is not None else None
+            if state is None or summary is None:
+                raise FileNotFoundError(path)
+            self._known[path.stem] = found = state, summary
+        return found[1]
 
     def ids(self) -> list[str]:
         """Name all recordings; nothing is read."""
         return list(self._look())
 
     def _look(self) -> dict[str, State]:
-        """Find every recording and its state in one pass over the folder."""
-        recordings: dict[str, tuple[int, int]] = {}
-        notes: dict[str, tuple[int, int]] = {}
+        """Find every recording and its state."""
         try:
-            with os.scandir(self._folder) as entries:
-                for entry in entries:
-                    name = entry.name
-                    ending = next((e for e in (".mcap", ".edits.json") if name.endswith(e)), None)
-                    if ending is None or name.startswith(".") or not is_text(name):
-                        continue
-                    try:
-                        if not entry.is_file():
-                            continue
-                        status = entry.stat()
-                    except OSError:
-                        continue
-                    found = recordings if ending == ".mcap" else notes
-                    found[name.removesuffix(ending)] = status.st_size, status.st_mtime_ns
+            paths = [path for path in self._folder.iterdir() if path.suffix == ".mcap"]
         except OSError as error:
             log.warning("the folder of episodes cannot be read: %s", error)
-        return {i: (*state, *notes.get(i, (0, 0))) for i, state in recordings.items()}
+            paths = []
+        found = {
+            path.stem: _state_of(path)
+            for path in paths
+            if not path.name.startswith(".") and is_text(path.name)
+        }
+        return {episode_id: state for episode_id, state in found.items() if state is not None}
 
     def _describe(self, episode_id: str, state: State) -> EpisodeSummary | None:
         path = self._folder / f"{episode_id}.mcap"
@@ -116,10 +104,7 @@ class SummaryIndex:
             return
         self._is_loaded = True
         try:
-            checksum, _, text = read_regular(self._file, _MOST_BYTES).partition(b"\n")
-            if int(checksum) != zlib.crc32(text):
-                raise ValueError("its checksum does not match")
-            plain = json.loads(text)
+            plain = json.loads(next(read_records(self._file), b""))
             if plain["format"] != FORMAT:
                 return
             for state, facts in plain["episodes"]:
@@ -141,14 +126,21 @@ class SummaryIndex:
         ]
         text = json.dumps({"format": FORMAT, "episodes": episodes}).encode()
         try:
-            write_whole(self._file, str(zlib.crc32(text)).encode() + b"\n" + text)
+            write_whole(self._file, frame_record(text))
         except OSError as error:
             log.warning("the index of episodes was not saved: %s", error)
 
 
-def _state_of(path: Path) -> tuple[int, int]:
+def _state_of(path: Path) -> State | None:
+    """Return the state of a recording and of its notes; None if it is no file."""
     try:
         status = path.stat()
     except OSError:
-        return 0, 0
-    return status.st_size, status.st_mtime_ns
+        return None
+    if not stat.S_ISREG(status.st_mode):
+        return None
+    state = status.st_size, status.st_mtime_ns
+    with contextlib.suppress(OSError):
+        beside = notes_path(path).stat()
+        return *state, beside.st_size, beside.st_mtime_ns
+    return *state, 0, 0

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import RecordingError
-from robot.store.episodes.editing import kept_frames
 from robot.store.episodes.edits import read_notes
 from robot.store.episodes.episode import open_episode
 from robot.types import Frame
@@ -24,9 +23,11 @@ class EpisodeFootage:
     def __init__(self, path: Path) -> None:
         try:
             self._episode = open_episode(path)
-            entries = kept_frames(self._episode, read_notes(path))
+            notes = read_notes(path)
         except OSError as error:
             raise RecordingError(f"there is no episode {path}: {error.strerror}") from error
+        frames = self._episode.frames.values()
+        entries = [entry for entry in frames if not notes.is_deleted(entry.frame_id)]
         if not entries:
             raise RecordingError(f"the episode {path} has no pictures")
         self._ids = [entry.frame_id for entry in entries]
