@@ -58,10 +58,10 @@ class Persistence(StartStop):
         self.autosave = Autosave(
             rig.loop,
             self.models,
+            self.journal,
             name=name,
             moves=rig.driver.moves,
             announce=announce,
-            journal=self.journal,
         )
         self._disk = DiskThread(rig.clock)
         self._disk.add(self.journal.sync)

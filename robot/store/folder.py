@@ -14,6 +14,7 @@ Written down for people in docs/reference/storage.md.
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import re
 import shutil
@@ -25,6 +26,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from robot.errors import ConfigurationError, NotFoundError
+
+log = logging.getLogger(__name__)
 
 _README = """\
 Drivelesson keeps here what was taught.
@@ -144,6 +147,16 @@ def is_text(name: str) -> bool:
     except UnicodeEncodeError:
         return False
     return True
+
+
+def paths_in(folder: Path) -> list[Path]:
+    """List what stands in a folder under names that are text; nothing if it cannot be read."""
+    try:
+        return sorted(path for path in folder.iterdir() if is_text(path.name))
+    except OSError as error:
+        if not isinstance(error, FileNotFoundError):
+            log.warning("the folder %s cannot be read: %s", folder.name, error)
+        return []
 
 
 def size_of(path: Path) -> int:

@@ -5,16 +5,14 @@ Times of messages are in MCAP's own log time; what is here needs none of its own
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from functools import cache
 from typing import Any
 
-import numpy as np
-
 from robot.store.episodes.reader import MessageChannel, Schema
+from robot.store.models.events import to_json
 from robot.types import PilotCommand, Prediction, Sensors
 
 CAMERA = "/camera"
@@ -152,17 +150,6 @@ def json_channel(topic: str) -> MessageChannel:
     """Return the channel of a topic."""
     schema = SCHEMAS[topic]
     return MessageChannel(topic, "json", Schema(schema["title"], "jsonschema", to_json(schema)))
-
-
-def to_json(fields: Fields) -> bytes:
-    """Return the fields as JSON; they must not hold infinite numbers, which JSON cannot express."""
-    return json.dumps(fields, separators=(",", ":"), default=_plain).encode()
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"cannot record a {type(value).__name__}")
 
 
 def _finite(number: float) -> float:

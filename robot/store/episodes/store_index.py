@@ -17,7 +17,7 @@ from typing import Any
 
 from robot.store.episodes.edits import notes_path
 from robot.store.episodes.summary import EpisodeSummary, read_head, read_summary
-from robot.store.folder import is_text, write_whole
+from robot.store.folder import paths_in, write_whole
 from robot.store.records import frame_record, read_records
 
 log = logging.getLogger(__name__)
@@ -79,15 +79,10 @@ class SummaryIndex:
 
     def _look(self) -> dict[str, State]:
         """Find every recording and its state."""
-        try:
-            paths = [path for path in self._folder.iterdir() if path.suffix == ".mcap"]
-        except OSError as error:
-            log.warning("the folder of episodes cannot be read: %s", error)
-            paths = []
         found = {
             path.stem: _state_of(path)
-            for path in paths
-            if not path.name.startswith(".") and is_text(path.name)
+            for path in paths_in(self._folder)
+            if path.suffix == ".mcap" and not path.name.startswith(".")
         }
         return {episode_id: state for episode_id, state in found.items() if state is not None}
 

@@ -23,7 +23,6 @@ from robot.store.episodes.messages import (
     Fields,
     json_channel,
     pose_in_frame,
-    to_json,
 )
 from robot.store.episodes.reader import (
     Attachment,
@@ -34,6 +33,7 @@ from robot.store.episodes.reader import (
     require_mcap,
 )
 from robot.store.episodes.tally import Tally
+from robot.store.models.events import to_json
 from robot.types import Action, Frame
 
 FORMAT = 1

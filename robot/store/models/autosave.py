@@ -18,7 +18,7 @@ from robot.errors import ConfigurationError, RobotError
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.store.models.journal import Journal
-from robot.store.models.model import JournalPosition, Model, take_model, with_preview
+from robot.store.models.model import Model, take_model, with_preview
 from robot.store.models.replay import Recovered
 from robot.store.models.store import ModelStore
 from robot.types import Action, Mode
@@ -41,23 +41,23 @@ class Autosave:
     Args:
         loop: Whose learner is saved.
         store: Where it is saved.
+        journal: Where every change is written at once.
         name: What a new model is called, before a person names it.
         moves: The moves of the robot's body; a model with other moves is not loaded.
         place: Where the robot is; empty if not known.
         announce: Called with events for the page.
-        journal: Where every change is written at once; None for no journal.
     """
 
     def __init__(
         self,
         loop: ControlLoop,
         store: ModelStore,
+        journal: Journal,
         *,
         name: str = "robot",
         moves: Collection[Action] = tuple(CLASSIC),
         place: str = "",
         announce: Announce = no_announcement,
-        journal: Journal | None = None,
     ) -> None:
         self._loop = loop
         self._clock = loop.clock
@@ -99,8 +99,7 @@ class Autosave:
 
     def note(self, tick: Tick) -> None:
         """Process one tick, on the loop's thread."""
-        if self._journal is not None:
-            self._journal.note(tick, self._loop.history, self._name, self._place)
+        self._journal.note(tick, self._loop.history, self._name, self._place)
         mode_changed = tick.decision.mode is not self._mode
         self._mode = tick.decision.mode
         is_more_than_teaching = not all(isinstance(e, Taught) for e in tick.history_events)
@@ -151,16 +150,13 @@ class Autosave:
                 history.taught,
                 saved_at_s=self._clock.wall_s(),
                 place=self._place,
-                position=self._position(history.changes),
+                position=self._journal.position(history.changes),
                 with_preview=False,
             )
             return model, history.changes
 
         model, changes = self._clock.result(self._loop.submit(take), 10.0)
         return with_preview(model), changes
-
-    def _position(self, change: int) -> JournalPosition | None:
-        return None if self._journal is None else self._journal.position(change)
 
     def _save_first(self) -> None:
         """Save what is in the robot before it is replaced.
@@ -250,7 +246,7 @@ class Autosave:
                 Counter(),
                 saved_at_s=self._clock.wall_s(),
                 place=place,
-                position=self._position(self._loop.history.changes),
+                position=self._journal.position(self._loop.history.changes),
             )
             self._check_stopped()
             self._save_first()
@@ -312,8 +308,7 @@ class Autosave:
             key = self.store.delete(name)
             if self._name == name:
                 self._name, self._saved_changes = None, self._loop.history.changes
-                if self._journal is not None:
-                    self._journal.note_saved(self._saved_changes)
+                self._journal.note_saved(self._saved_changes)
             return key
 
 

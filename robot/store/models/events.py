@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import json
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,17 @@ def read_event(plain: PlainEvent) -> tuple[HistoryEvent, Vector | None]:
         raise ValueError(f"unknown event {kind!r}")
     except (KeyError, ValueError, TypeError) as error:
         raise RecordingError(f"an example is damaged: {error}") from error
+
+
+def to_json(fields: PlainEvent) -> bytes:
+    """Return the fields as JSON; they must not hold infinite numbers, which JSON cannot express."""
+    return json.dumps(fields, separators=(",", ":"), default=_plain).encode()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"cannot keep a {type(value).__name__}")
 
 
 def _describe_vector(x: Vector) -> PlainEvent:

@@ -34,7 +34,7 @@ from typing import Any, BinaryIO
 from robot.clock import Clock, RealClock, Worker
 from robot.control.state import Tick
 from robot.policy.history import Edited, HistoryEvent, Taught, TrainingHistory
-from robot.store.models.events import describe_event
+from robot.store.models.events import describe_event, to_json
 from robot.store.models.model import JournalPosition, Model, encode_model, take_model
 from robot.store.records import RecordWriter, open_new
 
@@ -331,12 +331,5 @@ def _encode(item: _Item) -> bytes:
         head["name"] = item.name
         body = zlib.compress(encode_model(item.model), 1)
     elif item.event is not None:
-        plain = describe_event(item.event, with_vector=True)
-        body = zlib.compress(json.dumps(plain, default=_plain).encode(), 1)
+        body = zlib.compress(to_json(describe_event(item.event, with_vector=True)), 1)
     return json.dumps(head).encode() + HEAD + body
-
-
-def _plain(value: Any) -> Any:
-    if hasattr(value, "item"):
-        return value.item()
-    raise TypeError(f"cannot keep a {type(value).__name__}")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
 import re
 import shutil
+import stat
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from robot.clock import RealClock
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
@@ -17,7 +18,7 @@ from robot.store.folder import (
     Storage,
     check_name,
     free_name,
-    is_text,
+    paths_in,
     set_aside,
     size_of,
     write_whole,
@@ -35,6 +36,7 @@ from robot.store.models.model import (
 from robot.store.records import read_regular
 
 _MACHINE = RealClock()
+_T = TypeVar("_T")
 
 log = logging.getLogger(__name__)
 
@@ -70,18 +72,8 @@ class ModelStore:
 
     def names(self) -> list[str]:
         """List the models' names, sorted."""
-        return sorted(
-            (entry.name for entry in self._entries() if _is_folder(entry)), key=str.casefold
-        )
-
-    def _entries(self) -> list[os.DirEntry[str]]:
-        """List what stands in the folder under names that are text."""
-        try:
-            with os.scandir(self._storage.models) as entries:
-                return [entry for entry in entries if is_text(entry.name)]
-        except OSError as error:
-            log.warning("the folder of models cannot be read: %s", error)
-            return []
+        found = [path.name for path in paths_in(self._storage.models) if _is_folder(path)]
+        return sorted(found, key=str.casefold)
 
     def saved(self) -> list[StoredModel]:
         """List all models, the one saved last first."""
@@ -91,17 +83,12 @@ class ModelStore:
 
     def _look_at(self, name: str, is_current: bool) -> StoredModel:
         versions = self._versions(name)
-        summary = None
-        for version in reversed(versions):
-            with contextlib.suppress(RecordingError, OSError):
-                summary = decode_summary(_read(version))
-                break
         return StoredModel(
             name=name,
-            summary=summary,
+            summary=next(self._sound(name, decode_summary), None),
             bytes=size_of(versions[-1]) if versions else 0,
             is_current=is_current,
-            damaged=tuple(n for n in self._files(name) if n.endswith(_DAMAGED)),
+            damaged=tuple(p.name for p in self._files(name) if p.name.endswith(_DAMAGED)),
         )
 
     @property
@@ -157,9 +144,12 @@ class ModelStore:
 
     def sound_versions(self, name: str) -> Iterator[Model]:
         """Yield the versions of a model that can be read, the newest first; only reads."""
+        return self._sound(name, decode_model)
+
+    def _sound(self, name: str, decode: Callable[[bytes], _T]) -> Iterator[_T]:
         for version in reversed(self._versions(name)):
             with contextlib.suppress(RecordingError, OSError):
-                yield decode_model(_read(version))
+                yield decode(_read(version))
 
     def good_models(self, then: str | None = None) -> Iterator[tuple[str, Model]]:
         """Yield all readable models: the one used last, `then`, and the others, newest first.
@@ -195,7 +185,7 @@ class ModelStore:
 
     def free_name(self, wanted: str) -> str:
         """Return a name like `wanted` that no model has."""
-        return free_name(check_name(wanted), {entry.name for entry in self._entries()})
+        return free_name(check_name(wanted), {p.name for p in paths_in(self._storage.models)})
 
     def rename(self, name: str, new_name: str) -> str:
         """Give a model another name; return the name as it was saved."""
@@ -212,9 +202,7 @@ class ModelStore:
     def set_place(self, name: str, place: str) -> None:
         """Set the place where a model was taught."""
         model = self.load(name)
-        self.save(
-            name, stamp(model, saved_at_s=model.summary.saved_at_s, place=place.strip()[:200])
-        )
+        self.save(name, stamp(model, saved_at_s=model.summary.saved_at_s, place=place))
 
     def copy(self, name: str, new_name: str | None = None) -> str:
         """Copy a model; return the copy's name."""
@@ -244,18 +232,13 @@ class ModelStore:
     def _has(self, name: str) -> bool:
         return name in self.names()
 
-    def _files(self, name: str) -> list[str]:
-        """List what stands in a model's folder; nothing if it cannot be read."""
-        try:
-            paths = (self._storage.models / name).iterdir()
-            return sorted(path.name for path in paths if is_text(path.name))
-        except OSError:
-            return []
+    def _files(self, name: str) -> list[Path]:
+        return paths_in(self._storage.models / name)
 
     def _versions(self, name: str) -> list[Path]:
         """List the versions, the oldest first, whatever stands in their places."""
-        numbered = [(int(n[:-4]), n) for n in self._files(name) if _VERSION.fullmatch(n)]
-        return [self._storage.models / name / n for _, n in sorted(numbered)]
+        versions = [path for path in self._files(name) if _VERSION.fullmatch(path.name)]
+        return sorted(versions, key=lambda path: int(path.stem))
 
 
 def _age_of(stored: StoredModel) -> tuple[int, int, float]:
@@ -270,9 +253,9 @@ def _age_of(stored: StoredModel) -> tuple[int, int, float]:
     )
 
 
-def _is_folder(entry: os.DirEntry[str]) -> bool:
+def _is_folder(path: Path) -> bool:
     try:
-        return entry.is_dir(follow_symlinks=False)
+        return stat.S_ISDIR(path.lstat().st_mode)
     except OSError:
         return False
 

@@ -92,8 +92,8 @@ class Life(BenchRobot):
         self.autosave = Autosave(
             self.loop,
             self.store,
+            self.journal,
             announce=lambda name, **fields: self.told.append(name),
-            journal=self.journal,
         )
         queue = self.loop.submit
 

@@ -13,6 +13,7 @@ from robot.control.state import Tick
 from robot.control.thread import LoopThread
 from robot.store.folder import Storage
 from robot.store.models.autosave import Autosave
+from robot.store.models.journal import Journal
 from robot.store.models.store import ModelStore
 from robot.types import Action, Example
 from tests.robot.bench_robot import BenchRobot
@@ -23,14 +24,18 @@ class KeptRobot(BenchRobot):
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
-        self.store = ModelStore(Storage(folder))
+        storage = Storage(folder)
+        self.store, self.journal = ModelStore(storage), Journal(storage.journal)
         self.told: list[str] = []
         self.thread = LoopThread(self.loop, self.clock)
         self.new_keeper()
 
     def new_keeper(self) -> None:
         self.autosave = Autosave(
-            self.loop, self.store, announce=lambda name, **fields: self.told.append(name)
+            self.loop,
+            self.store,
+            self.journal,
+            announce=lambda name, **fields: self.told.append(name),
         )
         self.autosave.start()
 
