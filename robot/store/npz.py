@@ -8,7 +8,7 @@ import math
 import struct
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -35,23 +35,11 @@ def read_arrays(
     Raises:
         RecordingError: If it is none, damaged, too large, or holds pickles.
     """
-    try:
-        with zipfile.ZipFile(file) as archive:
-            members = archive.infolist()
-            if len(members) > _MAX_MEMBERS or sum(m.file_size for m in members) > max_bytes:
-                raise RecordingError(f"it unpacks to more than {max_bytes >> 20} MB")
-            return {
-                member.filename.removesuffix(".npy"): _read_array(archive.read(member))
-                for member in members
-                if only is None or member.filename == f"{only}.npy"
-            }
-    except RecordingError:
-        raise
-    except (zipfile.BadZipFile, ValueError, EOFError, OSError, RuntimeError) as error:
-        # RuntimeError: an encrypted member; NotImplementedError, one of its kind: unknown packing.
-        raise RecordingError(str(error)) from error
-    except Exception as error:  # zlib and lzma have errors of their own
-        raise RecordingError(f"it is damaged: {error}") from error
+
+    def read(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+        return _parse_array(memoryview(archive.read(member)), is_copied=True)
+
+    return _read_members(file, max_bytes, read, only)
 
 
 def view_arrays(data: bytes, *, max_bytes: int) -> dict[str, NDArray[Any]]:
@@ -60,17 +48,34 @@ def view_arrays(data: bytes, *, max_bytes: int) -> dict[str, NDArray[Any]]:
     Raises:
         RecordingError: If it is none, damaged, packed, too large, or holds pickles.
     """
+
+    def view(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+        return _view_array(data, member)
+
+    return _read_members(io.BytesIO(data), min(max_bytes, len(data)), view)
+
+
+def _read_members(
+    file: BinaryIO,
+    max_bytes: int,
+    read: Callable[[zipfile.ZipFile, zipfile.ZipInfo], NDArray[Any]],
+    only: str | None = None,
+) -> dict[str, NDArray[Any]]:
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        with zipfile.ZipFile(file) as archive:
             members = archive.infolist()
             if len(members) > _MAX_MEMBERS or len({m.filename for m in members}) < len(members):
                 raise RecordingError("it has too many arrays, or two of one name")
-            if sum(m.file_size for m in members) > min(max_bytes, len(data)):
-                raise RecordingError("it unpacks to more than it has")
-            return {m.filename.removesuffix(".npy"): _view_array(data, m) for m in members}
+            if sum(m.file_size for m in members) > max_bytes:
+                raise RecordingError(f"it unpacks to more than {max_bytes >> 20} MB")
+            return {
+                member.filename.removesuffix(".npy"): read(archive, member)
+                for member in members
+                if only is None or member.filename == f"{only}.npy"
+            }
     except RecordingError:
         raise
-    except Exception as error:  # zipfile has many, numpy some
+    except Exception as error:  # zipfile, zlib, lzma and numpy have errors of their own
         raise RecordingError(f"it is damaged: {error}") from error
 
 
@@ -101,10 +106,6 @@ def write_arrays(arrays: Mapping[str, NDArray[Any]], *, is_packed: bool = False)
             with archive.open(f"{name}.npy", "w") as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
     return file.getvalue()
-
-
-def _read_array(data: bytes) -> NDArray[Any]:
-    return _parse_array(memoryview(data), is_copied=True)
 
 
 def _parse_array(data: memoryview, *, is_copied: bool) -> NDArray[Any]:

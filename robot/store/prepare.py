@@ -12,11 +12,12 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot.store.folder import is_text
+from robot.store.folder import is_text, write_whole
 
 ASIDE = "set-aside"
 _FOLDERS = ("models", "episodes", "exports", "trash", "journal", "lessons", "tls", ASIDE)
 _FILES = (".lock", ".lock.pid", "README.txt", "robot.json", "paired.json", "models/current.txt")
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 _PROBE = b"x" * 4096
 
 
@@ -58,7 +59,7 @@ def prepare(root: Path) -> Prepared:
         for folder in (root, *(root / name for name in _FOLDERS if name != ASIDE)):
             moved += _clear(folder, root)
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        if error.errno not in _FULL:
             return Prepared(fault=f"{root}: {error.strerror or error}", moved=tuple(moved))
     return Prepared(moved=tuple(moved))
 
@@ -115,14 +116,11 @@ def _shown(name: str) -> str:
 
 
 def _probe(root: Path) -> None:
-    """Raise OSError if nothing can be written here."""
-    probe = root / f".probe.{os.getpid()}.part"
-    handle = os.open(probe, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    """Raise OSError if nothing can be written here, for another reason than that it is full."""
+    probe = root / ".probe"
     try:
-        os.write(handle, _PROBE)
-    except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
-            raise
-    finally:
-        os.close(handle)
+        write_whole(probe, _PROBE)
         probe.unlink()
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import shutil
 import threading
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 from robot.errors import ConfigurationError, NotFoundError
@@ -49,7 +49,7 @@ class EpisodeStore:
         self._recording = recording
         self.budget_bytes = budget_bytes
         self._lock = threading.RLock()
-        self._opened: OrderedDict[tuple[str, int, int], Episode] = OrderedDict()
+        self._open = lru_cache(_OPEN_EPISODES)(lambda path, *state: open_episode(path))
         self._index = SummaryIndex(storage.episodes, recording)
 
     def ids(self) -> list[str]:
@@ -90,14 +90,9 @@ class EpisodeStore:
             RecordingError: If nothing of it can be read.
         """
         path = self.path(episode_id)
-        key = _version(path)
+        status = path.stat()
         with self._lock:
-            if key not in self._opened:
-                self._opened[key] = open_episode(path)
-                while len(self._opened) > _OPEN_EPISODES:
-                    self._opened.popitem(last=False)
-            self._opened.move_to_end(key)
-            return self._opened[key]
+            return self._open(path, status.st_size, status.st_mtime_ns)
 
     def notes(self, episode_id: str) -> Notes:
         """Return the title, the protection and the edits of an episode."""
@@ -216,8 +211,3 @@ class EpisodeStore:
         if episode_id == self._recording():
             raise ConfigurationError("this episode is being recorded; stop the robot and wait")
         return self.path(episode_id)
-
-
-def _version(path: Path) -> tuple[str, int, int]:
-    status = path.stat()
-    return path.name, status.st_size, status.st_mtime_ns

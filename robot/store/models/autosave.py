@@ -68,7 +68,6 @@ class Autosave:
         self.announce = announce
         self._journal = journal
         self._name: str | None = None
-        self._recovered_name: str | None = None
         self._lock = self._clock.lock()
         self._is_due = False
         self._unsubscribe: Callable[[], None] | None = None
@@ -179,7 +178,7 @@ class Autosave:
             self.save_if_changed()
             if self.has_unsaved:
                 return self._name
-        for name, model in self.store.good_models(then=self._recovered_name):
+        for name, model in self.store.good_models():
             fits = learner in (None, model.summary.learner) and self._moves >= set(
                 model.summary.moves
             )
@@ -192,7 +191,8 @@ class Autosave:
         """Use the recovered model; save it at once if possible."""
         with self._lock:
             if recovered.is_saved:
-                self._recovered_name = recovered.name
+                if self.store.current is None and recovered.name is not None:
+                    self.store.current = recovered.name
                 return
             if not self._moves >= set(recovered.model.summary.moves):
                 log.warning("the recovered model has moves that this robot does not have")

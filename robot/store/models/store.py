@@ -26,6 +26,7 @@ from robot.store.folder import (
 from robot.store.models.checking import check_model
 from robot.store.models.model import (
     MAX_BYTES,
+    JournalPosition,
     Model,
     ModelSummary,
     decode_model,
@@ -151,17 +152,17 @@ class ModelStore:
             with contextlib.suppress(RecordingError, OSError):
                 yield decode(_read(version))
 
-    def good_models(self, then: str | None = None) -> Iterator[tuple[str, Model]]:
-        """Yield all readable models: the one used last, `then`, and the others, newest first.
+    def good_models(self) -> Iterator[tuple[str, Model]]:
+        """Yield all readable models: the one used last, and the others, newest first.
 
         Newest by journal position, and by time saved where there is none.
         """
-        first = [name for name in (self.current, then) if name is not None]
-        for name in dict.fromkeys(first):
+        current = self.current
+        if current is not None:  # first: the others are many, and seldom needed
             with contextlib.suppress(RecordingError, NotFoundError):
-                yield name, self.load(name)
+                yield current, self.load(current)
         for other in sorted(self.saved(), key=_age_of, reverse=True):
-            if other.name not in first:
+            if other.name != current:
                 with contextlib.suppress(RecordingError, NotFoundError):
                     yield other.name, self.load(other.name)
 
@@ -245,12 +246,8 @@ def _age_of(stored: StoredModel) -> tuple[int, int, float]:
     summary = stored.summary
     if summary is None:
         return -1, 0, 0.0
-    position = summary.position
-    return (
-        (position.boot if position else 0),
-        (position.change if position else 0),
-        summary.saved_at_s,
-    )
+    position = summary.position or JournalPosition(run="", boot=0, change=0)
+    return position.boot, position.change, summary.saved_at_s
 
 
 def _is_folder(path: Path) -> bool:
