@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run install test test-brick test-browsers test-oldest test-stalls check house mutate docs site dist format screenshots clean \
+.PHONY: help run install test test-brick test-browsers test-oldest test-stalls check conformance house mutate docs site dist format screenshots clean \
   lint types suite
 
 help: ## Say what there is
@@ -69,6 +69,9 @@ lint: $(VENV)/.dev
 
 types: $(VENV)/.dev
 	$(BIN)/mypy
+
+conformance: $(VENV)/.dev ## Try the newest of each program that shares files with this one (says what it cannot get)
+	$(BIN)/python -m tests.conformance $(ARGS)
 
 house: $(VENV)/.dev ## Count lines by house and room
 	@$(BIN)/python -m tests.architecture.house

@@ -1,0 +1,296 @@
+"""Tries the newest of each program that shares files or formats with this one: `make conformance`.
+
+Each peer gets an environment of its own below var/conformance, in which a script of this folder
+uses it; what cannot be had is named, and is no failure. Ends with a table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from .samples import Samples, imports_of, make_samples
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+PATIENCE_S = 3600
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """One line of the table."""
+
+    peer: str
+    version: str
+    check: str
+    outcome: str
+    """`passed`, `FAILED: why` or `not to be had: why`."""
+
+
+class NotToBeHadError(Exception):
+    """No index, package manager or machine has this peer."""
+
+
+def check_lerobot(home: Path, samples: Samples) -> Iterator[Result]:
+    """Load, edit, merge and train three steps on an export; import a dataset of its own."""
+    python = _environment(home, ["lerobot[dataset,training]"], "lerobot")
+    out = _fresh(home / "out")
+    yield from _run(home.name, [python, HERE / "in_lerobot.py", samples.lerobot, out])
+    yield _import(home.name, out / "own")
+
+
+def check_donkeycar(home: Path, samples: Samples) -> Iterator[Result]:
+    """Read, delete from and append to an export; import what became of it."""
+    python = _environment(home, ["donkeycar"], "donkeycar.parts.tub_v2")
+    out = _fresh(home / "out")
+    yield from _run(home.name, [python, HERE / "in_donkeycar.py", samples.tub, out])
+    yield _import(home.name, out)
+
+
+def check_mcap_in_python(home: Path, samples: Samples) -> Iterator[Result]:
+    """Read a recording, with all checksums and Foxglove's messages."""
+    packages = ["mcap", "mcap-protobuf-support", "lz4", "zstandard"]
+    python = _environment(home, packages, "mcap_protobuf")
+    yield from _run(home.name, [python, HERE / "in_mcap.py", samples.recording])
+
+
+def check_mcap_in_javascript(home: Path, samples: Samples) -> Iterator[Result]:
+    """The same in JavaScript."""
+    npm = _program("npm", "node")
+    home.mkdir(parents=True, exist_ok=True)
+    shutil.copy(HERE / "in_mcap.mjs", home)
+    packages = ["@mcap/core@latest", "@mcap/nodejs@latest", "fzstd@latest"]
+    _get([npm, "install", "--silent", "--no-audit", "--no-fund", "--prefix", home, *packages])
+    yield from _run(home.name, [_program("node"), home / "in_mcap.mjs", samples.recording])
+
+
+def check_ffprobe(home: Path, samples: Samples) -> Iterator[Result]:
+    """Probe a film and that of a dataset, and decode every frame."""
+    probe = shutil.which("ffprobe")
+    if probe is None:  # Debian's needs many libraries; this one needs none
+        npm, package = _program("npm"), "@ffprobe-installer/linux-x64"
+        _get([npm, "install", "--silent", "--no-audit", "--no-fund", "--prefix", home, package])
+        probe = str(home / "node_modules" / package / "ffprobe")
+    version = _said([probe, "-version"]).split()[2]
+    for film in (samples.film, next(samples.lerobot.rglob("*.mp4"))):
+        fields = "stream=codec_name,pix_fmt,nb_read_frames"
+        words = [probe, "-v", "error", "-count_frames", "-show_entries", fields, "-of", "json"]
+        done = subprocess.run([*words, film], capture_output=True, text=True, check=False)
+        [stream] = json.loads(done.stdout or "{}").get("streams") or [{}]
+        frames = stream.get("nb_read_frames")
+        is_good = not done.stderr and stream.get("codec_name") == "h264" and int(frames or 0) > 9
+        outcome = "passed" if is_good else f"FAILED: {done.stderr or stream}"
+        yield Result(
+            peer=home.name, version=version, check=f"{film.name}: {frames} frames", outcome=outcome
+        )
+
+
+def check_promtool(home: Path, samples: Samples) -> Iterator[Result]:
+    """Check what `/metrics` says, and the alerts of the docs."""
+    promtool = _program("promtool", package="prometheus", home=home)
+    version = _said([promtool, "--version"]).split()[2]
+    alerts = ROOT / "docs/examples/monitoring/alerts.yml"
+    for check, words, text in (
+        ("metrics", ["check", "metrics"], samples.metrics),
+        ("alerts", ["check", "rules", str(alerts)], ""),
+    ):
+        done = subprocess.run(
+            [promtool, *words], input=text, capture_output=True, text=True, check=False
+        )
+        outcome = f"FAILED: {done.stderr or done.stdout}" if done.returncode else "passed"
+        yield Result(peer=home.name, version=version, check=check, outcome=outcome)
+
+
+def check_pythons(home: Path, samples: Samples) -> Iterator[Result]:
+    """Install the wheel on every Python that this machine has, and start it."""
+    dist = _fresh(home / "dist")
+    build = _environment(home / "build", ["build", "hatchling"], "build")
+    _get([build, "-m", "build", "--quiet", "--wheel", "--outdir", dist, ROOT])
+    for python in _pythons():
+        version = _said([python, "-c", "import platform; print(platform.python_version())"])
+        words = [python, ROOT / "tests/docs/try_wheel.py", dist]
+        done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=home)
+        outcome = "passed" if not done.returncode else f"FAILED: {done.stderr.strip()[-200:]}"
+        yield Result(
+            peer=home.name, version=version.strip(), check="wheel and README", outcome=outcome
+        )
+
+
+CHECKS: dict[str, Callable[[Path, Samples], Iterator[Result]]] = {
+    "mcap": check_mcap_in_python,
+    "mcap.js": check_mcap_in_javascript,
+    "promtool": check_promtool,
+    "ffprobe": check_ffprobe,
+    "donkeycar": check_donkeycar,
+    "lerobot": check_lerobot,
+    "python": check_pythons,
+}
+
+
+def main() -> int:
+    """Run the checks; returns 1 if one has failed."""
+    parser = argparse.ArgumentParser(prog="python -m tests.conformance", description=__doc__)
+    parser.add_argument("--folder", type=Path, default=ROOT / "var" / "conformance")
+    parser.add_argument("--only", nargs="+", choices=CHECKS, default=list(CHECKS))
+    args = parser.parse_args()
+    folder = args.folder.resolve()
+    samples = make_samples(_fresh(folder / "samples"))
+    results = [r for name in args.only for r in _results(name, folder / name, samples)]
+    widths = [max(len(getattr(r, n)) for r in results) for n in ("peer", "version", "check")]
+    print()
+    for result in results:
+        cells = (result.peer, result.version, result.check)
+        print("  ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)), result.outcome)
+    return any(result.outcome.startswith("FAILED") for result in results)
+
+
+def _results(name: str, home: Path, samples: Samples) -> Iterator[Result]:
+    print(f"{name} ...", file=sys.stderr, flush=True)
+    home.mkdir(parents=True, exist_ok=True)
+    try:
+        yield from CHECKS[name](home, samples)
+    except NotToBeHadError as error:
+        outcome = f"not to be had: {str(error).strip()[-200:]}"
+        yield Result(peer=name, version="", check="", outcome=outcome)
+
+
+def _pythons() -> list[Path]:
+    """Return the Pythons of this machine that the package is for, the newest first."""
+    found = {}
+    names = [f"python3.{minor}" for minor in range(11, 20)]
+    there = [shutil.which(name) for name in names]
+    there += [str(p) for name in names for p in Path.home().glob(f".pyenv/versions/*/bin/{name}")]
+    for path in filter(None, there):
+        done = subprocess.run(
+            [path, "-c", "import sys, venv, ssl; print(*sys.version_info[:3])"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode == 0:
+            found[tuple(map(int, done.stdout.split()))] = Path(path)
+    newest = {version[:2]: version for version in sorted(found)}
+    return [found[version] for _, version in sorted(newest.items(), reverse=True)]
+
+
+def _environment(home: Path, packages: list[str], module: str) -> Path:
+    """Install the newest of some packages, with the newest Python of those for which it is."""
+    why, newest = "no Python", dict[Path, tuple[int, ...]]()
+    for python in _pythons():
+        try:
+            newest[python] = _newest(home, python, packages[0].partition("[")[0])
+        except NotToBeHadError as error:
+            why = str(error)
+    for python in sorted(newest, key=lambda python: newest[python], reverse=True):
+        own = _virtual(home, python)
+        try:
+            _get([own, "-m", "pip", "install", "--quiet", "--upgrade", *packages])
+            _get([own, "-c", f"import {module}"])
+        except NotToBeHadError as error:
+            why = str(error)
+        else:
+            return own
+    raise NotToBeHadError(why)
+
+
+def _newest(home: Path, python: Path, package: str) -> tuple[int, ...]:
+    """Return the newest version of a package that the index has for a Python."""
+    report = home / "report.json"
+    words = [_virtual(home, python), "-m", "pip", "install", "--quiet", "--dry-run", "--no-deps"]
+    _get([*words, "--ignore-installed", "--report", report, package])
+    [found] = json.loads(report.read_text())["install"]
+    return tuple(map(int, re.findall(r"\d+", found["metadata"]["version"])))
+
+
+def _virtual(home: Path, python: Path) -> Path:
+    place = home / f"env-{python.name}"
+    if not (place / "bin" / "python").exists():
+        _get([python, "-m", "venv", place])
+    return place / "bin" / "python"
+
+
+def _program(*names: str, package: str = "", home: Path | None = None) -> str:
+    """Return a program of this machine, or else of a package of Debian, unpacked into a folder."""
+    missing = [name for name in names if shutil.which(name) is None]
+    if not missing:
+        return names[0]
+    if not package or home is None:
+        raise NotToBeHadError(f"{missing[0]} is not installed")
+    unpacked = home / "package" / "usr" / "bin" / names[0]
+    if not unpacked.exists():
+        _get(["apt-get", "download", package], cwd=home)
+        [deb] = home.glob(f"{package}_*.deb")
+        _get(["dpkg", "-x", deb, home / "package"])
+    _get([unpacked, "--version"])
+    return str(unpacked)
+
+
+def _get(words: list[object], cwd: Path | None = None) -> None:
+    try:
+        subprocess.run(
+            list(map(str, words)),
+            cwd=cwd,
+            check=True,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+        )
+    except subprocess.CalledProcessError as error:
+        raise NotToBeHadError(error.stderr or error.stdout) from error
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise NotToBeHadError(str(error)) from error
+
+
+def _said(words: list[object]) -> str:
+    return subprocess.run(list(map(str, words)), capture_output=True, text=True, check=True).stdout
+
+
+def _run(peer: str, words: list[object]) -> Iterator[Result]:
+    """Run a script in a peer's environment: each line it prints is a version or a result."""
+    environ = {**os.environ, "HF_HUB_OFFLINE": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    process = subprocess.run(
+        list(map(str, words)),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        env=environ,
+        check=False,
+    )
+    version, check = "", "starts"
+    for line in process.stdout.splitlines():
+        kind, _, text = line.partition(" ")
+        if kind == "VERSION":
+            version = text
+        elif kind == "TRY":
+            check = text
+        elif kind == "PASSED":
+            yield Result(peer=peer, version=version, check=f"{check}{text}", outcome="passed")
+    if process.returncode:
+        why = (process.stderr.strip().splitlines() or ["no reason"])[-1]
+        yield Result(peer=peer, version=version, check=check, outcome=f"FAILED: {why[:200]}")
+
+
+def _import(peer: str, folder: Path) -> Result:
+    try:
+        told = imports_of(folder)
+    except Exception as error:
+        return Result(peer=peer, version="", check="comes in", outcome=f"FAILED: {error}")
+    return Result(peer=peer, version="", check=f"comes in: {told}", outcome="passed")
+
+
+def _fresh(folder: Path) -> Path:
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return folder
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,91 @@
+"""Runs with LeRobot: uses an export as its users do, and makes a dataset of its own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import lerobot
+import numpy as np
+import torch
+from lerobot.datasets.dataset_tools import delete_episodes, merge_datasets, split_dataset
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+export, out = map(Path, sys.argv[1:])
+CAMERA = "observation.images.front"
+print("VERSION", lerobot.__version__)
+
+
+def opened(root: Path, name: str = "me/robot", **options: object) -> LeRobotDataset:
+    return LeRobotDataset(name, root=root, video_backend="pyav", **options)
+
+
+print("TRY loads, with delta_timestamps and a loader")
+given = opened(export, delta_timestamps={"action": [0.0, 0.05, 0.1]})
+batches = list(torch.utils.data.DataLoader(given, batch_size=32))
+assert sum(len(batch["action"]) for batch in batches) == len(given) == given.meta.total_frames
+assert batches[0][CAMERA].shape[1:] == (3, 120, 160) and batches[0]["action"].shape[1:] == (3, 2)
+assert {"q01", "q50", "q99"} <= set(given.meta.stats["action"])
+print("PASSED", f": {len(given)} frames")
+
+print("TRY edits: deletes an episode")
+kept = delete_episodes(opened(export), [0], output_dir=out / "kept", repo_id="me/kept")
+assert kept.meta.total_episodes == 1 and len(kept) == len(given) // 2
+assert kept[0][CAMERA].shape == (3, 120, 160)
+print("PASSED")
+
+print("TRY edits: splits")
+parts = split_dataset(opened(export), {"train": [0], "val": [1]}, output_dir=out / "split")
+assert sum(len(part) for part in parts.values()) == len(given)
+print("PASSED")
+
+print("TRY merges")
+both = merge_datasets([opened(export), kept], "me/both", output_dir=out / "both")
+assert both.meta.total_episodes == 3 and len(both) == len(given) + len(kept)
+assert both[len(both) - 1][CAMERA].shape == (3, 120, 160)
+print("PASSED", f": {len(both)} frames")
+
+print("TRY records a dataset of its own")
+features = {
+    CAMERA: {"dtype": "video", "shape": (96, 128, 3), "names": ["height", "width", "channels"]},
+    "action": {"dtype": "float32", "shape": (2,), "names": ["steering", "throttle"]},
+}
+own = LeRobotDataset.create("me/own", fps=10, features=features, root=out / "own")
+for episode in range(2):
+    for n in range(20):
+        picture = np.full((96, 128, 3), 10 * n, np.uint8)
+        action = np.array([(-0.8, 0.0, 0.8)[n % 3], 0.5], np.float32)
+        own.add_frame({CAMERA: picture, "action": action, "task": f"drive {episode}"})
+    own.save_episode()
+own.finalize()
+print("PASSED")
+
+print("TRY trains three steps (ACT)")
+program = Path(sys.executable).with_name("lerobot-train")
+words = [
+    "--policy.type=act",
+    "--policy.device=cpu",
+    "--policy.push_to_hub=false",
+    "--policy.pretrained_backbone_weights=null",
+    "--policy.chunk_size=4",
+    "--policy.n_action_steps=4",
+    "--policy.dim_model=64",
+    "--policy.n_heads=2",
+    "--policy.dim_feedforward=64",
+    "--policy.n_encoder_layers=1",
+    "--policy.use_vae=false",
+    "--dataset.repo_id=me/robot",
+    f"--dataset.root={export}",
+    "--dataset.video_backend=pyav",
+    f"--output_dir={out / 'trained'}",
+    "--steps=3",
+    "--save_freq=3",
+    "--batch_size=2",
+    "--num_workers=0",
+    "--wandb.enable=false",
+]
+done = subprocess.run([program, *words], capture_output=True, text=True, check=False)
+sys.stderr.write(done.stderr)
+assert done.returncode == 0 and list((out / "trained").rglob("model.safetensors")), "no policy"
+print("PASSED")

@@ -1,0 +1,79 @@
+"""What the peers are given: one simulated drive in every form; and how their own things come in."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot.exchange.drive import write_episode
+from robot.exchange.film import write_look
+from robot.exchange.lerobot import write_lerobot
+from robot.exchange.report import ImportReport
+from robot.exchange.sources import find_drives
+from robot.exchange.tub import write_tub
+from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import open_episode, taught_frames
+from robot.testing import VirtualClock
+from robot.testing.world import VirtualRobot
+from server.clients.metrics import AGE_BUCKETS_S, Histogram, Measured, render
+from tests.robot.exchange.sim_drive import drive_in_simulator
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Samples:
+    """One drive as a recording, a tub, a dataset of two episodes and a film; and `/metrics`."""
+
+    recording: Path
+    tub: Path
+    lerobot: Path
+    film: Path
+    metrics: str
+
+
+def make_samples(folder: Path) -> Samples:
+    """Drive in the simulator, and export."""
+    recording = drive_in_simulator(folder, "default-8").path
+    episode, notes = open_episode(recording), Notes()
+    made = Samples(
+        recording=recording,
+        tub=folder / "tub",
+        lerobot=folder / "lerobot",
+        film=folder / "film.mp4",
+        metrics=_metrics(),
+    )
+    write_tub(episode, notes, made.tub)
+    write_lerobot([(episode, notes), (episode, notes)], made.lerobot)
+    write_look(episode, notes, made.film)
+    return made
+
+
+def _metrics() -> str:
+    clock = VirtualClock()
+
+    async def measure() -> str:
+        async with VirtualRobot(clock) as world:
+            await world.forward(1.0)
+            measured = Measured(
+                state=world.loop.state,
+                now_s=clock.now_s(),
+                clients=1,
+                viewers=1,
+                frames_sent=1,
+                frames_encoded=1,
+                frame_ages=Histogram(AGE_BUCKETS_S),
+            )
+        return render(measured).decode()
+
+    return clock.run(measure())
+
+
+def imports_of(folder: Path) -> str:
+    """Import all that is in a folder, strictly; return how much that is."""
+    frames = examples = 0
+    with tempfile.TemporaryDirectory() as scratch:
+        for number, source in enumerate(find_drives(folder)):
+            path = Path(scratch) / f"{number}.mcap"
+            frames += write_episode(source.read(report=ImportReport(is_strict=True)), path)
+            examples += len(taught_frames(open_episode(path)))
+    return f"{frames} pictures, {examples} examples"
