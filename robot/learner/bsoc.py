@@ -123,8 +123,8 @@ class BSOC:
 
     @property
     def touched_(self) -> NDArray[np.int64]:
-        """When each node last got a frame, as a count of frames, shape (n,)."""
-        return self._touched[: self._size]
+        """When each node last got a frame, as a count of frames, shape (n,); a pinned one: now."""
+        return np.where(self._pinned, self._next_id, self._touched)[: self._size]
 
     @property
     def pinned_(self) -> NDArray[np.bool_]:
@@ -168,7 +168,7 @@ class BSOC:
         distances = self._images.measure(x, size)  # halved, here and in all that follows
         self.last_merge_ = None
         self.last_distance_ = self._held_out(distances)
-        self.last_distances_, self.last_touched_ = 2.0 * distances, self._touched[:size].copy()
+        self.last_distances_, self.last_touched_ = 2.0 * distances, self.touched_
         name = self._next_id
         self._next_id = name + 1
         if size < self.max_nodes:

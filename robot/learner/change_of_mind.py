@@ -7,8 +7,9 @@ to what that label was taught on than to driving on, and its own label's images 
 a mind was changed, most examples do; in a lesson that goes the other way round, few.
 
 A label that was contradicted often enough passes most of its votes on, where the nearest of its
-images was last taught before that began. That is read when votes are counted: no histogram is
-changed, and the old label used again at such views takes it all back.
+images was last taught before that began. So it does where another label's image is at least as near
+and was taught much later. That is read when votes are counted: no histogram is changed, and the old
+label used again at such views takes it all back.
 
 The label that is taken up most often, such as FORWARD, is left out: it follows every other, and
 where is a matter of a tenth of a second.
@@ -34,6 +35,8 @@ MOST_A_TURN = 10.0
 """one turn, which may be a slip, is no more than so many."""
 CONFIRMED = 4.0
 """An example of the old label at its old views takes back so many."""
+LATER = 200
+"""An image taught so many examples after another, 20 s of teaching, is much later."""
 STILL_VALID = 0.3
 """Share of the old label's votes that are left then."""
 
@@ -112,14 +115,24 @@ class ChangeOfMind:
             owners: The label that each image votes for most, shape (n,).
             taught: When each image last got an example, shape (n,).
         """
-        pairs = np.argwhere(self._against >= ENOUGH)
-        after = shares.copy() if len(pairs) else shares
-        for old, new in pairs:
-            images = np.flatnonzero(owners == old)
-            if images.size and taught[images[distances[images].argmin()]] < self._since[old, new]:
+        usual = int(self._taken_up.argmax())
+        nearest = {
+            label: int(np.where(owners == label, distances, np.inf).argmin())
+            for label in np.unique(owners[owners != usual]).tolist()
+        }
+        after = shares.copy()
+        for old, image in nearest.items():
+            is_before = taught[image] < self._since[old]
+            followers = [
+                (distances[other], new)
+                for new, other in nearest.items()
+                if (self._against[old, new] >= ENOUGH and is_before[new])
+                or (distances[other] <= distances[image] and taught[other] > taught[image] + LATER)
+            ]
+            if followers:
                 passed = (1.0 - STILL_VALID) * shares[old]
                 after[old] -= passed
-                after[new] += passed
+                after[min(followers)[1]] += passed
         return after
 
     def get_arrays(self) -> dict[str, NDArray[Any]]:
