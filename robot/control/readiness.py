@@ -23,8 +23,11 @@ TAUGHT_S = 40.0
 """Teaching before a first trial, in seconds,"""
 STARTS = 3
 """and how often each move in use has to have been begun: fewer are chance."""
-IN_USE_SHARE = 0.02
-"""A move on fewer of the examples is a slip of the finger, not in use."""
+RARE_SHARE = 0.02
+"""A move on fewer of the examples has to have been begun twice as often. Who drives straight for
+minutes shows too little of what to do at a wall, and each further minute makes it less."""
+_SLIP, _MEANT = 5, 10
+"""Fewer examples in all, or in a single try, are a slip of the finger."""
 CLEAN_S = 45.0
 """The robot is ready when it has driven so long without anything going wrong,"""
 NOVEL_SHARE = 0.015
@@ -110,6 +113,8 @@ class Readiness:
         self._gaps: deque[Gap] = deque(maxlen=_GAPS)
         self._trial = _Trial()
         self._was: DrivenBy = DrivenBy.NOBODY
+        self._is_taken = False
+        self._instead: Action | None = None
         self._last_s: float | None = None
         self._frame: Frame | None = None
 
@@ -128,10 +133,22 @@ class Readiness:
             elif isinstance(event, Taught):
                 self._note_taught(event, tick)
         if tick.decision.driven_by is DrivenBy.ROBOT:
+            self._instead = tick.decision.action
             self._note_alone(tick, max(step_s, 0.0))
-        elif tick.decision.driven_by is DrivenBy.PILOT and self._was is DrivenBy.ROBOT:
-            self._fail(GapKind.CORRECTED, tick, tick.decision.action)
+        elif tick.decision.driven_by is DrivenBy.PILOT:
+            self._note_takeover(tick)
+        else:
+            self._is_taken = False
         self._was = tick.decision.driven_by
+
+    def _note_takeover(self, tick: Tick) -> None:
+        """Notice where the pilot drives otherwise: he may begin with what the robot was doing."""
+        if self._was is DrivenBy.ROBOT:
+            self._trial, self._is_taken = _Trial(), True
+        move = tick.decision.action
+        if self._is_taken and move is not self._instead:
+            self._add(Gap(kind=GapKind.CORRECTED, move=move, instead=self._instead), tick)
+            self._is_taken = False
 
     def _note_taught(self, event: Taught, tick: Tick) -> None:
         label, before = event.example.label, self._last
@@ -171,10 +188,10 @@ class Readiness:
         if trial.clean_s > _FORGOTTEN_S:
             trial.clean_s, trial.novel_s = trial.clean_s / 2, trial.novel_s / 2
 
-    def _fail(self, kind: GapKind, tick: Tick, move: Action | None = None) -> None:
+    def _fail(self, kind: GapKind, tick: Tick) -> None:
         before = self._proposed[-1][1] if self._proposed else None
         if self._trial.clean_s > 0.0 or kind is not GapKind.HELPLESS:
-            self._add(Gap(kind=kind, move=move, instead=before), tick)
+            self._add(Gap(kind=kind, instead=before), tick)
         self._trial = _Trial()
 
     def _add(self, gap: Gap, tick: Tick) -> None:
@@ -192,8 +209,11 @@ class Readiness:
     @property
     def moves_in_use(self) -> list[Action]:
         """The moves that this pilot uses, without slips of the finger."""
-        least = max(5.0, IN_USE_SHARE * self._examples.total())
-        return [move for move, count in self._examples.items() if count >= least]
+        return [
+            move
+            for move, count in self._examples.items()
+            if count >= (_SLIP if self._starts[move] > 1 else _MEANT)
+        ]
 
     @property
     def stage(self) -> Stage:
@@ -233,7 +253,8 @@ class Readiness:
         if self._taught_s < TAUGHT_S:
             gaps.append(Gap(kind=GapKind.TOO_SHORT, have=self._taught_s, need=TAUGHT_S))
         for move in self.moves_in_use:
-            if self._starts[move] < STARTS:
-                have = self._starts[move]
-                gaps.append(Gap(kind=GapKind.RARE_MOVE, move=move, have=have, need=STARTS))
+            is_rare = self._examples[move] < RARE_SHARE * self._examples.total()
+            have, need = self._starts[move], 2 * STARTS if is_rare else STARTS
+            if have < need:
+                gaps.append(Gap(kind=GapKind.RARE_MOVE, move=move, have=have, need=need))
         return gaps

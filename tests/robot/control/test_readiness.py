@@ -126,6 +126,36 @@ def test_a_move_begun_too_few_times_is_named() -> None:
     assert (gap.kind, gap.move, gap.have, gap.need) == (GapKind.RARE_MOVE, R, 1, STARTS)
 
 
+@pytest.mark.parametrize("straight_s", [60, 300, 900])
+def test_who_drives_straight_for_minutes_is_told_which_turn_is_missing(straight_s) -> None:
+    drive = Drive()
+    for _ in range(STARTS):
+        drive.teach(F, straight_s / STARTS)
+        drive.teach(R, 0.5 if straight_s < 100 else 1.0)
+    is_rare = straight_s > STARTS / 0.02
+    assert [gap.move for gap in drive.readiness.missing() if gap.kind is GapKind.RARE_MOVE] == (
+        [R] if is_rare else []
+    )
+    for _ in range(STARTS):
+        drive.teach(F, 1.0)
+        drive.teach(R, 1.0)
+    assert drive.readiness.stage is Stage.TRY
+
+
+def test_a_pilot_who_begins_with_what_the_robot_does_corrects_it_where_he_turns() -> None:
+    drive = taught()
+    drive.alone(5.0)
+    drive.teach(F, 0.5, is_intervention=True)
+    assert GapKind.CORRECTED not in drive.kinds
+    drive.teach(L, 0.5, proposed=F, is_intervention=True)
+    gap = drive.readiness.missing()[0]
+    assert (gap.kind, gap.move, gap.instead) == (GapKind.CORRECTED, L, F)
+    drive.alone(5.0)
+    drive.teach(F, 0.5, is_intervention=True)
+    drive.alone(1.0)
+    assert drive.kinds.count(GapKind.CORRECTED) == 1
+
+
 def test_a_slip_of_the_finger_is_no_move_to_be_taught() -> None:
     drive = taught()
     drive.teach(R, 0.3)
