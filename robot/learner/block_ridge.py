@@ -7,17 +7,19 @@ of what they cost one by one. Frames that wait for their block count already in 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.learner.part import MOST_VALUES, Array, Arrays, Params, Stateful, first_rows
 from robot.learner.ridge import Floats, RecursiveRidge
 
 BLOCK = 32
 
 
-class BlockRidge:
+class BlockRidge(Stateful):
     """Learns as a `RecursiveRidge` does, a block at a time.
 
     What it knows does not depend on when it was asked.
@@ -26,21 +28,28 @@ class BlockRidge:
         ridge: What it learns with. Nobody else may use it.
     """
 
+    fields = (
+        Array("block_frames", np.float64, (BLOCK, "size"), -MOST_VALUES, MOST_VALUES, "_frames"),
+        Array("block_targets", np.float64, (BLOCK, "n_labels"), 0.0, 1.0, "_targets"),
+    )
+
     def __init__(self, ridge: RecursiveRidge) -> None:
+        self.size = ridge.size
         self._ridge = ridge
-        self._frames: list[Floats] = []
-        self._targets: list[Floats] = []
+        self._frames = np.zeros((BLOCK, ridge.size))
+        self._targets = np.zeros((BLOCK, ridge.n_columns))
+        self._n_waiting = 0
         self._weights: Floats | None = None
 
     def add_label(self) -> None:
         """Add a label, which no frame so far had."""
         self._ridge.add_label()
-        self._targets = [np.append(targets, 0.0) for targets in self._targets]
+        self._targets = np.hstack([self._targets, np.zeros((BLOCK, 1))])
         self._weights = None
 
     def scores(self, x: NDArray[Any]) -> Floats:
         """Return one score a label, as `RecursiveRidge.scores`."""
-        if not self._frames:
+        if not self._n_waiting:
             return self._ridge.scores(x)
         if self._weights is None:
             self._weights = self._ridge.weights_after(*self._waiting())
@@ -50,10 +59,11 @@ class BlockRidge:
     def learn_scaled(self, z: Floats, targets: Floats, weight: float = 1.0) -> None:
         """Add a frame that the ridge has scaled `weight` times, with its target scores."""
         root = math.sqrt(weight)
-        self._frames.append(root * z)
-        self._targets.append(root * targets)
+        self._frames[self._n_waiting] = root * z
+        self._targets[self._n_waiting] = root * targets
+        self._n_waiting += 1
         self._weights = None
-        if len(self._frames) == BLOCK:
+        if self._n_waiting == BLOCK:
             self._write()
 
     def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:
@@ -67,28 +77,30 @@ class BlockRidge:
         self._ridge.retarget(x, change)
 
     def _write(self) -> None:
-        if self._frames:
+        if self._n_waiting:
             self._ridge.learn_block(*self._waiting())
-        self._frames, self._targets, self._weights = [], [], None
+            self._frames[:], self._targets[:] = 0.0, 0.0
+        self._n_waiting, self._weights = 0, None
 
     def _waiting(self) -> tuple[Floats, Floats]:
-        return np.array(self._frames), np.array(self._targets)
+        return self._frames[: self._n_waiting], self._targets[: self._n_waiting]
 
-    def get_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that was learned, and of the frames that wait for their block."""
-        arrays = self._ridge.get_arrays()
-        n_waiting, n_labels = len(self._frames), arrays["linear"].shape[1]
-        frames, targets = np.zeros((BLOCK, self._ridge.n_features + 1)), np.zeros((BLOCK, n_labels))
-        if n_waiting:
-            frames[:n_waiting], targets[:n_waiting] = self._waiting()
-        return {**arrays, "block_frames": frames, "block_targets": targets}
+    def parts(self) -> Sequence[tuple[str, Stateful]]:
+        """Return the ridge."""
+        return (("", self._ridge),)
 
-    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Restore what `get_arrays` returned, or a `RecursiveRidge` did; raises as that."""
-        self._ridge.set_arrays(arrays)
-        self._frames, self._targets, self._weights = [], [], None
-        if "block_frames" in arrays:
-            # The constant of a frame is not 0, that of an empty row 0.
-            n_waiting = int(arrays["block_frames"][:, -1].astype(bool).sum())
-            self._frames = list(arrays["block_frames"][:n_waiting].copy())
-            self._targets = list(arrays["block_targets"][:n_waiting].copy())
+    def upgrade(self, params: Params, arrays: Arrays) -> None:
+        """Let nothing wait where a `RecursiveRidge` was saved."""
+        if not {"block_frames", "block_targets"} & arrays.keys():
+            arrays["block_frames"] = np.zeros((BLOCK, self.size))
+            arrays["block_targets"] = np.zeros((BLOCK, arrays["linear"].shape[1]))
+
+    def restored(self) -> None:
+        """Count the frames that wait: the constant of a frame is not 0, that of an empty row 0."""
+        self._n_waiting, self._weights = int(self._frames[:, -1].astype(bool).sum()), None
+
+    def faults(self) -> Iterator[str]:
+        """Yield if what waits has no room, or is no frame."""
+        n = self._n_waiting
+        if n == BLOCK or first_rows(self._frames) != n or self._targets[n:].any():
+            yield "the array block_frames is over-full, or has gaps"

@@ -8,31 +8,23 @@ pixel by pixel after every merge; here a merged node's distances follow from tho
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.base import State, Vector
+from robot.learner.base import Vector
+from robot.learner.clusters import MOST_FRAMES, Clusters, Merge
 from robot.learner.edges import Edges
 from robot.learner.images import FloatImages, Images, IntegerImages
 from robot.learner.novelty import HELD_OUT
+from robot.learner.part import MOST_DISTANCE, Array, Stateful, Value, count, number
 
 Floats = NDArray[np.float32]
-_ARRAYS = ("ids", "touched", "groups", "pinned", "distances")
+_SQUARE = ("max_nodes", "max_nodes")
 
 
-class Merge(NamedTuple):
-    """Node `removed` was merged into node `kept`, and its index given to the newest frame.
-
-    A plain tuple, because it is made often and is three times as fast as a dataclass.
-    """
-
-    kept: int
-    removed: int
-
-
-class BSOC:
+class BSOC(Clusters):
     """An online clustering of bounded size.
 
     Args:
@@ -57,6 +49,19 @@ class BSOC:
     """
 
     measures_novelty = True
+    fields = (
+        Value("max_nodes", count(), "max_nodes", is_fixed=True),
+        Value("group_cost", number(1.0, 1e6), "group_cost"),
+        Value("size", count()),
+        Value("next_id", count()),
+        Array("ids", np.int64, ("max_nodes",)),
+        Array("touched", np.int64, ("max_nodes",), older=0),
+        Array("groups", np.int64, ("max_nodes",)),
+        Array("pinned", np.bool_, ("max_nodes",)),
+        Array("counts", np.int64, ("max_nodes",), high=MOST_FRAMES),
+        Array("distances", np.float32, _SQUARE, -MOST_DISTANCE, MOST_DISTANCE),
+        Array("weights", np.float32, _SQUARE, -np.inf, np.inf, "_edges.weights"),
+    )
 
     def __init__(
         self,
@@ -66,35 +71,24 @@ class BSOC:
         integer: bool = False,
         n_compared: int | None = None,
     ) -> None:
-        if max_nodes < 1:
-            raise ValueError(f"max_nodes must be at least 1, not {max_nodes}")
+        super().__init__(max_nodes, max_nodes)
         if group_cost < 1.0:
             raise ValueError(f"group_cost must be at least 1, not {group_cost}")
-        self.max_nodes = max_nodes
         self.group_cost = group_cost
         self.integer = integer
-        self.last_merge_: Merge | None = None
-        self.last_distance_: float | None = None
         self.last_distances_, self.last_touched_ = np.zeros(0, np.float32), np.zeros(0, np.int64)
-        self._size = 0
-        self._next_id = 0
         self._n_pinned = 0
         self._is_choosy = group_cost != 1.0
         # A list for exact counts, read one by one, and an array of them to weigh with.
         self._counts = [0] * max_nodes
         self._masses = np.zeros(max_nodes, np.float32)
-        self._ids = np.zeros(max_nodes, np.int64)
         self._touched = np.zeros(max_nodes, np.int64)
         self._groups = np.zeros(max_nodes, np.int64)
-        self._pinned = np.zeros(max_nodes, np.bool_)
         self._distances = np.zeros((max_nodes, max_nodes), np.float32)
         self._edges = Edges(max_nodes)
         self._images: Images = (
             IntegerImages(max_nodes, n_compared) if integer else FloatImages(max_nodes)
         )
-
-    def __len__(self) -> int:
-        return self._size
 
     @property
     def nodes_(self) -> NDArray[np.float32]:
@@ -105,11 +99,6 @@ class BSOC:
     def counts_(self) -> NDArray[np.int64]:
         """Frames per node, shape (n,)."""
         return np.array(self._counts[: self._size], np.int64)
-
-    @property
-    def ids_(self) -> NDArray[np.int64]:
-        """Names of the nodes, shape (n,)."""
-        return self._ids[: self._size].copy()
 
     @property
     def groups_(self) -> NDArray[np.int64]:
@@ -125,25 +114,6 @@ class BSOC:
     def touched_(self) -> NDArray[np.int64]:
         """When each node last got a frame, as a count of frames, shape (n,); a pinned one: now."""
         return np.where(self._pinned, self._next_id, self._touched)[: self._size]
-
-    @property
-    def pinned_(self) -> NDArray[np.bool_]:
-        """Which nodes are pinned, shape (n,)."""
-        return self._pinned[: self._size].copy()
-
-    def node_id(self, index: int) -> int:
-        """Return the name of one node."""
-        return int(self._ids[index])
-
-    def lookup(self, x: Vector) -> tuple[int, float]:
-        """Return the nearest node's index and its squared distance; the lowest index on a tie.
-
-        Raises:
-            ValueError: If there is no node yet, or `x` is of another shape or not finite.
-        """
-        distances = self.distances(x)
-        nearest = int(distances.argmin())
-        return nearest, float(distances[nearest])
 
     def distances(self, x: Vector) -> Floats:
         """Return the squared distance of `x` to every node, shape (n,); raises as `lookup`."""
@@ -309,40 +279,45 @@ class BSOC:
         self._size = last
         return last
 
-    def get_state(self) -> State:
-        """Return a copy of all that was learned."""
-        arrays = {name: getattr(self, f"_{name}").copy() for name in _ARRAYS}
-        arrays["counts"] = np.array(self._counts, np.int64)
-        arrays["weights"] = self._edges.weights.copy()
-        arrays.update(self._images.get_arrays())
-        params: dict[str, Any] = {
-            "max_nodes": self.max_nodes,
-            "group_cost": self.group_cost,
-            "size": self._size,
-            "next_id": self._next_id,
-        }
-        return State(kind=self.kind, params=params, arrays=arrays)
+    def parts(self) -> Sequence[tuple[str, Stateful]]:
+        """Return the images."""
+        return (("", self._images),)
 
-    def set_state(self, state: State) -> None:
-        """Restore `state`; raises ValueError if it is of another kind."""
-        if state.kind != self.kind:
-            raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
-        self.max_nodes = int(state.params["max_nodes"])
-        self.group_cost = float(state.params["group_cost"])
-        self._size = int(state.params["size"])
-        self._next_id = int(state.params["next_id"])
-        untouched = np.zeros(self.max_nodes, np.int64)  # models of version 0.1 do not say
-        for name in _ARRAYS:
-            setattr(self, f"_{name}", state.arrays.get(name, untouched).copy())
-        self._counts = state.arrays["counts"].tolist()
-        self._masses = state.arrays["counts"].astype(np.float32)
+    def restored(self) -> None:
+        """Make what follows from counts, pins and weights."""
+        super().restored()
+        counts = np.asarray(self._counts)
+        self._images.follow(counts)
+        self._counts, self._masses = counts.tolist(), counts.astype(np.float32)
         self._n_pinned = int(self._pinned.sum())
         self._is_choosy = self.group_cost != 1.0 or self._n_pinned > 0
-        self._edges = Edges(self.max_nodes)
-        self._edges.weights = state.arrays["weights"].copy()
         self._edges.rebuild()
-        self._images.set_arrays(state.arrays)
-        self.last_merge_ = None
+
+    def faults(self) -> Iterator[str]:
+        """Yield what the nodes say of one another that cannot be."""
+        yield from super().faults()
+        if self._touched.max(initial=0) > self._next_id:
+            yield "an image was touched by a frame that was not learned"
+
+    def _fits(self) -> bool:
+        """Tell whether the distances are about those of the images, and the weights those of both.
+
+        Distances follow from one another, so that they are off by a little after many frames.
+        """
+        size = self._size
+        rows, distances = self._images.compared(size), self._distances[:size, :size]
+        norms = 0.5 * np.einsum("ij,ij->i", rows, rows)
+        right = norms[:, None] + norms - rows @ rows.T
+        slack = 0.05 * float(norms.max(initial=0.0)) + 1.0
+        weights = np.maximum(self._masses[:size, None], self._masses[:size]) * distances
+        weights[self._groups[:size, None] != self._groups[:size]] *= np.float32(self.group_cost)
+        weights[self._pinned[:size, None] | self._pinned[:size]] = np.inf
+        weights[np.diag_indices(size)] = np.inf
+        own = np.full_like(self._edges.weights, np.inf)
+        own[:size, :size] = weights
+        return bool((np.abs(distances - right) <= slack).all()) and np.allclose(
+            self._edges.weights, own, rtol=1e-4
+        )
 
     @property
     def kind(self) -> str:

@@ -17,12 +17,12 @@ where is a matter of a tenth of a second.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.learner.part import WHOLE, Array, Stateful
 from robot.learner.votes import Distances, Floats
 
 CLEARLY = 0.9
@@ -41,11 +41,17 @@ STILL_VALID = 0.3
 """Share of the old label's votes that are left then."""
 
 
-class ChangeOfMind:
+class ChangeOfMind(Stateful):
     """Weighs for each two labels whether the second took the first one's place.
 
     Labels are columns 0, 1, ...; times are counts of examples.
     """
+
+    fields = (
+        Array("contradicted", np.float64, ("n_labels+1", "n_labels"), older=0.0),
+        Array("contradicted_since", np.int64, ("n_labels", "n_labels"), 0, WHOLE, "_since", 0),
+        Array("taken_up", np.int64, ("n_labels+1",), 0, WHOLE, "_kept_taken_up", 0),
+    )
 
     def __init__(self) -> None:
         self._against = np.zeros((0, 0))  # by how many examples the second label contradicts
@@ -135,19 +141,25 @@ class ChangeOfMind:
                 after[min(followers)[1]] += passed
         return after
 
-    def get_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that is kept."""
-        return {
-            "contradicted": np.vstack([self._against, self._before]),
-            "contradicted_since": self._since.copy(),
-            "taken_up": np.append(self._taken_up, self._last + 1),  # 0: none
-        }
+    @property
+    def _contradicted(self) -> Floats:
+        """What speaks against each label now, and at the beginning of this turn."""
+        return np.vstack([self._against, self._before])
 
-    def set_arrays(self, arrays: Mapping[str, NDArray[Any]], n_labels: int) -> None:
-        """Restore what `get_arrays` returned; older models have none of it."""
-        against = arrays.get("contradicted", np.zeros((n_labels + 1, n_labels)))
-        taken_up = arrays.get("taken_up", np.zeros(n_labels + 1, np.int64))
-        self._against, self._before = against[:-1].copy(), against[-1].copy()
-        none = np.zeros((n_labels, n_labels), np.int64)
-        self._since = arrays.get("contradicted_since", none).copy()
-        self._taken_up, self._last = taken_up[:-1].copy(), int(taken_up[-1]) - 1
+    @_contradicted.setter
+    def _contradicted(self, against: Floats) -> None:
+        self._against, self._before = against[:-1], against[-1]
+
+    @property
+    def _kept_taken_up(self) -> NDArray[np.int64]:
+        """How often each label was taken up, and the last one; 0 if there is none."""
+        return np.append(self._taken_up, self._last + 1)
+
+    @_kept_taken_up.setter
+    def _kept_taken_up(self, taken_up: NDArray[np.int64]) -> None:
+        self._taken_up, self._last = taken_up[:-1], int(taken_up[-1]) - 1
+
+    def faults(self) -> Iterator[str]:
+        """Yield if the last label is none."""
+        if self._last >= len(self._taken_up):
+            yield "the last label is not known"

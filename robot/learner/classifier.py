@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Sequence
 from typing import Self
 
 import numpy as np
@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from robot.learner import votes
 from robot.learner.base import Abilities, Evidence, Label, Node, NotFittedError, State, Vector
-from robot.learner.bsoc import BSOC, Merge
+from robot.learner.bsoc import BSOC
 from robot.learner.change_of_mind import ChangeOfMind
+from robot.learner.clusters import MOST_FRAMES, Merge
 from robot.learner.context_ridge import N_CONTEXTS, ContextRidge
 from robot.learner.novelty import MARGIN, Novelty
+from robot.learner.part import Array, Arrays, Params, Stateful, Value, count
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import LinearPart
 
@@ -27,7 +29,7 @@ SHARPNESS = 1.6
 """Calibrates the mixture's chances: one number for all places (docs/explanation/learner.md)."""
 
 
-class BSOCClassifier:
+class BSOCClassifier(Stateful):
     """A classifier of at most `max_nodes` learned images.
 
     Args:
@@ -50,6 +52,12 @@ class BSOCClassifier:
         >>> learner.predict_one(np.array([0.0, 0.9]))
         'left'
     """
+
+    fields = (
+        Value("n_voters", count(), "n_voters", is_fixed=True),
+        Value("n_seen", count(), "n_seen_"),
+        Array("histograms", np.int64, ("max_nodes", "n_labels"), high=MOST_FRAMES),
+    )
 
     def __init__(
         self,
@@ -246,41 +254,39 @@ class BSOCClassifier:
             for node_id, image, counts, frames, is_pinned in rows
         ]
 
+    def parts(self) -> Sequence[tuple[str, Stateful]]:
+        """Return the clustering, and what there is beside it."""
+        others = (self.novelty_, self.linear, self._mind)
+        own = [("", part) for part in others if isinstance(part, Stateful)]
+        return [("cluster", self.cluster), *own]
+
+    def upgrade(self, params: Params, arrays: Arrays) -> None:
+        """Leave out what earlier versions counted."""
+        for name in ("runs", "contrary", "anew", "starts"):
+            arrays.pop(name, None)
+
     def get_state(self) -> State:
         """Return a copy of all that was learned."""
-        inner = self.cluster.get_state()
-        params = {"n_voters": self.n_voters, "n_seen": self.n_seen_, "cluster": inner.params}
-        arrays = {f"cluster_{name}": array for name, array in inner.arrays.items()}
-        arrays["histograms"] = self._histograms.copy()
-        arrays["novelty"] = self.novelty_.get_array()
-        if self.linear is not None:
-            arrays.update(self.linear.get_arrays())
-        if self._mind is not None:
-            arrays.update(self._mind.get_arrays())
+        params, arrays = self.save()
         return State(kind=self._kind, params=params, arrays=arrays, labels=list(self.labels_))
 
     def set_state(self, state: State) -> None:
         """Restore `state`; raises ValueError if it is of another kind."""
         if state.kind != self._kind:
             raise ValueError(f"the model is a {state.kind}, not a {self._kind}")
-        prefix = "cluster_"
-        inner = {k[len(prefix) :]: v for k, v in state.arrays.items() if k.startswith(prefix)}
-        self.cluster.set_state(
-            State(kind=self.cluster.kind, params=state.params["cluster"], arrays=inner)
-        )
-        self.max_nodes = self.cluster.max_nodes
-        self.n_voters = int(state.params["n_voters"])
-        self.n_seen_ = int(state.params["n_seen"])
         self.labels_ = list(state.labels)
-        self._histograms = state.arrays["histograms"].copy()
-        if "novelty" in state.arrays:
-            self.novelty_.set_array(state.arrays["novelty"])
-        else:
-            self.novelty_.set_moments(*state.params["novelty"])
-        if self.linear is not None:
-            self.linear.set_arrays(state.arrays)
-        if self._mind is not None:
-            self._mind.set_arrays(state.arrays, len(self.labels_))
+        self.load(state.params, state.arrays, sizes={"n_labels": len(self.labels_)})
+
+    def faults(self) -> Iterator[str]:
+        """Yield what labels and images say of one another that cannot be."""
+        if len(set(self.labels_)) < len(self.labels_):
+            yield "a label is there twice"
+        if (self.n_nodes_ > 0) != bool(self.labels_):
+            yield "it has images without labels, or labels alone"
+        if self.cluster.groups_.max(initial=-1) >= len(self.labels_):
+            yield "an image has no such label"
+        if self.histograms_.sum(axis=1).min(initial=1) < 1:
+            yield "an image has no votes"
 
     @property
     def _kind(self) -> str:

@@ -7,19 +7,20 @@ ridge of its own. It learns the moves made in it, and the first examples of what
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.block_ridge import BlockRidge
+from robot.learner.part import Array, Arrays, Params, Stateful
 from robot.learner.ridge import Floats, RecursiveRidge
 
 N_CONTEXTS = 2
 
 
-class ContextRidge:
+class ContextRidge(Stateful):
     """A `LinearPart` with a second opinion for each context.
 
     As long as every frame counted in all contexts there is one ridge for all of them.
@@ -27,6 +28,10 @@ class ContextRidge:
     Args:
         make: Makes a ridge; all are of one kind.
     """
+
+    fields = (
+        Array("context_counts", np.int64, (1 + N_CONTEXTS, "n_labels"), high=1e9, may_miss=True),
+    )
 
     def __init__(self, make: Callable[[], RecursiveRidge]) -> None:
         self._make = make
@@ -85,32 +90,26 @@ class ContextRidge:
 
     def _part(self) -> None:
         """Give each context a copy of what all have in common so far."""
-        arrays = self._any.get_arrays()
-        self._ridges = [self._made_of(arrays) for _ in range(N_CONTEXTS)]
+        self._ridges = [BlockRidge(self._make()) for _ in range(N_CONTEXTS)]
+        for ridge in self._ridges:
+            ridge.load(*self._any.save())
 
-    def _made_of(self, arrays: dict[str, NDArray[Any]]) -> BlockRidge:
-        ridge = BlockRidge(self._make())
-        ridge.set_arrays(arrays)
-        return ridge
+    @property
+    def _context_counts(self) -> NDArray[np.int64] | None:
+        """The counts, as soon as they tell contexts apart."""
+        return self._counts if self._ridges else None
 
-    def get_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that was learned."""
-        arrays = self._any.get_arrays()
-        if self._ridges:
-            arrays["context_counts"] = self._counts.copy()
-        for context, ridge in enumerate(self._ridges):
-            own = ridge.get_arrays().items()
-            arrays |= {f"context{context}_{name}": array for name, array in own}
-        return arrays
+    @_context_counts.setter
+    def _context_counts(self, counts: NDArray[np.int64] | None) -> None:
+        together = np.ones((1 + N_CONTEXTS, self._any.n_columns), np.int64)
+        self._counts = together if counts is None else counts
 
-    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Restore what `get_arrays` returned; raises ValueError if it had other features."""
-        self._any.set_arrays(arrays)
-        together = np.ones((1 + N_CONTEXTS, arrays["linear"].shape[1]), np.int64)
-        self._counts = arrays.get("context_counts", together).copy()
-        self._ridges = []
-        if "context_counts" in arrays:
-            for context in range(N_CONTEXTS):
-                prefix = f"context{context}_"
-                own = {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
-                self._ridges.append(self._made_of(own))
+    def parts(self) -> Sequence[tuple[str, Stateful]]:
+        """Return the ridge for every view, and those of the contexts, if there are any."""
+        own = [(f"context{context}", ridge) for context, ridge in enumerate(self._ridges)]
+        return [("", self._any), *own]
+
+    def upgrade(self, params: Params, arrays: Arrays) -> None:
+        """Make as many ridges as were saved."""
+        n = N_CONTEXTS if "context_counts" in arrays else 0
+        self._ridges = [BlockRidge(self._make()) for _ in range(n)]

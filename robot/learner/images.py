@@ -2,77 +2,36 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector, checked_vector
+from robot.learner.part import MOST_DISTANCE, MOST_VALUES, Array, Stateful
 
 Floats = NDArray[np.float32]
 
 
-class Images(Protocol):
-    """Node images in rows, and one frame `x` at a time that is compared with them."""
-
-    is_empty: bool
-    least: float
-    """The least of the latest half distances."""
-
-    def begin(self, x: Vector) -> None:
-        """Fix the length of the vectors by the first one."""
-        ...
-
-    def measure(self, x: Vector, size: int) -> Floats:
-        """Store `x` and return half its squared distances to the first `size` images.
-
-        Half, because |n|^2 / 2 - n.x + |x|^2 / 2 needs one operation less and has the same order.
-
-        Raises:
-            ValueError: If `x` is of another length, not finite, or no vector of numbers.
-        """
-        ...
-
-    def put(self, row: int) -> None:
-        """Make the measured `x` the image of a row."""
-        ...
-
-    def absorb(self, row: int, count: int) -> None:
-        """Blend the measured `x` into a row that sums up `count` frames."""
-        ...
-
-    def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
-        """Blend row `removed` into row `kept`, each by its count of frames."""
-        ...
-
-    def move(self, source: int, target: int) -> None:
-        """Copy one row over another."""
-        ...
-
-    def nodes(self, size: int) -> NDArray[np.float32]:
-        """Return the first `size` images, shape (size, d)."""
-        ...
-
-    def get_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that is kept."""
-        ...
-
-    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Become what gave `arrays`."""
-        ...
-
-
-class FloatImages:
+class FloatImages(Stateful):
     """float32 images relative to the first frame.
 
     float32 products of raw bytes lose the small differences between near-duplicates; without
     what all frames have in common they keep them.
     """
 
+    fields = (
+        Array(
+            "images", np.float32, ("max_nodes", "d"), -2.0 * MOST_VALUES, 2.0 * MOST_VALUES, "_rows"
+        ),
+        Array("norms", np.float32, ("max_nodes",), high=MOST_DISTANCE),
+        Array("origin", np.float32, ("d",), -MOST_VALUES, MOST_VALUES),
+    )
+
     def __init__(self, max_nodes: int) -> None:
         self.max_nodes = max_nodes
         self.is_empty = True
-        self.least = 0.0
         self._shape: tuple[int, ...] = ()
         self._origin = np.zeros(0, np.float32)
         self._rows = np.zeros((max_nodes, 0), np.float32)
@@ -110,11 +69,8 @@ class FloatImages:
         distances: Floats = (self._rows if is_full else self._rows[:size]).dot(centred)
         np.subtract(self._norms if is_full else self._norms[:size], distances, out=distances)
         distances += norm
-        if size:
-            self.least = float(distances[distances.argmin()])
-            if self.least < 0.0:  # rounding, among near-duplicates
-                self.least = 0.0
-                np.maximum(distances, 0.0, out=distances)
+        if size and distances[distances.argmin()] < 0.0:  # rounding, among near-duplicates
+            np.maximum(distances, 0.0, out=distances)
         return distances
 
     def put(self, row: int) -> None:
@@ -147,20 +103,16 @@ class FloatImages:
         images: NDArray[np.float32] = self._rows[:size] + self._origin
         return images
 
-    def get_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return copies of images, their norms and the origin."""
-        return {
-            "images": self._rows.copy(),
-            "norms": self._norms.copy(),
-            "origin": self._origin.copy(),
-        }
+    def compared(self, size: int) -> Floats:
+        """Return the images relative to the first frame."""
+        return self._rows[:size]
 
-    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Become what gave `arrays`."""
-        self._rows = arrays["images"].astype(np.float32)
-        self._norms = arrays["norms"].astype(np.float32)
-        self._set_origin(arrays["origin"].astype(np.float32))
-        self.max_nodes = len(self._rows)
+    def follow(self, counts: NDArray[np.int64]) -> None:
+        """Do nothing: means are kept, not sums."""
+
+    def restored(self) -> None:
+        """Go on where the first frame was left."""
+        self._set_origin(self._origin)
         self.is_empty = self._origin.size == 0
 
 
@@ -169,7 +121,7 @@ _MOST_STEPS, _FEWEST_STEPS = 256, 16
 """Steps between two grey levels in the images of `IntegerImages`."""
 
 
-class IntegerImages:
+class IntegerImages(Stateful):
     """Whole numbers alone on every pixel, for machines without a floating-point unit.
 
     Vectors are whole numbers from 0 to 255. A row keeps the exact sum of its frames, so that
@@ -183,11 +135,16 @@ class IntegerImages:
             others only follow: a picture to look at needs more pixels than one to recognise.
     """
 
+    fields = (
+        Array("sums", np.int32, ("max_nodes", "d"), high=2**30),
+        Array("images", np.uint16, ("max_nodes", range(2**20)), attribute="_kept_images"),
+        Array("norms", np.float64, ("max_nodes",)),
+    )
+
     def __init__(self, max_nodes: int, n_compared: int | None = None) -> None:
         self.max_nodes = max_nodes
         self.n_compared = n_compared
         self.is_empty = True
-        self.least = 0.0
         self._sums = np.zeros((max_nodes, 0), np.int32)
         self._frames = np.zeros(max_nodes, np.int64)
         self._rows: NDArray[Any] = np.zeros((max_nodes, 0), np.int32)
@@ -219,7 +176,6 @@ class IntegerImages:
         distances = self._norms[:size] - self._rows[:size].dot(near) / self._steps
         distances += self._x_norm
         single: Floats = np.maximum(distances, 0.0).astype(np.float32)
-        self.least = float(single.min()) if size else 0.0
         return single
 
     def put(self, row: int) -> None:
@@ -261,23 +217,38 @@ class IntegerImages:
         means: NDArray[np.float32] = self._sums[:size].astype(np.float32) / frames
         return means
 
-    def get_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return copies of sums, images and their norms."""
-        return {
-            "sums": self._sums.copy(),
-            "images": self._rows.astype(np.uint16),
-            "norms": self._norms.copy(),
-        }
+    def compared(self, size: int) -> Floats:
+        """Return the values that are compared, as means."""
+        return self._rows[:size].astype(np.float32) / np.float32(self._steps)
 
-    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Restore what `get_arrays` returned, and the frames that each row sums up (`counts`)."""
-        self.max_nodes = len(arrays["sums"])
-        self._set_sums(arrays["sums"].astype(np.int32))
-        self._frames = arrays["counts"].astype(np.int64)
-        was_0_1 = arrays["images"].dtype == np.int64  # always in steps of 1/256 then
-        self._rows[:] = arrays["images"] // (_MOST_STEPS // self._steps if was_0_1 else 1)
-        self._norms = arrays["norms"].astype(np.float64)
+    def follow(self, counts: NDArray[np.int64]) -> None:
+        """Make the images of the sums again."""
+        self._set_sums(self._sums)
+        self._frames[:] = 0
+        self._norms[:] = 0.0
+        for row in np.flatnonzero(counts).tolist():
+            self._divide(row, int(counts[row]))
         self.is_empty = self._sums.shape[1] == 0
+
+    @property
+    def _kept_images(self) -> NDArray[Any]:
+        """The images, for programs of version 0.2; here they follow from the sums."""
+        return self._rows
+
+    @_kept_images.setter
+    def _kept_images(self, images: NDArray[Any]) -> None:
+        pass
+
+    def faults(self) -> Iterator[str]:
+        """Yield if a sum is larger than so many frames have."""
+        if (self._sums > 255 * self._frames[:, None]).any():
+            yield "the array sums holds more than its frames"
+        if self._sums.sum(axis=0, dtype=np.int64).max(initial=0) > 2**30:
+            yield "the array sums has no room for more frames"
+
+
+Images = FloatImages | IntegerImages
+"""Node images in rows, and one frame `x` at a time that is compared with them."""
 
 
 def checked_bytes(x: Vector, n_features: int | None = None) -> Vector:

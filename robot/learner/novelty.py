@@ -9,17 +9,20 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.learner.part import Array, Arrays, Params, Stateful, count, number, row
+
 HELD_OUT = 20
 """A node that one of so many latest examples went into says nothing about how new the next one is:
 frames a tenth of a second apart are almost the same. At ten examples a second this is 2 s."""
 _FEWEST = 30
+_SCALE = 3
 _RENEWED_EVERY = 20
 _BORDER = 98
 MARGIN = 0.05
 """The border lies beyond that percentile by so much of the median."""
 
 
-class Novelty:
+class Novelty(Stateful):
     """Compares a view's distance with those of earlier examples.
 
     Every example, before it is learned, has a distance from the nearest node that none of the
@@ -31,6 +34,10 @@ class Novelty:
         memory: How many of the latest examples it compares with.
         margin: By how much of the median the border lies beyond that percentile.
     """
+
+    fields = (
+        Array("novelty", np.float64, (range(_SCALE, 100_000),), high=1e12, attribute="_kept"),
+    )
 
     def __init__(self, *, memory: int = 600, margin: float = MARGIN) -> None:
         self.margin = margin
@@ -63,22 +70,25 @@ class Novelty:
             return 0.0
         return max(0.0, (math.sqrt(squared_distance) - self._median) / span)
 
-    def get_array(self) -> NDArray[np.float64]:
-        """Return the scale and the distances, oldest first."""
+    @property
+    def _kept(self) -> NDArray[np.float64]:
+        """The scale and the distances, oldest first."""
         return np.array([self._median, self._border, self._n_new, *self.lengths])
 
-    def set_array(self, values: NDArray[np.float64]) -> None:
-        """Restore what `get_array` returned."""
-        self._median, self._border = float(values[0]), float(values[1])
-        self._n_new = int(values[2])
+    @_kept.setter
+    def _kept(self, values: NDArray[np.float64]) -> None:
+        self._median, self._border, n_new = values[:_SCALE].tolist()
+        self._n_new = int(n_new)
         self.lengths.clear()
-        self.lengths.extend(values[3:].tolist())
+        self.lengths.extend(values[_SCALE:].tolist())
 
-    def set_moments(self, n: int, mean: float, variance: float) -> None:
-        """Restore an approximate scale: models of version 0.1 have only mean and variance."""
-        self.lengths.clear()
-        self.lengths.extend([mean] * min(int(n), self.lengths.maxlen or 0))
-        self._median, self._border = mean, mean + 4.0 * math.sqrt(variance) + self.margin * mean
+    def upgrade(self, params: Params, arrays: Arrays) -> None:
+        """Make an approximate scale of the mean and variance that version 0.1 kept."""
+        if "novelty" in params:
+            n, mean, variance = row(count(), number(0.0), number(0.0))(params.pop("novelty"), {})
+            border = mean + 4.0 * math.sqrt(variance) + self.margin * mean
+            lengths = [mean] * min(n, self.lengths.maxlen or 0)
+            arrays["novelty"] = np.array([mean, border, 0.0, *lengths])
 
 
 def percentile(ordered: Sequence[float], share: float) -> float:

@@ -8,7 +8,7 @@ views as strings of such bits; the smallest Hamming distance shows how well a vi
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from robot.learner.base import (
 )
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.context_ridge import N_CONTEXTS
+from robot.learner.part import Array, Stateful, Value, count, many, name, optional
 
 N_BITS = 512
 NEW_PLACE = 0.235
@@ -33,6 +34,7 @@ NEW_PLACE = 0.235
 Views of one place differ by 0.03 to 0.16 from the nearest, of two places by 0.27 and more."""
 _SMOOTHING = 0.9
 _VIEWS = 128
+N_LABELS = 64
 _NEAR = 0.06
 _SEARCH = 10
 _POPCOUNT = np.array([bin(byte).count("1") for byte in range(256)], np.uint16)
@@ -59,8 +61,13 @@ class BinaryFeatures:
         return np.packbits(smooth[self._one] > smooth[self._two])
 
 
-class PlaceIndex:
+class PlaceIndex(Stateful):
     """The stored views of one place; the oldest is dropped when there are too many."""
+
+    fields = (
+        Value("n_added", count(), "n_added"),
+        Array("views", np.uint8, (range(_VIEWS + 1), N_BITS // 8), attribute="views"),
+    )
 
     def __init__(self) -> None:
         self.views = np.zeros((0, N_BITS // 8), np.uint8)
@@ -97,7 +104,7 @@ class _Tracker:
         return int(np.argmin(self.levels))
 
 
-class MultiPlace:
+class MultiPlace(Stateful):
     """A learner with one classifier for each place that it meets, up to `max_places`.
 
     Args:
@@ -107,6 +114,19 @@ class MultiPlace:
     """
 
     kind = "multi-place"
+    fields = (
+        Value("n_seen", count(), "n_seen_"),
+        Value("size", optional(count())),
+        Value("place", optional(count())),
+        Value("pending", many(name, _SEARCH), "_waiting_labels"),
+        Array(
+            "pending",
+            (np.uint8, np.float32),
+            ("n_waiting", "_size"),
+            may_miss=True,
+            attribute="_views",
+        ),
+    )
 
     def __init__(
         self,
@@ -124,7 +144,8 @@ class MultiPlace:
         self._driving = _Tracker()
         self._size: int | None = None
         self._place: int | None = None
-        self._pending: list[tuple[Vector, Label]] = []
+        self._waiting_labels: list[Label] = []
+        self._waiting: list[Vector] = []
 
     @property
     def abilities(self) -> Abilities:
@@ -170,26 +191,27 @@ class MultiPlace:
         self.last_node_ = None
         self._size = np.asarray(x).size
         if self._place is None and self.networks_:
-            self._pending.append((np.array(x), y))
-            if len(self._pending) >= _SEARCH:
+            self._waiting.append(np.array(x))
+            self._waiting_labels.append(y)
+            if self.n_waiting >= _SEARCH:
                 self._settle_pending()
             return
         self._teach(x, y, bits, contexts)
 
     def _settle_pending(self) -> None:
         """Decide to which place the waiting examples belong, and teach them."""
-        if not self._pending:
+        if not self._waiting:
             return
-        views = [self._bits(x) for x, _ in self._pending]
+        views = [self._bits(x) for x in self._waiting]
         levels = [
             float(np.mean([index.difference(bits) for bits in views])) for index in self._indices
         ]
         best = int(np.argmin(levels))
         is_new = levels[best] > NEW_PLACE and len(self.networks_) < self.max_places
         self._place = None if is_new else best
-        for (x, y), bits in zip(self._pending, views, strict=True):
+        for x, y, bits in zip(self._waiting, self._waiting_labels, views, strict=True):
             self._teach(x, y, bits, range(N_CONTEXTS))
-        self._pending = []
+        self._waiting, self._waiting_labels = [], []
 
     def _teach(
         self, x: Vector, y: Label, bits: NDArray[np.uint8], contexts: Collection[int]
@@ -269,62 +291,69 @@ class MultiPlace:
             raise ValueError(f"the vector has shape {array.shape}; a picture of {size} is missing")
         return self._features.extract(array[-size:])
 
+    @property
+    def n_waiting(self) -> int:
+        """How many examples wait until their place is known."""
+        return len(self._waiting_labels)
+
+    @property
+    def _views(self) -> NDArray[Any] | None:
+        """The vectors of those examples."""
+        return np.stack(self._waiting) if self._waiting else None
+
+    @_views.setter
+    def _views(self, views: NDArray[Any] | None) -> None:
+        self._waiting = [] if views is None else list(views)
+
     def get_state(self) -> State:
         """Return a copy of all classifiers and indices."""
-        arrays: dict[str, NDArray[Any]] = {}
-        places = []
+        params, arrays = self.save()
+        params["places"] = []
         for i, (network, index) in enumerate(zip(self.networks_, self._indices, strict=True)):
-            state = network.get_state()
-            arrays.update({f"place{i}_{name}": array for name, array in state.arrays.items()})
-            arrays[f"place{i}_views"] = index.views.copy()
-            places.append(
-                {
-                    "kind": state.kind,
-                    "params": state.params,
-                    "labels": state.labels,
-                    "n_added": index.n_added,
-                }
-            )
-        params: dict[str, Any] = {
-            "places": places,
-            "n_seen": self.n_seen_,
-            "size": self._size,
-            "place": self._place,
-        }
-        params["pending"] = [y for _, y in self._pending]
-        if self._pending:
-            arrays["pending"] = np.stack([x for x, _ in self._pending])
+            state, (values, views) = network.get_state(), index.save()
+            own = {**state.arrays, **views}
+            arrays.update({f"place{i}_{key}": array for key, array in own.items()})
+            described = {"kind": state.kind, "params": state.params, "labels": state.labels}
+            params["places"].append({**described, **values})
         return State(kind=self.kind, params=params, arrays=arrays)
 
     def set_state(self, state: State) -> None:
         """Restore `state`; raises ValueError if it is of another kind."""
         if state.kind != self.kind:
             raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
+        params, arrays = dict(state.params), dict(state.arrays)
+        places = params.pop("places")
+        if not isinstance(places, list) or len(places) > self.max_places:
+            raise ValueError(f"it has no list of at most {self.max_places} places")
         self.networks_, self._indices = [], []
-        for i, place in enumerate(state.params["places"]):
-            prefix = f"place{i}_"
-            own = {
-                name.removeprefix(prefix): array
-                for name, array in state.arrays.items()
-                if name.startswith(prefix)
-            }
-            network, index = self._make(), PlaceIndex()
-            index.views, index.n_added = own.pop("views").copy(), int(place["n_added"])
-            network.set_state(
-                State(
-                    kind=place["kind"],
-                    params=place["params"],
-                    arrays=own,
-                    labels=list(place["labels"]),
-                )
-            )
+        for i, place in enumerate(places):
+            network, index, start = self._make(), PlaceIndex(), f"place{i}_"
+            names = [key for key in arrays if key.startswith(start)]
+            own = {key.removeprefix(start): arrays.pop(key) for key in names}
+            values = {key: place[key] for key in place.keys() - {"kind", "params", "labels"}}
+            index.load(values, {"views": own.pop("views")})
+            labels = many(name, N_LABELS, 1)(place["labels"], {})
+            inner = State(kind=place["kind"], params=place["params"], arrays=own, labels=labels)
+            network.set_state(inner)
             self.networks_.append(network)
             self._indices.append(index)
-        self.n_seen_ = int(state.params["n_seen"])
-        self._place = state.params["place"]
-        waiting = state.params["pending"]
-        self._pending = (
-            list(zip(state.arrays["pending"].copy(), waiting, strict=True)) if waiting else []
-        )
-        self._size = int(state.params["size"]) if self.networks_ else None
+        self.load(params, arrays)
         self._driving = _Tracker()
+
+    def faults(self) -> Iterator[str]:
+        """Yield what the places say of one another that cannot be."""
+        if self._place is not None and self._place >= len(self.networks_):
+            yield "its place is unknown"
+        if (self._size is None) != (not self.networks_):
+            yield "its vectors have no length"
+        if self._waiting and (not self.networks_ or self.n_waiting >= _SEARCH):
+            yield "examples wait that need not"
+        for index in self._indices:
+            if len(index.views) != min(index.n_added, _VIEWS):
+                yield "views of a place are missing"
+
+    def check(self) -> None:
+        """Raise ValueError, saying why, if it is not what it declares; nor any of its places."""
+        super().check()
+        for network in self.networks_:
+            network.check()

@@ -7,20 +7,21 @@ two, and the last node fills the gap.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.base import State, Vector, checked_vector
-from robot.learner.bsoc import Merge
+from robot.learner.base import Vector, checked_vector
+from robot.learner.clusters import MOST_FRAMES, Clusters, Merge
 from robot.learner.images import checked_bytes
+from robot.learner.part import MOST_VALUES, Array, Value, count
 
 Integers = NDArray[np.int64]
-_ARRAYS = ("images", "counts", "ids", "pinned", "weights")
 
 
-class PublishedBSOC:
+class PublishedBSOC(Clusters):
     """`BSOC` as published; two passes over the nodes a step, one for x, one for a merged node.
 
     With `integer`, vectors are bytes and so are images, rounded to nearest on a merge as in the
@@ -31,24 +32,28 @@ class PublishedBSOC:
     measures_novelty = False
 
     def __init__(self, max_nodes: int, *, integer: bool = False) -> None:
-        if max_nodes < 1:
-            raise ValueError(f"max_nodes must be at least 1, not {max_nodes}")
-        self.max_nodes = max_nodes
+        super().__init__(max_nodes, max_nodes + 1)
         self.integer = integer
-        self.last_merge_: Merge | None = None
-        self.last_distance_: float | None = None
         self.last_distances_ = np.zeros(0)
-        self._size = 0
-        self._next_id = 0
         self._dtype: type[Any] = np.int32 if integer else np.float64
         self._images: NDArray[Any] = np.zeros((max_nodes + 1, 0), self._dtype)
         self._counts = np.zeros(max_nodes + 1, np.int64)
-        self._ids = np.zeros(max_nodes + 1, np.int64)
-        self._pinned = np.zeros(max_nodes + 1, np.bool_)
         self._weights = np.full((max_nodes + 1, max_nodes + 1), np.inf)
 
-    def __len__(self) -> int:
-        return self._size
+    @property
+    def fields(self) -> Sequence[Value | Array]:
+        """What it keeps: bytes with `integer`, else exact means."""
+        least, most = (0.0, 255.0) if self.integer else (-MOST_VALUES, MOST_VALUES)
+        return (
+            Value("max_nodes", count(), "max_nodes", is_fixed=True),
+            Value("size", count()),
+            Value("next_id", count()),
+            Array("images", self._dtype, ("max_nodes+1", "d"), least, most),
+            Array("counts", np.int64, ("max_nodes+1",), high=MOST_FRAMES),
+            Array("ids", np.int64, ("max_nodes+1",)),
+            Array("pinned", np.bool_, ("max_nodes+1",)),
+            Array("weights", np.float64, ("max_nodes+1", "max_nodes+1"), high=np.inf),
+        )
 
     @property
     def nodes_(self) -> NDArray[Any]:
@@ -62,29 +67,9 @@ class PublishedBSOC:
         return self._counts[: self._size].copy()
 
     @property
-    def ids_(self) -> Integers:
-        """Names of the nodes, shape (n,): a merged node keeps that of its heavier parent."""
-        return self._ids[: self._size].copy()
-
-    @property
-    def pinned_(self) -> NDArray[np.bool_]:
-        """Which nodes are pinned, shape (n,)."""
-        return self._pinned[: self._size].copy()
-
-    def node_id(self, index: int) -> int:
-        """Return the name of one node."""
-        return int(self._ids[index])
-
-    def lookup(self, x: Vector) -> tuple[int, float]:
-        """Return the nearest node's index and its squared distance; the lowest index on a tie.
-
-        Raises:
-            ValueError: If there is no node yet, or `x` is no finite vector of that length (or
-                not of bytes, with `integer`).
-        """
-        distances = self.distances(x)
-        nearest = int(distances.argmin())
-        return nearest, float(distances[nearest])
+    def groups_(self) -> Integers:
+        """Of no node: the published algorithm has no groups."""
+        return np.zeros(0, np.int64)
 
     def distances(self, x: Vector) -> NDArray[np.float64]:
         """Return the squared distance of `x` to every node, shape (n,); raises as `lookup`."""
@@ -199,22 +184,15 @@ class PublishedBSOC:
         self._size = last
         return last
 
-    def get_state(self) -> State:
-        """Return a copy of all that was learned."""
-        arrays = {name: getattr(self, f"_{name}").copy() for name in _ARRAYS}
-        params = {"max_nodes": self.max_nodes, "size": self._size, "next_id": self._next_id}
-        return State(kind=self.kind, params=params, arrays=arrays)
-
-    def set_state(self, state: State) -> None:
-        """Become the clustering that gave `state`; raises ValueError if of another kind."""
-        if state.kind != self.kind:
-            raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
-        self.max_nodes = int(state.params["max_nodes"])
-        self._size = int(state.params["size"])
-        self._next_id = int(state.params["next_id"])
-        for name in _ARRAYS:
-            setattr(self, f"_{name}", state.arrays[name].copy())
-        self.last_merge_ = None
+    def _fits(self) -> bool:
+        """Tell whether the weights are about those that the images have."""
+        size, own = self._size, np.full_like(self._weights, np.inf)
+        for node in range(size):
+            masses = np.maximum(self._counts[:size], self._counts[node])
+            weights = self._measure(self._images[node]) * masses
+            weights[self._pinned[:size] | self._pinned[node]] = np.inf
+            own[node, :size], own[node, node] = weights, np.inf
+        return np.allclose(self._weights, own, rtol=1e-6)
 
     @property
     def kind(self) -> str:

@@ -11,14 +11,19 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Iterator
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.learner.part import MOST_VALUES, Array, Arrays, Params, Stateful, first_rows
+
 Floats = NDArray[np.float64]
 _WAITING = 8
 """So many changes of the inverse are written at once."""
+_MOST_INVERSE = 1e3
+"""Beyond what an inverse holds: 1 / penalty at first, and less with every frame."""
 
 
 @functools.cache
@@ -28,7 +33,7 @@ def _upper(size: int) -> NDArray[np.bool_]:
 
 
 class LinearPart(Protocol):
-    """A linear score per label, learned one frame at a time."""
+    """A linear score per label, learned one frame at a time; it is a `Stateful`, too."""
 
     def add_label(self) -> None:
         """Add a label, which no frame so far had."""
@@ -46,16 +51,8 @@ class LinearPart(Protocol):
         """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
         ...
 
-    def get_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that was learned."""
-        ...
 
-    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Restore what `get_arrays` returned; raises ValueError if it had other features."""
-        ...
-
-
-class RecursiveRidge:
+class RecursiveRidge(Stateful):
     """A linear score per label, from the first `n_features` values of a vector.
 
     Time and memory O(n_features ** 2), whatever the number of frames seen.
@@ -66,17 +63,30 @@ class RecursiveRidge:
         scale: What the values are divided by, so that they lie about in [0, 1].
     """
 
+    fields = (
+        Array("triangle", np.float64, ("n_triangle",), -_MOST_INVERSE, _MOST_INVERSE),
+        Array("linear", np.float64, ("size", "n_labels"), -1e9, 1e9, attribute="_weights"),
+        Array("waiting", np.float64, (_WAITING, "size"), -MOST_VALUES, MOST_VALUES),
+    )
+
     def __init__(self, n_features: int, *, penalty: float = 3.0, scale: float = 255.0) -> None:
         if n_features < 1 or penalty <= 0.0 or scale <= 0.0:
             raise ValueError("n_features, penalty and scale must be above 0")
         self.n_features = n_features
         self.scale = scale
-        size = n_features + 1
+        self.size = size = n_features + 1
+        self.n_triangle = size * (size + 1) // 2
         self._inverse = np.eye(size) / penalty
+        self._most = 2.0 / penalty
         self._weights = np.zeros((size, 0))
         self._work = np.zeros((size, size))
         self._waiting = np.zeros((_WAITING, size))
         self._n_waiting = 0
+
+    @property
+    def n_columns(self) -> int:
+        """How many labels it has a score for."""
+        return self._weights.shape[1]
 
     def add_label(self) -> None:
         """Add a column for a new label, which no frame so far had."""
@@ -94,7 +104,10 @@ class RecursiveRidge:
     def learn_scaled(self, z: Floats, targets: Floats, weight: float = 1.0) -> None:
         """Do as `learn` with what `scaled` returned: ridges of one kind need it once."""
         direction = self._solve(z)
-        gain = weight / (1.0 + weight * float(z @ direction))
+        rest = 1.0 + weight * float(z @ direction)
+        if weight < 0.0 and -weight * float(direction @ direction) > rest * self._most:
+            return  # not all of it was learned here: less than nothing would be left
+        gain = weight / rest
         error = targets - z @ self._weights
         self._weights += (gain * direction)[:, None] * error
         if gain < 0.0:  # a frame taken back is rare
@@ -160,30 +173,32 @@ class RecursiveRidge:
         np.divide(x[: self.n_features], self.scale, out=z[:-1])
         return z
 
-    def get_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that was learned."""
-        return {
-            "triangle": self._inverse[_upper(len(self._inverse))],
-            "linear": self._weights.copy(),
-            "waiting": self._waiting.copy(),
-        }
+    @property
+    def _triangle(self) -> Floats:
+        """The upper half of the inverse, which is symmetric to the last bit."""
+        return self._inverse[_upper(self.size)]
 
-    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Restore what `get_arrays` returned; raises ValueError if it had other features.
-
-        Older models have the whole inverse, and nothing waits.
-        """
-        upper = _upper(len(self._inverse))
-        if "triangle" in arrays:
-            triangle = arrays["triangle"]
-        elif arrays["inverse"].shape == self._inverse.shape:
-            triangle = arrays["inverse"][upper]
-        else:
-            triangle = np.zeros(0)
-        if triangle.size != np.count_nonzero(upper):
-            raise ValueError("the model was learned on another number of features")
+    @_triangle.setter
+    def _triangle(self, triangle: Floats) -> None:
+        upper = _upper(self.size)
         self._inverse[upper] = triangle
         self._inverse.T[upper] = triangle
-        self._weights = arrays["linear"].copy()
-        self._waiting = arrays.get("waiting", np.zeros_like(self._waiting)).copy()
+
+    def upgrade(self, params: Params, arrays: Arrays) -> None:
+        """Take the half of an inverse that an early version kept whole."""
+        if "inverse" in arrays and arrays["inverse"].shape == self._inverse.shape:
+            arrays["triangle"] = arrays.pop("inverse")[_upper(self.size)]
+            arrays["waiting"] = np.zeros_like(self._waiting)
+
+    def restored(self) -> None:
+        """Count what waits."""
         self._n_waiting = int(self._waiting.any(axis=1).sum())
+
+    def faults(self) -> Iterator[str]:
+        """Yield if what waits has no room, or the inverse is that of no frames."""
+        if first_rows(self._waiting) != self._n_waiting or self._n_waiting == _WAITING:
+            yield "the array waiting is over-full, or has gaps"
+        try:
+            np.linalg.cholesky(self._inverse - self._waiting.T @ self._waiting)
+        except np.linalg.LinAlgError:
+            yield "the array triangle is the inverse of nothing that was learned"

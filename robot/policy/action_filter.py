@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.policy.move_kinds import MoveKinds
+from robot.policy.part import PolicyPart, Seen
 from robot.policy.pilot_pace import PilotPace
 from robot.policy.progress_clock import ProgressClock
-from robot.policy.running_votes import VOTES_KEPT, RunningVotes
+from robot.policy.running_votes import USUAL_STEP_S, VOTES_KEPT, RunningVotes
 from robot.policy.stall_detector import StallDetector
 from robot.types import Action
 
@@ -54,7 +55,7 @@ class View:
     bumped: bool
 
 
-class ActionFilter:
+class ActionFilter(PolicyPart):
     """Makes steady driving of the votes on single frames.
 
     Args:
@@ -66,6 +67,7 @@ class ActionFilter:
 
     Attributes:
         needs_help: True while the robot stands and asks for help, because no move had effect.
+        pace: The pilot's; a policy gives it its own.
     """
 
     def __init__(
@@ -85,6 +87,8 @@ class ActionFilter:
         self._stall_detector = StallDetector(kinds)
         self._clock = ProgressClock(kinds)
         self._gives_up = gives_up
+        self.pace = PilotPace(kinds)
+        self._now_s = 0.0
         self._asks_until_s = 0.0
         self._side: int | None = None
         self._changes_s: list[float] = []
@@ -93,6 +97,16 @@ class ActionFilter:
     def none(cls, kinds: MoveKinds) -> Self:
         """Return a filter that does nothing: each frame's own votes decide, as in the paper."""
         return cls(kinds, 0.0, turn_inertia=0.0, straight_inertia=0.0, gives_up=False)
+
+    def on_frame(self, seen: Seen) -> None:
+        """Choose the move, of the votes on this frame and those before."""
+        seen.shares = self.average(seen.shares, seen.at_s, self.pace.usual_run_s)
+        self._now_s = self._now_s + USUAL_STEP_S if seen.at_s is None else seen.at_s
+        view = View(picture=seen.picture, at_s=self._now_s, bumped=seen.bumped)
+        seen.action = self.choose(
+            seen.shares, view, seen.under_way, self.pace, in_context=seen.in_context
+        )
+        seen.is_stalled, seen.needs_help = self.is_stalled, self.needs_help
 
     def average(
         self,

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
+from robot.learner.base import Vector
+from robot.learner.part import Value, many, name, number, optional, table
+from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.policy.pilot_pace import PAUSE_S
 from robot.policy.running_votes import USUAL_STEP_S, VOTES_KEPT
 from robot.types import Action
@@ -36,21 +38,42 @@ _LOGS = np.log(POWERS)
 _DOUBT = _PRIOR * _LOGS**2
 
 
-class Calibration:
+class Calibration(PolicyPart):
     """Estimates by how much the power differs from the usual one. Constant time an example.
+
+    Args:
+        predict: Returns the learner's votes on a view, as it is; none before it has learned.
 
     Attributes:
         factor: What to multiply the usual power by.
     """
 
-    def __init__(self) -> None:
+    fields = (
+        Value("losses", many(number(0.0), POWERS.size, POWERS.size)),
+        Value("label", optional(name)),
+        Value("last_s", number()),
+        Value("left_s", number()),
+        Value("average", table(name, number(0.0))),
+    )
+
+    def __init__(self, predict: Callable[[Vector], Mapping[str, float]] = lambda x: {}) -> None:
         self.factor = 1.0
+        self._predict = predict
         self._losses = np.zeros(POWERS.size)
         self._label: Action | None = None
         self._last_s = 0.0
         self._left_s = 0.0
         self._average: dict[str, float] = {}
         self._weigh()
+
+    def on_frame(self, seen: Seen) -> None:
+        """Say how sure it may be."""
+        seen.certainty = self.factor
+
+    def on_example(self, lesson: Lesson) -> None:
+        """Compare the votes on an example with its label, before it is learned."""
+        if lesson.is_learned:
+            self.note(lesson.label, lesson.at_s, lambda: self._predict(lesson.x))
 
     def note(
         self, label: Action, at_s: float | None, predict: Callable[[], Mapping[str, float]]
@@ -95,28 +118,8 @@ class Calibration:
         weights = np.exp(losses.min() - losses)
         self.factor = math.exp(_TRAVELS * float(weights @ _LOGS) / float(weights.sum()))
 
-    def get_state(self) -> dict[str, Any]:
-        """Return all of it as plain values."""
-        return {
-            "losses": self._losses.tolist(),
-            "label": self._label,
-            "last_s": self._last_s,
-            "left_s": self._left_s,
-            "average": dict(self._average),
-        }
-
-    def set_state(self, values: Mapping[str, Any]) -> None:
-        """Restore what `get_state` returned.
-
-        Raises:
-            ValueError: If it does not belong to this class.
-        """
-        losses = np.array(values["losses"], np.float64)
-        if losses.shape != POWERS.shape or not np.isfinite(losses).all():
-            raise ValueError(f"{POWERS.size} finite losses are needed")
-        label = values["label"]
-        self._losses = losses
-        self._label = None if label is None else Action(label)
-        self._last_s, self._left_s = float(values["last_s"]), float(values["left_s"])
-        self._average = {str(move): float(share) for move, share in values["average"].items()}
+    def restored(self) -> None:
+        """Weigh what was lost."""
+        self._losses = np.array(self._losses)
+        self._average = {str(move): share for move, share in self._average.items()}
         self._weigh()

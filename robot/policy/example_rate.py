@@ -8,8 +8,9 @@ and one with eleven frames a second as much as one with thirty.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+
+from robot.learner.part import Value, name, number, optional, row
+from robot.policy.part import Lesson, PolicyPart
 
 ROOM_S = 0.1
 """Each so many seconds have room for one example of the same label."""
@@ -18,12 +19,18 @@ EARLY_S = 0.03
 there every third frame is learned."""
 
 
-class ExampleRate:
+class ExampleRate(PolicyPart):
     """Follows the examples of one label; with another label it begins anew."""
+
+    fields = (Value("last_learned", optional(row(number(), name)), older=(None,)),)
 
     def __init__(self) -> None:
         self._label: str | None = None
         self._room_from_s = 0.0
+
+    def on_example(self, lesson: Lesson) -> None:
+        """Say whether it is learned, or only counted."""
+        lesson.is_learned = self.admits(lesson.label, lesson.at_s)
 
     def admits(self, label: str, at_s: float | None) -> bool:
         """Return whether to learn an example; call it once for each, in order.
@@ -42,11 +49,11 @@ class ExampleRate:
         self._room_from_s = self._room_from_s + ROOM_S if 0.0 < since_s < 2.0 * ROOM_S else at_s
         return True
 
-    def get_state(self) -> tuple[float, str] | None:
-        """Return since when there was room for the last example, and its label, if there is one."""
+    @property
+    def _last_learned(self) -> tuple[float, str] | None:
+        """Since when there was room for the last example, and its label, if there is one."""
         return None if self._label is None else (self._room_from_s, self._label)
 
-    def set_state(self, values: Sequence[Any] | None) -> None:
-        """Restore what `get_state` returned."""
-        self._label = None if values is None else str(values[1])
-        self._room_from_s = 0.0 if values is None else float(values[0])
+    @_last_learned.setter
+    def _last_learned(self, values: tuple[float, str] | None) -> None:
+        self._room_from_s, self._label = (0.0, None) if values is None else values

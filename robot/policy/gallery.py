@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Learner
+from robot.learner.part import Names, Value, count, table
 from robot.policy.features import Features
+from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.types import Action
 
 
@@ -31,7 +33,13 @@ class LearnedImage:
     is_pinned: bool = False
 
 
-class Gallery:
+def _node_id(plain: Any, names: Names) -> int:
+    if not isinstance(plain, str) or not plain.isascii() or not plain.isdecimal():
+        raise ValueError("no number of a node")
+    return int(plain[:17])
+
+
+class Gallery(PolicyPart):
     """Remembers by a node's id which proposal and which example matched it last.
 
     Args:
@@ -39,11 +47,21 @@ class Gallery:
         features: Makes a picture of an image.
     """
 
+    fields = (Value("last_taught", table(_node_id, count()), "_kept_last_taught"),)
+
     def __init__(self, learner: Learner, features: Features) -> None:
         self._learner = learner
         self._features = features
         self._last_used: dict[int, int] = {}
         self._last_taught: dict[int, int] = {}
+
+    def on_frame(self, seen: Seen) -> None:
+        """Write down which node decides a frame."""
+        self.note_used(seen.known.node, seen.number)
+
+    def on_example(self, lesson: Lesson) -> None:
+        """Write down which node took an example in."""
+        self.note_taught(self._learner.last_node_, lesson.number)
 
     def note_used(self, node_id: int | None, proposal: int) -> None:
         """Write down which proposal a node decided; None: there is no such node."""
@@ -78,11 +96,11 @@ class Gallery:
             for index, node in enumerate(self._learner.nodes())
         ]
 
-    def get_state(self) -> dict[str, int]:
-        """Return which example each node took in last."""
+    @property
+    def _kept_last_taught(self) -> dict[str, int]:
+        """Which example each node took in last; a table in JSON has texts for keys."""
         return {str(node): at for node, at in self._last_taught.items()}
 
-    def set_state(self, last_taught: Mapping[str, int]) -> None:
-        """Restore what `get_state` returned; nothing was used since."""
-        self._last_used = {}
-        self._last_taught = {int(node): int(at) for node, at in last_taught.items()}
+    @_kept_last_taught.setter
+    def _kept_last_taught(self, last_taught: dict[int, int]) -> None:
+        self._last_used, self._last_taught = {}, last_taught

@@ -7,9 +7,11 @@ and for long, so the mean brightness of some seconds of driving tells; a dark co
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable
 
+from robot.learner.base import Vector
+from robot.learner.part import Value, number
+from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.policy.running_votes import USUAL_STEP_S
 
 ANOTHER_LIGHT = 1.5
@@ -20,13 +22,31 @@ EXAMPLES = 600.0
 """and over so many examples."""
 
 
-class LightAdaptation:
-    """Compares the brightness of a drive with that of the examples. Constant time a frame."""
+class LightAdaptation(PolicyPart):
+    """Compares the brightness of a drive with that of the examples. Constant time a frame.
 
-    def __init__(self) -> None:
+    Args:
+        brighten: Returns a view with its grey values multiplied.
+    """
+
+    fields = (Value("taught", number(0.0, 255.0)), Value("examples", number(0.0, EXAMPLES)))
+
+    def __init__(self, brighten: Callable[[Vector, float], Vector] = lambda x, gain: x) -> None:
+        self._brighten = brighten
         self._taught = self._examples = 0.0
         self._driven: float | None = None
         self._last_s: float | None = None
+
+    def on_frame(self, seen: Seen) -> None:
+        """Show the view in the light of the lesson."""
+        gain = self.gain(float(seen.picture.mean()), seen.at_s)
+        if gain != 1.0:
+            seen.x = self._brighten(seen.x, gain)
+
+    def on_example(self, lesson: Lesson) -> None:
+        """Note the light of the lesson."""
+        if lesson.is_learned:
+            self.learn(float(lesson.picture.mean()))
 
     def learn(self, brightness: float) -> None:
         """Add the brightness of one example."""
@@ -57,13 +77,6 @@ class LightAdaptation:
         """Forget the drive that ends here."""
         self._driven = self._last_s = None
 
-    def get_state(self) -> dict[str, float]:
-        """Return what was learned as plain values."""
-        return {"taught": self._taught, "examples": self._examples}
-
-    def set_state(self, values: Mapping[str, Any]) -> None:
-        """Restore what `get_state` returned; raises ValueError for numbers that cannot be."""
-        taught, examples = float(values["taught"]), float(values["examples"])
-        if not (0.0 <= taught <= 255.0 and 0.0 <= examples <= EXAMPLES):
-            raise ValueError("no brightness of examples")
-        self._taught, self._examples = taught, examples
+    def restored(self) -> None:
+        """Begin a drive."""
+        self.reset()

@@ -10,11 +10,9 @@ after an undo gives the same contexts.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from typing import Any
-
+from robot.learner.part import Value, name, number, optional
 from robot.policy.move_kinds import MoveKinds
+from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.policy.pilot_pace import PAUSE_S
 from robot.types import Action
 
@@ -24,23 +22,41 @@ ONSET_S = 0.5
 """An example that comes so soon after a change of move counts in the old move's context, too."""
 
 
-class MoveContext:
+class MoveContext(PolicyPart):
     """Follows what is being taught, example by example.
 
     Args:
         kinds: Which moves are turns; where none is known to be, all contexts are one.
     """
 
+    fields = (
+        Value("move", optional(name)),
+        Value("before", optional(name)),
+        Value("since_s", number(0.0)),
+        Value("last_s", number(0.0)),
+    )
+
     def __init__(self, kinds: MoveKinds) -> None:
-        self._turns = kinds.turns
+        self._kinds = kinds
         self._move: Action | None = None
         self._before: Action | None = None
         self._since_s = 0.0
         self._last_s = 0.0
 
+    def on_frame(self, seen: Seen) -> None:
+        """Say in which context the robot is."""
+        seen.in_context = True
+        if seen.under_way is not None:
+            seen.context = self.of(seen.under_way)
+
+    def on_example(self, lesson: Lesson) -> None:
+        """Say in which contexts an example counts."""
+        if lesson.is_learned:
+            lesson.contexts = self.note(lesson.label, lesson.at_s)
+
     def of(self, move: Action) -> int:
         """Return the context that a move under way makes."""
-        return TURNING if move in self._turns else STRAIGHT
+        return TURNING if move in self._kinds.turns else STRAIGHT
 
     def note(self, label: Action, at_s: float | None) -> tuple[int, ...]:
         """Return the contexts in which an example counts.
@@ -49,7 +65,7 @@ class MoveContext:
             label: Its label.
             at_s: Its teaching time; None: it stands for itself, and counts in both.
         """
-        if at_s is None or not self._turns:
+        if at_s is None or not self._kinds.turns:
             self._move = None
             return BOTH
         before = self._move if 0.0 <= at_s - self._last_s <= PAUSE_S else None
@@ -63,25 +79,7 @@ class MoveContext:
             return (own,)
         return BOTH
 
-    def get_state(self) -> dict[str, Any]:
-        """Return all of it as plain values."""
-        return {
-            "move": self._move,
-            "before": self._before,
-            "since_s": self._since_s,
-            "last_s": self._last_s,
-        }
-
-    def set_state(self, values: Mapping[str, Any]) -> None:
-        """Restore what `get_state` returned.
-
-        Raises:
-            ValueError: If it does not belong to this class.
-        """
-        move, before = values["move"], values["before"]
-        since_s, last_s = float(values["since_s"]), float(values["last_s"])
-        if not 0.0 <= since_s <= last_s < math.inf:
-            raise ValueError(f"a move cannot last from {since_s} to {last_s} s")
-        self._move = None if move is None else Action(move)
-        self._before = None if before is None else Action(before)
-        self._since_s, self._last_s = since_s, last_s
+    def restored(self) -> None:
+        """Raise ValueError if a move was taught before it began."""
+        if self._since_s > self._last_s:
+            raise ValueError(f"a move cannot last from {self._since_s} to {self._last_s} s")

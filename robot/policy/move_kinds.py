@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator
 
 from robot.driver import Move, describe
+from robot.learner.part import Stateful, Value, many, name
 from robot.types import Action
 
 _STRAIGHT_STEERING = 0.2
 """A move that steers no more than this drives straight."""
 
 
-class MoveKinds:
+class MoveKinds(Stateful):
     """The moves of a body by what they do; a move that nobody described is of no kind.
 
     The parts of a policy share one of these, so that all know it when the body's moves are
@@ -26,6 +27,8 @@ class MoveKinds:
         straight: The moves that drive ahead or back without steering.
     """
 
+    fields = tuple(Value(kind, many(name, 64)) for kind in ("left", "right", "straight"))
+
     def __init__(self, moves: Iterable[Action], declared: Iterable[Move] = ()) -> None:
         self._moves = tuple(moves)
         self.describe(declared)
@@ -34,34 +37,26 @@ class MoveKinds:
         """Sort the moves by their declared steering and throttle (`robot.driver.Move`)."""
         known = [(move.name, move.point) for move in describe(self._moves, declared)]
         points = {name: point for name, point in known if point is not None}
-        self.turns: dict[Action, int] = {
-            name: 1 if steering > 0.0 else -1
+        turns = {
+            name: steering > 0.0
             for name, (steering, _) in points.items()
             if abs(steering) > _STRAIGHT_STEERING
         }
-        self.straight = frozenset(
-            name
-            for name, (_, throttle) in points.items()
-            if name not in self.turns and throttle != 0.0
+        self._left = sorted(name for name, is_right in turns.items() if not is_right)
+        self._right = sorted(name for name, is_right in turns.items() if is_right)
+        self._straight = sorted(
+            name for name, (_, throttle) in points.items() if name not in turns and throttle != 0.0
         )
+        self.restored()
 
-    def get_state(self) -> dict[str, list[str]]:
-        """Return all of it as plain values: what was learned rests on it."""
-        left, right = (
-            sorted(str(name) for name, own in self.turns.items() if own == side) for side in (-1, 1)
-        )
-        return {"left": left, "right": right, "straight": sorted(map(str, self.straight))}
+    def restored(self) -> None:
+        """Sort the moves by what is kept."""
+        sides = ((-1, self._left), (1, self._right))
+        self.turns = {Action(name): side for side, own in sides for name in own}
+        self.straight = frozenset(map(Action, self._straight))
 
-    def set_state(self, values: Mapping[str, list[str]]) -> None:
-        """Restore what `get_state` returned.
-
-        Raises:
-            ValueError: If it does not belong to these moves.
-        """
-        left, right, straight = (values[key] for key in ("left", "right", "straight"))
-        is_plain = all(isinstance(names, list) for names in (left, right, straight))
-        named = [*left, *right, *straight] if is_plain else [None]
-        if len(values) != 3 or len(set(named)) != len(named) or not set(named) <= set(self._moves):
-            raise ValueError("the kinds of moves are not those of its moves")
-        self.turns = {Action(name): side for side, own in ((-1, left), (1, right)) for name in own}
-        self.straight = frozenset(map(Action, straight))
+    def faults(self) -> Iterator[str]:
+        """Yield if a move is of two kinds, or none of its moves."""
+        named = [*self._left, *self._right, *self._straight]
+        if len(set(named)) < len(named) or not set(named) <= set(self._moves):
+            yield "the kinds of moves are not those of its moves"

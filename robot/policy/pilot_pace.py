@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import statistics
 from collections import deque
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.learner.part import Array, Arrays, Params, Value, many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
+from robot.policy.part import Lesson, PolicyPart
 from robot.policy.progress_clock import ProgressClock
-from robot.policy.stall_detector import STUCK_S, ChangeMeter, StraightScale
+from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter, StraightScale
 from robot.types import DEFAULT_MOVES, Action
 
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
@@ -31,7 +32,7 @@ PAUSE_S = 0.45
 """A longer gap of teaching time between two examples ends a manoeuvre."""
 
 
-class PilotPace:
+class PilotPace(PolicyPart):
     """How long a pilot's manoeuvres take.
 
     Args:
@@ -41,6 +42,20 @@ class PilotPace:
         longest_debt_s: Largest debt (`ProgressClock`) of the pilot's own driving, within bounds.
         scale: How much the picture changes as he drives straight.
     """
+
+    fields = (
+        Value("longest_debt_s", number(SHORTEST_DEBT_S, LONGEST_DEBT_S), "longest_debt_s"),
+        Value("pushes_s", many(number(0.0), _MEANT, _MEANT)),
+        Value("push_s", number(0.0)),
+        Value("runs_s", many(number(0.0), _RUNS), older=((),)),
+        Value("run_s", number(0.0), older=(0.0,)),
+        Value("label", optional(name), older=(None,)),
+        Value("last_s", number()),
+        Value("clock", row(number(0.0), number(0.0), optional(number())), "_clock.values"),
+        Value("before_s", number(), "_meter.before_s", older=(0.0,)),
+        Value("changes", many(number(0.0, 255.0), MEMORY), "scale.changes", older=((),)),
+        Array("picture", np.uint8, ("n_pixels",), attribute="_meter.before", may_miss=True),
+    )
 
     def __init__(self, kinds: MoveKinds | None = None) -> None:
         self.kinds = kinds or MoveKinds(DEFAULT_MOVES)
@@ -64,6 +79,11 @@ class PilotPace:
     def usual_run_s(self) -> float | None:
         """How long he usually keeps to a move; None before he has changed it often enough."""
         return statistics.median(self._runs_s) if len(self._runs_s) >= _FEWEST_RUNS else None
+
+    def on_example(self, lesson: Lesson) -> None:
+        """Note the pilot's pace; an example that stands for itself has none."""
+        if lesson.at_s is not None:
+            self.learn(lesson.label, lesson.picture, lesson.at_s)
 
     def learn(self, label: Action, picture: NDArray[np.uint8], at_s: float) -> None:
         """Update from one labelled frame.
@@ -101,36 +121,12 @@ class PilotPace:
         self._pushes_s = sorted([*self._pushes_s, self._push_s])[-_MEANT:]
         self._push_s = 0.0
 
-    def get_state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Return all of it as plain values and arrays."""
-        values = {
-            "longest_debt_s": self.longest_debt_s,
-            "pushes_s": list(self._pushes_s),
-            "push_s": self._push_s,
-            "runs_s": list(self._runs_s),
-            "run_s": self._run_s,
-            "label": self._label,
-            "last_s": self._last_s,
-            "clock": self._clock.get_state(),
-            "before_s": self._meter.before_s,
-            "changes": list(self.scale.changes),
-        }
-        before = self._meter.before
-        return values, {} if before is None else {"pace_picture": before.copy()}
+    def upgrade(self, params: Params, arrays: Arrays) -> None:
+        """Leave out what version 0.2 measured of the pilot and nothing asks for any more."""
+        for key in params.keys() - {field.name for field in self.fields}:
+            del params[key]
 
-    def set_state(self, values: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
-        """Restore what `get_state` returned; older models know less."""
-        self.longest_debt_s = float(values["longest_debt_s"])
-        self._pushes_s = [float(push_s) for push_s in values["pushes_s"]]
-        self._push_s, self._last_s = float(values["push_s"]), float(values["last_s"])
-        self._runs_s.clear()
-        self._runs_s.extend(float(run_s) for run_s in values.get("runs_s", []))
-        self._run_s = float(values.get("run_s", 0.0))
-        label = values.get("label")
-        self._label = None if label is None else Action(label)
-        self._clock.set_state(values["clock"])
-        self.scale.changes.clear()
-        self.scale.changes.extend(float(change) for change in values.get("changes", []))
-        before = arrays.get("pace_picture")
-        self._meter.before = None if before is None else before.copy()
-        self._meter.before_s = float(values.get("before_s", 0.0))
+    def restored(self) -> None:
+        """Keep the latest runs and changes alone, as before."""
+        self._runs_s = deque(self._runs_s, maxlen=_RUNS)
+        self.scale.changes = deque(self.scale.changes, maxlen=MEMORY)

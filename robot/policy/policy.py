@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from robot.driver import Move
 from robot.learner import votes
-from robot.learner.base import (
-    ContextualLearner,
-    Evidence,
-    Learner,
-    NotFittedError,
-    State,
-    Vector,
-)
-from robot.policy.action_filter import ActionFilter, View
+from robot.learner.base import ContextualLearner, Learner, NotFittedError, State, Vector
+from robot.learner.part import Stateful, Value, count
+from robot.policy.action_filter import ActionFilter
 from robot.policy.calibration import Calibration
 from robot.policy.example_rate import ExampleRate
 from robot.policy.features import Features
@@ -23,8 +17,8 @@ from robot.policy.gallery import Gallery, LearnedImage
 from robot.policy.light import LightAdaptation
 from robot.policy.move_context import MoveContext
 from robot.policy.move_kinds import MoveKinds
+from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.policy.pilot_pace import PilotPace
-from robot.policy.running_votes import USUAL_STEP_S
 from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
 
 _DOUBT = 0.5
@@ -33,8 +27,50 @@ _LEAST = 1e-6
 """Votes for a move that was taught: more than for one that never was."""
 
 
-class Policy:
+class _Recognition(PolicyPart):
+    """The learner among the parts of a policy."""
+
+    def __init__(self, learner: Learner, moves: tuple[Action, ...]) -> None:
+        self._learner = learner
+        self._moves = moves
+
+    def on_frame(self, seen: Seen) -> None:
+        seen.evidence = self._learner.explain_one(seen.x)
+        self._share_out(seen)
+
+    def on_example(self, lesson: Lesson) -> None:
+        if lesson.is_learned:
+            self._learner.learn_one(lesson.x, lesson.label)
+
+    def reset(self) -> None:
+        self._learner.reset()
+
+    def _share_out(self, seen: Seen) -> None:
+        known = seen.known.probabilities
+        seen.shares = {
+            move: max(known[move], _LEAST) if move in known else 0.0 for move in self._moves
+        }
+
+
+class _ContextualRecognition(_Recognition):
+    """A learner to which the move under way matters."""
+
+    _learner: ContextualLearner
+
+    def on_frame(self, seen: Seen) -> None:
+        seen.evidence = self._learner.explain_in(seen.x, seen.context)
+        self._share_out(seen)
+
+    def on_example(self, lesson: Lesson) -> None:
+        if lesson.is_learned:
+            self._learner.learn_in(lesson.x, lesson.label, lesson.contexts)
+
+
+class Policy(Stateful):
     """Proposes an action for each frame, and learns from examples.
+
+    It is a list of parts (`part.py`): each frame and each example passes through all of them, in
+    one order, and what a part declares is saved, loaded and checked.
 
     Not thread-safe: only the control loop's thread may use it.
 
@@ -52,6 +88,11 @@ class Policy:
     Attributes:
         kinds: Which of the moves are turns, and which drive straight.
     """
+
+    fields = (
+        Value("name", lambda plain, names: str(plain), "name", is_fixed=True),
+        Value("lessons", count(), "_n_examples"),
+    )
 
     def __init__(
         self,
@@ -71,20 +112,27 @@ class Policy:
         self.learner = learner
         self.features = features
         self.kinds = MoveKinds(moves)
-        self._action_filter = action_filter(self.kinds)
         self._n_examples = 0
         self._n_proposals = 0
-        self._pace = PilotPace(self.kinds)
-        self._calibration = Calibration() if calibrates else None
-        self._brighten = brighten
-        self._light = LightAdaptation()
-        self._contextual: ContextualLearner | None = None
-        if learner.abilities.contexts and isinstance(learner, ContextualLearner):
-            self._contextual = learner
-        self._context = MoveContext(self.kinds)
-        self._rate = ExampleRate()
-        self._now_s = 0.0
         self._gallery = Gallery(learner, features)
+        pace, smoothing = PilotPace(self.kinds), action_filter(self.kinds)
+        smoothing.pace = pace
+        self._smoothing = smoothing
+        parts: list[tuple[str, PolicyPart]] = [("", ExampleRate())]
+        if calibrates:
+            parts.append(("calibration", Calibration(self._votes_on)))
+        if brighten is not None:
+            parts.append(("light", LightAdaptation(brighten)))
+        if learner.abilities.contexts and isinstance(learner, ContextualLearner):
+            parts.append(("context", MoveContext(self.kinds)))
+            parts.append(("", _ContextualRecognition(learner, moves)))
+        else:
+            parts.append(("", _Recognition(learner, moves)))
+        parts += [("pace", pace), ("", smoothing), ("", self._gallery)]
+        self._parts = parts
+        self._on_frame = _overridden(parts, "on_frame")
+        self._on_example = _overridden(parts, "on_example")
+        self._begun, _ = self.save()
 
     def describe_moves(self, declared: Iterable[Move]) -> None:
         """Take in what a body says of its moves: which are turns, which drive straight."""
@@ -125,43 +173,32 @@ class Policy:
             bumped: True if a bumper is pressed.
         """
         self._n_proposals += 1
+        seen = Seen(
+            number=self._n_proposals,
+            x=x,
+            picture=self.features.grey(x),
+            at_s=at_s,
+            under_way=under_way,
+            bumped=bumped,
+        )
         try:
-            evidence = self._explain(self._in_taught_light(x, at_s), under_way)
+            for on_frame in self._on_frame:
+                on_frame(seen)
         except NotFittedError:
             return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
-        known = evidence.probabilities
-        shares = {move: max(known[move], _LEAST) if move in known else 0.0 for move in self.moves}
-        steady = self._action_filter.average(shares, at_s, self._pace.usual_run_s)
-        self._now_s = self._now_s + USUAL_STEP_S if at_s is None else at_s
-        view = View(picture=self.features.grey(x), at_s=self._now_s, bumped=bumped)
-        action = self._action_filter.choose(
-            steady, view, under_way, self._pace, in_context=self._contextual is not None
-        )
-        self._gallery.note_used(evidence.node, self._n_proposals)
+        known = seen.known
         return Prediction(
             frame_id=frame_id,
-            action=action,
-            confidence=self._chance(steady, action, evidence.novelty),
-            probabilities=steady,
-            node=evidence.node,
-            distance=evidence.distance,
-            novelty=evidence.novelty,
-            is_stalled=self._action_filter.is_stalled,
-            is_turn=action in self.kinds.turns,
-            needs_help=self._action_filter.needs_help,
+            action=seen.action,
+            confidence=self._chance(seen.shares, seen.action, known.novelty, seen.certainty),
+            probabilities=seen.shares,
+            node=known.node,
+            distance=known.distance,
+            novelty=known.novelty,
+            is_stalled=seen.is_stalled,
+            is_turn=seen.action in self.kinds.turns,
+            needs_help=seen.needs_help,
         )
-
-    def _explain(self, x: Vector, under_way: Action | None) -> Evidence:
-        if self._contextual is None:
-            return self.learner.explain_one(x)
-        context = None if under_way is None else self._context.of(under_way)
-        return self._contextual.explain_in(x, context)
-
-    def _in_taught_light(self, x: Vector, at_s: float | None) -> Vector:
-        if self._brighten is None:
-            return x
-        gain = self._light.gain(float(self.features.grey(x).mean()), at_s)
-        return x if gain == 1.0 else self._brighten(x, gain)
 
     def learn(self, x: Vector, label: Action, at_s: float | None = None) -> None:
         """Learn one example.
@@ -177,55 +214,43 @@ class Policy:
         Raises:
             ValueError: If the label is none of `moves`, or `x` cannot be learned; nothing changes.
         """
+        self._check_move(label)
+        lesson = Lesson(
+            number=self._n_examples + 1,
+            x=x,
+            picture=self.features.grey(x),
+            label=Action(label),
+            at_s=at_s,
+        )
+        for on_example in self._on_example:
+            on_example(lesson)
+        self._n_examples += 1
+
+    def _check_move(self, label: Action) -> None:
         if label not in self.moves:
             raise ValueError(f"{label!r} is not one of the moves {', '.join(self.moves)}")
-        label = Action(label)
-        if self._rate.admits(label, at_s):
-            self._calibrate(x, label, at_s)
-            if self._contextual is None:
-                self.learner.learn_one(x, label)
-            else:
-                self._contextual.learn_in(x, label, self._context.note(label, at_s))
-            if self._brighten is not None:
-                self._light.learn(float(self.features.grey(x).mean()))
-        if at_s is not None:
-            self._pace.learn(label, self.features.grey(x), at_s)
-        self._n_examples += 1
-        self._gallery.note_taught(self.learner.last_node_, self._n_examples)
 
-    def _calibrate(self, x: Vector, label: Action, at_s: float | None) -> None:
-        def predict() -> Mapping[str, float]:
-            return self.learner.predict_proba_one(x) if self.learner.n_nodes_ else {}
-
-        if self._calibration is not None:
-            self._calibration.note(label, at_s, predict)
+    def _votes_on(self, x: Vector) -> Mapping[str, float]:
+        return self.learner.predict_proba_one(x) if self.learner.n_nodes_ else {}
 
     def reset(self) -> None:
         """Forget what belongs to one drive: a new drive begins."""
-        self._action_filter.reset()
-        self.learner.reset()
-        self._light.reset()
+        for _, part in self._parts:
+            part.reset()
+
+    def parts(self) -> Sequence[tuple[str, Stateful]]:
+        """Return its parts, by the names that a model has for them."""
+        return [("kinds", self.kinds), *self._parts]
 
     def get_state(self) -> State:
         """Return a copy of all that was learned, without what belongs to one drive."""
-        state = self.learner.get_state()
-        params = {
-            "learner": state.params,
-            "lessons": self._n_examples,
-            "last_taught": self._gallery.get_state(),
-            "name": self.name,
-            "last_learned": self._rate.get_state(),
-        }
-        if self._calibration is not None:
-            params["calibration"] = self._calibration.get_state()
-        if self._brighten is not None:
-            params["light"] = self._light.get_state()
-        if self._contextual is not None:
-            params["context"] = self._context.get_state()
-        params["kinds"] = self.kinds.get_state()
-        params["pace"], pace_arrays = self._pace.get_state()
-        arrays = {**state.arrays, **pace_arrays}
-        return State(kind=f"policy:{state.kind}", params=params, arrays=arrays, labels=state.labels)
+        state, (params, arrays) = self.learner.get_state(), self.save()
+        return State(
+            kind=f"policy:{state.kind}",
+            params={**params, "learner": state.params},
+            arrays={**arrays, **state.arrays},
+            labels=state.labels,
+        )
 
     def set_state(self, state: State) -> None:
         """Restore `state`, at the beginning of a drive.
@@ -242,28 +267,28 @@ class Policy:
         Raises:
             ValueError: If it is of another kind.
         """
-        kind, params = state.kind.removeprefix("policy:"), state.params["learner"]
-        self.learner.set_state(replace(state, kind=kind, params=params))
-        self._n_examples = int(state.params["lessons"])
-        self._rate.set_state(state.params.get("last_learned"))
-        if "kinds" in state.params:  # else the moves are as they were described
-            self.kinds.set_state(state.params["kinds"])
-        self._pace = PilotPace(self.kinds)
-        if "pace" in state.params:  # models of version 0.1 have none
-            self._pace.set_state(state.params["pace"], state.arrays)
-        if self._calibration is not None:
-            self._calibration = Calibration()
-            if "calibration" in state.params:  # older models have none
-                self._calibration.set_state(state.params["calibration"])
-        self._light = LightAdaptation()
-        if self._brighten is not None and "light" in state.params:
-            self._light.set_state(state.params["light"])
-        self._context = MoveContext(self.kinds)
-        if self._contextual is not None and "context" in state.params:
-            self._context.set_state(state.params["context"])
+        params = {**self._begun, **state.params}  # what older models lack is as at the beginning
+        kind, own = state.kind.removeprefix("policy:"), self.array_names() & state.arrays.keys()
+        theirs = {key: array for key, array in state.arrays.items() if key not in own}
+        self.learner.set_state(
+            replace(state, kind=kind, params=params.pop("learner"), arrays=theirs)
+        )
+        arrays = {key: state.arrays[key] for key in own}
+        self.load(params, arrays, {str(move): move for move in self.moves})
+
+    def restored(self) -> None:
+        """Begin a drive."""
         self._n_proposals = 0
-        self._gallery.set_state(state.params["last_taught"])
-        self._action_filter.reset()
+        self._smoothing.reset()
+
+    def faults(self) -> Iterator[str]:
+        """Yield what the learner has wrong, or the policy with it."""
+        if isinstance(self.learner, Stateful):
+            self.learner.check()
+        for node in self.learner.nodes():
+            if not node.votes.keys() <= set(self.moves):
+                yield "it has labels that are not among its moves"
+                break
 
     def gallery(self) -> list[LearnedImage]:
         """Return every learned image, in the order of the nodes; none if the learner keeps none."""
@@ -276,8 +301,7 @@ class Policy:
             LookupError: If there is no such node.
             ValueError: If `label` is none of `moves`.
         """
-        if label not in self.moves:
-            raise ValueError(f"{label!r} is not one of the moves {', '.join(self.moves)}")
+        self._check_move(label)
         self.learner.relabel_node(node_id, Action(label))
 
     def delete_node(self, node_id: int) -> None:
@@ -288,13 +312,26 @@ class Policy:
         """Keep one learned image from merging; raises LookupError if there is none."""
         self.learner.pin_node(node_id, pinned)
 
-    def _chance(self, shares: dict[Action, float], action: Action, novelty: float) -> float:
+    def _chance(
+        self,
+        shares: Mapping[Action, float],
+        action: Action,
+        novelty: float,
+        certainty: float = 1.0,
+    ) -> float:
         """Return how likely the action is right; near a guess on an unknown view."""
-        values = list(shares.values())
-        factor = self._calibration.factor if self._calibration is not None else 1.0
-        power = factor * self.learner.sharpness
-        chance = votes.chance(values, list(shares).index(action), power)
+        power = certainty * self.learner.sharpness
+        chance = votes.chance(list(shares.values()), list(shares).index(action), power)
         if novelty <= 1.0:
             return chance
         guess = 1.0 / sum(share > 0.0 for share in shares.values())
         return guess + (chance - guess) / (1.0 + _DOUBT * (novelty - 1.0))
+
+
+def _overridden(parts: list[tuple[str, PolicyPart]], method: str) -> list[Callable[..., None]]:
+    """Return this method of the parts that have something to do in it."""
+    return [
+        getattr(part, method)
+        for _, part in parts
+        if getattr(type(part), method) is not getattr(PolicyPart, method)
+    ]

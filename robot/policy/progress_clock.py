@@ -32,7 +32,7 @@ class ProgressClock:
     """
 
     def __init__(self, kinds: MoveKinds) -> None:
-        self._turns = kinds.turns
+        self._kinds = kinds
         self.debt_s = 0.0
         self.straight_s = 0.0
         """For how long the robot has been driving straight with effect."""
@@ -50,7 +50,7 @@ class ProgressClock:
         self._last_s = at_s
         if action is None or action is Action.STOP:
             return
-        if action in self._turns or is_stalled:
+        if action in self._kinds.turns or is_stalled:
             self.debt_s += step_s
             self.straight_s = 0.0
         else:
@@ -63,11 +63,11 @@ class ProgressClock:
         self.debt_s = self.straight_s = 0.0
         self._last_s = None
 
-    def get_state(self) -> list[float | None]:
-        """Return debt, time straight, and the time of the last call."""
-        return [self.debt_s, self.straight_s, self._last_s]
+    @property
+    def values(self) -> tuple[float, float, float | None]:
+        """Debt, time straight, and the time of the last call."""
+        return self.debt_s, self.straight_s, self._last_s
 
-    def set_state(self, values: list[float | None]) -> None:
-        """Restore what `get_state` returned."""
-        self.debt_s, self.straight_s = values[0] or 0.0, values[1] or 0.0
-        self._last_s = values[2]
+    @values.setter
+    def values(self, values: tuple[float, float, float | None]) -> None:
+        self.debt_s, self.straight_s, self._last_s = values

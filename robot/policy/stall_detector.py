@@ -22,7 +22,7 @@ AWAY_S = 1.5
 """and not taken up again for so long, nor before the robot moves."""
 STEP_S = 0.1
 _STILL_SHARE = 0.25
-_MEMORY, _FEWEST = 100, 5
+MEMORY, _FEWEST = 100, 5
 
 
 class ChangeMeter:
@@ -60,7 +60,7 @@ class StraightScale:
     """
 
     def __init__(self) -> None:
-        self.changes: deque[float] = deque(maxlen=_MEMORY)
+        self.changes: deque[float] = deque(maxlen=MEMORY)
 
     def is_still(self, change: float) -> bool:
         """Tell whether a change is so small that the body stands; False before it has driven."""

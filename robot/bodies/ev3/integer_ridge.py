@@ -8,10 +8,13 @@ Here a step goes all the way to the least error of its coordinate.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from robot.learner.part import WHOLE, Array, Stateful
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -29,7 +32,7 @@ STEPS = 4
 """Coordinates that are improved after each frame."""
 
 
-class IntegerRidge:
+class IntegerRidge(Stateful):
     """A linear score per label, from the first `n_features` values of a vector of bytes.
 
     Follows what `RecursiveRidge` computes, a few steps behind. Every operation is exact in whole
@@ -46,13 +49,20 @@ class IntegerRidge:
         steps: Coordinates that are improved after each frame.
     """
 
+    fields = (
+        Array("products", np.int32, ("size", "size"), high=2 * _FULL),
+        Array("linear", np.int64, ("n_labels", "size"), -(2**40), 2**40, "_weights"),
+        Array("residual", np.int64, ("n_labels", "size"), -WHOLE, WHOLE),
+        Array("halvings", np.int64, (1,), high=_MOST_HALVINGS, attribute="_kept_halvings"),
+    )
+
     def __init__(self, n_features: int, *, penalty: float = 3.0, steps: int = STEPS) -> None:
         if n_features < 1 or penalty <= 0.0 or steps < 1:
             raise ValueError("n_features, penalty and steps must be above 0")
         self.n_features = n_features
         self.penalty = round(penalty * _TOP**2)
         self.steps = steps
-        size = n_features + 1
+        self.size = size = n_features + 1
         self._products = np.zeros((size, size), np.int32)
         np.fill_diagonal(self._products, self.penalty)
         self._weights = np.zeros((0, size), np.int64)
@@ -130,22 +140,21 @@ class IntegerRidge:
         z[-1] = _TOP
         return z
 
-    def get_arrays(self) -> dict[str, NDArray[Any]]:
-        return {
-            "products": self._products.copy(),
-            "linear": self._weights.copy(),
-            "residual": self._residual.copy(),
-            "halvings": np.array([self._halvings], np.int64),
-        }
+    @property
+    def _kept_halvings(self) -> Integers:
+        """How often all was halved, as an array."""
+        return np.array([self._halvings], np.int64)
 
-    def set_arrays(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Restore what `get_arrays` returned; raises ValueError if it had other features."""
-        if arrays["products"].shape != self._products.shape:
-            raise ValueError("the model was learned on another number of features")
-        halvings = int(arrays["halvings"][0])
-        if not 0 <= halvings <= _MOST_HALVINGS:
-            raise ValueError(f"the model was halved {halvings} times")
-        self._products = arrays["products"].copy()
-        self._weights = arrays["linear"].copy()
-        self._residual = arrays["residual"].copy()
-        self._halvings = halvings
+    @_kept_halvings.setter
+    def _kept_halvings(self, halvings: Integers) -> None:
+        self._halvings = int(halvings[0])
+
+    def faults(self) -> Iterator[str]:
+        """Yield if the sums are those of no frames: steps of the descent could then grow."""
+        products = self._products.astype(np.float64)
+        squares = products.diagonal()
+        if squares.min() < 1 or (products**2 > 1.01 * np.outer(squares, squares) + 1).any():
+            yield "the array products holds no sums of products"
+        limits = _ONE * 64.0 * np.sqrt(squares * squares[-1])
+        if (np.abs(self._residual) > limits).any():
+            yield "the array residual does not go with the sums"

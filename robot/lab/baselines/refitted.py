@@ -8,6 +8,7 @@ import numpy as np
 
 from robot.lab.baselines.wrapped import Baseline, Floats, from_library
 from robot.learner.base import Vector
+from robot.learner.part import Value, count
 
 
 class Refitted(Baseline):
@@ -15,6 +16,8 @@ class Refitted(Baseline):
 
     Memory and time grow with every example.
     """
+
+    fields = (*Baseline.fields, Value("n_neighbours", count(), "number", is_fixed=True))
 
     def _make(self) -> Any:
         """Return a new classifier with `fit` and `predict_proba`."""
@@ -43,9 +46,6 @@ class Refitted(Baseline):
         self.labels_ = [str(label) for label in self._model.classes_]
         shares: Floats = self._model.predict_proba(x[None, :])[0]
         return shares
-
-    def _params(self) -> dict[str, Any]:
-        return {"n_neighbours": self.number}
 
 
 class NearestNeighbours(Refitted):

@@ -36,7 +36,7 @@ class SelfOrganizingMap(Baseline):
         if column == self._votes.shape[2]:
             self._votes = np.concatenate([self._votes, np.zeros((*self._votes.shape[:2], 1))], 2)
         winner = self._map.winner(x)
-        self._map.update(x, winner, min(len(self._xs), EXPECTED_LESSONS), EXPECTED_LESSONS)
+        self._map.update(x, winner, min(self.n_examples, EXPECTED_LESSONS), EXPECTED_LESSONS)
         self._votes *= 0.999  # a cell moves on, and its old votes with it
         self._votes[(*winner, column)] += 1.0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,10 @@ from robot.learner.base import (
     Vector,
     checked_vector,
 )
+from robot.learner.part import Array, Stateful, Value
 
 Floats = NDArray[np.float64]
+_DTYPES = (np.uint8, np.float32, np.float64)
 CLASSES = np.arange(16)
 """Numbers of labels, for libraries that want to know all of them at the first example."""
 
@@ -33,7 +36,7 @@ def from_library(module: str, name: str, learner: str, extra: str = "learners") 
     return getattr(need(module, f"the learner {learner}", extra), name)
 
 
-class Baseline(BaseLearner):
+class Baseline(Stateful, BaseLearner):
     """A learner from a library behind the learner's interface, for comparison and for teaching.
 
     Its state is its examples: `set_state` learns them again, which gives the same learner because
@@ -44,6 +47,9 @@ class Baseline(BaseLearner):
     """
 
     kind: str
+    fields: Sequence[Value | Array] = (
+        Array("xs", _DTYPES, ("n_examples", "d"), -1e6, 1e6, "_kept", may_miss=True),
+    )
 
     def __init__(self, number: int) -> None:
         self.number = number
@@ -90,18 +96,32 @@ class Baseline(BaseLearner):
     def _forget(self) -> None:
         """Become as new."""
 
-    def get_state(self) -> State:
-        arrays = {"xs": np.stack(self._xs)} if self._xs else {}
-        return State(kind=self.kind, params=self._params(), arrays=arrays, labels=list(self._ys))
+    @property
+    def n_examples(self) -> int:
+        """How many examples it keeps."""
+        return len(self._ys)
 
-    def _params(self) -> dict[str, Any]:
-        return {}
+    @property
+    def _kept(self) -> NDArray[Any] | None:
+        """The vectors of all examples."""
+        return np.stack(self._xs) if self._xs else None
+
+    @_kept.setter
+    def _kept(self, xs: NDArray[Any] | None) -> None:
+        self._xs = [] if xs is None else list(xs)
+
+    def get_state(self) -> State:
+        params, arrays = self.save()
+        return State(kind=self.kind, params=params, arrays=arrays, labels=list(self._ys))
 
     def set_state(self, state: State) -> None:
         """Learn again what `state` holds; raises ValueError if it is of another kind."""
         if state.kind != self.kind:
             raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
+        self._ys = list(map(str, state.labels))
+        self.load(state.params, state.arrays)
+        examples = list(zip(self._xs, self._ys, strict=True))
         self.labels_, self._xs, self._ys = [], [], []
         self._forget()
-        for x, y in zip(state.arrays.get("xs", ()), state.labels, strict=True):
+        for x, y in examples:
             self.learn_one(x, y)

@@ -80,10 +80,10 @@ class Model:
         try:
             policy = make_policy(self.summary.learner, self.summary.moves)
             policy.set_state(self.state)
-        except (ValueError, KeyError, TypeError, IndexError) as error:
+        except Exception as error:  # its learner may be anybody's
             raise RecordingError(
-                f"the model of the learner {self.summary.learner!r} does not fit this program: "
-                f"{error}"
+                f"the model of the learner {self.summary.learner[:40]!r} does not fit: "
+                f"{str(error)[:200] or repr(error)}"
             ) from error
         return policy
 

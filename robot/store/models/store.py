@@ -23,7 +23,6 @@ from robot.store.folder import (
     size_of,
     write_whole,
 )
-from robot.store.models.checking import check_model
 from robot.store.models.model import (
     MAX_BYTES,
     JournalPosition,
@@ -34,6 +33,7 @@ from robot.store.models.model import (
     encode_model,
     stamp,
 )
+from robot.store.models.trial import try_model
 from robot.store.records import read_regular
 
 _MACHINE = RealClock()
@@ -132,7 +132,7 @@ class ModelStore:
         for version in reversed(self._versions(self._check(name))):
             try:
                 model = decode_model(_read(version))
-                model.to_policy()
+                try_model(model)
             except RecordingError as error:
                 aside = set_aside(version, _DAMAGED)
                 log.warning("model %s: %s set aside as %s: %s", name, version.name, aside, error)
@@ -179,7 +179,7 @@ class ModelStore:
         Raises:
             RecordingError: If the bytes are not a model that this program can use.
         """
-        check_model(decode_model(data, is_view=True))
+        try_model(decode_model(data, is_view=True))
         name = self.free_name(name)
         write_whole(self._storage.models / name / "00001.npz", data)
         return name

@@ -49,26 +49,26 @@ def test_what_it_knows_does_not_depend_on_being_asked(frames):
         for ridge in (silent, asked):
             ridge.learn_scaled(make().scaled(x), targets)
         asked.scores(x)
-    for name, array in silent.get_arrays().items():
-        np.testing.assert_array_equal(array, asked.get_arrays()[name])
+    for name, array in silent.save()[1].items():
+        np.testing.assert_array_equal(array, asked.save()[1][name])
 
 
 @pytest.mark.parametrize("n", [0, 5, BLOCK, BLOCK + 7])
 def test_it_goes_on_bit_for_bit_from_what_was_saved(frames, n):
     before, _ = taught(frames, n)
     after = BlockRidge(make())
-    after.set_arrays(before.get_arrays())
+    after.load({}, before.save()[1])
     for x, targets in zip(frames[0][n:], frames[1][n:], strict=True):
         for ridge in (before, after):
             ridge.learn_scaled(make().scaled(x), targets)
-    for name, array in before.get_arrays().items():
-        np.testing.assert_array_equal(array, after.get_arrays()[name])
+    for name, array in before.save()[1].items():
+        np.testing.assert_array_equal(array, after.save()[1][name])
 
 
 def test_a_copy_of_a_ridge_begins_with_all_that_it_learned(frames):
     _, single = taught(frames, 13)
     copy = BlockRidge(make())
-    copy.set_arrays(single.get_arrays())
+    copy.load({}, single.save()[1])
     assert_same(copy, single, frames)
 
 

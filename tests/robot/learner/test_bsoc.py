@@ -94,10 +94,10 @@ def test_refuses_bad_vectors_and_stays_as_it_was(bad):
     learner = BSOC(2)
     for value in (0.0, 1.0, 5.0):
         learner.train(np.array([value, value]))
-    before = learner.get_state().arrays
+    before = learner.save()[1]
     with pytest.raises(ValueError, match="vector"):
         learner.train(bad)
-    after = learner.get_state().arrays
+    after = learner.save()[1]
     assert all(np.array_equal(before[name], after[name]) for name in before)
 
 
@@ -108,7 +108,7 @@ def test_state_goes_on_exactly():
     for i, x in enumerate(xs[:30]):
         first.train(x, i % 2)
     second = BSOC(4)
-    second.set_state(first.get_state())
+    second.load(*first.save())
     for i, x in enumerate(xs[30:]):
         assert first.train(x, i % 2) == second.train(x, i % 2)
     assert np.array_equal(first.nodes_, second.nodes_)

@@ -130,11 +130,11 @@ def test_restored_it_goes_on_the_same(turns: list[tuple[int, int]], cut: int) ->
     for i, turn in enumerate(turns):
         if i == cut:
             restored = ChangeOfMind()
-            restored.set_arrays(other.mind.get_arrays(), 3)
+            restored.load(*other.mind.save())
             other.mind = restored
         whole.turn(*turn)
         other.turn(*turn)
-    ours, theirs = whole.mind.get_arrays(), other.mind.get_arrays()
+    ours, theirs = whole.mind.save()[1], other.mind.save()[1]
     assert all(np.array_equal(ours[name], theirs[name]) for name in ours)
 
 

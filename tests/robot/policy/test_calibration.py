@@ -92,20 +92,20 @@ def test_a_restored_calibration_goes_on_the_same_and_its_bounds_hold(before, aft
     for label, step_s in before:
         now_s += step_s
         one.note(label, now_s, votes)
-    two.set_state(json.loads(json.dumps(one.get_state())))
+    two.load(json.loads(json.dumps(one.save()[0])), {}, {str(move): move for move in MOVES})
     for label, step_s in after:
         now_s += step_s
         said = votes()
         one.note(label, now_s, lambda said=said: said)
         two.note(label, now_s, lambda said=said: said)
-    assert one.get_state() == two.get_state() and one.factor == two.factor
+    assert one.save() == two.save() and one.factor == two.factor
     assert 0.5**0.4 <= one.factor <= 4.0**0.4
 
 
 @pytest.mark.parametrize("harm", [{"losses": [0.0]}, {"losses": [float("nan")] * 13}])
 def test_a_state_that_is_none_is_refused(harm):
     with pytest.raises(ValueError, match="losses"):
-        Calibration().set_state(Calibration().get_state() | harm)
+        Calibration().load(Calibration().save()[0] | harm, {})
 
 
 def views(n_runs):

@@ -83,7 +83,7 @@ def test_it_goes_on_where_it_was_saved(gaps_s, cut):
     one, other = ExampleRate(), ExampleRate()
     for i, at_s in enumerate(times_of(gaps_s)):
         if i == cut:
-            other.set_state(json.loads(json.dumps(one.get_state())))
+            other.load(json.loads(json.dumps(one.save()[0])), {})
         if i < cut:
             one.admits("FORWARD", at_s)
         else:

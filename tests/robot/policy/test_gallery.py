@@ -37,7 +37,7 @@ def test_what_was_taught_is_restored_and_what_was_used_is_forgotten(learner, gal
     node = learner.nodes()[0].id
     gallery.note_used(node, 7)
     gallery.note_taught(node, 5)
-    gallery.set_state(gallery.get_state())
+    gallery.load(*gallery.save())
     image = gallery.images()[0]
     assert (image.last_used, image.last_taught) == (0, 5)
 
@@ -47,5 +47,5 @@ def test_nodes_that_are_gone_are_forgotten_in_the_end(learner, gallery):
     gallery.note_taught(kept, 1)
     for number in range(1000):
         gallery.note_taught(10_000 + number, number)
-    assert len(gallery.get_state()) <= 4 * learner.n_nodes_ + 65
-    assert gallery.get_state()[str(kept)] == 1
+    assert len(gallery.save()[0]["last_taught"]) <= 4 * learner.n_nodes_ + 65
+    assert gallery.save()[0]["last_taught"][str(kept)] == 1

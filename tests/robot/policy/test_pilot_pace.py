@@ -67,13 +67,13 @@ def test_corrections_with_pauses_between_them_are_manoeuvres_of_their_own():
 
 def test_its_state_goes_on_as_if_nothing_had_been():
     one, other = Pilot().drive(F, 2).drive(L, 1.3), Pilot()
-    other.pace.set_state(*one.pace.get_state())
+    other.pace.load(*one.pace.save())
     other.now_s, other.shift, other.rng = one.now_s, one.shift, np.random.default_rng(9)
     one.rng = np.random.default_rng(9)
     for pilot in (one, other):
         pilot.drive(L, 2).drive(F, 2, is_moving=False).drive(R, 4)
-    values, arrays = one.pace.get_state()
-    values_too, arrays_too = other.pace.get_state()
+    values, arrays = one.pace.save()
+    values_too, arrays_too = other.pace.save()
     assert values == values_too
     assert arrays.keys() == arrays_too.keys()
 

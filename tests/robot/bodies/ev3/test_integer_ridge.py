@@ -35,7 +35,7 @@ def taught(xs, targets, **more):
 
 def moments(ridge):
     """What the residual stands for, in Python's numbers, which never overflow."""
-    arrays = ridge.get_arrays()
+    arrays = ridge.save()[1]
     products = arrays["products"].astype(object)
     return arrays["residual"].astype(object) + arrays["linear"].astype(object).dot(products)
 
@@ -45,7 +45,7 @@ def test_what_it_keeps_is_exact_after_any_number_of_frames(steps):
     xs, targets = lessons(300)
     ridge = taught(xs, targets, steps=steps)
     z = np.hstack([xs.astype(object) // 4, np.full((300, 1), 63, object)])
-    assert (ridge.get_arrays()["products"] - z.T.dot(z) == np.diag([round(3.0 * 63**2)] * 13)).all()
+    assert (ridge.save()[1]["products"] - z.T.dot(z) == np.diag([round(3.0 * 63**2)] * 13)).all()
     assert (moments(ridge) == (1 << 24) * targets.astype(int).T.astype(object).dot(z)).all()
 
 
@@ -84,7 +84,7 @@ def test_what_is_taken_back_is_as_if_it_had_never_been(seed):
     for x, target in zip(xs[gone], targets[gone], strict=True):
         ridge.learn(x, target, -1.0)
     never = taught(xs[kept], targets[kept], steps=20)
-    assert (ridge.get_arrays()["products"] == never.get_arrays()["products"]).all()
+    assert (ridge.save()[1]["products"] == never.save()[1]["products"]).all()
     assert (moments(ridge) == moments(never)).all()
 
 
@@ -101,7 +101,7 @@ def test_many_frames_are_halved_before_they_overflow_and_the_scores_stay(monkeyp
     monkeypatch.setattr(integer_ridge, "_FULL", 1 << 18)  # 67 frames, in place of 270,000
     xs, targets = lessons(1000)
     ridge = taught(xs, targets)
-    arrays = ridge.get_arrays()
+    arrays = ridge.save()[1]
     assert arrays["halvings"][0] > 5
     assert arrays["products"].max() < (1 << 18) + 63**2
     assert np.linalg.eigvalsh(arrays["products"].astype(float)).min() > 0.0
@@ -121,12 +121,14 @@ def test_the_same_view_with_every_label_in_turn_stays_in_bounds():
 
 
 def test_models_of_other_features_and_impossible_ones_are_refused():
-    arrays = taught(*lessons(30)).get_arrays()
-    with pytest.raises(ValueError, match="another number"):
-        IntegerRidge(N + 1).set_arrays(arrays)
+    arrays = taught(*lessons(30)).save()[1]
+    with pytest.raises(ValueError, match=r"the array products|the array residual|the array linear"):
+        IntegerRidge(N + 1).load({}, arrays)
     for halvings in (-1, 2**40):
-        with pytest.raises(ValueError, match="halved"):
-            IntegerRidge(N).set_arrays({**arrays, "halvings": np.array([halvings])})
+        ridge = IntegerRidge(N)
+        ridge.load({}, {**arrays, "halvings": np.array([halvings])})
+        with pytest.raises(ValueError, match="halvings"):
+            ridge.check()
     for bad in (
         {"n_features": 0},
         {"n_features": 3, "penalty": 0.0},

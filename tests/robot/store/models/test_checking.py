@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from robot.errors import RecordingError
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
-from robot.store.models.checking import check_model
 from robot.store.models.model import _checksum, decode_model, encode_model, take_model
 from robot.store.models.store import ModelStore
+from robot.store.models.trial import try_model
 from robot.types import Action, Encoding, Frame
 
 EVERY = 1 if os.environ.get("DRIVELESSON_MALFORMED") == "all" else 5
@@ -270,15 +270,15 @@ def test_what_is_refused_is_refused_before_it_is_unpacked(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("learner", ["default-300", "published-200"])
-def test_an_upload_takes_no_more_than_twice_its_size(tmp_path: Path, learner: str) -> None:
+def test_an_upload_takes_no_more_than_its_trial_needs(tmp_path: Path, learner: str) -> None:
     store = ModelStore(Storage(tmp_path))
     data = good(learner, 50)
-    check_model(decode_model(data, is_view=True))  # what all of this kind have in common
+    try_model(decode_model(data, is_view=True))  # what all of this kind have in common
     tracemalloc.start()
     store.add_file("x", data)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak <= len(data)  # beside the file itself
+    assert peak <= 3 * len(data)  # beside the file: a learner made of it, which drives and learns
 
 
 def test_a_model_that_is_let_in_drives_and_learns(tmp_path: Path) -> None:

@@ -1,0 +1,369 @@
+"""What a part of a policy keeps, declared once: saving, loading and checking follow from it.
+
+A part lists its `fields`: arrays, and plain values that JSON can hold; and it may have parts of its
+own. `check` compares a part as it stands with its declaration, bounds included, then asks it for
+`faults` that fields have together. So one set of rules judges a model from anywhere, and a learner
+that has just learned.
+
+Example:
+    >>> class Counter(Stateful):
+    ...     fields = (Value("n", count(), "n"),)
+    ...     n = 3
+    >>> Counter().save()
+    ({'n': 3}, {})
+    >>> Counter().load({"n": -1}, {})
+    Traceback (most recent call last):
+    ValueError: n is -1
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+LARGEST, WHOLE = 1e12, 2**53
+MOST_VALUES = 1e6
+"""The largest value of a feature, either way, in a model that is loaded."""
+MOST_DISTANCE = 1e20
+"""Beyond the squared distance of any two vectors of such values."""
+
+Params = dict[str, Any]
+Arrays = dict[str, NDArray[Any]]
+Names = Mapping[str, str]
+"""The labels or moves that a model may name, and what each is to its parts; empty: any."""
+Reader = Callable[[Any, Names], Any]
+"""Returns a plain value as a part keeps it; raises ValueError for what it cannot be."""
+
+
+def _demand(holds: bool, otherwise: str = "") -> None:
+    if not holds:
+        raise ValueError(otherwise)
+
+
+def number(low: float = -LARGEST, high: float = LARGEST) -> Reader:
+    """Read a finite number within bounds."""
+
+    def read(plain: Any, names: Names) -> float:
+        _demand(isinstance(plain, int | float) and not isinstance(plain, bool))
+        _demand(low <= plain <= high)
+        return float(plain)
+
+    return read
+
+
+def count(high: int = WHOLE) -> Reader:
+    """Read a whole number from 0."""
+
+    def read(plain: Any, names: Names) -> Any:
+        _demand(isinstance(plain, int) and not isinstance(plain, bool) and 0 <= plain <= high)
+        return plain
+
+    return read
+
+
+def name(plain: Any, names: Names) -> str:
+    """Read one of the model's names."""
+    _demand(isinstance(plain, str) and plain != "" and (not names or plain in names))
+    return names.get(plain, plain)
+
+
+def optional(reader: Reader) -> Reader:
+    """Read this or None."""
+    return lambda plain, names: None if plain is None else reader(plain, names)
+
+
+def many(reader: Reader, most: int, least: int = 0) -> Reader:
+    """Read a list of so many values of one kind."""
+
+    def read(plain: Any, names: Names) -> list[Any]:
+        _demand(isinstance(plain, list | tuple) and least <= len(plain) <= most)
+        return [reader(value, names) for value in plain]
+
+    return read
+
+
+def row(*readers: Reader) -> Reader:
+    """Read a list of one value of each kind."""
+
+    def read(plain: Any, names: Names) -> list[Any]:
+        _demand(isinstance(plain, list | tuple) and len(plain) == len(readers))
+        return [reader(value, names) for reader, value in zip(readers, plain, strict=True)]
+
+    return read
+
+
+def table(key: Reader, value: Reader) -> Reader:
+    """Read a table."""
+
+    def read(plain: Any, names: Names) -> dict[Any, Any]:
+        _demand(isinstance(plain, Mapping))
+        return {key(k, names): value(v, names) for k, v in plain.items()}
+
+    return read
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A plain value that a part keeps.
+
+    Attributes:
+        name: Its name in a model.
+        read: What it may be.
+        attribute: Where the part has it, or an object of its own; `_name` unless given.
+        older: Itself as a list of one value, for a model from before it was kept.
+        is_fixed: It says how the part was made: no other value fits.
+    """
+
+    name: str
+    read: Reader
+    attribute: str = ""
+    older: tuple[Any, ...] = ()
+    is_fixed: bool = False
+
+    def save(self, part: Stateful) -> Any:
+        """Return the part's value as JSON can hold it."""
+        value = _get(part, self)
+        if isinstance(value, Mapping):
+            return dict(value)
+        if isinstance(value, np.ndarray):
+            return value.tolist()
+        return value if isinstance(value, str) or not isinstance(value, Iterable) else list(value)
+
+    def load(self, part: Stateful, params: Params, names: Names) -> None:
+        """Give the part the value."""
+        _demand(self.name in params or self.older != (), f"{self.name} is missing")
+        plain = params.pop(self.name, *self.older)
+        try:
+            value = self.read(plain, names)
+            _demand(not self.is_fixed or value == _get(part, self))
+        except ValueError as error:
+            raise ValueError(f"{self.name} is {str(plain)[:40]}") from error
+        if not self.is_fixed:
+            _set(part, self, value)
+
+    def check(self, part: Stateful) -> None:
+        """Raise ValueError if the part's value is none that could be loaded again."""
+        plain = self.save(part)
+        try:
+            self.read(plain, {})
+        except ValueError as error:
+            raise ValueError(f"{self.name} is {str(plain)[:40]}") from error
+
+
+Side = int | str | range
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """An array that a part keeps.
+
+    Attributes:
+        name: Its name in a model.
+        dtype: Of its values; or a choice of several.
+        shape: Its sides: a number; a range; the name of an attribute of the part; or any other
+            name, of a size that all arrays of a model share. `name+1` is one more.
+        low: Its least value.
+        high: Its largest value.
+        attribute: Where the part has it, or an object of its own; `_name` unless given.
+        older: With what it is filled for a model from before it was kept.
+        may_miss: It is None at times, and missing then.
+    """
+
+    name: str
+    dtype: type | tuple[type, ...]
+    shape: tuple[Side, ...]
+    low: float = 0.0
+    high: float = LARGEST
+    attribute: str = ""
+    older: float | None = None
+    may_miss: bool = False
+
+    def save(self, part: Stateful) -> NDArray[Any] | None:
+        """Return a copy of the part's array, if it has one."""
+        value = _get(part, self)
+        dtype = None if isinstance(self.dtype, tuple) else self.dtype
+        return None if value is None else np.array(value, dtype)
+
+    def load(self, part: Stateful, arrays: Arrays, sizes: dict[str, int]) -> None:
+        """Give the part a copy of the array."""
+        array = arrays.pop(self.name, None)
+        sides = [self._length(side, part, sizes) for side in self.shape]
+        if array is None and self.older is not None:
+            array = np.full([side or 0 for side in sides], self.older, self._dtypes[0])
+        _demand(array is not None or self.may_miss, f"the array {self.name} is missing")
+        if array is not None:
+            self._fit(array, sides, sizes)
+            array = self._as_declared(array)
+        _set(part, self, array)
+
+    @property
+    def _dtypes(self) -> list[np.dtype[Any]]:
+        choice = self.dtype if isinstance(self.dtype, tuple) else (self.dtype,)
+        return [np.dtype(one) for one in choice]
+
+    def _as_declared(self, array: NDArray[Any]) -> NDArray[Any]:
+        """Return a copy of the declared type; older programs kept whole numbers in 64 bits."""
+        wanted = self._dtypes[0]
+        if array.dtype in self._dtypes:
+            return array.copy()
+        is_wider = array.dtype == np.int64 and wanted.kind in "iu" and wanted.itemsize > 1
+        fits = is_wider and _is_within(array, np.iinfo(wanted).min, np.iinfo(wanted).max)
+        _demand(fits, f"the array {self.name} is of {array.dtype.str}, not {wanted.str}")
+        return array.astype(wanted)
+
+    def _fit(self, array: NDArray[Any], sides: list[int | None], sizes: dict[str, int]) -> None:
+        fits = array.ndim == len(sides)
+        for side, wanted, length in zip(self.shape, sides, array.shape, strict=False):
+            if isinstance(side, range):
+                fits = fits and length in side
+            elif wanted is None:
+                sizes[str(side)] = length
+            else:
+                fits = fits and length == wanted
+        _demand(fits, f"the array {self.name} has the shape {array.shape}")
+
+    def _length(self, side: Side, part: Stateful, sizes: Mapping[str, int]) -> int | None:
+        if not isinstance(side, str):
+            return side if isinstance(side, int) else None
+        stem, _, more = side.partition("+")
+        length: int | None = getattr(part, stem, sizes.get(stem))
+        return None if length is None else length + int(more or 0)
+
+    def check(self, part: Stateful) -> None:
+        """Raise ValueError if the part's array holds what it may not."""
+        value = _get(part, self)
+        array = np.zeros(0) if value is None else np.asarray(value)
+        if not _is_within(array, self.low, self.high):
+            raise ValueError(f"the array {self.name} holds {array.min():g} to {array.max():g}")
+
+
+def _is_within(array: NDArray[Any], low: float, high: float) -> bool:
+    """Tell whether all values are within bounds; NaN is in none."""
+    if not array.size or array.dtype == np.bool_:
+        return True
+    return bool(array.min() >= low and array.max() <= high)
+
+
+def _get(part: Stateful, field: Value | Array) -> Any:
+    return attrgetter(field.attribute or f"_{field.name}")(part)
+
+
+def _set(part: Stateful, field: Value | Array, value: Any) -> None:
+    owner, _, own = (field.attribute or f"_{field.name}").rpartition(".")
+    setattr(attrgetter(owner)(part) if owner else part, own, value)
+
+
+class Stateful:
+    """Base of what keeps something between drives."""
+
+    @property
+    def fields(self) -> Sequence[Value | Array]:
+        """What it keeps; most parts have a tuple in its place."""
+        return ()
+
+    def parts(self) -> Sequence[tuple[str, Stateful]]:
+        """Return its own parts with their names; one without a name shares the names of its owner.
+
+        A part's values are a table of its name, and its arrays' names begin with it.
+        """
+        return ()
+
+    def upgrade(self, params: Params, arrays: Arrays) -> None:
+        """Change what an earlier version saved into what is declared now, before it is loaded."""
+
+    def restored(self) -> None:
+        """Make what follows from what was loaded."""
+
+    def faults(self) -> Iterator[str]:
+        """Yield what fields that are each within their bounds have wrong together."""
+        return iter(())
+
+    def save(self) -> tuple[Params, Arrays]:
+        """Return copies of all that is kept: plain values, and arrays."""
+        params: Params = {}
+        arrays: Arrays = {}
+        for field in self.fields:
+            if isinstance(field, Value):
+                params[field.name] = field.save(self)
+            elif (array := field.save(self)) is not None:
+                arrays[field.name] = array
+        for own, part in self.parts():
+            values, its_arrays = part.save()
+            params.update({own: values} if own and values else values)
+            arrays.update({_inner(own, key): array for key, array in its_arrays.items()})
+        return params, arrays
+
+    def load(
+        self,
+        params: Mapping[str, Any],
+        arrays: Mapping[str, NDArray[Any]],
+        names: Names | None = None,
+        sizes: dict[str, int] | None = None,
+    ) -> None:
+        """Become what was saved.
+
+        Args:
+            params: The plain values.
+            arrays: The arrays; they are copied.
+            names: What the values may name.
+            sizes: Sizes that are known, by name.
+
+        Raises:
+            ValueError: If something is missing, too much, or not as it was declared; the part may
+                then be half of it.
+        """
+        values, others = dict(params), dict(arrays)
+        self._take(values, others, names or {}, {} if sizes is None else sizes)
+        for other in (*values, *others):
+            raise ValueError(f"{str(other)[:60]!r} does not belong there")
+
+    def _take(self, params: Params, arrays: Arrays, names: Names, sizes: dict[str, int]) -> None:
+        """Take what belongs to this part out of a model; see `load`."""
+        self.upgrade(params, arrays)
+        for own, part in self.parts():
+            if not own:
+                part._take(params, arrays, names, sizes)
+                continue
+            values, start = params.pop(own, {}), _inner(own, "")
+            _demand(isinstance(values, Mapping), f"{own} is no table")
+            keys = [key for key in arrays if key.startswith(start)]
+            part.load(
+                values, {key.removeprefix(start): arrays.pop(key) for key in keys}, names, sizes
+            )
+        for field in self.fields:
+            if isinstance(field, Value):
+                field.load(self, params, names)
+            else:
+                field.load(self, arrays, sizes)
+        self.restored()
+
+    def array_names(self) -> set[str]:
+        """Return the names of all arrays that it may keep."""
+        own = {field.name for field in self.fields if isinstance(field, Array)}
+        inner = {_inner(own, key) for own, part in self.parts() for key in part.array_names()}
+        return own | inner
+
+    def check(self) -> None:
+        """Raise ValueError, saying why, if this part is not what it declares."""
+        for field in self.fields:
+            field.check(self)
+        for fault in self.faults():
+            raise ValueError(fault)
+        for _, part in self.parts():
+            part.check()
+
+
+def _inner(own: str, key: str) -> str:
+    return f"{own}_{key}" if own else key
+
+
+def first_rows(rows: NDArray[Any]) -> int | None:
+    """Return how many rows from the first hold anything; None if they have gaps."""
+    held = np.asarray(rows.any(axis=1))
+    n = int(held.sum())
+    return n if held[:n].all() else None

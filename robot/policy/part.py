@@ -1,0 +1,93 @@
+"""What passes through the parts of a policy, one after another: a frame, or an example.
+
+Each part reads what the parts before it found, and adds what it knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.learner.base import Evidence, Vector
+from robot.learner.part import Stateful
+from robot.types import Action
+
+
+@dataclass(slots=True, kw_only=True)
+class Seen:
+    """A frame on its way.
+
+    Attributes:
+        number: Which frame of the policy it is.
+        x: Its vector, as the learner is shown it.
+        picture: Its grey values, as they were taken.
+        at_s: When it was taken; None: a tenth of a second after the one before.
+        under_way: The move that the robot is making by its own choice, if it drives.
+        bumped: True if a bumper is pressed.
+        in_context: Votes are for what follows the move under way.
+        context: Which context that move makes; None: any.
+        evidence: What the learner says.
+        shares: The votes for each move; the filter makes them steady.
+        action: The move to make.
+        certainty: What to multiply the power of the votes by (`calibration.py`).
+    """
+
+    number: int
+    x: Vector
+    picture: NDArray[np.uint8]
+    at_s: float | None = None
+    under_way: Action | None = None
+    bumped: bool = False
+    in_context: bool = False
+    context: int | None = None
+    evidence: Evidence | None = None
+    shares: dict[Action, float] = field(default_factory=dict)
+    action: Action = Action.STOP
+    certainty: float = 1.0
+    is_stalled: bool = False
+    needs_help: bool = False
+
+    @property
+    def known(self) -> Evidence:
+        """What the learner says, for the parts after it."""
+        assert self.evidence is not None
+        return self.evidence
+
+
+@dataclass(slots=True, kw_only=True)
+class Lesson:
+    """An example on its way.
+
+    Attributes:
+        number: Which example of the policy it is.
+        x: The frame's vector.
+        picture: Its grey values.
+        label: The move.
+        at_s: The frame's teaching time; None: it stands for itself.
+        is_learned: False for one that is only counted (`example_rate.py`).
+        contexts: In which contexts it counts, if a part knows.
+    """
+
+    number: int
+    x: Vector
+    picture: NDArray[np.uint8]
+    label: Action
+    at_s: float | None = None
+    is_learned: bool = True
+    contexts: Collection[int] = ()
+
+
+class PolicyPart(Stateful):
+    """Base of a policy's parts."""
+
+    def on_frame(self, seen: Seen) -> None:
+        """Add to what is known of a frame."""
+
+    def on_example(self, lesson: Lesson) -> None:
+        """Learn one example, or say how the parts after this one do."""
+
+    def reset(self) -> None:
+        """Forget what belongs to one drive: a new drive begins."""
