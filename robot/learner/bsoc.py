@@ -18,7 +18,8 @@ from robot.learner.clusters import MOST_FRAMES, Clusters, Merge
 from robot.learner.edges import Edges
 from robot.learner.images import FloatImages, Images, IntegerImages
 from robot.learner.novelty import HELD_OUT
-from robot.learner.part import MOST_DISTANCE, Array, Stateful, Value, count, number
+from robot.learner.part import MOST_DISTANCE, Array, Stateful, Value
+from robot.learner.values import count, number
 
 Floats = NDArray[np.float32]
 _SQUARE = ("max_nodes", "max_nodes")

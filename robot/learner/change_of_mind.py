@@ -22,7 +22,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.part import WHOLE, Array, Stateful
+from robot.learner.part import Array, Stateful
+from robot.learner.values import WHOLE
 from robot.learner.votes import Distances, Floats
 
 CLEARLY = 0.9

@@ -15,9 +15,10 @@ from robot.learner.change_of_mind import ChangeOfMind
 from robot.learner.clusters import MOST_FRAMES, Merge
 from robot.learner.context_ridge import N_CONTEXTS, ContextRidge
 from robot.learner.novelty import MARGIN, Novelty
-from robot.learner.part import Array, Arrays, Params, Stateful, Value, count
+from robot.learner.part import Array, Arrays, Params, Stateful, Value
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import LinearPart
+from robot.learner.values import count
 
 GROUP_COST = 1000.0
 """Merging nodes of two labels is this many times dearer: in practice the last resort."""

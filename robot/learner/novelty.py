@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.part import Array, Arrays, Params, Stateful, count, number, row
+from robot.learner.part import Array, Arrays, Params, Stateful
+from robot.learner.values import count, number, row
 
 HELD_OUT = 20
 """A node that one of so many latest examples went into says nothing about how new the next one is:

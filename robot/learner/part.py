@@ -6,6 +6,7 @@ own. `check` compares a part as it stands with its declaration, bounds included,
 that has just learned.
 
 Example:
+    >>> from robot.learner.values import count
     >>> class Counter(Stateful):
     ...     fields = (Value("n", count(), "n"),)
     ...     n = 3
@@ -18,7 +19,7 @@ Example:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
@@ -26,7 +27,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-LARGEST, WHOLE = 1e12, 2**53
+from robot.learner.values import LARGEST, Names, Reader, demand
+
 MOST_VALUES = 1e6
 """The largest value of a feature, either way, in a model that is loaded."""
 MOST_DISTANCE = 1e20
@@ -34,77 +36,6 @@ MOST_DISTANCE = 1e20
 
 Params = dict[str, Any]
 Arrays = dict[str, NDArray[Any]]
-Names = Mapping[str, str]
-"""The labels or moves that a model may name, and what each is to its parts; empty: any."""
-Reader = Callable[[Any, Names], Any]
-"""Returns a plain value as a part keeps it; raises ValueError for what it cannot be."""
-
-
-def _demand(holds: bool, otherwise: str = "") -> None:
-    if not holds:
-        raise ValueError(otherwise)
-
-
-def number(low: float = -LARGEST, high: float = LARGEST) -> Reader:
-    """Read a finite number within bounds."""
-
-    def read(plain: Any, names: Names) -> float:
-        _demand(isinstance(plain, int | float) and not isinstance(plain, bool))
-        _demand(low <= plain <= high)
-        return float(plain)
-
-    return read
-
-
-def count(high: int = WHOLE) -> Reader:
-    """Read a whole number from 0."""
-
-    def read(plain: Any, names: Names) -> Any:
-        _demand(isinstance(plain, int) and not isinstance(plain, bool) and 0 <= plain <= high)
-        return plain
-
-    return read
-
-
-def name(plain: Any, names: Names) -> str:
-    """Read one of the model's names."""
-    _demand(isinstance(plain, str) and plain != "" and (not names or plain in names))
-    return names.get(plain, plain)
-
-
-def optional(reader: Reader) -> Reader:
-    """Read this or None."""
-    return lambda plain, names: None if plain is None else reader(plain, names)
-
-
-def many(reader: Reader, most: int, least: int = 0) -> Reader:
-    """Read a list of so many values of one kind."""
-
-    def read(plain: Any, names: Names) -> list[Any]:
-        _demand(isinstance(plain, list | tuple) and least <= len(plain) <= most)
-        return [reader(value, names) for value in plain]
-
-    return read
-
-
-def row(*readers: Reader) -> Reader:
-    """Read a list of one value of each kind."""
-
-    def read(plain: Any, names: Names) -> list[Any]:
-        _demand(isinstance(plain, list | tuple) and len(plain) == len(readers))
-        return [reader(value, names) for reader, value in zip(readers, plain, strict=True)]
-
-    return read
-
-
-def table(key: Reader, value: Reader) -> Reader:
-    """Read a table."""
-
-    def read(plain: Any, names: Names) -> dict[Any, Any]:
-        _demand(isinstance(plain, Mapping))
-        return {key(k, names): value(v, names) for k, v in plain.items()}
-
-    return read
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,11 +67,11 @@ class Value:
 
     def load(self, part: Stateful, params: Params, names: Names) -> None:
         """Give the part the value."""
-        _demand(self.name in params or self.older != (), f"{self.name} is missing")
+        demand(self.name in params or self.older != (), f"{self.name} is missing")
         plain = params.pop(self.name, *self.older)
         try:
             value = self.read(plain, names)
-            _demand(not self.is_fixed or value == _get(part, self))
+            demand(not self.is_fixed or value == _get(part, self))
         except ValueError as error:
             raise ValueError(f"{self.name} is {str(plain)[:40]}") from error
         if not self.is_fixed:
@@ -171,7 +102,7 @@ class Array:
         high: Its largest value.
         attribute: Where the part has it, or an object of its own; `_name` unless given.
         older: With what it is filled for a model from before it was kept.
-        may_miss: It is None at times, and missing then.
+        may_miss: It is None or empty at times, and missing then.
     """
 
     name: str
@@ -186,8 +117,9 @@ class Array:
     def save(self, part: Stateful) -> NDArray[Any] | None:
         """Return a copy of the part's array, if it has one."""
         value = _get(part, self)
-        dtype = None if isinstance(self.dtype, tuple) else self.dtype
-        return None if value is None else np.array(value, dtype)
+        if value is None or (self.may_miss and len(value) == 0):
+            return None
+        return np.array(value, None if isinstance(self.dtype, tuple) else self.dtype)
 
     def load(self, part: Stateful, arrays: Arrays, sizes: dict[str, int]) -> None:
         """Give the part a copy of the array."""
@@ -195,7 +127,7 @@ class Array:
         sides = [self._length(side, part, sizes) for side in self.shape]
         if array is None and self.older is not None:
             array = np.full([side or 0 for side in sides], self.older, self._dtypes[0])
-        _demand(array is not None or self.may_miss, f"the array {self.name} is missing")
+        demand(array is not None or self.may_miss, f"the array {self.name} is missing")
         if array is not None:
             self._fit(array, sides, sizes)
             array = self._as_declared(array)
@@ -213,7 +145,7 @@ class Array:
             return array.copy()
         is_wider = array.dtype == np.int64 and wanted.kind in "iu" and wanted.itemsize > 1
         fits = is_wider and _is_within(array, np.iinfo(wanted).min, np.iinfo(wanted).max)
-        _demand(fits, f"the array {self.name} is of {array.dtype.str}, not {wanted.str}")
+        demand(fits, f"the array {self.name} is of {array.dtype.str}, not {wanted.str}")
         return array.astype(wanted)
 
     def _fit(self, array: NDArray[Any], sides: list[int | None], sizes: dict[str, int]) -> None:
@@ -225,7 +157,7 @@ class Array:
                 sizes[str(side)] = length
             else:
                 fits = fits and length == wanted
-        _demand(fits, f"the array {self.name} has the shape {array.shape}")
+        demand(fits, f"the array {self.name} has the shape {array.shape}")
 
     def _length(self, side: Side, part: Stateful, sizes: Mapping[str, int]) -> int | None:
         if not isinstance(side, str):
@@ -329,12 +261,9 @@ class Stateful:
             if not own:
                 part._take(params, arrays, names, sizes)
                 continue
-            values, start = params.pop(own, {}), _inner(own, "")
-            _demand(isinstance(values, Mapping), f"{own} is no table")
-            keys = [key for key in arrays if key.startswith(start)]
-            part.load(
-                values, {key.removeprefix(start): arrays.pop(key) for key in keys}, names, sizes
-            )
+            values = params.pop(own, {})
+            demand(isinstance(values, Mapping), f"{own} is no table")
+            part.load(values, taken(arrays, _inner(own, "")), names, sizes)
         for field in self.fields:
             if isinstance(field, Value):
                 field.load(self, params, names)
@@ -360,6 +289,11 @@ class Stateful:
 
 def _inner(own: str, key: str) -> str:
     return f"{own}_{key}" if own else key
+
+
+def taken(arrays: Arrays, start: str) -> Arrays:
+    """Take the arrays whose names begin so out of others; return them without that beginning."""
+    return {k.removeprefix(start): arrays.pop(k) for k in list(arrays) if k.startswith(start)}
 
 
 def first_rows(rows: NDArray[Any]) -> int | None:

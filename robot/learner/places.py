@@ -26,7 +26,8 @@ from robot.learner.base import (
 )
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.context_ridge import N_CONTEXTS
-from robot.learner.part import Array, Stateful, Value, count, many, name, optional
+from robot.learner.part import Array, Stateful, Value, taken
+from robot.learner.values import count, many, name, optional
 
 N_BITS = 512
 NEW_PLACE = 0.235
@@ -124,7 +125,7 @@ class MultiPlace(Stateful):
             (np.uint8, np.float32),
             ("n_waiting", "_size"),
             may_miss=True,
-            attribute="_views",
+            attribute="_waiting",
         ),
     )
 
@@ -296,15 +297,6 @@ class MultiPlace(Stateful):
         """How many examples wait until their place is known."""
         return len(self._waiting_labels)
 
-    @property
-    def _views(self) -> NDArray[Any] | None:
-        """The vectors of those examples."""
-        return np.stack(self._waiting) if self._waiting else None
-
-    @_views.setter
-    def _views(self, views: NDArray[Any] | None) -> None:
-        self._waiting = [] if views is None else list(views)
-
     def get_state(self) -> State:
         """Return a copy of all classifiers and indices."""
         params, arrays = self.save()
@@ -313,9 +305,9 @@ class MultiPlace(Stateful):
             state, (values, views) = network.get_state(), index.save()
             own = {**state.arrays, **views}
             arrays.update({f"place{i}_{key}": array for key, array in own.items()})
-            described = {"kind": state.kind, "params": state.params, "labels": state.labels}
-            params["places"].append({**described, **values})
-        return State(kind=self.kind, params=params, arrays=arrays)
+            values |= {"kind": state.kind, "params": state.params, "labels": state.labels}
+            params["places"].append(values)
+        return State(self.kind, params, arrays)
 
     def set_state(self, state: State) -> None:
         """Restore `state`; raises ValueError if it is of another kind."""
@@ -327,17 +319,16 @@ class MultiPlace(Stateful):
             raise ValueError(f"it has no list of at most {self.max_places} places")
         self.networks_, self._indices = [], []
         for i, place in enumerate(places):
-            network, index, start = self._make(), PlaceIndex(), f"place{i}_"
-            names = [key for key in arrays if key.startswith(start)]
-            own = {key.removeprefix(start): arrays.pop(key) for key in names}
+            network, index = self._make(), PlaceIndex()
+            own = taken(arrays, f"place{i}_")
             values = {key: place[key] for key in place.keys() - {"kind", "params", "labels"}}
             index.load(values, {"views": own.pop("views")})
             labels = many(name, N_LABELS, 1)(place["labels"], {})
-            inner = State(kind=place["kind"], params=place["params"], arrays=own, labels=labels)
-            network.set_state(inner)
+            network.set_state(State(place["kind"], place["params"], own, labels))
             self.networks_.append(network)
             self._indices.append(index)
         self.load(params, arrays)
+        self._waiting = [] if self._waiting is None else list(self._waiting)
         self._driving = _Tracker()
 
     def faults(self) -> Iterator[str]:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from robot.learner.base import Vector, checked_vector
 from robot.learner.clusters import MOST_FRAMES, Clusters, Merge
 from robot.learner.images import checked_bytes
-from robot.learner.part import MOST_VALUES, Array, Value, count
+from robot.learner.part import MOST_VALUES, Array, Value
+from robot.learner.values import count
 
 Integers = NDArray[np.int64]
 

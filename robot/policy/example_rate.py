@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 
-from robot.learner.part import Value, name, number, optional, row
+from robot.learner.part import Value
+from robot.learner.values import name, number, optional, row
 from robot.policy.part import Lesson, PolicyPart
 
 ROOM_S = 0.1

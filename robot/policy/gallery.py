@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Learner
-from robot.learner.part import Names, Value, count, table
+from robot.learner.part import Value
+from robot.learner.values import Names, count, table
 from robot.policy.features import Features
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.types import Action

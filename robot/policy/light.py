@@ -10,7 +10,8 @@ import math
 from collections.abc import Callable
 
 from robot.learner.base import Vector
-from robot.learner.part import Value, number
+from robot.learner.part import Value
+from robot.learner.values import number
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.policy.running_votes import USUAL_STEP_S
 

@@ -10,7 +10,8 @@ after an undo gives the same contexts.
 
 from __future__ import annotations
 
-from robot.learner.part import Value, name, number, optional
+from robot.learner.part import Value
+from robot.learner.values import name, number, optional
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.policy.pilot_pace import PAUSE_S

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from robot.driver import Move, describe
-from robot.learner.part import Stateful, Value, many, name
+from robot.learner.part import Stateful, Value
+from robot.learner.values import many, name
 from robot.types import Action
 
 _STRAIGHT_STEERING = 0.2

@@ -12,7 +12,8 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.part import Array, Arrays, Params, Value, many, name, number, optional, row
+from robot.learner.part import Array, Arrays, Params, Value
+from robot.learner.values import many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart
 from robot.policy.progress_clock import ProgressClock

@@ -8,7 +8,8 @@ from dataclasses import replace
 from robot.driver import Move
 from robot.learner import votes
 from robot.learner.base import ContextualLearner, Learner, NotFittedError, State, Vector
-from robot.learner.part import Stateful, Value, count
+from robot.learner.part import Stateful, Value
+from robot.learner.values import count
 from robot.policy.action_filter import ActionFilter
 from robot.policy.calibration import Calibration
 from robot.policy.example_rate import ExampleRate

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.part import WHOLE, Array, Stateful
+from robot.learner.part import Array, Stateful
+from robot.learner.values import WHOLE
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -8,7 +8,8 @@ import numpy as np
 
 from robot.lab.baselines.wrapped import Baseline, Floats, from_library
 from robot.learner.base import Vector
-from robot.learner.part import Value, count
+from robot.learner.part import Value
+from robot.learner.values import count
 
 
 class Refitted(Baseline):

@@ -48,7 +48,7 @@ class Baseline(Stateful, BaseLearner):
 
     kind: str
     fields: Sequence[Value | Array] = (
-        Array("xs", _DTYPES, ("n_examples", "d"), -1e6, 1e6, "_kept", may_miss=True),
+        Array("xs", _DTYPES, ("n_examples", "d"), -1e6, 1e6, may_miss=True),
     )
 
     def __init__(self, number: int) -> None:
@@ -101,15 +101,6 @@ class Baseline(Stateful, BaseLearner):
         """How many examples it keeps."""
         return len(self._ys)
 
-    @property
-    def _kept(self) -> NDArray[Any] | None:
-        """The vectors of all examples."""
-        return np.stack(self._xs) if self._xs else None
-
-    @_kept.setter
-    def _kept(self, xs: NDArray[Any] | None) -> None:
-        self._xs = [] if xs is None else list(xs)
-
     def get_state(self) -> State:
         params, arrays = self.save()
         return State(kind=self.kind, params=params, arrays=arrays, labels=list(self._ys))
@@ -120,7 +111,8 @@ class Baseline(Stateful, BaseLearner):
             raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
         self._ys = list(map(str, state.labels))
         self.load(state.params, state.arrays)
-        examples = list(zip(self._xs, self._ys, strict=True))
+        xs = () if self._xs is None else self._xs
+        examples = list(zip(xs, self._ys, strict=True))
         self.labels_, self._xs, self._ys = [], [], []
         self._forget()
         for x, y in examples:
