@@ -112,16 +112,16 @@ class Learner(Protocol):
     """
 
     @property
-    def abilities(self) -> Abilities: ...  # noqa: D102
+    def abilities(self) -> Abilities: ...
 
     @property
-    def sharpness(self) -> float: ...  # noqa: D102
+    def sharpness(self) -> float: ...
 
     @property
-    def n_nodes_(self) -> int: ...  # noqa: D102
+    def n_nodes_(self) -> int: ...
 
     @property
-    def last_node_(self) -> int | None: ...  # noqa: D102
+    def last_node_(self) -> int | None: ...
 
     def learn_one(self, x: Vector, y: Label) -> None:
         """Add one labelled vector. Refuses bad input with ValueError and is then unchanged."""

@@ -86,7 +86,6 @@ class BlockRidge(Stateful):
         return self._frames[: self._n_waiting], self._targets[: self._n_waiting]
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
-        """Return the ridge."""
         return (("", self._ridge),)
 
     def upgrade(self, params: Params, arrays: Arrays) -> None:
@@ -96,11 +95,9 @@ class BlockRidge(Stateful):
             arrays["block_targets"] = np.zeros((BLOCK, arrays["linear"].shape[1]))
 
     def restored(self) -> None:
-        """Count the frames that wait: the constant of a frame is not 0, that of an empty row 0."""
         self._n_waiting, self._weights = int(self._frames[:, -1].astype(bool).sum()), None
 
     def faults(self) -> Iterator[str]:
-        """Yield if what waits has no room, or is no frame."""
         n = self._n_waiting
         if n == BLOCK or first_rows(self._frames) != n or self._targets[n:].any():
             yield "the array block_frames is over-full, or has gaps"

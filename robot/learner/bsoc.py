@@ -281,11 +281,9 @@ class BSOC(Clusters):
         return last
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
-        """Return the images."""
         return (("", self._images),)
 
     def restored(self) -> None:
-        """Make what follows from counts, pins and weights."""
         super().restored()
         counts = np.asarray(self._counts)
         self._images.follow(counts)
@@ -295,7 +293,6 @@ class BSOC(Clusters):
         self._edges.rebuild()
 
     def faults(self) -> Iterator[str]:
-        """Yield what the nodes say of one another that cannot be."""
         yield from super().faults()
         if self._touched.max(initial=0) > self._next_id:
             yield "an image was touched by a frame that was not learned"

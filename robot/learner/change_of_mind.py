@@ -161,6 +161,5 @@ class ChangeOfMind(Stateful):
         self._taken_up, self._last = taken_up[:-1], int(taken_up[-1]) - 1
 
     def faults(self) -> Iterator[str]:
-        """Yield if the last label is none."""
         if self._last >= len(self._taken_up):
             yield "the last label is not known"

@@ -256,7 +256,6 @@ class BSOCClassifier(Stateful):
         ]
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
-        """Return the clustering, and what there is beside it."""
         others = (self.novelty_, self.linear, self._mind)
         own = [("", part) for part in others if isinstance(part, Stateful)]
         return [("cluster", self.cluster), *own]
@@ -279,7 +278,6 @@ class BSOCClassifier(Stateful):
         self.load(state.params, state.arrays, sizes={"n_labels": len(self.labels_)})
 
     def faults(self) -> Iterator[str]:
-        """Yield what labels and images say of one another that cannot be."""
         if len(set(self.labels_)) < len(self.labels_):
             yield "a label is there twice"
         if (self.n_nodes_ > 0) != bool(self.labels_):

@@ -105,7 +105,6 @@ class ContextRidge(Stateful):
         self._counts = together if counts is None else counts
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
-        """Return the ridge for every view, and those of the contexts, if there are any."""
         own = [(f"context{context}", ridge) for context, ridge in enumerate(self._ridges)]
         return [("", self._any), *own]
 

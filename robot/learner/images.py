@@ -111,7 +111,6 @@ class FloatImages(Stateful):
         """Do nothing: means are kept, not sums."""
 
     def restored(self) -> None:
-        """Go on where the first frame was left."""
         self._set_origin(self._origin)
         self.is_empty = self._origin.size == 0
 
@@ -240,7 +239,6 @@ class IntegerImages(Stateful):
         pass
 
     def faults(self) -> Iterator[str]:
-        """Yield if a sum is larger than so many frames have."""
         if (self._sums > 255 * self._frames[:, None]).any():
             yield "the array sums holds more than its frames"
         if self._sums.sum(axis=0, dtype=np.int64).max(initial=0) > 2**30:

@@ -332,7 +332,6 @@ class MultiPlace(Stateful):
         self._driving = _Tracker()
 
     def faults(self) -> Iterator[str]:
-        """Yield what the places say of one another that cannot be."""
         if self._place is not None and self._place >= len(self.networks_):
             yield "its place is unknown"
         if (self._size is None) != (not self.networks_):

@@ -186,7 +186,6 @@ class PublishedBSOC(Clusters):
         return last
 
     def _fits(self) -> bool:
-        """Tell whether the weights are about those that the images have."""
         size, own = self._size, np.full_like(self._weights, np.inf)
         for node in range(size):
             masses = np.maximum(self._counts[:size], self._counts[node])

@@ -191,11 +191,9 @@ class RecursiveRidge(Stateful):
             arrays["waiting"] = np.zeros_like(self._waiting)
 
     def restored(self) -> None:
-        """Count what waits."""
         self._n_waiting = int(self._waiting.any(axis=1).sum())
 
     def faults(self) -> Iterator[str]:
-        """Yield if what waits has no room, or the inverse is that of no frames."""
         if first_rows(self._waiting) != self._n_waiting or self._n_waiting == _WAITING:
             yield "the array waiting is over-full, or has gaps"
         try:

@@ -99,7 +99,6 @@ class ActionFilter(PolicyPart):
         return cls(kinds, 0.0, turn_inertia=0.0, straight_inertia=0.0, gives_up=False)
 
     def on_frame(self, seen: Seen) -> None:
-        """Choose the move, of the votes on this frame and those before."""
         seen.shares = self.average(seen.shares, seen.at_s, self.pace.usual_run_s)
         self._now_s = self._now_s + USUAL_STEP_S if seen.at_s is None else seen.at_s
         view = View(picture=seen.picture, at_s=self._now_s, bumped=seen.bumped)

@@ -68,11 +68,9 @@ class Calibration(PolicyPart):
         self._weigh()
 
     def on_frame(self, seen: Seen) -> None:
-        """Say how sure it may be."""
         seen.certainty = self.factor
 
     def on_example(self, lesson: Lesson) -> None:
-        """Compare the votes on an example with its label, before it is learned."""
         if lesson.is_learned:
             self.note(lesson.label, lesson.at_s, lambda: self._predict(lesson.x))
 
@@ -120,7 +118,6 @@ class Calibration(PolicyPart):
         self.factor = math.exp(_TRAVELS * float(weights @ _LOGS) / float(weights.sum()))
 
     def restored(self) -> None:
-        """Weigh what was lost."""
         self._losses = np.array(self._losses)
         self._average = {str(move): share for move, share in self._average.items()}
         self._weigh()

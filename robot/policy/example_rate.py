@@ -30,7 +30,6 @@ class ExampleRate(PolicyPart):
         self._room_from_s = 0.0
 
     def on_example(self, lesson: Lesson) -> None:
-        """Say whether it is learned, or only counted."""
         lesson.is_learned = self.admits(lesson.label, lesson.at_s)
 
     def admits(self, label: str, at_s: float | None) -> bool:

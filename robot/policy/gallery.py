@@ -57,11 +57,9 @@ class Gallery(PolicyPart):
         self._last_taught: dict[int, int] = {}
 
     def on_frame(self, seen: Seen) -> None:
-        """Write down which node decides a frame."""
         self.note_used(seen.known.node, seen.number)
 
     def on_example(self, lesson: Lesson) -> None:
-        """Write down which node took an example in."""
         self.note_taught(self._learner.last_node_, lesson.number)
 
     def note_used(self, node_id: int | None, proposal: int) -> None:

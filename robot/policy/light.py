@@ -39,13 +39,11 @@ class LightAdaptation(PolicyPart):
         self._last_s: float | None = None
 
     def on_frame(self, seen: Seen) -> None:
-        """Show the view in the light of the lesson."""
         gain = self.gain(float(seen.picture.mean()), seen.at_s)
         if gain != 1.0:
             seen.x = self._brighten(seen.x, gain)
 
     def on_example(self, lesson: Lesson) -> None:
-        """Note the light of the lesson."""
         if lesson.is_learned:
             self.learn(float(lesson.picture.mean()))
 
@@ -79,5 +77,4 @@ class LightAdaptation(PolicyPart):
         self._driven = self._last_s = None
 
     def restored(self) -> None:
-        """Begin a drive."""
         self.reset()

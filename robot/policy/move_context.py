@@ -45,13 +45,11 @@ class MoveContext(PolicyPart):
         self._last_s = 0.0
 
     def on_frame(self, seen: Seen) -> None:
-        """Say in which context the robot is."""
         seen.in_context = True
         if seen.under_way is not None:
             seen.context = self.of(seen.under_way)
 
     def on_example(self, lesson: Lesson) -> None:
-        """Say in which contexts an example counts."""
         if lesson.is_learned:
             lesson.contexts = self.note(lesson.label, lesson.at_s)
 
@@ -81,6 +79,5 @@ class MoveContext(PolicyPart):
         return BOTH
 
     def restored(self) -> None:
-        """Raise ValueError if a move was taught before it began."""
         if self._since_s > self._last_s:
             raise ValueError(f"a move cannot last from {self._since_s} to {self._last_s} s")

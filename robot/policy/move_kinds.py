@@ -51,13 +51,11 @@ class MoveKinds(Stateful):
         self.restored()
 
     def restored(self) -> None:
-        """Sort the moves by what is kept."""
         sides = ((-1, self._left), (1, self._right))
         self.turns = {Action(name): side for side, own in sides for name in own}
         self.straight = frozenset(map(Action, self._straight))
 
     def faults(self) -> Iterator[str]:
-        """Yield if a move is of two kinds, or none of its moves."""
         named = [*self._left, *self._right, *self._straight]
         if len(set(named)) < len(named) or not set(named) <= set(self._moves):
             yield "the kinds of moves are not those of its moves"

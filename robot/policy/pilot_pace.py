@@ -82,7 +82,6 @@ class PilotPace(PolicyPart):
         return statistics.median(self._runs_s) if len(self._runs_s) >= _FEWEST_RUNS else None
 
     def on_example(self, lesson: Lesson) -> None:
-        """Note the pilot's pace; an example that stands for itself has none."""
         if lesson.at_s is not None:
             self.learn(lesson.label, lesson.picture, lesson.at_s)
 
@@ -128,6 +127,5 @@ class PilotPace(PolicyPart):
             del params[key]
 
     def restored(self) -> None:
-        """Keep the latest runs and changes alone, as before."""
         self._runs_s = deque(self._runs_s, maxlen=_RUNS)
         self.scale.changes = deque(self.scale.changes, maxlen=MEMORY)

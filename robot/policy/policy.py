@@ -240,7 +240,6 @@ class Policy(Stateful):
             part.reset()
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
-        """Return its parts, by the names that a model has for them."""
         return [("kinds", self.kinds), *self._parts]
 
     def get_state(self) -> State:
@@ -278,12 +277,10 @@ class Policy(Stateful):
         self.load(params, arrays, {str(move): move for move in self.moves})
 
     def restored(self) -> None:
-        """Begin a drive."""
         self._n_proposals = 0
         self._smoothing.reset()
 
     def faults(self) -> Iterator[str]:
-        """Yield what the learner has wrong, or the policy with it."""
         if isinstance(self.learner, Stateful):
             self.learner.check()
         for node in self.learner.nodes():

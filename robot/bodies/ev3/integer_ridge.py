@@ -151,7 +151,6 @@ class IntegerRidge(Stateful):
         self._halvings = int(halvings[0])
 
     def faults(self) -> Iterator[str]:
-        """Yield if the sums are those of no frames: steps of the descent could then grow."""
         products = self._products.astype(np.float64)
         squares = products.diagonal()
         if squares.min() < 1 or (products**2 > 1.01 * np.outer(squares, squares) + 1).any():
