@@ -13,13 +13,14 @@ FLUSH_EVERY_S = 0.2
 
 
 class DiskThread(StartStop):
-    """Takes its turns five times a second, one after the other, and once more at the end.
+    """Takes its turns every `every_s`, one after the other, and once more at the end.
 
     A turn writes what waits for it and never raises.
     """
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, every_s: float = FLUSH_EVERY_S) -> None:
         self._clock = clock
+        self._every_s = every_s
         self._turns: list[Callable[[], None]] = []
         self._ending = threading.Event()
         self._thread: Worker | None = None
@@ -44,6 +45,6 @@ class DiskThread(StartStop):
     def _run(self) -> None:
         is_last = False
         while not is_last:
-            is_last = self._clock.wait(self._ending, FLUSH_EVERY_S)
+            is_last = self._clock.wait(self._ending, self._every_s)
             for turn in self._turns:
                 turn()

@@ -1,14 +1,6 @@
 """The one place on disk: what is kept, where, and how it gets there whole.
 
-    DATA/
-      README.txt            says what is here, for a person without the program
-      models/NAME/00001.npz versions of a model, newest last; `current.txt` names the one in use
-      episodes/ID.mcap      recordings, with ID.edits.json beside them
-      exports/              what was made for other tools
-      trash/                what was deleted, until a person empties it
-      .lock                 held by the program that records here
-
-Written down for people in docs/reference/storage.md.
+What stands where is in its README.txt, below, and in docs/reference/storage.md.
 """
 
 from __future__ import annotations

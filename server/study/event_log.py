@@ -1,19 +1,18 @@
-"""Writes a session's events to disk on a thread of its own: the control loop never waits for it."""
+"""Writes a session's events to disk on a disk's thread: the control loop never waits for it."""
 
 from __future__ import annotations
 
 import logging
 import os
-import threading
 from collections.abc import Iterable
 from pathlib import Path
 
 from robot.clock import Clock
+from robot.store.disk import DiskThread
 from robot.study.events import StudyEvent, whole_lines, write_events
 from robot.types import StartStop
 
 log = logging.getLogger(__name__)
-FLUSH_EVERY_S = 1.0
 
 
 class EventLog(StartStop):
@@ -21,10 +20,10 @@ class EventLog(StartStop):
 
     def __init__(self, path: Path, clock: Clock) -> None:
         self._path = path
-        self._clock = clock
         self._lock = clock.lock()
         self._waiting: list[StudyEvent] = []
-        self._ending = threading.Event()
+        self._disk = DiskThread(clock, every_s=1.0)
+        self._disk.add(self._try)
         self.fault = ""
         """Why nothing could be written the last time; empty if it could."""
 
@@ -39,12 +38,10 @@ class EventLog(StartStop):
         whole = whole_lines(data) or write_events([], with_head=True).encode()
         if whole != data:
             self._path.write_bytes(whole)
-        self._thread = self._clock.start_thread(self._run, "study-log")
+        self._disk.start()
 
     def stop(self) -> None:
-        self._ending.set()
-        self._thread.join(timeout=5.0)
-        self._try()
+        self._disk.stop()
 
     def add(self, events: Iterable[StudyEvent]) -> None:
         """Queue events; returns at once, on any thread."""
@@ -71,10 +68,6 @@ class EventLog(StartStop):
                 raise
             del self._waiting[: len(events)]
             self.fault = ""
-
-    def _run(self) -> None:
-        while not self._clock.wait(self._ending, FLUSH_EVERY_S):
-            self._try()
 
     def _try(self) -> None:
         try:

@@ -49,15 +49,7 @@ class Lost:
 
 
 class RecordingQueue:
-    """Takes what is to be recorded on the loop's thread, and writes it on the disk's.
-
-    Args:
-        folder: Where recordings go.
-        config: The bounds.
-        open_file: Opens a new file for writing.
-        announce: Called when recording begins, ends, stops because of a fault, or loses pictures.
-        clock: The clock.
-    """
+    """Takes what is to be recorded on the loop's thread, and writes it on the disk's."""
 
     def __init__(
         self,

@@ -129,33 +129,17 @@ class Autosave:
     def save(self) -> str:
         """Save the learner as it is now; return the model's name."""
         with self._lock:
-            model, changes = self._take()
+            copied = self._loop.submit(lambda: self._journal.copy(self._loop.history, self._place))
+            model = with_preview(self._clock.result(copied, 10.0))
             name = self._name or self.store.free_name(self._wanted_name)
             self.store.save(name, model)
             self._name = name
-            self._saved_changes = changes
+            assert model.summary.position is not None
+            self._saved_changes = model.summary.position.change
             if self.store.current != name:
                 self.store.current = name
             self.announce("model_saved", model=name, lessons=model.summary.n_examples)
             return name
-
-    def _take(self) -> tuple[Model, int]:
-        """Copy the learner between two ticks; return it with its count of changes."""
-
-        def take() -> tuple[Model, int]:
-            history = self._loop.history
-            model = take_model(
-                history.policy,
-                history.taught,
-                saved_at_s=self._clock.wall_s(),
-                place=self._place,
-                position=self._journal.position(history.changes),
-                with_preview=False,
-            )
-            return model, history.changes
-
-        model, changes = self._clock.result(self._loop.submit(take), 10.0)
-        return with_preview(model), changes
 
     def _save_first(self) -> None:
         """Save what is in the robot before it is replaced.
@@ -244,7 +228,7 @@ class Autosave:
             model = take_model(
                 policy,
                 Counter(),
-                saved_at_s=self._clock.wall_s(),
+                saved_at_s=0.0,
                 place=place,
                 position=self._journal.position(self._loop.history.changes),
             )

@@ -194,8 +194,9 @@ class Journal:
         for change, event in enumerate(events, start=first):
             self._put(_Item(kind="event", change=change, event=event))
 
-    def _put_checkpoint(self, history: TrainingHistory, name: str | None, place: str) -> None:
-        model = take_model(
+    def copy(self, history: TrainingHistory, place: str) -> Model:
+        """Copy the learner as it is after the last change that was noted."""
+        return take_model(
             history.policy,
             Counter(history.taught),
             saved_at_s=0.0,
@@ -203,6 +204,9 @@ class Journal:
             position=self.position(history.changes),
             with_preview=False,
         )
+
+    def _put_checkpoint(self, history: TrainingHistory, name: str | None, place: str) -> None:
+        model = self.copy(history, place)
         begins_part = self._begins_part
         self._needs_checkpoint = self._begins_part = False
         self._put(

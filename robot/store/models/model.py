@@ -158,7 +158,7 @@ def decode_model(data: bytes, *, is_view: bool = False) -> Model:
     Raises:
         RecordingError: If it is damaged, hostile, or of a newer format; says which.
     """
-    arrays = _view(data) if is_view else _unpack(data)
+    arrays = _unpack(data, is_view=is_view)
     meta = _read_meta(arrays.pop("meta", None))
     if meta.get("sha256") != _checksum(meta, arrays):
         raise RecordingError("the model is damaged: its checksum does not match")
@@ -242,16 +242,13 @@ def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> st
     return digest.hexdigest()
 
 
-def _unpack(data: bytes, only: str | None = None) -> dict[str, NDArray[Any]]:
+def _unpack(
+    data: bytes, only: str | None = None, *, is_view: bool = False
+) -> dict[str, NDArray[Any]]:
     try:
+        if is_view:
+            return view_arrays(data, max_bytes=MAX_BYTES)
         return read_arrays(io.BytesIO(data), max_bytes=MAX_BYTES, only=only)
-    except RecordingError as error:
-        raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
-
-
-def _view(data: bytes) -> dict[str, NDArray[Any]]:
-    try:
-        return view_arrays(data, max_bytes=MAX_BYTES)
     except RecordingError as error:
         raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
 

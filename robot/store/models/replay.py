@@ -162,16 +162,14 @@ def _newest_version(
     run: _Run, change: int, names: list[str | None], store: ModelStore
 ) -> tuple[Model, str] | None:
     """Return the newest sound version of this run that is not older than the checkpoint."""
-    best: tuple[Model, str] | None = None
+    found = []
     for name in dict.fromkeys(name for name in names if name is not None):
         for model in store.sound_versions(name):
             position = model.summary.position
-            if position is None or position.run != run.run or position.change < change:
-                continue
-            if best is None or _change_of(best[0]) < position.change:
-                best = (model, name)
-            break
-    return best
+            if position is not None and position.run == run.run and position.change >= change:
+                found.append((model, name))
+                break
+    return max(found, key=lambda pair: _change_of(pair[0]), default=None)
 
 
 def _is_saved(model: Model, name: str | None, store: ModelStore) -> bool:
