@@ -71,6 +71,10 @@ def create_app(services: Services) -> FastAPI:
         public=config.public,
         members=next((each.members for each in extensions if each.members), None),
     )
+    proxies = Proxies(config.public, config.proxies, admits_all=services.pairing is None)
+    services.door.recognise = lambda head, address: (
+        None if config.public and proxies.is_proxy(address) else access.session_in(head)
+    )
     app.add_middleware(
         Guard,
         limits=config.limits,
@@ -78,6 +82,6 @@ def create_app(services: Services) -> FastAPI:
         refused=services.turned_away,
         door=services.door,
         clock=services.robot.clock,
-        proxies=Proxies(config.public, config.proxies, admits_all=services.pairing is None),
+        proxies=proxies,
     )
     return app

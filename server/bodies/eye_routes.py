@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 from fastapi import APIRouter, Request, WebSocket
 from fastapi.responses import FileResponse, Response
 
@@ -11,7 +13,7 @@ from server.bodies.eye import EyeClock, parse_frame, parse_text
 from server.clients.hub import Hub
 from server.clients.telemetry import describe_state
 from server.protocol import ProtocolError, encode_acknowledgement, encode_message
-from server.routes.sockets import close_for_abuse, end_with_either, hear_stop, received
+from server.routes.sockets import end_with_either, hear_at_once, received, show_out
 from server.security.access import Role
 from server.security.guard import role_of
 from server.security.pace import Pace
@@ -42,10 +44,12 @@ class _Eye:
         limits = hub.config.limits
         self._pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
         self._refusals_left = limits.refused_before_closing
+        self._shut_out = asyncio.Event()
+        self._heard_s = self._clock.now_s()
 
     async def run(self) -> None:
         """Serve the phone until it disconnects or another one takes its place."""
-        hear_stop(self._websocket, self._stop)
+        hear_at_once(self._websocket, self._hear)
         before, self._camera.source = self._camera.source, self
         if isinstance(before, _Eye):
             await before.disconnect()
@@ -60,14 +64,12 @@ class _Eye:
             )
         )
         try:
-            await end_with_either(self._receive(), self._publish())
+            shown_out = show_out(self._websocket, self._clock, self._shut_out)
+            await end_with_either(self._receive(), self._publish(), shown_out)
         finally:
             if self._camera.source is self:
                 self._camera.source = None
                 self._camera.lose()
-
-    def _stop(self) -> None:
-        self._hub.emergency.latch("eye", Role.EYE)
 
     async def disconnect(self) -> None:
         """Close the socket, because another phone is the eye now."""
@@ -77,40 +79,54 @@ class _Eye:
         await self._websocket.send_text(text)
 
     async def _receive(self) -> None:
-        async for message in received(self._websocket, self._hub.config.limits.idle_s):
+        idle_s = self._hub.config.limits.idle_s
+
+        def is_idle() -> bool:
+            return self._clock.now_s() - self._heard_s >= idle_s
+
+        async for message in received(self._websocket, idle_s, is_idle):
             if self._camera.source is not self:
                 return
-            try:
-                await self._take(message.get("bytes"), message.get("text"))
-            except ProtocolError as error:
-                self._hub.refused[error.code] += 1
-                self._refusals_left -= 1
-                if self._refusals_left <= 0:
-                    await close_for_abuse(self._websocket, self._stop)
-                    return
+            data, text = message.get("bytes"), message.get("text")
+            if text is not None:
+                self._hear(text)
+            elif data is not None and not self._shut_out.is_set():
+                await self._see(data)
 
-    async def _take(self, data: bytes | None, text: str | None) -> None:
-        now_s = self._clock.now_s()
-        if text is not None:
-            message_fields = parse_text(text)
-            if message_fields["type"] == "pong":
-                self._eye_clock.note(
-                    message_fields["server_ms"], message_fields["eye_ms"], now_s * 1000
-                )
-            else:
-                self._stop()
-        elif data is not None:
+    def _hear(self, text: str) -> None:
+        self._heard_s = self._clock.now_s()
+        try:
+            said = parse_text(text)
+        except ProtocolError as error:
+            self._refuse(error)
+            return
+        if said["type"] == "pong":
+            self._eye_clock.note(said["server_ms"], said["eye_ms"], self._heard_s * 1000)
+        else:
+            self._hub.emergency.latch("eye", Role.EYE)
+
+    async def _see(self, data: bytes) -> None:
+        try:
             frame = parse_frame(data)
-            await self._websocket.send_bytes(encode_acknowledgement(frame.seq))
-            taken_ms = self._eye_clock.to_ours(frame.taken_ms)
-            if taken_ms is not None and self._pace.allows(now_s):
-                self._camera.offer(
-                    frame.jpeg,
-                    width=frame.width,
-                    height=frame.height,
-                    captured_s=taken_ms / 1000,
-                    covered=frame.is_covered,
-                )
+        except ProtocolError as error:
+            self._refuse(error)
+            return
+        await self._websocket.send_bytes(encode_acknowledgement(frame.seq))
+        taken_ms = self._eye_clock.to_ours(frame.taken_ms)
+        if taken_ms is not None and self._pace.allows(self._clock.now_s()):
+            self._camera.offer(
+                frame.jpeg,
+                width=frame.width,
+                height=frame.height,
+                captured_s=taken_ms / 1000,
+                covered=frame.is_covered,
+            )
+
+    def _refuse(self, error: ProtocolError) -> None:
+        self._hub.refused[error.code] += 1
+        self._refusals_left -= 1
+        if self._refusals_left <= 0:
+            self._shut_out.set()
 
     async def _publish(self) -> None:
         while True:

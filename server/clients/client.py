@@ -7,6 +7,7 @@ from collections import deque
 
 from server.clients.flow_control import Order
 from server.config import Config
+from server.protocol import ProtocolError, encode_error
 from server.security.access import Role
 from server.security.pace import Pace
 
@@ -34,6 +35,8 @@ class Client:
         self.order = Order()
         self.pace = Pace(per_second=limits.messages_per_second, burst=limits.messages_burst)
         self.refused = 0
+        self._most_refused = limits.refused_before_closing
+        self.shut_out = asyncio.Event()
         self.is_idle = False
         self._sent: object = None
         self._sent_s = now_s
@@ -46,6 +49,13 @@ class Client:
         """Queue an answer or an event."""
         self._answers.append(text)
         self._waiting.set()
+
+    def refuse(self, error: ProtocolError) -> None:
+        """Queue the answer to a refused message; who has too many of them is shut out."""
+        self.refused += 1
+        if self.refused >= self._most_refused:
+            self.shut_out.set()
+        self.send(encode_error(error))
 
     def send_state(self, text: str) -> None:
         """Queue a state, in place of one that still waits."""

@@ -162,8 +162,9 @@ class Hub:
         """Handle one message of a client; refused messages are answered and counted."""
         now_s = self.clock.now_s()
         client.last_message_s = now_s
+        is_within = client.pace.allows(now_s) and not client.shut_out.is_set()
         try:
-            if not client.pace.allows(now_s) and not protocol.is_stop(text):
+            if not is_within and not protocol.is_stop(text):
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many messages a second")
             self._handle(client, protocol.parse_message(text, self.robot.loop.state.moves), now_s)
         except ProtocolError as error:
@@ -171,9 +172,8 @@ class Hub:
 
     def refuse(self, client: Client, error: ProtocolError) -> None:
         """Answer a refused message, and count it."""
-        client.refused += 1
         self.refused[error.code] += 1
-        client.send(protocol.encode_error(error))
+        client.refuse(error)
 
     def _handle(self, client: Client, message: protocol.ClientMessage, now_s: float) -> None:
         if isinstance(message, protocol.DriveMessage):

@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
-from server.protocol import MAX_DRIVE_MESSAGE_BYTES, is_stop
-
 if TYPE_CHECKING:
     from websockets.frames import Frame
     from websockets.http11 import Request
@@ -24,8 +22,9 @@ class FastPath(Protocol):
 
     on_bytes: Callable[[bytes], None] | None
     """Called with each binary message, in place of ASGI's `receive`."""
-    on_stop: Callable[[], None] | None
-    """Called for each STOP, in place of ASGI's `receive`; after the server's close, too."""
+    on_text: Callable[[str], None] | None
+    """The same with each text, when its bytes are read: no queue holds up what stands behind a
+    burst; after the server's close, too."""
 
     def write_now(self, wire: bytes) -> None:
         """Write whole websocket frames; nothing is written after the close."""
@@ -43,7 +42,7 @@ def make_protocol() -> type[Any] | None:
         """Uvicorn's own protocol, with the fast path."""
 
         on_bytes: Callable[[bytes], None] | None = None
-        on_stop: Callable[[], None] | None = None
+        on_text: Callable[[str], None] | None = None
 
         def handle_connect(self, event: Request) -> None:
             super().handle_connect(event)
@@ -58,10 +57,8 @@ def make_protocol() -> type[Any] | None:
                 super().handle_bytes(event)
 
         def handle_text(self, event: Frame) -> None:
-            data = event.data
-            is_short = event.fin and len(data) <= MAX_DRIVE_MESSAGE_BYTES
-            if self.on_stop and is_short and is_stop(bytes(data).decode("utf-8", "replace")):
-                self.on_stop()
+            if self.on_text is not None and event.fin:
+                self.on_text(bytes(event.data).decode("utf-8", "replace"))
             else:
                 super().handle_text(event)
 

@@ -13,6 +13,7 @@ from robot.errors import ConfigurationError
 BENCHMARKS = {
     "ablation": "server.lab.bench.ablation",
     "board": "server.lab.bench.board",
+    "crowd": "server.lab.bench.crowd",
     "learner": "server.lab.bench.learner",
     "link": "server.lab.bench.link",
     "page": "server.lab.bench.page",

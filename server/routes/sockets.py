@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any
 
 from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
+from robot.clock import Clock
 from server.hosting.uvicorn_fastpath import EXTENSION, FastPath
-from server.protocol import is_stop
 
 _LAST_S = 1.0
 """So long a client that is shown out is still read."""
 
 
-async def received(websocket: WebSocket, idle_s: float) -> AsyncIterator[dict[str, Any]]:
-    """Yield messages until the client disconnects, or has sent nothing for `idle_s`."""
+async def received(
+    websocket: WebSocket, idle_s: float, is_idle: Callable[[], bool] = lambda: True
+) -> AsyncIterator[dict[str, Any]]:
+    """Yield messages until the client disconnects, or has sent nothing for `idle_s`; `is_idle` is
+    false of one that has, where messages are read by another way."""
     while True:
         try:
             message = dict(await asyncio.wait_for(websocket.receive(), idle_s))
         except TimeoutError:
+            if not is_idle():
+                continue
             await websocket.close(1001, "idle for too long")
             return
         if message["type"] == "websocket.disconnect":
@@ -30,24 +34,20 @@ async def received(websocket: WebSocket, idle_s: float) -> AsyncIterator[dict[st
         yield message
 
 
-def hear_stop(websocket: WebSocket, stop: Callable[[], None]) -> None:
-    """Have STOP read where bytes become messages, before all queues, and while the socket closes.
+def hear_at_once(websocket: WebSocket, hear: Callable[[str], None]) -> None:
+    """Have texts heard where bytes become messages, before all queues, and while it closes.
 
-    Where uvicorn is too old for that, STOP is read in its turn.
+    Where uvicorn is too old for that, they come in their turn.
     """
     direct: FastPath | None = websocket.scope.get("extensions", {}).get(EXTENSION)
     if direct is not None:
-        direct.on_stop = stop
+        direct.on_text = hear
 
 
-async def close_for_abuse(websocket: WebSocket, stop: Callable[[], None]) -> None:
+async def show_out(websocket: WebSocket, clock: Clock, shut_out: asyncio.Event) -> None:
     """Close a socket of which too much was refused. In what it has sent, STOP is still heard."""
-    with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(_LAST_S):
-            while (message := await websocket.receive())["type"] != "websocket.disconnect":
-                if is_stop(message.get("text") or ""):
-                    stop()
-            return
+    await shut_out.wait()
+    await clock.pause(_LAST_S)
     await websocket.close(1008, "too many refused messages")
 
 

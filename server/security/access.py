@@ -35,6 +35,8 @@ PUBLIC_PATHS = frozenset(
 EYE_PATHS = re.compile(r"/eye|/ws/eye|/api/unpair|/(js|css|icons)/.*")
 """All that the phone on the robot may request. It lies there unattended, so that is little."""
 
+_COOKIES = re.compile(rb"\r\ncookie:([^\r]*)\r\n", re.I)
+
 
 class Role(StrEnum):
     """What a client may do."""
@@ -161,6 +163,13 @@ class Access:
         if self.sessions is None:
             return Session(role=Role.PILOT, name=address, is_crowd=True)
         return self.sessions.find(session_of(headers, self.cookie))
+
+    def session_in(self, head: bytes) -> Session | None:
+        """Return the session in the first bytes of a request; None if none is to be seen there."""
+        found = _COOKIES.search(head)
+        if self.sessions is None or found is None:
+            return None
+        return self.sessions.find(session_of({"cookie": found[1].decode("latin-1")}, self.cookie))
 
     def admit(
         self, path: str, headers: Mapping[str, str], session: Session | None

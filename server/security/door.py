@@ -142,6 +142,8 @@ class Door:
         self.limits = limits
         self.keeps: Callable[[str], bool] = lambda person: False
         """True of the owner, the pilot and the teacher."""
+        self.recognise: Callable[[bytes, str], Session | None] = lambda head, address: None
+        """Returns whose request begins so, of a connection from that address; None: unknown."""
         n_pending = min(limits.pending, max(1, capacity // 2))
         # Newcomers have nothing but an address: none of them goes before another.
         self.pending = Places(n_pending, limits.pending_per_address, lambda address: True)
@@ -190,6 +192,15 @@ class Door:
         place.came_s = self._read_until_s
         self._connections[peer] = place
 
+    def may_come(self, head: bytes, address: str, now_s: float) -> bool:
+        """Count a new connection by what waits on it; False if this person opened too many: it is
+        closed before it costs more."""
+        session = self.recognise(head, address)
+        if session is None or session.is_crowd:
+            return True
+        each = self.limits.connections_each
+        return self._pace(f"door {session.name}", each / 2, 2 * each).allows(now_s)
+
     def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> None:
         """Record a complete request; one of a session admits the connection.
 
@@ -235,14 +246,16 @@ class Door:
     def may_ask(self, session: Session, now_s: float) -> bool:
         """Count a request; False if there were too many. A crowd may ask as often as all."""
         share = self.limits.clients if session.is_crowd else 1
-        pace = self._paces.pop(session.name, None) or Pace(
-            per_second=share * self.limits.requests_per_second,
-            burst=share * self.limits.requests_burst,
-        )
-        self._paces[session.name] = pace
+        limits = self.limits
+        rate, burst = share * limits.requests_per_second, share * limits.requests_burst
+        return self._pace(session.name, rate, burst).allows(now_s)
+
+    def _pace(self, name: str, per_second: float, burst: float) -> Pace:
+        pace = self._paces.pop(name, None) or Pace(per_second=per_second, burst=burst)
+        self._paces[name] = pace
         if len(self._paces) > _PERSONS:
             self._paces.popitem(last=False)
-        return pace.allows(now_s)
+        return pace
 
     def _is_kept(self, person: str) -> bool:
         return self.keeps(person)

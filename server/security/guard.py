@@ -23,6 +23,7 @@ from robot.clock import Clock
 from server.config import Limits
 from server.security.access import Access, Refusal, Role, Session
 from server.security.door import Door, PlaceInUse, address_key
+from server.security.pace import Pace
 from server.security.proxies import PEER, PREFIX, Proxies
 
 log = logging.getLogger(__name__)
@@ -39,6 +40,7 @@ _PARTS = ("/js/", "/css/", "/icons/")
 _ROLE, _PERSON, _PLACE = "drivelesson.role", "drivelesson.person", "drivelesson.place"
 _UPLOADS = re.compile(r"/api/models/[^/]+/file")
 """Paths whose bodies may be as large as a model."""
+_TOO_MANY_S = 0.5
 _LASTING = "/video.mjpg"
 """A request that lasts as a websocket does, and is counted as one."""
 
@@ -96,6 +98,7 @@ class Guard:
     ) -> None:
         self._app = app
         self._proxies = proxies
+        self._log_pace = Pace(per_second=1.0, burst=50.0)
         self._clock = clock
         self._door = door
         self._limits = limits
@@ -113,8 +116,11 @@ class Guard:
         verdict = seen if isinstance(seen, Refusal) else self._judge(scope, headers)
         if isinstance(verdict, Refusal):
             self._refused[verdict.reason] += 1
-            path, why = str(scope["path"])[:80], verdict.sentence
-            log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
+            if self._log_pace.allows(self._clock.now_s()):  # the metrics count all
+                path, why = str(scope["path"])[:80], verdict.sentence
+                log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
+            if verdict.status == 429:  # who waits for the answer asks no more meanwhile
+                await self._clock.pause(_TOO_MANY_S)
             await _refuse(scope, receive, send, verdict)
             return
         scope[_ROLE] = verdict

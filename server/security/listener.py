@@ -12,6 +12,7 @@ import errno
 import os
 import socket
 import struct
+from collections import deque
 from typing import Any
 
 from robot.clock import Clock
@@ -19,10 +20,15 @@ from server.security.door import Door, Peer
 
 _AT_ONCE = 1024
 """So many that have ended already are taken from the kernel at once."""
+_HANDED_ON = 64
+"""So many are handed on before what has come on others is read."""
 _KEPT_BACK = 128
 """File descriptors reserved for files, cameras and the brick."""
 _MOST_CONNECTIONS = 1024
 _SWEEP_S = 1.0
+_HEAD = 4096
+STOP = b"POST /api/stop "
+"""How a STOP of a page without a websocket begins."""
 _RESET = struct.pack("ii", 1, 0)
 _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
@@ -49,21 +55,35 @@ class DoorListener(socket.socket):
         own = cls(listener.family, listener.type, listener.proto, fileno=listener.detach())
         own.door, own.clock = door, clock
         own._spare = os.open(os.devnull, os.O_RDONLY)
+        own._waiting = deque()
         return own
 
     _spare: int | None
     _is_sweeping = False
+    _waiting: deque[_Connection | None]
+    """None stands behind those that were gathered at once."""
 
     def accept(self) -> tuple[socket.socket, Any]:
-        """Accept the next connection; see `socket.socket.accept`.
+        """Accept the next connection, of all that wait a STOP first; see `socket.socket.accept`.
 
         Raises:
             BlockingIOError: If none waits, or enough were accepted for now: what has come is read
                 before those behind it can push it out.
         """
         self._start_sweeping()
+        if not self._waiting:
+            self._gather()
+            self._waiting.append(None)
+        connection = self._waiting.popleft()
+        if connection is None:
+            raise BlockingIOError(errno.EAGAIN, "enough for now")
+        return connection, connection.peer
+
+    def _gather(self) -> None:
+        """Take what waits from the kernel, but of one person no more than its share."""
         for _ in range(_AT_ONCE):
-            if not self.door.has_room(self.clock.now_s()):
+            now_s = self.clock.now_s()
+            if len(self._waiting) >= _HANDED_ON or not self.door.has_room(now_s):
                 break
             try:
                 plain, address = super().accept()
@@ -73,13 +93,15 @@ class DoorListener(socket.socket):
                 self._reject_one()
                 continue
             connection = _Connection(plain.family, plain.type, plain.proto, fileno=plain.detach())
-            if connection.peek() == b"":
+            connection.peer = address
+            head = connection.peek()
+            is_stop = bool(head) and head.startswith(STOP)
+            if head == b"" or not (is_stop or self.door.may_come(head or b"", address[0], now_s)):
                 connection.close()
                 continue
-            connection.door, connection.peer = self.door, (str(address[0]), int(address[1]))
-            self.door.arrive(connection.peer, self.clock.now_s(), connection.abort)
-            return connection, address
-        raise BlockingIOError(errno.EAGAIN, "enough for now")
+            connection.door = self.door
+            self.door.arrive(connection.key, now_s, connection.abort)
+            (self._waiting.appendleft if is_stop else self._waiting.append)(connection)
 
     def close(self) -> None:
         """Stop listening."""
@@ -119,12 +141,17 @@ class _Connection(socket.socket):
     """An accepted socket that tells the door when it is closed."""
 
     door: Door | None = None
-    peer: Peer = ("", 0)
+    peer: Any = ("", 0)
+
+    @property
+    def key(self) -> Peer:
+        """What the door knows it by."""
+        return str(self.peer[0]), int(self.peer[1])
 
     def peek(self) -> bytes | None:
-        """Return the first byte that waits: empty if the client has left, None if none waits."""
+        """Return what waits to be read: empty if the client has left, None if nothing waits."""
         try:
-            return self.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+            return self.recv(_HEAD, socket.MSG_PEEK | socket.MSG_DONTWAIT)
         except BlockingIOError:
             return None
         except OSError:
@@ -141,4 +168,4 @@ class _Connection(socket.socket):
         super().close()
         if self.door is not None:
             door, self.door = self.door, None
-            door.left(self.peer)
+            door.left(self.key)

@@ -54,7 +54,7 @@ class Proxies:
         if not self._public:
             return _unawares(said) if said and self._admits_all else scope
         peer = tuple(scope.get("client") or ("", 0))
-        if not self._is_proxy(str(peer[0])):
+        if not self.is_proxy(str(peer[0])):
             return scope
         told = [self._walk(str(peer[0]), hops) for hops in _hops(said)]
         if len(told) > 1 and told[0] != told[1]:
@@ -74,7 +74,8 @@ class Proxies:
             )
         return _as_sent(scope, public, hop.client, peer)
 
-    def _is_proxy(self, address: str) -> bool:
+    def is_proxy(self, address: str) -> bool:
+        """True of an address from which the proxies' connections come."""
         own = as_address(address)
         return own is not None and any(own in network for network in self._trusted)
 
@@ -83,7 +84,7 @@ class Proxies:
         that is not may be anybody's."""
         told = _Hop(client=peer)
         for hop in reversed(hops):
-            if not self._is_proxy(told.client):
+            if not self.is_proxy(told.client):
                 break
             names_client = as_address(hop.client) is not None
             client = hop.client if names_client else told.client

@@ -9,7 +9,7 @@ import itertools
 import json
 import sys
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
 from typing import Any
 
 from robot.store.table import Cell, Table
@@ -81,7 +81,7 @@ async def _measure_viewers(kind: str, count: int, seconds: float, rate_hz: float
     with ServerUnderTest(kind, rate_hz) as subject:
         await asyncio.sleep(_SETTLE_S)
         idle = await _cpu_share(subject, min(seconds, 2.0))
-        async with _watching(kind, [subject.port] * count) as viewers:
+        async with watching(kind, [subject.port] * count) as viewers:
             await asyncio.sleep(_SETTLE_S)
             before, start_s = subject.ask(), time.monotonic()
             await asyncio.sleep(seconds)
@@ -95,7 +95,7 @@ async def _measure_viewers(kind: str, count: int, seconds: float, rate_hz: float
         "server": kind,
         "viewers": count,
         "frames_per_second": round(len(ages_s) / lasted_s / count, 2),
-        "latency_ms": _percentiles(ages_s),
+        "latency_ms": percentiles(ages_s),
         "cpu_us_per_frame": round(
             1e6 * (serving_s - min(idle, idle_after) * lasted_s) / len(ages_s), 1
         ),
@@ -118,21 +118,12 @@ def _loop_figures(before: dict[str, Any], after: dict[str, Any], lasted_s: float
 
 async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
     """Time each change of what is held from the wire to the body."""
-    from websockets.asyncio.client import connect
 
     with ServerUnderTest("drivelesson", rate_hz) as subject:
         async with (
-            _watching("drivelesson", [subject.port] * count),
-            connect(f"ws://127.0.0.1:{subject.port}/ws/drive", compression=None) as pilot,
+            watching("drivelesson", [subject.port] * count),
+            driving(subject) as (pilot, seen, seqs),
         ):
-            seen: dict[str, int] = {}
-            reading = asyncio.create_task(_read_all(pilot, seen))
-            await asyncio.sleep(_SETTLE_S)
-            seqs = itertools.count(1)
-            while subject.ask()["mode"] != "train":  # a start on an old picture is refused
-                start = {"type": "mode", "mode": "train", "seq": next(seqs), **seen}
-                await pilot.send(json.dumps(start))
-                await asyncio.sleep(0.1)
             sent: list[tuple[float, str]] = []
             for number in range(_COMMANDS):
                 held = ("forward", "left")[number % 2]
@@ -141,13 +132,12 @@ async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
                 await pilot.send(json.dumps(command))
                 await asyncio.sleep(_COMMAND_EVERY_S)
             notes = subject.ask()
-            reading.cancel()
     took_s = _pair_up(sent, notes["changes"])
     return {
         "viewers": count,
         "commands": _COMMANDS,
         "not_obeyed": _COMMANDS - len(took_s),
-        "wire_to_drive_ms": _percentiles(took_s),
+        "wire_to_drive_ms": percentiles(took_s),
         "cycle_ms": round(1000 / rate_hz, 2),
     }
 
@@ -162,6 +152,30 @@ def _pair_up(
         obeyed = [t for t, action in changes if action == held and at_s <= t < next_s]
         took_s += [obeyed[0] - at_s] if obeyed else []
     return took_s
+
+
+@contextlib.asynccontextmanager
+async def driving(
+    subject: ServerUnderTest, cookie: str = ""
+) -> AsyncIterator[tuple[Any, dict[str, int], Iterator[int]]]:
+    """Have the wheel of a robot that may move, inside the block.
+
+    Yields the socket, what a command must carry back, and the numbers of commands.
+    """
+    from websockets.asyncio.client import connect
+
+    url, headers = f"ws://127.0.0.1:{subject.port}/ws/drive", {"Cookie": cookie}
+    async with connect(url, compression=None, additional_headers=headers) as pilot:
+        seen: dict[str, int] = {}
+        seqs = itertools.count(1)
+        reading = asyncio.create_task(_read_all(pilot, seen))
+        await asyncio.sleep(_SETTLE_S)
+        while subject.ask()["mode"] != "train":  # a start on an old picture is refused
+            start = {"type": "mode", "mode": "train", "seq": next(seqs), **seen}
+            await pilot.send(json.dumps(start))
+            await asyncio.sleep(0.1)
+        yield pilot, seen, seqs
+        reading.cancel()
 
 
 async def _read_all(pilot: Any, seen: dict[str, int]) -> None:
@@ -186,7 +200,7 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
         for proxy in proxies:
             proxy.conditions = LinkConditions(bytes_per_second=SLOW_LINE)
         _progress(f"{size}, four at 500 kbit/s")
-        async with _watching("drivelesson", ports) as viewers:
+        async with watching("drivelesson", ports) as viewers:
             await asyncio.sleep(2 * _SETTLE_S)
             before, start_s = subject.ask(), time.monotonic()
             await asyncio.sleep(seconds)
@@ -195,7 +209,7 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
             slow = viewers[len(fast) :]
             slow_ages = [a for v in slow for a in v.since(start_s)]
             thirds = [
-                _percentiles([a for v in slow for a in _between(v, start_s, lasted_s, part)])
+                percentiles([a for v in slow for a in _between(v, start_s, lasted_s, part)])
                 for part in range(3)
             ]
         for proxy in proxies:
@@ -206,11 +220,11 @@ async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float)
     ratio = percentile(with_slow, 99) / percentile(without, 99)
     return {
         "size": size,
-        "others_ms_without_slow": _percentiles(without),
-        "others_ms_with_slow": _percentiles(with_slow),
+        "others_ms_without_slow": percentiles(without),
+        "others_ms_with_slow": percentiles(with_slow),
         "others_p99_ratio": round(ratio, 2),
         "slow_frames_per_second": round(len(slow_ages) / lasted_s / _SLOW_VIEWERS, 2),
-        "slow_age_ms": _percentiles(slow_ages) | {"max": round(1000 * max(slow_ages), 1)},
+        "slow_age_ms": percentiles(slow_ages) | {"max": round(1000 * max(slow_ages), 1)},
         "slow_age_ms_by_third": thirds,
         **_loop_figures(before, after, lasted_s),
     }
@@ -221,7 +235,7 @@ async def _ages_of_the_fast(
 ) -> list[float]:
     """Return the ages of pictures at the first viewers while nobody is slow."""
     _progress(what)
-    async with _watching("drivelesson", ports) as viewers:
+    async with watching("drivelesson", ports) as viewers:
         await asyncio.sleep(_SETTLE_S)
         start_s = time.monotonic()
         await asyncio.sleep(seconds)
@@ -235,7 +249,8 @@ def _between(viewer: Watched, start_s: float, lasted_s: float, third: int) -> li
 
 
 @contextlib.asynccontextmanager
-async def _watching(kind: str, ports: Sequence[int]) -> AsyncIterator[list[Watched]]:
+async def watching(kind: str, ports: Sequence[int]) -> AsyncIterator[list[Watched]]:
+    """Watch inside the block; yields what each viewer saw."""
     viewers = [Watched() for _ in ports]
     tasks = [
         asyncio.create_task(watch(kind, port, watched))
@@ -251,7 +266,7 @@ async def _watching(kind: str, ports: Sequence[int]) -> AsyncIterator[list[Watch
                 print(f"a viewer failed: {ended!r}", file=sys.stderr)
 
 
-def _percentiles(seconds: Sequence[float]) -> dict[str, float]:
+def percentiles(seconds: Sequence[float]) -> dict[str, float]:
     return {f"p{p}": round(1000 * percentile(seconds, p), 2) for p in (50, 95, 99)}
 
 

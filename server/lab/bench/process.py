@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import http.client
 import json
 import os
 import subprocess
@@ -56,6 +57,13 @@ class ServerUnderTest(BenchProcess):
     def __init__(self, kind: str, rate_hz: float, width: int = 160, height: int = 120) -> None:
         super().__init__("subject", kind, rate_hz, width, height)
         self.port: int = self.first
+
+    def pair(self, role: str) -> str:
+        """Pair a browser with a `paired` server; return its cookie."""
+        line = http.client.HTTPConnection("127.0.0.1", self.port)
+        words = json.dumps({"token": self.ask()["tokens"][role]})
+        line.request("POST", "/api/pair", words, {"content-type": "application/json"})
+        return str(line.getresponse().headers["set-cookie"]).partition(";")[0]
 
 
 def answer_all(first: Any, answer: Callable[[str], Any]) -> NoReturn:

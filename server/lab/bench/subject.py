@@ -12,6 +12,7 @@ import ctypes
 import gc
 import os
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -23,7 +24,8 @@ from robot.testing import FakeCamera, FakeDriver
 from server.lab.bench.process import answer_all
 
 KINDS = ("drivelesson", "naive-websocket", "plain-websocket", "naive-mjpeg")
-"""`plain` is `naive` without uvicorn's default, which compresses each picture once more."""
+"""`plain` is `naive` without uvicorn's default, which compresses each picture once more. There is
+also `paired`: ours, with pairing, its limits and a data folder."""
 
 
 def main() -> None:
@@ -48,8 +50,8 @@ def _serving_cpu_s() -> float:
 
 @contextlib.contextmanager
 def _serving(kind: str, camera: FakeCamera) -> Iterator[tuple[int, Any]]:
-    if kind == "drivelesson":
-        with _ours(camera) as served:
+    if kind in ("drivelesson", "paired"):
+        with tempfile.TemporaryDirectory() as folder, _ours(kind, camera, Path(folder)) as served:
             yield served
     else:
         from server.lab.bench import naive
@@ -60,18 +62,27 @@ def _serving(kind: str, camera: FakeCamera) -> Iterator[tuple[int, Any]]:
 
 
 @contextlib.contextmanager
-def _ours(camera: FakeCamera) -> Iterator[tuple[int, Any]]:
+def _ours(kind: str, camera: FakeCamera, folder: Path) -> Iterator[tuple[int, Any]]:
     from robot.devices.rig import Rig
     from robot.policy.registry import make_policy
+    from robot.store.folder import Storage
     from server.app import create_app
     from server.config import Config, Limits
     from server.hosting.serving import served
+    from server.persistence import Persistence
+    from server.security.pairing import Pairing
     from server.services import make_services
 
     config = Config(port=0, limits=Limits(requests_burst=1e9))
     learner = "default-32"
     rig = Rig(FakeDriver(), camera, make_policy(learner), camera.clock)
-    services = make_services(config, rig, name="bench")
+    more: dict[str, Any] = {}
+    if kind == "paired":
+        config = Config(port=0, host="127.0.0.1", lan=True, data=folder)
+        more = {"pairing": Pairing(1000), "persistence": Persistence(Storage(folder), rig)}
+    services = make_services(config, rig, name="bench", **more)
+    ticked_s: list[float] = []
+    rig.loop.subscribe(lambda tick: ticked_s.append(tick.now_s) if tick.frame else None)
 
     def notes(forget: bool) -> dict[str, Any]:
         state = rig.loop.state
@@ -79,6 +90,7 @@ def _ours(camera: FakeCamera) -> Iterator[tuple[int, Any]]:
         assert isinstance(driver, FakeDriver)
         if forget:
             driver.changes.clear()
+            ticked_s.clear()
             rig.loop.submit(lambda: rig.loop.history.replace_policy(make_policy(learner))).result()
         return (_memory() if forget else {}) | {
             "frames": state.frame_id,
@@ -91,9 +103,17 @@ def _ours(camera: FakeCamera) -> Iterator[tuple[int, Any]]:
             "moved_s": driver.moved_s,
             "mode": state.decision.mode.value,
             "stop_reason": state.decision.stop_reason,
+            "stops": sum(state.stops.values()),
+            "ticked_s": ticked_s[-1000:],
+            "tokens": services.pairing.tokens if services.pairing else {},
         }
 
-    with rig, served(create_app(services), config) as address:
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(rig)
+        if services.persistence is not None:
+            services.persistence.start()
+            stack.callback(services.persistence.stop)
+        address = stack.enter_context(served(create_app(services), config))
         yield int(address.rsplit(":", 1)[1]), notes
 
 

@@ -13,7 +13,9 @@ from server.lab.bench import link
 
 @pytest.mark.slow
 @pytest.mark.realtime
-def test_bench_link_measures_all_servers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bench_link_measures_all_servers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets has it not")
     monkeypatch.setattr(link, "_SETTLE_S", 0.05)  # figures that nobody judges need no rest
     monkeypatch.setattr(link, "_COMMANDS", 8)
@@ -36,6 +38,17 @@ def test_bench_link_measures_all_servers(tmp_path: Path, monkeypatch: pytest.Mon
     assert 0 <= ours["serving_cpu_share_idle_after"] < 1
     small, large = result["slow"]
     assert 0 < small["slow_age_ms"]["p50"] < large["slow_age_ms"]["p50"], "it was throttled"
+    check_bench_crowd_measures_both_sides(capsys)
+
+
+def check_bench_crowd_measures_both_sides(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["bench", "crowd", "--greedy", "2", "--viewers", "3", "--seconds", "0.5", "--json"]
+    capsys.readouterr()
+    assert main(words) == 0
+    result = json.loads(capsys.readouterr().out)
+    for side in ("without", "with"):
+        assert 0 < result["greedy"][side]["p50"] <= result["greedy"][side]["p99"]
+    assert result["greedy"]["ratio"] > 0 and result["watched"]["slowest_hz"] > 0
 
 
 def test_an_unknown_benchmark_is_refused() -> None:

@@ -1,0 +1,136 @@
+"""A class that reads while one of it drives: what greedy viewers cost the loop.
+
+Eight paired viewers, each a process of its own, read every address as fast as they are answered;
+they are held (SIGSTOP) and let go in turns of one run, so that whatever else the machine does falls
+upon both sides alike. A pilot drives throughout.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator
+from itertools import pairwise
+from typing import Any
+
+from robot.store.table import Table
+from server.cli.parser import number, whole
+from server.lab.bench import link
+from server.lab.bench.process import ServerUnderTest
+from server.lab.bench.report import add_json, percentile, report
+
+_TURNS = 4
+"""With and without greedy viewers, each so often."""
+_ASKED_RATIO = 1.5
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--greedy", type=whole(1, 60), default=8, help="how many (%(default)s)")
+    parser.add_argument("--viewers", type=whole(1, 150), default=50, help="who watch (%(default)s)")
+    parser.add_argument(
+        "--seconds", type=number(above=0), default=5.0, help="for each turn (%(default)s)"
+    )
+    parser.add_argument(
+        "--rate", type=number(above=0), default=30.0, help="frames a second (%(default)s)"
+    )
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    greedy = asyncio.run(_measure_greedy(args.greedy, args.seconds, args.rate))
+    watched = asyncio.run(_measure_watched(args.viewers, args.seconds, args.rate))
+    alone, together = greedy["without"], greedy["with"]
+    ratio = f"{greedy['ratio']} of that alone (asked: {_ASKED_RATIO}), {greedy['stops']} stops"
+    loop = Table(
+        title=f"The loop's period, ms; p99 {ratio}",
+        columns=("who reads", *alone),
+        rows=(
+            ("nobody", *alone.values()),
+            (f"{args.greedy} greedy viewers", *together.values()),
+        ),
+    )
+    crowd = Table(
+        title=f"{args.viewers} viewers and a pilot",
+        columns=tuple(watched),
+        rows=(tuple(watched.values()),),
+    )
+    return report(args, {"greedy": greedy, "watched": watched}, loop, crowd)
+
+
+async def _measure_greedy(count: int, seconds: float, rate_hz: float) -> dict[str, Any]:
+    periods_s: list[list[float]] = [[], []]
+    stops, serving_s = 0, [0.0, 0.0]
+    with ServerUnderTest("paired", rate_hz) as subject:
+        words = [sys.executable, "-m", "server.lab.bench.greedy", str(subject.port)]
+        async with _held_forward(subject, subject.pair("pilot")):
+            viewers = [subprocess.Popen([*words, subject.pair("viewer")]) for _ in range(count)]
+            try:
+                await asyncio.sleep(5.0)  # what is read first is computed and imported first
+                for turn in range(2 * _TURNS):
+                    reads = turn % 2
+                    for viewer in viewers:
+                        viewer.send_signal(signal.SIGCONT if reads else signal.SIGSTOP)
+                    await asyncio.sleep(0.5)
+                    before, start_s = subject.ask(), time.monotonic()
+                    await asyncio.sleep(seconds)
+                    after = subject.ask()
+                    ticked_s = [at_s for at_s in after["ticked_s"] if at_s >= start_s]
+                    periods_s[reads] += [b - a for a, b in pairwise(ticked_s)]
+                    stops += after["stops"] - before["stops"]
+                    serving_s[reads] += after["serving_s"] - before["serving_s"]
+            finally:
+                for viewer in viewers:
+                    viewer.kill()
+                    viewer.wait()
+    alone_s, together_s = (percentile(periods, 99) for periods in periods_s)
+    return {
+        "without": link.percentiles(periods_s[0]),
+        "with": link.percentiles(periods_s[1]),
+        "ratio": round(together_s / alone_s, 2),
+        "stops": stops,
+        "serving_share": round((serving_s[1] - serving_s[0]) / _TURNS / seconds, 3),
+    }
+
+
+async def _measure_watched(count: int, seconds: float, rate_hz: float) -> dict[str, Any]:
+    with ServerUnderTest("drivelesson", rate_hz) as subject:
+        async with (
+            _held_forward(subject),
+            link.watching("drivelesson", [subject.port] * count) as viewers,
+        ):
+            await asyncio.sleep(2.0)
+            before, start_s = subject.ask(), time.monotonic()
+            await asyncio.sleep(seconds)
+            after, lasted_s = subject.ask(), time.monotonic() - start_s
+            ages_s = [viewer.since(start_s) for viewer in viewers]
+    rates = [len(seen) / lasted_s for seen in ages_s]
+    return {
+        "slowest_hz": round(min(rates), 1),
+        "mean_hz": round(sum(rates) / count, 1),
+        "age_p99_ms": link.percentiles([age for seen in ages_s for age in seen])["p99"],
+        "cpu": round((after["process_s"] - before["process_s"]) / lasted_s, 3),
+        "loop_hz": round((after["frames"] - before["frames"]) / lasted_s, 1),
+        "stops": after["stops"] - before["stops"],
+    }
+
+
+@contextlib.asynccontextmanager
+async def _held_forward(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[None]:
+    """Drive forward inside the block, as a finger on the pad does."""
+    async with link.driving(subject, cookie) as (pilot, seen, seqs):
+
+        async def hold() -> None:
+            while True:
+                words = {"type": "drive", "held": "forward", "seq": next(seqs), **seen}
+                await pilot.send(json.dumps(words))
+                await asyncio.sleep(0.1)
+
+        holding = asyncio.create_task(hold())
+        yield
+        holding.cancel()
