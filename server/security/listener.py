@@ -95,7 +95,7 @@ class DoorListener(socket.socket):
             connection = _Connection(plain.family, plain.type, plain.proto, fileno=plain.detach())
             connection.peer = address
             head = connection.peek()
-            is_stop = bool(head) and head.startswith(STOP)
+            is_stop = head is not None and head.startswith(STOP)
             if head == b"" or not (is_stop or self.door.may_come(head or b"", address[0], now_s)):
                 connection.close()
                 continue
