@@ -1,0 +1,146 @@
+"""Whatever value stands in a stored file (NaN, a text for a number, 1e400): no address answers 5xx.
+
+Every JSON file that a lively data folder holds is damaged in turn, and the texts inside models.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import random
+import re
+import shutil
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from robot.store.folder import Storage
+from server.config import Config, Limits
+from server.identity import IdentityFile
+from server.security.pairing import Pairing
+from tests.robot.store.episodes.drives import record_drive
+
+from .study.test_study_sessions import PLAN, answer, begin, drive, post, session, take_part
+from .virtual_server import WEB, VirtualServer
+
+SEEDS = int(os.environ.get("DRIVELESSON_DAMAGE", "25"))
+VALUES = (
+    "NaN", "Infinity", "-Infinity", "1e400", "-1", "0", "9" * 400, "null", "true", '""', '"x"',
+    '"\\ud83d"', '"' + "y" * 9000 + '"', "[]", "{}", "[" * 500 + "]" * 500, '{"a": NaN}', "[NaN]",
+    '"../../x"', '"\\u0000"', "1.5",
+)  # fmt: skip
+_VALUE = re.compile(rb'(?<=[:\[,])\s*("(?:[^"\\]|\\.)*"|-?\d[\d.eE+-]*|true|false|null)')
+
+
+def served(root: Path) -> VirtualServer:
+    limits = Limits(requests_per_second=1e6, requests_burst=1e6)
+    return VirtualServer(Config(port=0, web=WEB, data=root, limits=limits), data=root)
+
+
+@pytest.fixture(scope="module")
+def lively(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a study, one session that is over and one that is not, edits and a trash."""
+    root = tmp_path_factory.mktemp("lively") / "data"
+    episode = record_drive(Storage(root).episodes, frames=20).id
+    gone = record_drive(Storage(root).episodes, frames=5).id
+    Pairing(10, file=root / "paired.json").redeem("x", 0.0)
+    (root / "paired.json").write_text('{"sessions": [{"sha256": "ab", "role": "pilot"}]}')
+    IdentityFile(root).change(name="Ada")
+    (root / "class.json").write_text('{"locks": ["models"]}')
+    (root / "lessons").mkdir()
+    (root / "lessons" / "20260101-120000-trial-1.json").write_text(
+        '{"trial": 1, "started": "2026-01-01T12:00:00", "seconds": {"teach": 60.0}, "ssd": 0.5}'
+    )
+    with served(root) as server, httpx.Client(base_url=server.address, timeout=60) as client:
+        post(server, "/api/studies", name="walk", plan=PLAN)
+        take_part(server, "P01")
+        client.post(
+            f"/api/episodes/{episode}/edits", json={"verb": "exclude", "first": 1, "last": 2}
+        )
+        client.patch(f"/api/episodes/{episode}", json={"title": "t"})
+        client.delete(f"/api/episodes/{gone}")
+        client.post("/api/models/save", json={})
+        begin(server, "P02")
+        assert session(server) is not None
+        post(server, "/api/session/drive", confirmed=True)
+        drive(server)
+        answer(server)
+    return root
+
+
+def damage(data: bytes, dice: random.Random) -> bytes:
+    """Put another value in the place of one."""
+    places = list(_VALUE.finditer(data))
+    if not places:
+        return data
+    place, value = dice.choice(places), dice.choice(VALUES).encode()
+    return data[: place.start(1)] + value + data[place.end(1) :]
+
+
+def damage_file(path: Path, dice: random.Random) -> None:
+    if path.suffix != ".npz":
+        path.write_bytes(damage(path.read_bytes(), dice))
+        return
+    out = io.BytesIO()
+    with zipfile.ZipFile(path) as archive, zipfile.ZipFile(out, "w") as damaged:
+        for name in archive.namelist():
+            whole = archive.read(name)
+            head, brace, text = whole.partition(b'{"')
+            is_text = name == "meta.npy" and brace
+            damaged.writestr(name, head + damage(brace + text, dice) if is_text else whole)
+    path.write_bytes(out.getvalue())
+
+
+def stored(root: Path) -> list[Path]:
+    """Return every file that holds JSON, or a text of it."""
+    kinds = (".json", ".jsonl", ".npz")
+    return sorted(path for path in root.rglob("*") if path.suffix in kinds and path.is_file())
+
+
+def addresses(server: VirtualServer, client: httpx.Client) -> list[str]:
+    """Return every address that can be read, with each name that there is in its place."""
+    found = []
+    listed = client.get("/api/episodes").text + client.get("/api/models").text
+    names = {"walk", "P01", "1", *re.findall(r'"(?:id|name)":\s*"([\w-]+)"', listed)}
+    for path, ways in server.app.openapi()["paths"].items():
+        if "get" in ways and path != "/video.mjpg":
+            blanks = re.findall(r"\{(\w+)\}", path)
+            for name in sorted(names) if blanks else [""]:
+                words = dict.fromkeys(blanks, name) | dict.fromkeys(blanks[1:], "1")
+                found.append(path.format(**words))
+    return found
+
+
+def test_the_folder_has_every_kind_of_file(lively: Path) -> None:
+    kinds = {path.relative_to(lively).parts[0] for path in stored(lively)}
+    assert kinds >= {"models", "studies", "lessons", "robot.json", "paired.json", "class.json"}
+    assert list((lively / "episodes").glob("*.edits.json"))
+
+
+@pytest.mark.parametrize("seed", range(SEEDS))
+def test_no_stored_value_makes_an_address_fail(lively: Path, tmp_path: Path, seed: int) -> None:
+    dice = random.Random(seed)
+    root = tmp_path / "data"
+    shutil.copytree(lively, root)
+    files = stored(root)
+    for path in {files[seed % len(files)], dice.choice(files)}:
+        for _ in range(dice.randrange(1, 4)):
+            damage_file(path, dice)
+    Pairing(10, file=root / "paired.json")
+    IdentityFile(root)
+    failed: dict[str, Any] = {}
+    seen: list[str] = []
+    with served(root) as server, httpx.Client(base_url=server.address, timeout=60) as client:
+        for address in addresses(server, client):
+            answer = client.get(address)
+            if answer.status_code >= 500:
+                failed[address] = answer.text[:200]
+            elif answer.headers.get("content-type", "").startswith("application/json"):
+                json.loads(answer.text, parse_constant=seen.append)
+                if seen:  # which no browser reads
+                    failed[address] = seen.pop()
+    assert not failed, [str(path.relative_to(root)) for path in files[seed % len(files) :][:1]]
