@@ -42,8 +42,6 @@ class WatchedBridge:
         """Without the zero that follows: a server that is gone sends none."""
         self._send(self._to_robot, json.dumps(message).encode())
 
-    publish_for = publish
-
     def close(self) -> None:
         """There is nothing to close."""
 

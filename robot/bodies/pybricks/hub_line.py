@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import queue
 import struct
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
-from robot.bodies.remote.event_loop import EventLoopThread, said
+from robot.bodies.remote.event_loop import said
+from robot.bodies.remote.line import KeptLine
 from robot.clock import Clock
 
 SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
@@ -26,11 +26,10 @@ SCAN_S = 8.0
 SEND_S = 0.3
 """A write that takes longer has failed; the one under way is never followed by a second."""
 _LONGEST_LINE = 200
-_MOST_WAITING = 20
 
 
-class HubLine:
-    """A line as `MessageLine` has it; a thread of its own keeps the connection, and renews it.
+class HubLine(KeptLine):
+    """Lines to and from the program on the hub.
 
     Args:
         bluetooth: The module `bleak`, or what has its `BleakScanner` and `BleakClient`.
@@ -42,14 +41,12 @@ class HubLine:
 
     def __init__(self, bluetooth: Any, hub: str, clock: Clock) -> None:
         self._bluetooth, self._hub = bluetooth, hub
-        self._received: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)
         self._client: Any = None
         self._runs = True
         self._rest = b""
         self._chunk = 19
         self._writing: Future[None] | None = None
-        self._worker = EventLoopThread("pybricks", clock)
-        self._worker.keep(self._connect_once)
+        super().__init__("pybricks", clock)
 
     def send(self, message: bytes) -> None:
         if self._client is None:
@@ -60,17 +57,6 @@ class HubLine:
             raise ConnectionError("it takes nothing more")
         self._writing = self._worker.submit(self._write(self._client, message))
         self._writing.result(SEND_S)
-
-    def receive(self, timeout_s: float) -> bytes | None:
-        try:
-            if timeout_s > 0:
-                return self._received.get(timeout=timeout_s)
-            return self._received.get_nowait()
-        except queue.Empty:
-            return None
-
-    def close(self) -> None:
-        self._worker.close()
 
     # On the thread -----------------------------------------------------------------------------
 
@@ -121,7 +107,4 @@ class HubLine:
             *lines, rest = (self._rest + bytes(data[1:])).split(b"\n")
             self._rest = rest[-_LONGEST_LINE:]
             for line in lines:
-                if self._received.full():
-                    with contextlib.suppress(queue.Empty):
-                        self._received.get_nowait()  # nobody reads: the newest counts
-                self._received.put_nowait(line.strip())
+                self._take_message(line.strip())

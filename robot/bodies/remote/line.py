@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import queue
 import socket
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from robot.bodies.remote.event_loop import EventLoopThread
-from robot.clock import RealClock
+from robot.clock import Clock, RealClock
 from robot.errors import ConfigurationError, need
 
 _OPENS_S, _OPENS_AGAIN_S, _SENDS_S = 4.0, 1.0, 0.5
+_MOST_WAITING = 20
 _MOST_UNANSWERED = 10
 """After so many messages without an answer, a second and a half, the connection is a dead one."""
 
@@ -52,66 +56,78 @@ class UdpLine:
         self._socket.close()
 
 
-class WebsocketLine:
-    """A websocket that the robot serves.
+class KeptLine(ABC):
+    """A line whose connection a thread of its own keeps, and opens again when it was lost.
 
-    A connection that fails, or on which nothing is heard any more, is closed, and the next message
-    opens another. What was being sent is not sent again: what comes later is no order any more.
+    What was being sent then is not sent again: what comes later is no order any more.
+
+    Raises:
+        OSError: If the first connection fails.
     """
+
+    def __init__(self, name: str, clock: Clock) -> None:
+        self._received: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)
+        self._worker = EventLoopThread(name, clock)
+        self._worker.keep(self._connect_once)
+
+    @abstractmethod
+    async def _connect_once(self, connected: Callable[[], None]) -> None:
+        """Connect, call `connected`, and return when the connection is lost."""
+
+    def _take_message(self, message: bytes) -> None:
+        if self._received.full():
+            with contextlib.suppress(queue.Empty):
+                self._received.get_nowait()  # nobody reads: the newest counts
+        self._received.put_nowait(message)
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        try:
+            if timeout_s > 0:
+                return self._received.get(timeout=timeout_s)
+            return self._received.get_nowait()
+        except queue.Empty:
+            return None
+
+    def close(self) -> None:
+        self._worker.close()
+
+
+class WebsocketLine(KeptLine):
+    """A websocket that the robot serves; one on which nothing is heard any more is opened anew."""
 
     def __init__(self, host: str, port: int) -> None:
         self._connect = need("websockets", "the robot 'ws'", "demo").connect
-        self._worker = EventLoopThread("websocket", RealClock())
-        self._run = self._worker.run
-        self._address = host, port
+        self._url = f"ws://{host}:{port}/"
         self._socket: Any = None
-        self._unanswered = 0
-        try:
-            self._socket = self._run(self._open(*self._address), _OPENS_S)
-        except BaseException:
-            self._worker.close()
-            raise
+        self._opens_s = _OPENS_S
+        super().__init__("websocket", RealClock())
 
-    async def _open(self, host: str, port: int) -> Any:
-        return await self._connect(
-            f"ws://{host}:{port}/", compression=None, max_size=2048, close_timeout=_SENDS_S
-        )
+    async def _connect_once(self, connected: Callable[[], None]) -> None:
+        async with self._connect(
+            self._url,
+            compression=None,
+            max_size=2048,
+            open_timeout=self._opens_s,
+            close_timeout=_SENDS_S,
+        ) as socket:
+            self._socket, self._unanswered, self._opens_s = socket, 0, _OPENS_AGAIN_S
+            connected()
+            try:
+                async for message in socket:
+                    self._unanswered = 0
+                    self._take_message(message.encode() if isinstance(message, str) else message)
+            finally:
+                self._socket = None
+        self._worker.trouble = "the connection was lost"
 
     def send(self, message: bytes) -> None:
-        if self._unanswered >= _MOST_UNANSWERED:
-            self._drop()
-        if self._socket is None:
-            self._socket = self._run(self._open(*self._address), _OPENS_AGAIN_S)
-        try:
-            self._run(self._socket.send(message.decode()), _SENDS_S)
-        except OSError:
-            self._drop()
-            raise
+        socket = self._socket
+        if socket is None:
+            raise ConnectionError(self._worker.trouble)
         self._unanswered += 1
-
-    def receive(self, timeout_s: float) -> bytes | None:
-        if self._socket is None:
-            raise ConnectionError("the connection was lost")
-        try:
-            # With no time at all not even a message that is there already would be taken.
-            message = self._run(self._socket.recv(), max(timeout_s, 0.001))
-        except TimeoutError:
-            return None
-        except OSError:
-            self._drop()
-            raise
-        self._unanswered = 0
-        return message.encode() if isinstance(message, str) else bytes(message)
-
-    def close(self) -> None:
-        self._drop()
-        self._worker.close()
-
-    def _drop(self) -> None:
-        socket, self._socket, self._unanswered = self._socket, None, 0
-        if socket is not None:
-            with contextlib.suppress(OSError):
-                self._run(socket.close(), 1.0)
+        if self._unanswered > _MOST_UNANSWERED:
+            self._worker.submit(socket.close())
+        self._worker.run(socket.send(message.decode()), _SENDS_S)
 
 
 def split_address(address: str, default_port: int) -> tuple[str, int]:

@@ -27,6 +27,8 @@ _LOST_S = 3.0
 """After so long the connection is closed and opened again."""
 
 Message = Mapping[str, Any]
+End = tuple[Message, float]
+"""What is published after so many seconds, unless another message follows before."""
 
 
 class RosBridge:
@@ -76,17 +78,13 @@ class RosBridge:
         """What went wrong last, in brackets; empty if nothing did."""
         return f" ({self._worker.trouble})" if self._worker.trouble else ""
 
-    def publish(self, topic: str, message: Message) -> None:
-        """Publish one message, and wait until it is sent.
+    def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
+        """Publish one message, and wait until it is sent; then what ends it.
 
         Raises:
             OSError: If it cannot be sent now; it is not sent later.
         """
-        self._send(topic, message, None).result(SEND_S)
-
-    def publish_for(self, topic: str, message: Message, end: Message, for_s: float) -> None:
-        """Publish a message, and `end` after `for_s` unless another follows before."""
-        self._send(topic, message, (end, for_s)).result(SEND_S)
+        self._send(topic, message, ends).result(SEND_S)
 
     def publish_soon(self, topic: str, message: Message) -> None:
         """Publish without waiting; dropped while the one before is still being sent."""
@@ -96,9 +94,7 @@ class RosBridge:
     def close(self) -> None:
         self._worker.close()
 
-    def _send(
-        self, topic: str, message: Message, ends: tuple[Message, float] | None
-    ) -> Future[None]:
+    def _send(self, topic: str, message: Message, ends: End | None) -> Future[None]:
         before = self._sending.get(topic)
         if before is not None and not before.done():
             raise ConnectionError("the bridge takes nothing more")
@@ -167,9 +163,7 @@ class RosBridge:
         if isinstance(message, dict):
             self._on_message(topic, message)
 
-    async def _publish(
-        self, topic: str, message: Message, ends: tuple[Message, float] | None
-    ) -> None:
+    async def _publish(self, topic: str, message: Message, ends: End | None) -> None:
         socket = self._socket
         if (handle := self._ends.pop(topic, None)) is not None:
             handle.cancel()

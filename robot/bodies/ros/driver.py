@@ -97,6 +97,7 @@ class RosDriver(ConnectedDriver[RosBridge]):
                 f"{without[0]}:0:1"
             )
         self._points = {move.name: move.point or (0.0, 0.0) for move in self.declared_moves}
+        self._points[Action.STOP] = (0.0, 0.0)
         self._clock = clock or RealClock()
         self._is_stamped = options.stamped or options.watchdog
         self._topic = _ORDERS if options.watchdog else options.cmd_vel_topic
@@ -140,18 +141,10 @@ class RosDriver(ConnectedDriver[RosBridge]):
 
     def _move(self, connection: RosBridge, action: Action, speed_scale: float) -> None:
         """Publish the move's velocity, and zero after `ACTION_TIMEOUT_S`."""
-        topic = self._topic
+        steering, throttle = (speed_scale * part for part in self._points[action])
+        ends = None if action is Action.STOP else (self.velocity(0.0, 0.0), ACTION_TIMEOUT_S)
         try:
-            if action is Action.STOP:
-                connection.publish(topic, self.velocity(0.0, 0.0))
-            else:
-                steering, throttle = self._points[action]
-                connection.publish_for(
-                    topic,
-                    self.velocity(speed_scale * steering, speed_scale * throttle),
-                    self.velocity(0.0, 0.0),
-                    ACTION_TIMEOUT_S,
-                )
+            connection.publish(self._topic, self.velocity(steering, throttle), ends)
         except OSError as error:
             raise DriveError(f"rosbridge takes no velocity: {error or 'too slow'}") from error
         self._check_heard(connection)
