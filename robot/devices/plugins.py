@@ -45,21 +45,15 @@ def load_driver(name: str) -> type[Driver]:
         PluginError: If there is none, or it is not a driver.
         MissingExtraError: If a library it needs is not installed.
     """
-    found = _load(DRIVERS, name, "robot")
-    if not issubclass(found, Driver):
-        raise PluginError(f"the robot {name!r} is not a Driver: {found!r}")
-    return found
+    return _load(DRIVERS, name, "robot", Driver)
 
 
 def load_camera(name: str) -> type[Camera]:
     """Return the camera class of this name; raises as `load_driver` does."""
-    found = _load(CAMERAS, name, "camera")
-    if not issubclass(found, Camera):
-        raise PluginError(f"the camera {name!r} is not a Camera: {found!r}")
-    return found
+    return _load(CAMERAS, name, "camera", Camera)
 
 
-def _load(group: str, name: str, kind: str) -> type[Any]:
+def _load(group: str, name: str, kind: str, base: type[Any]) -> type[Any]:
     points = {point.name: point for point in entry_points(group=group)}
     if name not in points:
         raise PluginError(
@@ -72,6 +66,6 @@ def _load(group: str, name: str, kind: str) -> type[Any]:
         raise
     except (ImportError, AttributeError) as error:
         raise PluginError(f"the {kind} {name!r} cannot be loaded: {error}") from error
-    if not isinstance(found, type):
-        raise PluginError(f"the {kind} {name!r} is not a class: {found!r}")
+    if not isinstance(found, type) or not issubclass(found, base):
+        raise PluginError(f"the {kind} {name!r} is not a {base.__name__}: {found!r}")
     return found

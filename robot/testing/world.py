@@ -60,7 +60,7 @@ class VirtualRobot:
         self._timer: asyncio.TimerHandle | None = None
         self._tick_by_s = 0.0
         self._shutter: asyncio.TimerHandle | None = None
-        self._waiting: list[_Waiting] = []
+        self._looks: list[Callable[[], None]] = []
 
     async def __aenter__(self) -> Self:
         self._event_loop = asyncio.get_running_loop()
@@ -91,23 +91,32 @@ class VirtualRobot:
         """
         event_loop = asyncio.get_running_loop()
         start_s = event_loop.time()  # `clock` may be made to jump meanwhile
-        if condition():
-            return 0.0
-        waiting = _Waiting(condition, event_loop.create_future())
-        patience = event_loop.call_later(within_s, waiting.give_up)
-        self._waiting.append(waiting)
+        outcome: asyncio.Future[bool] = event_loop.create_future()
+
+        def look(is_last: bool = False) -> None:
+            if outcome.done():
+                return
+            try:
+                if (holds := condition()) or is_last:
+                    outcome.set_result(holds)
+            except Exception as error:
+                outcome.set_exception(error)
+
+        look()
+        patience = event_loop.call_later(within_s, look, True)
+        self._looks.append(look)
         try:
-            in_time = await waiting.outcome
+            in_time = await outcome
         finally:
             patience.cancel()
-            self._waiting.remove(waiting)
+            self._looks.remove(look)
         assert in_time, f"not within {within_s} s: {what}"
         return event_loop.time() - start_s
 
     def poke(self) -> None:
-        """Make `until` check its condition again."""
-        for waiting in self._waiting:
-            waiting.look()
+        """Make `until` check its condition again: where something happens, and never in vain."""
+        for look in self._looks:
+            look()
 
     def _tick_soon(self) -> None:
         if not self._is_tick_due and self._event_loop is not None:
@@ -144,29 +153,6 @@ class VirtualRobot:
         if not self.camera.is_frozen:
             self.camera.take()
         self._shutter = self._event_loop.call_later(1 / self.camera.rate_hz, self._take_picture)
-
-
-class _Waiting:
-    """A condition that is looked at where something happens, so that no task runs in vain."""
-
-    def __init__(self, condition: Callable[[], bool], outcome: asyncio.Future[bool]) -> None:
-        self._condition, self.outcome = condition, outcome
-
-    def look(self) -> None:
-        """Settle the outcome if the condition holds or cannot be told."""
-        if self.outcome.done():
-            return
-        try:
-            if self._condition():
-                self.outcome.set_result(True)
-        except Exception as error:
-            self.outcome.set_exception(error)
-
-    def give_up(self) -> None:
-        """Settle the outcome at the end of the time: a last look, as at any other moment."""
-        self.look()
-        if not self.outcome.done():
-            self.outcome.set_result(False)
 
 
 class _Wake(threading.Event):

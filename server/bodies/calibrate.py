@@ -80,7 +80,10 @@ def run(args: argparse.Namespace) -> int:
 def _measure_straight(driver: ChassisDriver, seconds: float) -> ChassisOptions:
     options = driver.options
     room_cm = 100 * options.forward_speed_mps * seconds
-    _wait_for_person(f"The robot will drive straight on for about {room_cm:.0f} cm. Mark its place")
+    _prompt(
+        f"\nThe robot will drive straight on for about {room_cm:.0f} cm. Mark its place, and press "
+        "Enter."
+    )
     before_m = driver.sense().distance_m
     left, right = drive(driver, Action.FORWARD, seconds)
     after_m = driver.sense().distance_m
@@ -96,8 +99,9 @@ def _measure_straight(driver: ChassisDriver, seconds: float) -> ChassisOptions:
 
 def _measure_turn(driver: ChassisDriver, options: ChassisOptions, seconds: float) -> ChassisOptions:
     angle_deg = options.turn_rate_deg_s * seconds
-    _wait_for_person(
-        f"The robot will turn left by about {angle_deg:.0f} degrees. Mark where it looks"
+    _prompt(
+        f"\nThe robot will turn left by about {angle_deg:.0f} degrees. Mark where it looks, and "
+        "press Enter."
     )
     left, right = drive(driver, Action.LEFT, seconds)
     wheels_deg = turned_deg(left, right, options)
@@ -136,19 +140,17 @@ def ask(question: str) -> float:
     """Ask until the answer is a number above 0; the end of input is an error."""
     while True:
         try:
-            number = float(input(question).strip().replace(",", "."))
+            number = float(_prompt(question).strip().replace(",", "."))
         except ValueError:
             number = 0.0
-        except EOFError:
-            raise ConfigurationError("calibrate asks questions; run it in a terminal") from None
         if 0 < number < 100_000:
             return number
         print("A number above 0, please.")
 
 
-def _wait_for_person(what: str) -> None:
+def _prompt(question: str) -> str:
     try:
-        input(f"\n{what}, and press Enter.")
+        return input(question)
     except EOFError:
         raise ConfigurationError("calibrate asks questions; run it in a terminal") from None
 
