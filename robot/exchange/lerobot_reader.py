@@ -273,7 +273,8 @@ def _names(given: object) -> list[str]:
     """Return the names of a vector's elements; some datasets have them below a further name."""
     if isinstance(given, dict) and len(given) == 1:
         given = next(iter(given.values()))
-    return [str(name).lower() for name in given] if isinstance(given, list) else []
+    names = given if isinstance(given, list) else []
+    return [str(name).lower().removesuffix(".pos").removesuffix(".vel") for name in names]
 
 
 def _flat(value: object) -> list[Any]:

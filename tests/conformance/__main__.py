@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from .driving import tries
 from .samples import Samples, imports_of, make_samples
 
 HERE = Path(__file__).resolve().parent
@@ -109,6 +110,24 @@ def check_promtool(home: Path, samples: Samples) -> Iterator[Result]:
         yield Result(peer=home.name, version=version, check=check, outcome=outcome)
 
 
+def check_lerobot_robot(home: Path, samples: Samples) -> Iterator[Result]:
+    """Record from and drive served robots by LeRobot's commands, with the package of the docs."""
+    lerobot = home.parent / "lerobot"
+    lerobot.mkdir(exist_ok=True)
+    python = _environment(lerobot, ["lerobot[dataset,training]"], "lerobot")
+    _get([python, "-m", "pip", "install", "--quiet", "--upgrade", ROOT])
+    plugin = ROOT / "docs" / "examples" / "lerobot"
+    _get([python, "-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps", plugin])
+    version = _said([python, "-c", "import lerobot; print(lerobot.__version__)"]).strip()
+    for check, attempt in tries(python, _fresh(home / "out")):
+        try:
+            told, outcome = attempt(), "passed"
+        except Exception as error:
+            told, outcome = "", f"FAILED: {str(error)[:200]}"
+        check = f"{check}: {told}" if told else check
+        yield Result(peer=home.name, version=version, check=check, outcome=outcome)
+
+
 def check_pythons(home: Path, samples: Samples) -> Iterator[Result]:
     """Install the wheel on every Python that this machine has, and start it."""
     dist = _fresh(home / "dist")
@@ -131,6 +150,7 @@ CHECKS: dict[str, Callable[[Path, Samples], Iterator[Result]]] = {
     "ffprobe": check_ffprobe,
     "donkeycar": check_donkeycar,
     "lerobot": check_lerobot,
+    "lerobot_robot": check_lerobot_robot,
     "python": check_pythons,
 }
 

@@ -326,4 +326,4 @@ def test_a_dataset_of_an_arm_says_why_it_teaches_nothing(tmp_path: Path) -> None
     name_an_arm(made)
     made.write(tmp_path / "set")
     [(_, report), *_] = imported(tmp_path / "set", tmp_path)
-    assert "neither steering nor moves (shoulder_pan.pos, gripper.pos)" in report.lines()[1]
+    assert "neither steering nor moves (shoulder_pan, gripper)" in report.lines()[1]

@@ -1,0 +1,158 @@
+"""LeRobot's commands before robots that are served here: a pilot drives one, LeRobot the other."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+
+from tests.server.live_robot import Pilot, wait_until
+
+from .samples import imports_of
+
+_PATIENCE_S = 600
+_TRAINING = (
+    "--policy.type=act --policy.push_to_hub=false --policy.pretrained_backbone_weights=null "
+    "--policy.chunk_size=4 --policy.n_action_steps=4 --policy.dim_model=64 --policy.n_heads=2 "
+    "--policy.dim_feedforward=64 --policy.n_encoder_layers=1 --policy.use_vae=false "
+    "--policy.device=cpu --dataset.video_backend=pyav --steps=3 --save_freq=3 --batch_size=2 "
+    "--num_workers=0 --wandb.enable=false --dataset.repo_id=me/driven"
+)
+Tried = tuple[str, Callable[[], str]]
+
+
+@contextmanager
+def served(python: Path, folder: Path, *words: str, **environ: str) -> Iterator[str]:
+    """Serve a simulated robot in a process of its own; yield its address."""
+    process = subprocess.Popen(
+        [python, "-m", "server", "--port", "0", "--data", folder, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, **environ},
+    )
+    assert process.stdout is not None
+    try:
+        found = (re.search(r"open (http://\S+)", line) for line in process.stdout)
+        address = next(filter(None, found), None)
+        assert address is not None, "the server did not start"
+        yield address[1]
+    finally:
+        process.terminate()
+        process.wait(60)
+
+
+def taught(address: str) -> int:
+    """Return how many examples a robot was given: it is driven by a pilot."""
+    text = httpx.get(f"{address}/metrics").text
+    found = re.search(r'learner_seconds_count\{work="learn"\} (\d+)', text)
+    return int(found[1]) if found else 0
+
+
+def tries(python: Path, out: Path) -> Iterator[Tried]:
+    """Yield what is tried, in order; each returns what a person should know, or fails."""
+    here = Path(sys.executable)
+    with (
+        served(here, out / "led") as leader,
+        served(here, out / "followed") as follower,
+        _pilot(leader),
+    ):
+        robot = f"--robot.type=drivelesson --robot.address={follower} --robot.id=follower"
+        page = f"--teleop.type=drivelesson_page --teleop.address={leader} --teleop.id=leader"
+        both = f"{robot} --robot.restarts=true {page} --fps=10"
+
+        def command(name: str, words: str) -> None:
+            environ = {**os.environ, "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1"}
+            done = subprocess.run(
+                [python, "-m", f"lerobot.scripts.{name}", *words.split()],
+                capture_output=True,
+                text=True,
+                timeout=_PATIENCE_S,
+                env=environ,
+                check=False,
+            )
+            assert done.returncode == 0, done.stderr.strip().splitlines()[-1]
+
+        def drives(name: str, words: str) -> str:
+            before = taught(follower)
+            command(name, words)
+            moves = taught(follower) - before
+            assert moves > 5, f"the robot was driven on {moves} pictures"
+            return f"drove on {moves} pictures"
+
+        driven, trained = out / "driven", out / "trained"
+        recording = (
+            f"--dataset.repo_id=me/driven --dataset.root={driven} --dataset.num_episodes=1 "
+            "--dataset.episode_time_s=6 --dataset.reset_time_s=0 --dataset.fps=10 "
+            "--dataset.push_to_hub=false --play_sounds=false --dataset.single_task=drive"
+        )
+        yield (
+            "lerobot-record",
+            lambda: drives("lerobot_record", f"{both.removesuffix(' --fps=10')} {recording}"),
+        )
+        yield "its recording comes in", lambda: imports_of(driven)
+        yield (
+            "lerobot-teleoperate",
+            lambda: drives("lerobot_teleoperate", f"{both} --teleop_time_s=5"),
+        )
+        words = f"{_TRAINING} --dataset.root={driven} --output_dir={trained}"
+        yield "lerobot-train, three steps of ACT", lambda: command("lerobot_train", words) or ""
+        policy = trained / "checkpoints" / "last" / "pretrained_model"
+        rollout = f"--policy.path={policy} --policy.device=cpu --duration=5 --task=drive --fps=10"
+        yield (
+            "lerobot-rollout",
+            lambda: drives("lerobot_rollout", f"{rollout} {robot} --robot.restarts=true"),
+        )
+    yield "the policy as a learner", lambda: _drive_as_learner(python, out / "alone", policy)
+
+
+@contextmanager
+def _pilot(address: str) -> Iterator[None]:
+    """Drive from a page without a screen."""
+    ending = threading.Event()
+    with Pilot(f"{address.replace('http', 'ws')}/ws/drive", sees=True) as pilot:
+        pilot.wait_for_state_with(lambda state: state["frame"] is not None)
+
+        def drive() -> None:
+            for held in itertools.cycle(("forward", "left", "forward", "right")):
+                pilot.hold(held)
+                if pilot.state["mode"] != "train":
+                    pilot.mode("train")
+                if ending.wait(1.0):
+                    return
+
+        thread = threading.Thread(target=drive, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            ending.set()
+            thread.join(10)
+
+
+def _drive_as_learner(python: Path, folder: Path, policy: Path) -> str:
+    """Let a policy that LeRobot trained drive by itself."""
+    environ = {"DRIVELESSON_LEROBOT_POLICY": str(policy), "HF_HUB_OFFLINE": "1"}
+    with (
+        served(python, folder, "--learner", "lerobot", **environ) as address,
+        Pilot(f"{address.replace('http', 'ws')}/ws/drive", sees=True) as pilot,
+    ):
+        pilot.wait_for_state_with(lambda state: state["prediction"] is not None)
+
+        def drives_itself() -> bool:
+            if pilot.state["mode"] != "autonomous":
+                pilot.mode("autonomous")
+                time.sleep(0.2)
+            return pilot.state["driven_by"] == "robot" and pilot.state["action"] != "stop"
+
+        wait_until(drives_itself, what="the policy drives")
+        return f"goes {pilot.state['action']}"
