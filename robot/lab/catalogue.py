@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from robot.lab.ablation import ABLATION
 from robot.lab.behaviours import BEHAVIOURS
 from robot.lab.experiment import Experiment
 from robot.lab.figure3 import FIGURE3
 from robot.lab.figure5 import FIGURE5
 from robot.lab.ground.ground import GROUND
 from robot.lab.habits import GATE
-from robot.lab.lessons import ABLATION, DELAY, FIGURE6, FIGURE7, FIGURE8, MOVES
+from robot.lab.lessons import DELAY, FIGURE6, FIGURE7, FIGURE8, MOVES
 from robot.lab.mind import MIND
 from robot.lab.ready import READY
 from robot.lab.streams import ONLINE

@@ -44,12 +44,8 @@ def run_recorded_footage(params: Mapping[str, Any]) -> Result:
 
     pair = Pair(train=load_recording(params["train"]), test=load_recording(params["test"]))
     result = next(iter(evaluate([pair], [params["learner"]])))
-    return {
-        "correct": result.correct,
-        "frames": result.frames,
-        "accuracy": result.accuracy,
-        "balanced_accuracy": result.balanced_accuracy,
-    }
+    names = ("correct", "frames", "accuracy", "balanced_accuracy", "calibration_error")
+    return {name: getattr(result, name) for name in names}
 
 
 def recorded_pairs(folder: Path) -> list[tuple[str, str]]:

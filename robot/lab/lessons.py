@@ -1,6 +1,6 @@
 """Experiments in which robots are taught, and held against their teachers by SSD.
 
-Figures 6, 7 and 8 of the paper, and beyond it: delays, other moves, and the default's parts.
+Figures 6, 7 and 8 of the paper, and beyond it: delays and other moves.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, Ser
 from robot.lab.published import FIGURE_6, FIGURE_7, FIGURE_8
 from robot.lab.tables import SSD_COLUMNS, spread, ssd_cells
 from robot.lab.task import Result, Task
-from robot.lab.variants import VARIANTS
 from robot.store.table import Cell, Table
 
 Params = Mapping[str, Any]
@@ -27,15 +26,11 @@ _RETRAINED = {"teach_s": 90.0, "correct_s": 330.0, "alone_s": 60.0}
 _SONAR = {"world": "box", "moves": ("forward", "left"), "teacher": "sonar"}
 
 
-def _with_seeds(
-    cases: Callable[[ExperimentSettings], Iterable[Params]],
-) -> Callable[[ExperimentSettings], Iterator[Task]]:
-    """Return the plan that teaches each case with every seed."""
-    return lambda settings: (
-        Task("lesson", {**case, "seed": seed})
-        for case in cases(settings)
-        for seed in range(settings.n_seeds)
-    )
+def lesson_tasks(cases: Iterable[Params], settings: ExperimentSettings) -> Iterator[Task]:
+    """Yield each case with every seed."""
+    for case in cases:
+        for seed in range(settings.n_seeds):
+            yield Task("lesson", {**case, "seed": seed})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +118,7 @@ FIGURE6 = Experiment(
     title="Figure 6: nodes",
     text="In the box, the sonar controller (below 20 cm or bumped: left for two seconds, else "
     "forward) drives for 90 s, then the robot drives 60 s alone; nobody corrects it.",
-    plan=_with_seeds(_by_nodes),
+    plan=lambda settings: lesson_tasks(_by_nodes(settings), settings),
     tables=SsdTables(
         names=("kind", "nodes"),
         title_of=lambda kind, nodes: "SSD by nodes",
@@ -140,7 +135,9 @@ FIGURE6 = Experiment(
 # Figure 7 -----------------------------------------------------------------------------------------
 
 
-def _trial(trial: int, learners: Iterable[str], settings: ExperimentSettings) -> Iterable[Params]:
+def trial_cases(
+    trial: int, learners: Iterable[str], settings: ExperimentSettings
+) -> Iterable[Params]:
     """One of the paper's trials, with retraining."""
     setting = {**TRIALS[trial], **_RETRAINED, "trial": trial}
     for learner in learners:
@@ -151,7 +148,7 @@ def _trials(settings: ExperimentSettings) -> Iterable[Params]:
     for trial in TRIALS:
         more = ("published-128", "default-128") if trial == 3 else ()
         learners = settings.learners or ("published-32", "default-32", *more)
-        yield from _trial(trial, learners, settings)
+        yield from trial_cases(trial, learners, settings)
 
 
 def _title_of_trial(trial: int, *_: object) -> str:
@@ -178,7 +175,7 @@ FIGURE7 = Experiment(
     "drove (teaching and 4 minutes more, of which the robot learns nothing that is measured); "
     "'against lesson' holds it against the 90 s of teaching alone. The row 'teacher' is the "
     "teacher's own last minute: less than that is chance.",
-    plan=_with_seeds(_trials),
+    plan=lambda settings: lesson_tasks(_trials(settings), settings),
     tables=SsdTables(
         names=("trial", "learner"),
         title_of=_title_of_trial,
@@ -225,7 +222,7 @@ FIGURE8 = Experiment(
     title="Figure 8: training time",
     text="60 s alone straight after 90 s or 180 s of teaching. 'robot': the sonar controller in "
     "the box. 'human': simulated people in the three trials of figure 7, before any correction.",
-    plan=_with_seeds(_by_time),
+    plan=lambda settings: lesson_tasks(_by_time(settings), settings),
     tables=SsdTables(
         names=("learner", "who", "teach_s"),
         title_of=lambda *_: "SSD by training time",
@@ -269,7 +266,7 @@ DELAY = Experiment(
     "command names, which is the one on the screen, or to the newest frame when the command "
     "comes. The pilot's own reaction time of 0.2 s is there in every run. The governor, "
     "which forbids learning over slow links, is switched off for this question.",
-    plan=_with_seeds(_by_delay),
+    plan=lambda settings: lesson_tasks(_by_delay(settings), settings),
     tables=SsdTables(
         names=("trial", "learner", "delay_ms", "names_frame"),
         title_of=lambda trial, *_: f"Delay: {TRIALS[trial]['world']}",
@@ -298,33 +295,11 @@ MOVES = Experiment(
     title="Beyond the paper: other moves",
     text="The office with the teacher of trial 3, who turns about one wheel, and with the same "
     "teacher spinning on the spot. 90 s of teaching, 330 s of correction, 60 s alone.",
-    plan=_with_seeds(_by_moves),
+    plan=lambda settings: lesson_tasks(_by_moves(settings), settings),
     tables=SsdTables(
         names=("learner", "how"),
         title_of=lambda *_: "Moves, after retraining",
         label_of=lambda learner, how: f"{learner}, turns {how}",
-        phases=("after",),
-    ),
-)
-
-ABLATED = ("default", *(kind for kind in VARIANTS if kind != "whole-numbers"), "published")
-
-
-def _without_parts(settings: ExperimentSettings) -> Iterable[Params]:
-    for trial, nodes in ((2, 32), (3, 128)):
-        yield from _trial(trial, [f"{kind}-{nodes}" for kind in ABLATED], settings)
-
-
-ABLATION = Experiment(
-    name="ablation",
-    title="Ablation in closed loop",
-    text="As figure 7 after retraining: trial 2 with 32 nodes, trial 3 with 128. Each row has one "
-    "part of the default learner changed (robot/policy/variants.py).",
-    plan=_with_seeds(_without_parts),
-    tables=SsdTables(
-        names=("trial", "learner"),
-        title_of=lambda trial, learner: f"Trial {trial} after retraining",
-        label_of=lambda trial, learner: str(learner),
         phases=("after",),
     ),
 )

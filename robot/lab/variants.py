@@ -1,17 +1,37 @@
 """The default learner without one of its parts: what is each part worth?
 
-`drivelesson bench ablation` compares them on recorded footage, `drivelesson experiment ablation`
-in closed loop. Each is an entry point of `drivelesson.variants`.
+`drivelesson experiment ablation` compares them. Each is an entry point of `drivelesson.variants`.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 from robot.policy.action_filter import ActionFilter
 from robot.policy.design import Design
 from robot.policy.features import GreyFeatures
+from robot.policy.part import Seen
+from robot.policy.pilot_pace import PilotPace
 from robot.policy.policy import Policy
 from robot.policy.registry import split_name
 from robot.types import Action
+
+
+class NoClock(ActionFilter):
+    """However long it turns, its turns lose no votes."""
+
+    def _watch(self, *seen: Any) -> float:
+        super()._watch(*seen)
+        return 0.0
+
+
+class NoPace(ActionFilter):
+    """Every pilot is taken to drive alike."""
+
+    def on_frame(self, seen: Seen) -> None:
+        self.pace = PilotPace(self._kinds)
+        super().on_frame(seen)
+
 
 VARIANTS: dict[str, Design] = {
     "without-linear": Design(is_linear=False),
@@ -19,6 +39,11 @@ VARIANTS: dict[str, Design] = {
     "labels-merged-freely": Design(group_cost=1.0),
     "one-voter": Design(n_voters=1),
     "without-average": Design(action_filter=lambda kinds: ActionFilter(kinds, votes_kept=0.0)),
+    "without-filter": Design(action_filter=ActionFilter.none),
+    "without-clock": Design(action_filter=NoClock),
+    "without-pace": Design(action_filter=NoPace),
+    "without-rate": Design(thins=False),
+    "without-balance": Design(balance=0.0),
     "without-context": Design(is_contextual=False),
     "without-reflex": Design(action_filter=lambda kinds: ActionFilter(kinds, gives_up=False)),
     "without-forgetting": Design(forgets=False),

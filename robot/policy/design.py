@@ -42,6 +42,7 @@ class Design:
     is_integer: bool = False
     """Whole numbers alone, on any machine."""
     forgets: bool = True
+    thins: bool = True
     calibrates: bool = True
     adapts: bool = True
 
@@ -73,6 +74,7 @@ class Design:
             features,
             moves=moves,
             action_filter=self.action_filter,
+            thins=self.thins,
             calibrates=self.calibrates and learner.linear is not None,
             brighten=(
                 features.brightened

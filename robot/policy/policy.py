@@ -82,6 +82,7 @@ class Policy(Stateful):
         features: From frame to vector.
         moves: What it may propose.
         action_filter: Makes what makes a steady drive of the votes on single frames.
+        thins: Learn at most ten examples a second of one label (`example_rate.py`).
         calibrates: Learn from the examples how sure it may be here (`calibration.py`).
         brighten: Returns a view with its grey values multiplied; with it the learner is shown each
             view in the light that it was taught in (`light.py`).
@@ -104,6 +105,7 @@ class Policy(Stateful):
         *,
         moves: tuple[Action, ...] = DEFAULT_MOVES,
         action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter,
+        thins: bool = True,
         calibrates: bool = False,
         brighten: Callable[[Vector, float], Vector] | None = None,
     ) -> None:
@@ -119,7 +121,7 @@ class Policy(Stateful):
         pace, smoothing = PilotPace(self.kinds), action_filter(self.kinds)
         smoothing.pace = pace
         self._smoothing = smoothing
-        parts: list[tuple[str, PolicyPart]] = [("", ExampleRate())]
+        parts: list[tuple[str, PolicyPart]] = [("", ExampleRate())] if thins else []
         if calibrates:
             parts.append(("calibration", Calibration(self._votes_on)))
         if brighten is not None:

@@ -11,7 +11,6 @@ from types import ModuleType
 from robot.errors import ConfigurationError
 
 BENCHMARKS = {
-    "ablation": "server.lab.bench.ablation",
     "board": "server.lab.bench.board",
     "crowd": "server.lab.bench.crowd",
     "learner": "server.lab.bench.learner",

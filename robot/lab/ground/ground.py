@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Iterator, Sequence
+from itertools import product
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, group
 from robot.lab.ground.run import TEACHER
@@ -27,26 +28,30 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     learners = settings.learners or (LEARNERS[:2] if settings.quick else LEARNERS)
     ways = WAYS[:1] if settings.quick else WAYS
     for world in settings.worlds or (_QUICK_WORLDS if settings.quick else tuple(WORLDS)):
-        yield from ground_tasks(world, TEACHER, "", settings)
-        for learner in learners:
-            for way in ways:
-                yield from ground_tasks(world, learner, way, settings)
+        for learner, way in ((TEACHER, ""), *product(learners, ways)):
+            for seed in range(2 if settings.quick else settings.n_seeds):
+                yield ground_task(world, learner, way, seed, drives=5 if settings.quick else 10)
 
 
-def ground_tasks(
-    world: str, learner: str, way: str, settings: ExperimentSettings
-) -> Iterator[Task]:
-    """Yield a learner's runs in one world, taught in one way."""
-    for seed in range(2 if settings.quick else settings.n_seeds):
-        params = {
-            "world": world,
-            "learner": learner,
-            "way": way,
-            "seed": FIRST_SEED + seed,
-            "counts": list(COUNTS),
-            "drives": 5 if settings.quick else 10,
-        }
-        yield Task("ground", params)
+def ground_task(
+    world: str,
+    learner: str,
+    way: str,
+    seed: int,
+    *,
+    counts: Sequence[int] = COUNTS,
+    drives: int = 10,
+) -> Task:
+    """Return one run: how a learner was taught, and how often it then drives alone."""
+    params = {
+        "world": world,
+        "learner": learner,
+        "way": way,
+        "seed": FIRST_SEED + seed,
+        "counts": list(counts),
+        "drives": drives,
+    }
+    return Task("ground", params)
 
 
 def _by_world(runs: Runs) -> dict[str, dict[tuple[str, str], list[Result]]]:

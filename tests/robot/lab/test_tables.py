@@ -12,6 +12,7 @@ from robot.lab.experiment import ExperimentSettings
 from robot.lab.report import make_section, write_html
 from robot.lab.tables import spread
 from robot.lab.task import Task
+from robot.lab.variants import VARIANTS
 from robot.store.table import Table
 from server.__main__ import main
 from server.lab.experiment import NAMES
@@ -63,7 +64,8 @@ def made_up(task: Task) -> dict[str, Any]:
         return {"right": 90, "examples": 100}
     if task.kind == "cycles":
         return {"timing": {"learning_hz": 100.0, "applying_hz": 200.0}}
-    return {"correct": 600, "frames": 700, "accuracy": 6 / 7, "balanced_accuracy": 0.8}
+    shares = {"accuracy": 6 / 7, "balanced_accuracy": 0.8, "calibration_error": 0.1}
+    return {"correct": 600, "frames": 700, **shares}
 
 
 def test_the_command_knows_every_experiment() -> None:
@@ -82,6 +84,19 @@ def test_every_experiment_makes_tables_and_a_report(name: str) -> None:
     for loads in ("<script", "<link", "<img", "src=", 'href="http', "url(http"):
         assert loads not in html, "the report needs nothing from elsewhere"
     assert experiment.title in html
+
+
+def test_the_ablation_has_every_ground_in_one_table(tmp_path: Path) -> None:
+    for name in ("hall_A.npz", "hall_B.npz"):
+        (tmp_path / name).touch()
+    settings = ExperimentSettings(quick=True, worlds=("TMaze",), recordings=str(tmp_path))
+    tasks = list(EXPERIMENTS["ablation"].plan(settings))
+    table, *_ = EXPERIMENTS["ablation"].tables([(task, made_up(task)) for task in tasks])
+    assert [row[0] for row in table.rows] == ["default", *VARIANTS, "published"]
+    grounds = ("trial 2: SSD", "TMaze", "footage: accuracy")
+    assert set(grounds) < set(table.columns)
+    assert all(None not in row for row in table.rows), "each is tried everywhere"
+    assert table.note == "Not run: Sidewalk, CarRacing, ViZDoom."
 
 
 def test_more_seeds_are_more_runs() -> None:
