@@ -46,17 +46,9 @@ from robot.types import Frame, Mode
 class Recorder:
     """Records the runs of one loop.
 
-    Args:
-        loop: What is recorded.
-        folder: Where recordings go.
-        robot: The robot's name, for the file's metadata.
-        declared_moves: The moves as its driver declares them, for exports.
-        options: Configuration to write into the file.
-        announce: Called when recording begins, ends, stops because of a fault, or loses pictures.
-        config: The bounds.
-        open_file: Opens a new file for writing; tests give slow and failing ones.
-        wall_ns: Nanoseconds since 1970.
-        disk: The thread that writes; by default one of its own.
+    `robot`, `declared_moves` and `options` are written into the file. `announce` is called when
+    recording begins, ends, stops because of a fault, or loses pictures. `disk` is the thread that
+    writes, by default one of its own.
     """
 
     def __init__(
@@ -70,7 +62,6 @@ class Recorder:
         announce: Announce = no_announcement,
         config: RecorderConfig | None = None,
         open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
-        wall_ns: Callable[[], int] | None = None,
         disk: DiskThread | None = None,
     ) -> None:
         self._loop = loop
@@ -78,7 +69,6 @@ class Recorder:
         self._declared_moves = declared_moves
         self._options = dict(options or {})
         self._config = config or RecorderConfig()
-        self._wall_ns = wall_ns or (lambda: round(1e9 * loop.clock.wall_s()))
         self._run_id = secrets.token_hex(8)
         self._folder = folder
         self._queue = RecordingQueue(folder, self._config, open_file, announce, loop.clock)
@@ -178,7 +168,7 @@ class Recorder:
         return events
 
     def _open(self, now_s: float) -> None:
-        wall_ns = self._wall_ns()
+        wall_ns = round(1e9 * self._loop.clock.wall_s())
         state = self._loop.state
         run = Run(
             episode_id=make_id(wall_ns),

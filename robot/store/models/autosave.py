@@ -38,14 +38,8 @@ def no_announcement(name: str, **fields: object) -> None:
 class Autosave:
     """Owns which model is in use, and saves it.
 
-    Args:
-        loop: Whose learner is saved.
-        store: Where it is saved.
-        journal: Where every change is written at once.
-        name: What a new model is called, before a person names it.
-        moves: The moves of the robot's body; a model with other moves is not loaded.
-        place: Where the robot is; empty if not known.
-        announce: Called with events for the page.
+    `name` is what a new model is called before a person names it. A model with other moves than
+    `moves` is not loaded. `announce` is called with events for the page.
     """
 
     def __init__(

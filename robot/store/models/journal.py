@@ -174,19 +174,15 @@ class Journal:
             name: What the model in use is called.
             place: Where it was taught.
         """
-        events = tick.history_events
+        events, must = tick.history_events, self._needs_checkpoint
         drives, self._drives = self._drives, history.drives
-        if drives != history.drives and not self._needs_checkpoint:
+        if drives != history.drives and not must:
             self._put(_Item(kind="drive", change=history.changes - len(events)))
-        if not events:
-            if not self._needs_checkpoint or self._try_again_s == 0.0:
-                return
-            if tick.now_s < self._try_again_s:
-                return
-        is_whole = all(isinstance(event, Taught | Edited) for event in events)
-        if self._needs_checkpoint or not is_whole:
-            if self._needs_checkpoint and tick.now_s < self._try_again_s:
-                return
+        if must and tick.now_s < self._try_again_s:
+            return
+        if not events and not (must and self._try_again_s > 0.0):
+            return
+        if must or not all(isinstance(event, Taught | Edited) for event in events):
             self._try_again_s = tick.now_s + _TRY_AGAIN_S
             self._put_checkpoint(history, name, place)
             return
@@ -195,7 +191,7 @@ class Journal:
             self._put(_Item(kind="event", change=change, event=event))
 
     def copy(self, history: TrainingHistory, place: str) -> Model:
-        """Copy the learner as it is after the last change that was noted."""
+        """Copy the learner as it is now, with its position; on the loop's thread."""
         return take_model(
             history.policy,
             Counter(history.taught),

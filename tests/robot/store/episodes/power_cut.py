@@ -75,10 +75,9 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         history.undo(UNDONE_S)
 
     clock = RealClock()
+    clock.wall_s = lambda: wall_s  # type: ignore[method-assign]
     rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
     persistence = Persistence(Storage(folder), rig, name="bench")
-    persistence.models._wall_s = lambda: wall_s
-    persistence.recorder._wall_ns = lambda: round(wall_s * 1e9)
     persistence.recorder._queue._config = RecorderConfig(spare_bytes=0)
     is_loaded = False
     rig.loop.subscribe(note)  # first: what is on the disk at any moment has been told before
