@@ -10,7 +10,7 @@ import json
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from types import TracebackType
 from typing import Any, ClassVar, Self
@@ -85,14 +85,7 @@ class Move:
 
     def describe(self) -> dict[str, Any]:
         """Return plain values, for a page or a file."""
-        return {
-            "name": str(self.name),
-            "label": self.labels,
-            "icon": self.icon,
-            "does": self.does,
-            "steering": self.steering,
-            "throttle": self.throttle,
-        }
+        return {**asdict(self), "name": str(self.name), "label": self.labels}
 
 
 CLASSIC: dict[Action, Move] = {

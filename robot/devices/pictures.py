@@ -7,10 +7,8 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from robot.errors import RecordingError, need
-from robot.policy.image import to_rgb
+from robot.policy.image import decode, to_rgb
 from robot.policy.png import encode_png
 from robot.types import Encoding, Frame
 
@@ -68,12 +66,14 @@ def read_picture(data: bytes, name: str) -> Picture:
         )
     if not _has_end(data):
         raise RecordingError(f"{name} is a damaged picture: its end is missing")
-    pixels = _decode(data)
+    pixels = decode(data)
     if pixels is None or pixels.shape != (height, width, 3):
         raise RecordingError(f"{name} is a damaged picture")
     if data.startswith(_JPEG):
         return Picture(encoding=Encoding.JPEG, width=width, height=height, data=data)
-    return Picture(encoding=Encoding.RGB, width=width, height=height, data=pixels.tobytes())
+    return Picture(
+        encoding=Encoding.RGB, width=width, height=height, data=pixels[:, :, ::-1].tobytes()
+    )
 
 
 def write_picture(frame: Frame, folder: Path, stem: str) -> str:
@@ -115,12 +115,3 @@ def _has_end(data: bytes) -> bool:
     if data.startswith(_PNG):
         return b"IEND" in data
     return data.rfind(b"\xff\xd9") > data.rfind(b"\xff\xda")  # the end, after the last scan
-
-
-def _decode(data: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]] | None:
-    cv2 = need("cv2", "reading pictures", "camera")
-    try:
-        bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    except cv2.error:
-        return None
-    return None if bgr is None else np.ascontiguousarray(bgr[:, :, ::-1]).astype(np.uint8)

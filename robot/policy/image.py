@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -127,21 +125,25 @@ def _packed(frame: Frame, n_channels: int) -> Pixels:
 
 
 def _decode_jpeg(frame: Frame, *, colour: bool) -> Pixels:
-    cv2 = _opencv()
-    flag = cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE
-    data = np.frombuffer(frame.data, np.uint8)
-    try:
-        pixels = cv2.imdecode(data, flag) if data.size else None
-    except cv2.error:
-        pixels = None
+    pixels = decode(frame.data, colour=colour)
     if pixels is None:
         raise CameraError(f"frame {frame.frame_id} is not a readable JPEG")
-    decoded: Pixels = pixels
+    return pixels
+
+
+def decode(data: bytes, *, colour: bool = True) -> Pixels | None:
+    """Decode a JPEG or PNG to blue, green and red, or to grey; None if it is none.
+
+    Raises:
+        MissingExtraError: If OpenCV is not installed.
+    """
+    cv2 = need("cv2", "reading pictures", "camera")
+    flag = cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE
+    try:
+        decoded: Pixels | None = cv2.imdecode(np.frombuffer(data, np.uint8), flag) if data else None
+    except cv2.error:
+        return None
     return decoded
-
-
-def _opencv() -> Any:
-    return need("cv2", "reading JPEG frames", "camera")
 
 
 def _yuyv_to_rgb(yuyv: Pixels) -> Pixels:

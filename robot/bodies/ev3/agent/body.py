@@ -2,7 +2,7 @@
 
 import os
 import time
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, List
 
 from robot.bodies.ev3.agent.console import Console
 from robot.bodies.ev3.agent.motors import MotorPair
@@ -11,7 +11,9 @@ from robot.bodies.ev3.agent.sensors import RobotSensors
 
 
 class BrickBody:
-    """The brick's body. `open` finds the devices; whatever fails raises HardwareError.
+    """The brick's body: its motors and console do what they are asked through it.
+
+    `open` finds the devices; whatever fails raises HardwareError.
 
     `clock` has the functions of Python's `time`.
     """
@@ -23,6 +25,9 @@ class BrickBody:
         self.motors = MotorPair(left, right, root, clock)
         self.sensors = RobotSensors(ultrasonic, touch, root, clock)
         self.console = Console(root)
+        self.run, self.stop = self.motors.run, self.motors.stop
+        self.positions = self.motors.positions
+        self.take_button, self.show = self.console.take_button, self.console.show
 
     def open(self) -> List[float]:
         """Find motors, sensors, battery and buttons, and make sure that nothing moves.
@@ -43,15 +48,6 @@ class BrickBody:
             ) from error
         return self.motors.top_speeds_dps()
 
-    def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
-        self.motors.run(left_dps, right_dps, time_ms)
-
-    def stop(self) -> None:
-        self.motors.stop()
-
-    def positions(self) -> List[float]:
-        return self.motors.positions()
-
     def sense(self) -> Dict[str, Any]:
         """Return distance_m, bumped, bumpers, battery_share (None for what is not there) and
         wheels_deg, how far each wheel has turned."""
@@ -61,12 +57,6 @@ class BrickBody:
         except HardwareError:  # said when the motors are asked to turn
             read["wheels_deg"] = None
         return read
-
-    def take_button(self) -> Optional[str]:
-        return self.console.take_button()
-
-    def show(self, mode: str, address: str) -> None:
-        self.console.show(mode, address)
 
     def close(self) -> None:
         self.stop()

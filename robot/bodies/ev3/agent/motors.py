@@ -98,11 +98,7 @@ class MotorPair:
         except Exception as error:
             self.stop()
             self.close()
-            raise HardwareError(
-                "the motors at {} and {} do not answer ({}); check their cables".format(
-                    self._addresses[0], self._addresses[1], error
-                )
-            ) from error
+            raise self._lost(error) from error
 
     def _check(self, speeds: List[int]) -> None:
         """The kernel refuses a speed above `max_speed` (EINVAL) without saying which."""
@@ -140,11 +136,14 @@ class MotorPair:
                 for motor, count in zip(self._ports, self._counts_per_deg)
             ]
         except Exception as error:
-            raise HardwareError(
-                "the motors at {} and {} do not answer ({}); check their cables".format(
-                    self._addresses[0], self._addresses[1], error
-                )
-            ) from error
+            raise self._lost(error) from error
+
+    def _lost(self, error: object) -> HardwareError:
+        return HardwareError(
+            "the motors at {} and {} do not answer ({}); check their cables".format(
+                self._addresses[0], self._addresses[1], error
+            )
+        )
 
     def states(self) -> List[str]:
         """The kernel's state flags of each motor, as "running stalled"; left, right."""
