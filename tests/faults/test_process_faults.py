@@ -13,6 +13,7 @@ import pytest
 
 from robot.driver import ACTION_TIMEOUT_S
 from server.lab.bench.process import ServerUnderTest
+from tests.server.cli.keeping_secrets import check_no_secret_leaves
 from tests.server.hosting.ending import check_a_hanging_upload_and_half_a_request_hold_up_no_end
 from tests.server.live_robot import Pilot
 from tests.server.own_process import own_process
@@ -27,6 +28,8 @@ def test_a_frozen_server_moves_nothing_afterwards_and_a_full_disk_does_not_stop_
     a_full_disk_does_not_keep_the_robot_from_driving_or_standing(tmp_path)
     (tmp_path / "hanging").mkdir()
     check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path / "hanging")
+    (tmp_path / "secrets").mkdir()
+    check_no_secret_leaves(tmp_path / "secrets")
 
 
 def a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:

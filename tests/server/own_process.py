@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import signal
 import subprocess
 import sys
@@ -28,11 +29,12 @@ requests_per_second = 1e12
 
 @dataclass
 class OwnProcess:
-    """A running server: its address, its process, and what it has said on standard error."""
+    """A running server: its address, its process, and what it has said since."""
 
     process: subprocess.Popen[str]
     address: str = ""
     errors: list[str] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)
 
     @property
     def port(self) -> int:
@@ -46,14 +48,19 @@ class OwnProcess:
 
 
 @contextlib.contextmanager
-def own_process(folder: Path) -> Iterator[OwnProcess]:
-    """Serve the simulated robot on a free port, without limits, while the block runs."""
+def own_process(folder: Path, *more: str) -> Iterator[OwnProcess]:
+    """Serve the simulated robot on a free port, without limits, while the block runs.
+
+    Args:
+        folder: Its data folder.
+        more: Further options.
+    """
     pytest.importorskip("panda3d")
     settings = folder.with_name(f"{folder.name}.toml")
     settings.write_text(_ENDLESS)
     words = [sys.executable, "-m", "server", "--robot", "sim", "--port", "0"]
     process = subprocess.Popen(
-        [*words, "--data", str(folder), "--config", str(settings)],
+        [*words, *more, "--data", str(folder), "--config", str(settings)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -64,13 +71,17 @@ def own_process(folder: Path) -> Iterator[OwnProcess]:
     reading = threading.Thread(target=lambda: running.errors.extend(stderr), daemon=True)
     reading.start()
     try:
-        line = stdout.readline()
-        assert "http://" in line, "".join(running.errors)
-        running.address = "http://" + line.rsplit("http://", 1)[1].strip()
+        said = iter(stdout.readline, "")
+        found = next(filter(None, (re.search(r"https?://[^\s#]+", line) for line in said)), None)
+        assert found is not None, "".join(running.errors)
+        running.address = found[0].removesuffix("/pair")
+        draining = threading.Thread(target=lambda: running.said.extend(said), daemon=True)
+        draining.start()
         yield running
     finally:
         process.send_signal(signal.SIGINT)
         process.wait(60)
         reading.join(60)
+        draining.join(60)
         stdout.close()
         stderr.close()

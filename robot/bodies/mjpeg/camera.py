@@ -40,7 +40,10 @@ class MjpegCamera(WatchedCamera):
 
     def __init__(self, options: MjpegOptions, clock: Clock) -> None:
         super().__init__(options, clock)
-        url = urlsplit(options.source)
+        try:
+            url = urlsplit(options.source)
+        except ValueError:  # half of an IPv6 address
+            url = urlsplit("")
         if url.scheme not in ("http", "https") or not url.hostname:
             raise ConfigurationError(
                 "the camera 'mjpeg' needs the address of a stream, "

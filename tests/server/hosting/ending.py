@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import signal
 import socket
+import ssl
 from pathlib import Path
 
 import httpx
 
-from tests.server.own_process import own_process
+from tests.server.own_process import OwnProcess, own_process
 
 UPLOAD = b"PUT /api/models/m/file HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 999\r\n\r\nx"
 HALF_A_REQUEST = b"GET / HTTP/1.1\r\nHost: 127.0"
@@ -18,8 +19,28 @@ HALF_A_REQUEST = b"GET / HTTP/1.1\r\nHost: 127.0"
 def check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> None:
     with own_process(tmp_path / "data") as running, contextlib.ExitStack() as stack:
         for data in (UPLOAD, HALF_A_REQUEST):
-            client = stack.enter_context(socket.create_connection(("127.0.0.1", running.port)))
-            client.sendall(data)
+            stack.enter_context(_connected(running)).sendall(data)
         httpx.get(running.address + "/healthz")  # both have been read by then
         running.process.send_signal(signal.SIGTERM)
         assert running.process.wait(60) == 0, "uvicorn alone waits for ever"
+    _check_hanging_tls_holds_up_no_end(tmp_path / "tls")
+
+
+def _check_hanging_tls_holds_up_no_end(folder: Path) -> None:
+    """Nothing sent, half a handshake, an idle line, half a request, and an upload that hangs."""
+    unchecked = ssl.create_default_context()
+    unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
+    words = ("--lan", "--tls", "--host", "127.0.0.1")
+    with own_process(folder, *words) as running, contextlib.ExitStack() as stack:
+        stack.enter_context(_connected(running))
+        stack.enter_context(_connected(running)).sendall(b"\x16\x03\x01\x02\x00\x01\x00")
+        for data in (b"", HALF_A_REQUEST, UPLOAD):
+            plain = stack.enter_context(_connected(running))
+            stack.enter_context(unchecked.wrap_socket(plain)).sendall(data)
+        httpx.get(running.address + "/healthz", verify=False)
+        running.process.send_signal(signal.SIGTERM)
+        assert running.process.wait(60) == 0, "a line that nobody ends holds it up"
+
+
+def _connected(running: OwnProcess) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", running.port))
