@@ -30,7 +30,7 @@ server {
 """
 _AROUND = """
 daemon off; master_process off; pid FOLDER/nginx.pid; error_log FOLDER/error.log;
-events {}
+events { worker_connections 4096; }
 http {
     access_log off; default_type application/octet-stream;
     client_body_temp_path FOLDER/body; proxy_temp_path FOLDER/proxy; fastcgi_temp_path FOLDER/f;

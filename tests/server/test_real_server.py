@@ -20,6 +20,7 @@ from server.security.access import Role
 from server.security.certificates import make_certificates
 from server.security.pairing import Pairing
 
+from .browsers import check_nobody_s_page_is_dead
 from .live_robot import WEB, LiveServer, Pilot, live_server, wait_until
 
 _PATIENCE_S = 60.0
@@ -29,6 +30,9 @@ _PATIENCE_S = 60.0
 def test_a_pilot_drives_over_real_sockets_and_others_pair_over_tls(tmp_path: Path) -> None:
     a_pilot_drives_and_the_robot_stands_when_it_vanishes()
     tls_with_an_authority_of_our_own(tmp_path)
+    (tmp_path / "browsers").mkdir()
+    certificates = make_certificates(tmp_path / "tls", ["127.0.0.1"], dt.datetime.now(dt.UTC))
+    check_nobody_s_page_is_dead(tmp_path / "browsers", certificates, 60)
 
 
 def a_pilot_drives_and_the_robot_stands_when_it_vanishes() -> None:
