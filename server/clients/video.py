@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import struct
 from collections import OrderedDict
 from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass, replace
 from typing import Any
+
+from websockets.frames import Frame as WebsocketFrame
+from websockets.frames import Opcode
 
 from robot.clock import Clock
 from robot.errors import MissingExtraError
@@ -16,7 +18,6 @@ from server.clients.flow_control import PictureSize, VideoWindow
 from server.clients.metrics import AGE_BUCKETS_S, Histogram
 from server.protocol import VideoFrame, encode_picture
 
-_BINARY = 0x82
 _REMEMBERED_FRAMES = 256
 """How many frames' capture times are remembered."""
 _FREQUENT_S = 0.06
@@ -101,14 +102,7 @@ class EncodedFrame:
     def of(cls, picture: VideoFrame) -> EncodedFrame:
         """Encode the picture as one binary websocket message (RFC 6455, section 5.2)."""
         message = encode_picture(picture)
-        size = len(message)
-        if size < 126:
-            head = struct.pack("!BB", _BINARY, size)
-        elif size < 65_536:
-            head = struct.pack("!BBH", _BINARY, 126, size)
-        else:
-            head = struct.pack("!BBQ", _BINARY, 127, size)
-        return cls(message, head + message)
+        return cls(message, WebsocketFrame(Opcode.BINARY, message).serialize(mask=False))
 
 
 class Viewer:
