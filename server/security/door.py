@@ -199,7 +199,7 @@ class Door:
         if session is None or session.is_crowd:
             return True
         each = self.limits.connections_each
-        return self._pace(f"door {session.name}", each / 2, 2 * each).allows(now_s)
+        return self._pace(f"door {session.name}", each / 2, each).allows(now_s)
 
     def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> None:
         """Record a complete request; one of a session admits the connection.

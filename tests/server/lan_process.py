@@ -21,7 +21,7 @@ from robot.testing import FakeCamera, FakeDriver
 from server.app import create_app
 from server.config import Config
 from server.hosting.logs import start_logging
-from server.hosting.serving import served
+from server.hosting.serving import leave_out_of_collections, served
 from server.security.pairing import Pairing
 from server.services import make_services
 
@@ -83,6 +83,7 @@ def main(web: str) -> None:
     rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
     services = make_services(config, rig, name="bench", pairing=pairing)
     with rig, served(create_app(services), config) as address:
+        leave_out_of_collections()
         notes = {"address": address, "threads": threading.active_count()}
         print(json.dumps(notes), flush=True)
         for command in sys.stdin:

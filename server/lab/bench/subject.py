@@ -68,7 +68,7 @@ def _ours(kind: str, camera: FakeCamera, folder: Path) -> Iterator[tuple[int, An
     from robot.store.folder import Storage
     from server.app import create_app
     from server.config import Config, Limits
-    from server.hosting.serving import served
+    from server.hosting.serving import leave_out_of_collections, served
     from server.persistence import Persistence
     from server.security.pairing import Pairing
     from server.services import make_services
@@ -114,6 +114,7 @@ def _ours(kind: str, camera: FakeCamera, folder: Path) -> Iterator[tuple[int, An
             services.persistence.start()
             stack.callback(services.persistence.stop)
         address = stack.enter_context(served(create_app(services), config))
+        leave_out_of_collections()
         yield int(address.rsplit(":", 1)[1]), notes
 
 
