@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+LASTING = ("set_aside", "nothing_kept")
+"""Events that hold as long as the program runs."""
 Subscriber = Callable[[str, dict[str, object]], None]
 
 
@@ -16,7 +18,6 @@ class EventBus:
     def __init__(self) -> None:
         self._subscribers: tuple[Subscriber, ...] = ()
         self.lasting: tuple[tuple[str, dict[str, object]], ...] = ()
-        """Events that hold as long as the program runs: also sent to clients that join later."""
 
     def subscribe(self, subscriber: Subscriber) -> Callable[[], None]:
         """Call `subscriber(name, fields)` for each event; return a function that unsubscribes.
@@ -32,11 +33,8 @@ class EventBus:
         return unsubscribe
 
     def publish(self, name: str, **fields: object) -> None:
-        """Publish one event; without subscribers it is dropped."""
+        """Publish one event; one of `LASTING` also to each client that joins later."""
+        if name in LASTING:
+            self.lasting = (*self.lasting, (name, fields))
         for subscriber in self._subscribers:
             subscriber(name, fields)
-
-    def publish_lasting(self, name: str, **fields: object) -> None:
-        """Publish one event now, and to each client that joins later."""
-        self.lasting = (*self.lasting, (name, fields))
-        self.publish(name, **fields)

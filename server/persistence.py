@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections.abc import Mapping
 from typing import Any
 
 from robot.devices.rig import Rig
 from robot.driver import describe
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, RobotError
 from robot.store.disk import DiskThread
 from robot.store.episodes.recorder import Recorder
 from robot.store.episodes.store import EpisodeStore
@@ -18,6 +19,7 @@ from robot.store.models.autosave import Announce, Autosave, no_announcement
 from robot.store.models.journal import Journal
 from robot.store.models.replay import Recovered, newest_boot, recover
 from robot.store.models.store import ModelStore
+from robot.store.models.trial import try_model
 from robot.types import StartStop
 
 log = logging.getLogger(__name__)
@@ -49,7 +51,13 @@ class Persistence(StartStop):
         self._fault = fault
         self._announce = announce
         self._lock = FolderLock(storage.root)
-        self.models = ModelStore(storage, rig.clock.wall_s)
+        self._loop = rig.loop
+        self._noted_failure: str | None = None
+        self.models = ModelStore(
+            storage,
+            rig.clock.wall_s,
+            on_set_aside=lambda sentence: announce("set_aside", detail=sentence),
+        )
         self.journal = Journal(
             storage.journal,
             on_fault=lambda detail: announce("model_not_saved", detail=detail),
@@ -66,6 +74,7 @@ class Persistence(StartStop):
         self._disk = DiskThread(rig.clock)
         self._disk.add(self.journal.sync)
         self._disk.add(self.autosave.save_if_due)
+        self._disk.add(self._note_failure)
         self.recorder = Recorder(
             rig.loop,
             storage.episodes,
@@ -111,7 +120,12 @@ class Persistence(StartStop):
 
     def _recover(self) -> Recovered | None:
         try:
-            return recover(self.storage.journal, self.models)
+            if self.models.set_failed_aside():
+                return None  # what failed would only come back
+            recovered = recover(self.storage.journal, self.models)
+            if recovered is not None:
+                try_model(recovered.model)
+            return recovered
         except Exception:  # the robot starts, whatever the files contain
             log.exception("nothing was recovered from the journal")
             return None
@@ -122,6 +136,14 @@ class Persistence(StartStop):
         except Exception as error:  # as above
             log.exception("the recovered model could not be loaded")
             self._announce("model_not_saved", detail=str(error))
+
+    def _note_failure(self) -> None:
+        """Write down that the learner in use failed, so that the next start sets it aside."""
+        why, name = self._loop.learner_failure, self.autosave.name
+        if why is not None and why != self._noted_failure and name is not None:
+            with contextlib.suppress(OSError, RobotError):  # the next turn tries again
+                self.models.note_failure(name, why)
+                self._noted_failure = why
 
     def stop(self) -> None:
         """Finish the recording and save the model; the loop must still run. Idempotent."""

@@ -133,6 +133,11 @@ class ControlLoop:
         return self._online_learning.history
 
     @property
+    def learner_failure(self) -> str | None:
+        """How the learner in use ever failed; None if it did not."""
+        return self._online_learning.failure
+
+    @property
     def newest(self) -> tuple[Vector, Prediction] | None:
         """The newest frame's vector and prediction; use it only through `submit`."""
         return self._online_learning.newest
@@ -402,7 +407,9 @@ class ControlLoop:
             self._shown_mode = decision.mode
             self._driver.show(decision.mode)
         self._board.publish(
-            tick, emergency=self._gate.emergency, fault=self._camera.fault or self._fault
+            tick,
+            emergency=self._gate.emergency,
+            fault=self._camera.fault or self._fault or self._online_learning.fault,
         )
         return tick
 

@@ -6,6 +6,7 @@ was looking at, which is a little older than the newest.
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -19,6 +20,8 @@ from robot.learner.base import Vector
 from robot.policy.history import HistoryEvent, Replaced, TrainingHistory, Undone
 from robot.policy.policy import Policy
 from robot.types import Action, Example, Frame, PilotCommand, Prediction
+
+log = logging.getLogger(__name__)
 
 MEMORY_FRAMES = 64
 """How many of the newest frames can still be labelled: two seconds at 30 frames a second."""
@@ -43,12 +46,16 @@ class OnlineLearning:
         prediction: What the policy would do on that frame.
         agreement: How often it would have done what the pilot did.
         timings: How long predicting and learning took, by name.
+        fault: How the learner failed on the newest frame or example; None if it did not.
+        failure: How it ever failed since it is in use.
     """
 
     def __init__(self, policy: Policy, clock: Clock, declared: Collection[Move] = ()) -> None:
         self._clock = clock
         self._events: list[HistoryEvent] = []
         self.history = TrainingHistory(policy, self._note_event, declared)
+        self.fault: str | None = None
+        self.failure: str | None = None
         self.frame: Frame | None = None
         self.prediction: Prediction | None = None
         self.agreement = Agreement()
@@ -82,9 +89,7 @@ class OnlineLearning:
         self.frame = frame
         self._frame_times_s.append(frame.captured_s)
         started_s = self._clock.now_s()
-        self.prediction = self.history.policy.propose(
-            frame.frame_id, x, under_way=under_way, at_s=frame.captured_s, bumped=bumped
-        )
+        self.prediction = self._propose(frame, x, under_way, bumped)
         self._note_time("propose", started_s)
         self._seen[frame.frame_id] = _Seen(
             x=x,
@@ -95,6 +100,28 @@ class OnlineLearning:
         while len(self._seen) > MEMORY_FRAMES:
             del self._seen[next(iter(self._seen))]
         return True
+
+    def _propose(
+        self, frame: Frame, x: Vector, under_way: Action | None, bumped: bool
+    ) -> Prediction:
+        """Ask the policy; where its learner fails there is no proposal."""
+        try:
+            prediction = self.history.policy.propose(
+                frame.frame_id, x, under_way=under_way, at_s=frame.captured_s, bumped=bumped
+            )
+        except Exception as error:  # a learner may be anybody's
+            self._note_failure(error)
+            return Prediction(
+                frame_id=frame.frame_id, action=None, confidence=0.0, probabilities={}
+            )
+        self.fault = None
+        return prediction
+
+    def _note_failure(self, error: Exception) -> None:
+        fault = f"The learner failed, and proposes nothing: {str(error) or repr(error)}"[:300]
+        if fault != self.failure:  # once, not thirty times a second
+            log.error("the learner failed", exc_info=error)
+        self.fault = self.failure = fault
 
     @property
     def newest(self) -> tuple[Vector, Prediction] | None:
@@ -115,7 +142,10 @@ class OnlineLearning:
     def reset(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
         self._labeller.reset()
-        self.history.begin_drive()
+        try:
+            self.history.begin_drive()
+        except Exception as error:  # as above
+            self._note_failure(error)
 
     def times_of(self, frame_id: int) -> tuple[float, float] | None:
         """Return when a frame was taken and when it reached the loop; for a frame that is no longer
@@ -145,6 +175,7 @@ class OnlineLearning:
         self._events.append(event)
         if isinstance(event, Replaced):
             self.agreement.clear()
+            self.fault = self.failure = None
         elif isinstance(event, Undone):
             self.agreement.drop_after(self.history.teaching_s)
 
@@ -152,7 +183,11 @@ class OnlineLearning:
         seen = self._seen[frame_id]
         example = Example(frame_id=frame_id, label=label, is_intervention=is_intervention)
         started_s = self._clock.now_s()
-        self.history.teach(example, seen.x, seen.captured_s)
+        try:
+            self.history.teach(example, seen.x, seen.captured_s)
+        except Exception as error:  # as above
+            self._note_failure(error)
+            return
         self._note_time("learn", started_s)
         self.agreement.add(self.history.teaching_s, is_right=seen.predicted is label)
 

@@ -85,6 +85,11 @@ class BlockRidge(Stateful):
     def _waiting(self) -> tuple[Floats, Floats]:
         return self._frames[: self._n_waiting], self._targets[: self._n_waiting]
 
+    @property
+    def is_indefinite(self) -> bool:
+        """True if what was learned before the block is."""
+        return self._ridge.is_indefinite
+
     def parts(self) -> Sequence[tuple[str, Stateful]]:
         return (("", self._ridge),)
 

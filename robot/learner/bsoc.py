@@ -291,31 +291,39 @@ class BSOC(Clusters):
         self._n_pinned = int(self._pinned.sum())
         self._is_choosy = self.group_cost != 1.0 or self._n_pinned > 0
         self._edges.rebuild()
+        misfit, right = self._misfit()
+        if 0.1 < misfit <= 1.0:  # not by learning alone
+            for node, row in enumerate(right):
+                self._set_row(node, row)
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         if self._touched.max(initial=0) > self._next_id:
             yield "an image was touched by a frame that was not learned"
 
-    def _fits(self) -> bool:
-        """Tell whether the distances are about those of the images, and the weights those of both.
+    def _misfit(self) -> tuple[float, Floats]:
+        """Return by how much the distances differ from those of the images, and the latter.
 
-        Distances follow from one another, so that they are off by a little after many frames.
+        Distances follow from one another, so that they are off by a little after many frames; 1 is
+        more than that.
         """
         size = self._size
-        rows, distances = self._images.compared(size), self._distances[:size, :size]
+        rows = self._images.compared(size)
         norms = 0.5 * np.einsum("ij,ij->i", rows, rows)
-        right = norms[:, None] + norms - rows @ rows.T
-        slack = 0.05 * float(norms.max(initial=0.0)) + 1.0
-        weights = np.maximum(self._masses[:size, None], self._masses[:size]) * distances
+        right: Floats = np.maximum(norms[:, None] + norms - rows @ rows.T, 0.0)
+        off = np.abs(self._distances[:size, :size] - right).max(initial=0.0)
+        return float(off) / (0.05 * float(norms.max(initial=0.0)) + 1.0), right
+
+    def _fits(self) -> bool:
+        size = self._size
+        weights = np.maximum(self._masses[:size, None], self._masses[:size])
+        weights = weights * self._distances[:size, :size]
         weights[self._groups[:size, None] != self._groups[:size]] *= np.float32(self.group_cost)
         weights[self._pinned[:size, None] | self._pinned[:size]] = np.inf
         weights[np.diag_indices(size)] = np.inf
         own = np.full_like(self._edges.weights, np.inf)
         own[:size, :size] = weights
-        return bool((np.abs(distances - right) <= slack).all()) and np.allclose(
-            self._edges.weights, own, rtol=1e-4
-        )
+        return self._misfit()[0] <= 1.0 and np.allclose(self._edges.weights, own, rtol=1e-4)
 
     @property
     def kind(self) -> str:

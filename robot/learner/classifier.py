@@ -284,8 +284,6 @@ class BSOCClassifier(Stateful):
             yield "it has images without labels, or labels alone"
         if self.cluster.groups_.max(initial=-1) >= len(self.labels_):
             yield "an image has no such label"
-        if self.histograms_.sum(axis=1).min(initial=1) < 1:
-            yield "an image has no votes"
 
     @property
     def _kind(self) -> str:

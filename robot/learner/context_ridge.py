@@ -108,6 +108,11 @@ class ContextRidge(Stateful):
         own = [(f"context{context}", ridge) for context, ridge in enumerate(self._ridges)]
         return [("", self._any), *own]
 
+    def restored(self) -> None:
+        for ridge in self._ridges:
+            if ridge.is_indefinite:  # frames of the other context were once taken back from it
+                ridge.load(*self._any.save())
+
     def upgrade(self, params: Params, arrays: Arrays) -> None:
         """Make as many ridges as were saved."""
         n = N_CONTEXTS if "context_counts" in arrays else 0

@@ -110,6 +110,11 @@ class FloatImages(Stateful):
     def follow(self, counts: NDArray[np.int64]) -> None:
         """Do nothing: means are kept, not sums."""
 
+    def faults(self) -> Iterator[str]:
+        norms = 0.5 * np.einsum("ij,ij->i", self._rows, self._rows)
+        if not np.allclose(self._norms, norms, rtol=1e-3, atol=0.1):
+            yield "the array norms is not that of the images"
+
     def restored(self) -> None:
         self._set_origin(self._origin)
         self.is_empty = self._origin.size == 0

@@ -193,10 +193,18 @@ class RecursiveRidge(Stateful):
     def restored(self) -> None:
         self._n_waiting = int(self._waiting.any(axis=1).sum())
 
+    @property
+    def is_indefinite(self) -> bool:
+        """True if the inverse is of numbers, but the inverse of nothing."""
+        inverse = self._inverse - self._waiting.T @ self._waiting
+        try:
+            np.linalg.cholesky(inverse)
+        except np.linalg.LinAlgError:
+            return bool(np.isfinite(inverse).all())
+        return False
+
     def faults(self) -> Iterator[str]:
         if first_rows(self._waiting) != self._n_waiting or self._n_waiting == _WAITING:
             yield "the array waiting is over-full, or has gaps"
-        try:
-            np.linalg.cholesky(self._inverse - self._waiting.T @ self._waiting)
-        except np.linalg.LinAlgError:
+        if self.is_indefinite:
             yield "the array triangle is the inverse of nothing that was learned"

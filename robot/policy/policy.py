@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -174,6 +175,9 @@ class Policy(Stateful):
             under_way: The move that the robot is making by its own choice, if it drives.
             at_s: When the frame was taken; None: a tenth of a second after the one before.
             bumped: True if a bumper is pressed.
+
+        Raises:
+            Exception: If the learner fails; the next frame may succeed.
         """
         self._n_proposals += 1
         seen = Seen(
@@ -190,10 +194,13 @@ class Policy(Stateful):
         except NotFittedError:
             return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
         known = seen.known
+        confidence = self._chance(seen.shares, seen.action, known.novelty, seen.certainty)
+        if not math.isfinite(confidence):
+            raise ValueError("what it makes of the picture is no number")
         return Prediction(
             frame_id=frame_id,
             action=seen.action,
-            confidence=self._chance(seen.shares, seen.action, known.novelty, seen.certainty),
+            confidence=confidence,
             probabilities=seen.shares,
             node=known.node,
             distance=known.distance,

@@ -214,10 +214,10 @@ def _report_problems(prepared: Prepared, events: EventBus) -> None:
     """Report on the page and in the log what was set aside, or that nothing can be saved."""
     if prepared.sentence:
         log.warning("set aside in the data folder: %s", prepared.sentence)
-        events.publish_lasting("set_aside", detail=prepared.sentence)
+        events.publish("set_aside", detail=prepared.sentence)
     if prepared.fault:
         log.warning("nothing can be saved: %s", prepared.fault)
-        events.publish_lasting("nothing_kept", detail=prepared.fault)
+        events.publish("nothing_kept", detail=prepared.fault)
 
 
 def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:

@@ -15,6 +15,7 @@ from robot.clock import Clock
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.control.state import Tick
 from robot.driver import Driver
+from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from robot.testing.driver import FakeDriver
@@ -88,11 +89,14 @@ class BenchDriver(FakeDriver):
 class BenchRobot:
     """Loop, camera and body on a clock that the test moves, with a pilot's hand on the pad."""
 
-    def __init__(self, learner: str = "published-8", config: LoopConfig | None = None) -> None:
+    def __init__(
+        self, learner: str | Policy = "published-8", config: LoopConfig | None = None
+    ) -> None:
         self.clock = VirtualClock(100.0)
         self.camera = BenchCamera(self.clock)
         self.driver = BenchDriver(clock=self.clock)
-        self.loop = ControlLoop(self.driver, self.camera, make_policy(learner), self.clock, config)
+        policy = make_policy(learner) if isinstance(learner, str) else learner
+        self.loop = ControlLoop(self.driver, self.camera, policy, self.clock, config)
         self._seq = 0
 
     def start(self, mode: Mode, scene: int = 0) -> None:

@@ -227,6 +227,30 @@ def test_a_disk_that_takes_nothing_stops_no_start_and_no_drive(
     assert refusing.refused > 0
 
 
+def test_a_model_that_fails_is_said_and_set_aside_at_the_next_start(tmp_path: Path) -> None:
+    with running(tmp_path) as (rig, persistence):
+        before = teach(rig)
+        persistence.autosave.save()
+        teach(rig)
+
+        def fail(*anything: object) -> None:
+            raise RuntimeError("out of order")
+
+        rig.loop.history.policy.learner.explain_one = fail  # type: ignore[method-assign]
+        while rig.loop.learner_failure is None:
+            rig.clock.sleep(0.1)
+        assert "out of order" in (rig.loop.state.fault or "")
+        name = persistence.autosave.save()
+    following = running(tmp_path)
+    with following as (rig, persistence):
+        assert "set_aside" in following.told
+        assert persistence.autosave.name == name
+        assert rig.loop.state.n_nodes > 0 and rig.loop.state.taught == {Action.LEFT: before}
+        while rig.loop.state.prediction is None:
+            rig.clock.sleep(0.1)
+        assert rig.loop.state.prediction.action is Action.LEFT
+
+
 class DiskThatRefuses:
     """Lets everything below a folder be read, and nothing be written."""
 

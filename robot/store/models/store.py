@@ -44,6 +44,7 @@ log = logging.getLogger(__name__)
 KEEP_VERSIONS = 3
 """How many versions of a model are kept: the newest may be damaged."""
 _DAMAGED = ".damaged"
+_FAILED = "failed.txt"
 _VERSION = re.compile(r"\d{1,9}\.npz", re.ASCII)
 
 
@@ -64,10 +65,17 @@ class ModelStore:
     Args:
         storage: The data folder.
         wall_s: Seconds since 1970, for the time at which a model is saved.
+        on_set_aside: Called with a sentence about each file that was set aside.
     """
 
-    def __init__(self, storage: Storage, wall_s: Callable[[], float] = _MACHINE.wall_s) -> None:
+    def __init__(
+        self,
+        storage: Storage,
+        wall_s: Callable[[], float] = _MACHINE.wall_s,
+        on_set_aside: Callable[[str], None] = lambda sentence: None,
+    ) -> None:
         self._storage = storage
+        self._on_set_aside = on_set_aside
         self._wall_s = wall_s
         self._marker = storage.models / "current.txt"
 
@@ -134,14 +142,34 @@ class ModelStore:
                 model = decode_model(_read(version))
                 try_model(model)
             except RecordingError as error:
-                aside = set_aside(version, _DAMAGED)
-                log.warning("model %s: %s set aside as %s: %s", name, version.name, aside, error)
+                self._set_aside(name, version, str(error))
             else:
                 return model
         raise RecordingError(
             f"no version of the model {name!r} can be read; the damaged ones are still in "
             f"{self._storage.models / name}"
         )
+
+    def _set_aside(self, name: str, version: Path, why: str) -> None:
+        aside = set_aside(version, _DAMAGED)
+        log.warning("model %s: %s set aside as %s: %s", name, version.name, aside, why)
+        self._on_set_aside(f"{name}/{version.name}: {why}"[:300])
+
+    def note_failure(self, name: str, why: str) -> None:
+        """Write down that the model in use failed: its newest version is set aside at a start."""
+        write_whole(self._storage.models / self._check(name) / _FAILED, why.encode())
+
+    def set_failed_aside(self) -> list[str]:
+        """Set the newest version of each model aside that failed when it drove; return which."""
+        failed = [n for n in self.names() if (self._storage.models / n / _FAILED).is_file()]
+        for name in failed:
+            mark, why = self._storage.models / name / _FAILED, "it failed when it drove"
+            with contextlib.suppress(OSError):
+                why = read_regular(mark, 4096).decode(errors="replace")
+                mark.unlink()
+            for version in self._versions(name)[-1:]:
+                self._set_aside(name, version, why)
+        return failed
 
     def sound_versions(self, name: str) -> Iterator[Model]:
         """Yield the versions of a model that can be read, the newest first; only reads."""

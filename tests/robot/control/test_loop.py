@@ -7,6 +7,10 @@ from typing import Any
 import pytest
 
 from robot.control.thread import LoopThread
+from robot.learner.base import Evidence, Vector
+from robot.learner.classifier import BSOCClassifier
+from robot.policy.features import GreyFeatures
+from robot.policy.policy import Policy
 from robot.types import Action, DrivenBy, Mode, Prediction, StopReason
 from tests.robot.bench_robot import BenchRobot
 
@@ -191,7 +195,7 @@ def test_a_stopped_robot_does_not_learn() -> None:
     robot.tick()
     robot.hold(F)
     robot.tick()
-    assert robot.loop.state.taught == {}
+    assert robot.loop.state.n_nodes == 0
     assert robot.driver.sent[-1][0] is Action.STOP
 
 
@@ -254,7 +258,7 @@ def test_a_picture_that_is_none_is_left_out_and_said() -> None:
     robot.hold(F)
     assert robot.tick().frame is None
     assert robot.loop.state.fault is not None
-    assert robot.loop.state.taught == {}
+    assert robot.loop.state.n_nodes == 0
 
 
 def test_a_drive_that_fails_is_stopped_and_said() -> None:
@@ -277,7 +281,7 @@ def test_whatever_is_thrown_inside_stops_the_robot_first_and_is_logged_once(
     def explode(*_: object, **__: object) -> None:
         raise ArithmeticError("boom")
 
-    robot.loop.history.policy.propose = explode  # type: ignore[method-assign,assignment]
+    robot.driver.sense = explode  # type: ignore[method-assign,assignment]
     robot.camera.show(1)
     tick = robot.tick()
     assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.LOOP_FAULT)
@@ -342,3 +346,43 @@ def test_the_thread_turns_the_loop_and_stops_the_robot_at_its_end() -> None:
     thread.stop()
     thread.stop()
     assert robot.driver.sent[-1][0] is Action.STOP
+
+
+class FailingLearner(BSOCClassifier):
+    """Fails while it is told to, in every way that a learner can."""
+
+    is_failing = True
+
+    def explain_one(self, x: Vector) -> Evidence:
+        if self.is_failing:
+            raise RuntimeError("out of order")
+        return super().explain_one(x)
+
+    def learn_one(self, x: Vector, y: str) -> None:
+        if self.is_failing:
+            raise ArithmeticError("no such thing")
+        super().learn_one(x, y)
+
+    def reset(self) -> None:
+        if self.is_failing:
+            raise OSError("lost")
+
+
+def test_a_learner_that_fails_proposes_nothing_and_stops_nobody() -> None:
+    learner = FailingLearner.published(4)
+    robot = BenchRobot(Policy("published-4", 4, learner, GreyFeatures()))
+    robot.start(Mode.TRAIN)
+    for _ in range(3):
+        tick = robot.step(scene=1, held=L, seconds=0.12)
+        assert robot.driver.sent[-1] == (L, 1.0), "the pilot drives all the same"
+        assert tick.prediction is not None and tick.prediction.action is None
+        assert "The learner failed" in (robot.loop.state.fault or "")
+    assert robot.loop.state.n_nodes == 0
+    robot.start(Mode.AUTONOMOUS)
+    assert robot.step(scene=1, held=None).decision.asks_pilot
+    learner.is_failing = False
+    robot.start(Mode.TRAIN)
+    robot.step(scene=1, held=L)
+    assert robot.step(scene=1, held=L).prediction.action is L
+    assert robot.loop.state.fault is None
+    assert robot.loop.learner_failure is not None, "it is not forgotten"

@@ -152,3 +152,18 @@ def test_halves_that_a_power_cut_left_are_swept_away(tmp_path: Path) -> None:
     storage.sweep()
     assert not half.exists() and not empty.exists()
     assert ModelStore(storage).load("kitchen").summary.n_examples == 40
+
+
+def test_a_model_that_failed_when_it_drove_is_set_aside_at_the_next_start(tmp_path: Path) -> None:
+    told: list[str] = []
+    store = ModelStore(Storage(tmp_path), on_set_aside=told.append)
+    for _ in range(2):
+        store.save("kitchen", some_model())
+    store.save("hall", some_model())
+    store.note_failure("kitchen", "it divides by zero")
+    assert store.set_failed_aside() == ["kitchen"]
+    assert told == ["kitchen/00002.npz: it divides by zero"]
+    names = [path.name for path in versions(store, tmp_path, "kitchen")]
+    assert names == ["00001.npz", "00002.npz.damaged"]
+    assert store.load("kitchen").summary.n_examples == 40
+    assert store.set_failed_aside() == [], "once"
