@@ -116,6 +116,10 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
     async def page() -> Response:
         return FileResponse(config.web_folder / "board" / "index.html")
 
+    @app.get("/codes", include_in_schema=False)
+    async def codes() -> Response:
+        return FileResponse(config.web_folder / "board" / "codes.html")
+
     @app.get("/api/robots")
     async def list_robots() -> dict[str, Any]:
         return {"robots": board.describe(), "strangers": board.strangers.describe()}
@@ -167,9 +171,9 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
         return {"copied": [dataclasses.asdict(row) for row in copied]}
 
     @app.get("/api/robots/{number}/qr.svg")
-    async def draw_code(number: int) -> Response:
-        """Draw the code that pairs the next phone with a robot."""
-        address = _find(board, number).page_address
+    async def draw_code(number: int, printed: bool = False) -> Response:
+        """Draw the code that pairs the next phone with a robot; `printed`: one for always."""
+        address = _find(board, number).page_address(printed=printed)
         if address is None:
             raise HTTPException(409, "There is no code while the robot is away.")
         import segno

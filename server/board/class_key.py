@@ -17,6 +17,7 @@ from pathlib import Path
 
 from robot.errors import ConfigurationError
 from robot.store.records import read_regular
+from server.security.pairing import ALPHABET, TOKEN_LETTERS
 
 SHORTEST = 32
 """Letters of a key; whoever records a handshake can try keys offline."""
@@ -47,6 +48,15 @@ class ClassKey:
         """
         text = "\n".join(["drivelesson class 1", who, board_nonce, robot_nonce, endpoint])
         return hmac.new(self.secret.encode(), text.encode(), hashlib.sha256).hexdigest()
+
+    @property
+    def code(self) -> str:
+        """The code that is printed: it pairs any phone with any robot of the class, as long as the
+        class has this key."""
+        digest = hmac.new(
+            self.secret.encode(), b"drivelesson class code 1", hashlib.sha256
+        ).digest()
+        return "".join(ALPHABET[byte % len(ALPHABET)] for byte in digest[:TOKEN_LETTERS])
 
     def accepts(self, proof: str, who: str, board_nonce: str, robot_nonce: str, at: str) -> bool:
         """True if that is the other side's proof."""

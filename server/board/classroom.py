@@ -42,10 +42,14 @@ class Classroom:
     Args:
         key: The class's key.
         file: Where the locks are saved; None keeps them in memory only.
+
+    Attributes:
+        code: What is printed to pair any phone with the class's robots.
     """
 
     def __init__(self, key: ClassKey, file: Path | None = None) -> None:
         self._key = key
+        self.code = key.code
         self._file = file
         self._own_secret = secrets.token_bytes(32)
         self._sessions: OrderedDict[str, None] = OrderedDict()

@@ -6,11 +6,17 @@ import argparse
 import asyncio
 import contextlib
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from robot.clock import RealClock
 from robot.store.folder import default_root
 from server.cli.parser import number, whole
+
+if TYPE_CHECKING:
+    from server.board.class_key import ClassKey
+    from server.board.transport import RobotAddress
 
 _NETWORK = "network"
 
@@ -45,23 +51,35 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve the board until interrupted."""
-    from server.board.app import create_board_app
-    from server.board.board import Board
     from server.board.class_key import keep_class_key
-    from server.board.discovery import browsing, read_list
-    from server.board.transport import NetworkTransport, RobotAddress
-    from server.config import Config
+    from server.board.discovery import read_list
     from server.hosting.logs import start_logging
-    from server.hosting.serving import open_socket, serve
 
     start_logging(verbose=args.verbose)
     listed = [] if args.robots == _NETWORK else read_list(args.robots)
     key = keep_class_key(args.class_key)
-    config = Config(port=args.port)
+    print(f"Start each robot with: --lan --class-key {args.class_key.name}", flush=True)
+    print(f"and a copy of {args.class_key.resolve()}", flush=True)
+    serve_board(key, args.port, listed, 1 / args.pictures)
+    return 0
+
+
+def serve_board(
+    key: ClassKey, port: int, listed: Sequence[RobotAddress], picture_every_s: float = 1.0
+) -> None:
+    """Serve the page of these robots, or of all that the network announces if there are none."""
+    from server.board.app import create_board_app
+    from server.board.board import Board
+    from server.board.discovery import browsing
+    from server.board.transport import NetworkTransport
+    from server.config import Config
+    from server.hosting.serving import open_socket, serve
+
+    config = Config(port=port)
     listener = open_socket(config.host, config.port)
     config = dataclasses.replace(config, port=listener.getsockname()[1])
     clock = RealClock()
-    board = Board(key, NetworkTransport(), clock, 1 / args.pictures)
+    board = Board(key, NetworkTransport(), clock, picture_every_s)
     with contextlib.ExitStack() as stack:
 
         def begin() -> None:
@@ -77,8 +95,7 @@ def run(args: argparse.Namespace) -> int:
 
                 stack.enter_context(browsing(found))
 
-        print(f"The board is ready: open http://{config.host}:{config.port}", flush=True)
-        print(f"Start each robot with: --lan --class-key {args.class_key.name}", flush=True)
-        print(f"and a copy of {args.class_key.resolve()}", flush=True)
+        page = f"http://{config.host}:{config.port}"
+        print(f"The board is ready: open {page}", flush=True)
+        print(f"The robots' codes, to print: {page}/codes", flush=True)
         serve(create_board_app(config, board, clock, begin), listener)
-    return 0

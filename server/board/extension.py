@@ -29,6 +29,8 @@ class ClassroomExtension(Extension):
         self.classroom: Classroom | None = options.get("classroom")
         if file is not None:
             self.classroom = Classroom(read_class_key(file), services.config.data / "class.json")
+        if self.classroom is not None and services.pairing is not None:
+            services.pairing.class_code = self.classroom.code
         self.members = self.classroom
 
     @classmethod

@@ -26,6 +26,7 @@ from server.board.transport import (
     ServerPlace,
     UnreachableError,
 )
+from server.hosting.banner import pairing_address
 from server.protocol import ProtocolError, encode_acknowledgement, parse_picture
 
 log = logging.getLogger(__name__)
@@ -73,6 +74,7 @@ class RobotLink:
         self.delay_ms: float | None = None
         self.invitation: str | None = None
         self.invitations = 0
+        self._class_code = key.code
         self._session = TeacherSession(address, key, transport)
         self.stop = RobotStop(self._session, transport, clock, self._note_stop)
         self._transport, self._clock = transport, clock
@@ -104,14 +106,15 @@ class RobotLink:
             **{name: self.state.get(name) for name in _FIELDS},
         }
 
-    @property
-    def page_address(self) -> str | None:
-        """What the robot's QR code says; None before there is one."""
+    def page_address(self, *, printed: bool = False) -> str | None:
+        """What the robot's QR code says, that on paper or the next; None before there is one."""
         if self._session.place is None or self.status is not Status.THERE:
             return None
+        address = str(self._session.place.address)
+        token = self._class_code if printed else self.invitation
         if not self.about.get("needs_pairing"):
-            return str(self._session.place.address)
-        return f"{self._session.place.address}/pair#{self.invitation}" if self.invitation else None
+            return address
+        return pairing_address(address, token) if token else None
 
     def show(self, every_s: float | None) -> None:
         """Get a picture in so many seconds; None for none at all."""

@@ -24,9 +24,9 @@ from server.security.access import PAIRED, Refusal, Role, Session
 
 log = logging.getLogger(__name__)
 
-_ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
+ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """Without letters and digits that look alike."""
-_TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
+TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
 _SESSIONS = 64
 """Sessions of one kind: of one role, by the terminal or by invitation to a class."""
 INVITATION_S = 300.0
@@ -78,6 +78,7 @@ class Pairing:
 
     Attributes:
         is_in_use: True of a session that is connected now, by its name.
+        class_code: What a class has printed; it makes pilots of any number of browsers, always.
     """
 
     def __init__(
@@ -96,6 +97,7 @@ class Pairing:
         self.is_in_use: Callable[[str], bool] = lambda name: False
         self.tokens: dict[Role, str] = {role: _new_token() for role in PAIRED}
         self._invitations: OrderedDict[str, tuple[Role, float]] = OrderedDict()
+        self.class_code: str | None = None
 
     def redeem(
         self, token: str, now_s: float, address: str = "", secret: str = ""
@@ -106,7 +108,7 @@ class Pairing:
         The right token is accepted whatever came before: wrong ones from the same address lock
         nobody out, and 78 bits cannot be guessed at any rate that the guard allows.
         """
-        given = "".join(letter for letter in token.upper()[:64] if letter in _ALPHABET)
+        given = "".join(letter for letter in token.upper()[:64] if letter in ALPHABET)
         for role, wanted in self.tokens.items():
             if hmac.compare_digest(given.encode(), wanted.replace("-", "").encode()):
                 paired = self._pair(_Kind(role=role), secret)
@@ -141,7 +143,8 @@ class Pairing:
         return token, INVITATION_S
 
     def _invited_as(self, given: str, now_s: float) -> Role | None:
-        found = None
+        printed = self.class_code is not None and hmac.compare_digest(given, self.class_code)
+        found = Role.PILOT if printed else None
         for token, (role, until_s) in self._invitations.items():
             if hmac.compare_digest(given.encode(), token.encode()) and now_s < until_s:
                 found = role
@@ -243,5 +246,5 @@ def _hash(secret: str) -> str:
 
 
 def _new_token() -> str:
-    letters = "".join(secrets.choice(_ALPHABET) for _ in range(_TOKEN_LETTERS))
-    return "-".join(letters[i : i + _GROUP] for i in range(0, _TOKEN_LETTERS, _GROUP))
+    letters = "".join(secrets.choice(ALPHABET) for _ in range(TOKEN_LETTERS))
+    return "-".join(letters[i : i + _GROUP] for i in range(0, TOKEN_LETTERS, _GROUP))

@@ -36,7 +36,7 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
         assert school.robots[1].identity.now.name == "Zora"
 
         # Two phones scan one code; neither types, and both drive.
-        there = school.board.robot(2).page_address
+        there = school.board.robot(2).page_address()
         assert there is not None and "/pair#" in there
         phones = []
         for _ in range(2):

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.devices.simulation.simulation import Simulation
-from robot.devices.simulation.world import load_world
+from robot.devices.simulation.world import load_world, tinted
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC
 from robot.types import Action, Sensors
 
@@ -20,6 +20,9 @@ class SimOptions(Options):
 
     world: str = option("box", "a world's name, or the path of a TOML file")
     seed: int = option(1, "decides start, floor and noise", range=(0, 2**32 - 1))
+    hue: int = option(
+        -1, "of the walls, in degrees of the colour wheel; -1: as they are", range=(-1, 359)
+    )
 
 
 class SimDriver(ConnectedDriver[Simulation]):
@@ -33,7 +36,9 @@ class SimDriver(ConnectedDriver[Simulation]):
     declared_moves = tuple(CLASSIC.values())
 
     def __init__(self, options: SimOptions) -> None:
-        self.simulation = Simulation(load_world(options.world), options.seed)
+        world = load_world(options.world)
+        world = world if options.hue < 0 else tinted(world, options.hue)
+        self.simulation = Simulation(world, options.seed)
         self._lock = threading.Lock()
         self._left_s = 0.0
 

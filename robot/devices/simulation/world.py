@@ -7,10 +7,11 @@ The room's corner is the origin; x runs along its width, y along its depth.
 
 from __future__ import annotations
 
+import colorsys
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +89,17 @@ def load_world(name: str) -> World:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, ValueError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise ConfigurationError(f"the world {path} cannot be read: {what}") from error
+
+
+def tinted(world: World, hue_deg: float) -> World:
+    """Return the world with its walls painted in a hue, so that rooms can be told apart."""
+    paint = [255 * part for part in colorsys.hsv_to_rgb(hue_deg / 360, 1.0, 1.0)]
+
+    def mix(wall: Colour) -> Colour:
+        red, green, blue = (round(0.6 * a + 0.4 * b) for a, b in zip(wall, paint, strict=True))
+        return red, green, blue
+
+    return replace(world, wall_colours=tuple(map(mix, world.wall_colours)))
 
 
 def _parse(name: str, table: Mapping[str, Any]) -> World:

@@ -6,6 +6,11 @@ import json
 import re
 from typing import Any
 
+import pytest
+
+from robot.errors import ConfigurationError
+from server.board.class_command import split
+from server.board.class_key import ClassKey
 from server.board.classroom import LOCKS
 from server.board.transport import RobotAddress, ServerPlace
 
@@ -107,7 +112,7 @@ def test_the_code_on_the_board_pairs_phone_after_phone() -> None:
         link, asker = world.link(one), _Asker(world, one)
         seen = set()
         for _ in range(30):
-            address = link.page_address
+            address = link.page_address()
             assert address is not None
             token = address.rsplit("#", 1)[1]
             seen.add(token)
@@ -116,3 +121,38 @@ def test_the_code_on_the_board_pairs_phone_after_phone() -> None:
         assert len(seen) > 1, "the code changes as time goes on, and the one shown is always good"
 
     in_class(scenario, robots=1)
+
+
+def test_the_code_on_paper_pairs_until_the_class_has_another_key() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        one = next(iter(world.pupils.values()))
+        await world.until_there([one])
+        link, asker = world.link(one), _Asker(world, one)
+        paper = str(link.page_address(printed=True)).rsplit("#", 1)[1]
+        old = ClassKey("o" * 40).code
+        for _ in range(3):
+            assert await asker.status("POST", "/api/pair", {}, {"token": paper}) == 200
+            assert await asker.status("POST", "/api/pair", {}, {"token": old}) == 403
+            one.restart()
+            await world.clock.pause(100_000.0)
+
+    in_class(scenario, robots=1)
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("10", (10, "")),
+        (" 2, ada.local:8000 ,1", (3, "ada.local:8000")),
+        ("192.168.1.2,robot:80", (0, "192.168.1.2,robot:80")),
+        ("robots.txt", (0, "robots.txt")),
+    ],
+)
+def test_a_class_has_simulated_robots_and_real_ones(text: str, wanted: tuple[int, str]) -> None:
+    assert split(text) == wanted
+
+
+@pytest.mark.parametrize("text", ["", "0", ",", "61", "30,31,ada:8000"])
+def test_a_class_has_at_least_one_robot_and_not_too_many(text: str) -> None:
+    with pytest.raises(ConfigurationError, match="--robots"):
+        split(text)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.devices.simulation.world import load_world, world_names
+from robot.devices.simulation.world import load_world, tinted, world_names
 from robot.errors import ConfigurationError
 
 
@@ -48,3 +48,12 @@ def test_a_robot_outside_the_room_is_refused(tmp_path: Path) -> None:
     path.write_text(box.replace("x_m = 0.45", "x_m = 4.5"))
     with pytest.raises(ConfigurationError, match="outside the room"):
         load_world(str(path))
+
+
+def test_painted_rooms_can_be_told_apart_and_are_the_same_rooms() -> None:
+    room = load_world("box")
+    rooms = [tinted(room, 137.508 * i) for i in range(60)]
+    assert len({one.wall_colours for one in rooms}) == 60
+    for one in rooms:
+        assert one.floor_colours == room.floor_colours and one.start == room.start
+        assert all(0 <= part <= 255 for wall in one.wall_colours for part in wall)

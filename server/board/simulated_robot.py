@@ -1,0 +1,92 @@
+"""A simulated robot of a class, in a process of its own: it ends however the class has ended.
+
+The process runs `serve` until whoever started it closes its standard input. The system closes
+that when a program ends, is killed or loses its terminal, so none is ever left behind, and
+Windows does so as well. Ctrl-C, which would reach all of them at once, is the class's alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+from server.cli.main import main
+from server.identity import COLOURS, NAMES, IdentityFile
+
+log = logging.getLogger(__name__)
+_END_S = 15.0
+_GOLDEN_DEG = 137.508
+"""Hues so far apart are distinct, however many there are."""
+_NEW_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)  # Windows
+
+
+class SimulatedRobot:
+    """One of them.
+
+    Args:
+        number: Decides its name, its colour and its room.
+        port: Where it serves.
+        folder: What it keeps; name and colour that a teacher gave it are there.
+    """
+
+    def __init__(self, number: int, port: int, folder: Path) -> None:
+        self.number, self.port, self.folder = number, port, folder
+        self._process: subprocess.Popen[bytes] | None = None
+        self._is_ending = False
+        if not (folder / "robot.json").exists():
+            again, place = divmod(number - 1, len(NAMES))
+            name = f"{NAMES[place]} {again + 1}" if again else NAMES[place]
+            IdentityFile(folder, name).change(colour=COLOURS[number % len(COLOURS)])
+
+    def start(self, host: str, world: str, key: Path) -> None:
+        """Start its process; what it says is in `log.txt`."""
+        words = ["--lan", "--host", host, "--port", self.port, "--hostname", f"robot-{self.number}"]
+        words += ["--data", self.folder, "--class-key", key, "--world", world]
+        words += ["--seed", self.number, "--hue", round(self.number * _GOLDEN_DEG) % 360]
+        with (self.folder / "log.txt").open("wb") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", __name__, *map(str, words)],
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                creationflags=_NEW_GROUP,
+            )
+        threading.Thread(target=self._report, args=(self._process,), daemon=True).start()
+
+    def end(self) -> None:
+        """Tell it to end."""
+        self._is_ending = True
+        if self._process is not None and self._process.stdin is not None:
+            self._process.stdin.close()
+
+    def wait(self) -> None:
+        """Return when its process has ended; one that hangs is killed."""
+        if self._process is not None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(_END_S)
+            self._process.kill()
+            self._process.wait()
+
+    def _report(self, process: subprocess.Popen[bytes]) -> None:
+        process.wait()
+        if not self._is_ending:
+            log.error("robot %d has ended: see %s", self.number, self.folder / "log.txt")
+
+
+def _end_with_input() -> None:
+    while os.read(0, 1):
+        pass
+    signal.raise_signal(signal.SIGINT)
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
+    threading.Thread(target=_end_with_input, daemon=True).start()
+    sys.exit(main(["serve", *sys.argv[1:]]))

@@ -1,0 +1,165 @@
+"""`drivelesson class`, as a teacher starts it in a new folder: from codes on paper to Ctrl-C."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from .hand import Fingers, pad
+from .world import PHONE, wait_for
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+ROBOTS = 3
+READ_CODES = """async () => {
+  const images = [...document.querySelectorAll('figure img')];
+  await Promise.all(images.map((image) => image.decode()));
+  const canvas = document.createElement('canvas');
+  canvas.width = canvas.height = 312;
+  return images.map((image) => {
+    canvas.getContext('2d').drawImage(image, 0, 0, 312, 312);
+    return canvas.toDataURL('image/png').split(',')[1];
+  });
+}"""
+
+
+def free_ports(count: int) -> int:
+    """Return the first of so many ports in a row that nobody has."""
+    for first in range(21000, 60000, 100):
+        with contextlib.ExitStack() as held, contextlib.suppress(OSError):
+            for port in range(first, first + count):
+                held.enter_context(socket.socket()).bind(("127.0.0.1", port))
+            return first
+    raise AssertionError("no free ports")
+
+
+@contextlib.contextmanager
+def a_class(folder: Path, port: int) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """Run the command while the block runs; yield the board's address."""
+    words = ["class", "--robots", str(ROBOTS), "--host", "127.0.0.1", "--port", str(port)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "server", *words, "--data", str(folder)],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=folder,
+    )
+    assert process.stdout is not None
+    with process, contextlib.ExitStack() as ending:
+        ending.callback(process.send_signal, signal.SIGINT)
+        address = process.stdout.readline().split("open ")[1].strip()
+        wait_for(lambda: statuses(address) == ["there"] * ROBOTS, "all robots are there", 120)
+        yield address, process
+
+
+def statuses(board: str) -> list[str]:
+    return [robot["status"] for robot in robots_of(board)]
+
+
+def robots_of(board: str) -> list[dict[str, Any]]:
+    robots: list[dict[str, Any]] = httpx.get(f"{board}/api/robots").json()["robots"]
+    return robots
+
+
+def read_paper(page: Any) -> list[str]:
+    """Return what a phone reads off the printed page."""
+    cv2, numpy = pytest.importorskip("cv2"), pytest.importorskip("numpy")
+    import base64
+
+    page.locator("figure img").nth(ROBOTS - 1).wait_for()
+    found = []
+    for text in page.evaluate(READ_CODES):
+        data = numpy.frombuffer(base64.b64decode(text), dtype=numpy.uint8)
+        found.append(cv2.QRCodeDetector().detectAndDecode(cv2.imdecode(data, 1))[0])
+    return found
+
+
+def press(page: Any, mode: str, until: Callable[[], bool]) -> None:
+    """Choose a mode as a patient person does, until something has come of it."""
+    deadline_s = time.monotonic() + 60
+    button = page.locator(f"mode-bar [data-mode={mode}]")
+    while not until():
+        assert time.monotonic() < deadline_s, f"nothing came of {mode}"
+        if button.get_attribute("aria-checked") != "true" and button.is_enabled():
+            button.click()
+        page.wait_for_timeout(200)
+
+
+def running(folder: Path) -> list[str]:
+    """Return the processes that have to do with this folder."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            words = entry.read_bytes().replace(b"\0", b" ").decode("utf-8", "replace")
+            if str(folder) in words and "pytest" not in words:
+                found.append(words)
+    return found
+
+
+def test_from_the_paper_to_ctrl_c(chromium: Any, tmp_path: Path) -> None:
+    port = free_ports(ROBOTS + 1)
+    context = chromium.new_context(locale="en")
+    phones = []
+    with a_class(tmp_path, port) as (board, _):
+        shown = robots_of(board)
+        for field in ("name", "colour", "address"):
+            assert len({robot[field] for robot in shown}) == ROBOTS, "each can be told apart"
+
+        paper = context.new_page()
+        paper.goto(f"{board}/codes")
+        codes = read_paper(paper)
+        assert [code.split("/pair#")[0] for code in codes] == [one["address"] for one in shown]
+
+        # Pupils scan, teach, and hand over, all at once.
+        for code in codes:
+            phone = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+            pupil = phone.new_page()
+            pupil.goto(code)
+            pupil.wait_for_selector("video-view[data-frames]", state="attached")
+            phones.append(pupil)
+        for i, pupil in enumerate(phones):
+
+            def has_taught(i: int = i) -> bool:
+                return int(robots_of(board)[i]["lessons"] or 0) >= 5
+
+            press(pupil, "train", lambda i=i: robots_of(board)[i]["mode"] == "train")
+            fingers = Fingers(pupil)
+            fingers.press(pad("forward"))
+            with contextlib.suppress(AssertionError):  # stopped by a busy machine: taught later
+                wait_for(has_taught, "its pupil teaches it", 20)
+            fingers.lift()
+            press(pupil, "autonomous", lambda i=i: robots_of(board)[i]["mode"] == "autonomous")
+        assert any(robot["lessons"] for robot in robots_of(board))
+
+        # One STOP for all.
+        began_s = time.monotonic()
+        httpx.post(f"{board}/api/stop", json={})
+        wait_for(lambda: all(one["emergency"] for one in robots_of(board)), "all are stopped")
+        print(f"STOP ALL: {1000 * (time.monotonic() - began_s):.0f} ms")
+    assert running(tmp_path) == [], "Ctrl-C leaves no process"
+
+    # On the next day the same browsers find their robots again, and the same paper is good.
+    with a_class(tmp_path, port) as (board, process):
+        assert [one["name"] for one in robots_of(board)] == [one["name"] for one in shown]
+        for pupil, code in zip(phones, codes, strict=True):
+            pupil.goto(code.split("/pair#")[0])
+            pupil.wait_for_selector("video-view[data-frames]", state="attached")
+        paper.reload()
+        assert read_paper(paper) == codes
+        # A class that is killed leaves no robot behind either.
+        process.kill()
+        wait_for(lambda: running(tmp_path) == [], "its robots have ended")
+    kept = json.loads((tmp_path / "class" / "01" / "robot.json").read_text())
+    assert kept["name"] == shown[0]["name"]
+    for pupil in phones:
+        pupil.context.close()
+    context.close()
