@@ -32,8 +32,10 @@ class LinkGovernorConfig:
     cap_speed_s: float = 0.25
     stop_learning_s: float = 0.3
     stop_s: float = 0.5
+    busy_s: float = 0.1
+    """A computer that is later than this goes slower, too, before its lateness stops the robot."""
     capped_speed_scale: float = 0.5
-    """Share of full speed that is left from `cap_speed_s` on."""
+    """Share of full speed that is left from `cap_speed_s` or `busy_s` on."""
     recovery_share: float = 0.85
     """A step is taken back when the age is below this share of its threshold ..."""
     recovery_s: float = 1.0

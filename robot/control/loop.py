@@ -70,7 +70,8 @@ class LoopConfig:
 class ControlLoop:
     """One robot's loop. `tick` is for one thread; all other methods may be called from any.
 
-    `speed_share`, in (0, 1], is how much of full speed a person allows.
+    `speed_share`, in (0, 1], is how much of full speed a person allows. `lateness_s` is how late
+    this computer does what is due, as whoever runs the loop measures it.
     """
 
     def __init__(
@@ -104,6 +105,7 @@ class ControlLoop:
         self._shown_mode = Mode.STOPPED
         self._epoch = object()
         self.speed_share = 1.0
+        self.lateness_s = 0.0
         self._board.show(clock.now_s(), self._decision, self._sensors)
         camera.listen(self.wake.set)
 
@@ -121,6 +123,11 @@ class ControlLoop:
         if self._gate.mode is Mode.STOPPED:
             return longest_s
         return min(longest_s, max(_SHORTEST_WAIT_S, self._blind_in_s(self._clock.now_s())))
+
+    @property
+    def is_busy(self) -> bool:
+        """True while this computer is late; it is not the link then that is to blame."""
+        return self.lateness_s > self.config.governor.busy_s
 
     @property
     def clock(self) -> Clock:
@@ -354,7 +361,9 @@ class ControlLoop:
             self._note_stop(decision.stop_reason)
             self._reset()
         camera_scale = 1.0 if waits else self._camera_timing.speed_scale
-        scale = min(decision.speed_scale, self._governor.speed_scale, camera_scale)
+        slower = self.config.governor.capped_speed_scale
+        computer_scale = slower if self.is_busy and not waits else 1.0
+        scale = min(decision.speed_scale, self._governor.speed_scale, camera_scale, computer_scale)
         scale *= self.speed_share
         return decision if scale == decision.speed_scale else replace(decision, speed_scale=scale)
 

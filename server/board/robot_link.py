@@ -36,7 +36,17 @@ _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _PATIENCE_S = 5.0
 _INVITE_EVERY_S = 100.0
 _FIELDS = (
-    *("mode", "driven_by", "action", "stop_reason", "emergency", "asks_pilot", "fault", "link"),
+    *(
+        "mode",
+        "driven_by",
+        "action",
+        "stop_reason",
+        "emergency",
+        "asks_pilot",
+        "fault",
+        "link",
+        "busy",
+    ),
     *("agreement", "lessons", "battery", "pilot", "viewers", "stopped_by_teacher"),
 )
 

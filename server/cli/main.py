@@ -61,12 +61,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
 
 
-def make_parser(name: str, words: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """Return the parser of one command; `words` choose the options that depend on others."""
+def make_parser(
+    name: str, words: Sequence[str] = (), *, is_extended: bool = True
+) -> argparse.ArgumentParser:
+    """Return the parser of one command; `words` choose the options that depend on others, which
+    are left out where it is not to be extended."""
     module = load_command(name)
     parser = Parser(prog=f"drivelesson {name}", description=module.__doc__)
     module.configure(parser)
-    if hasattr(module, "extend"):
+    if is_extended and hasattr(module, "extend"):
         module.extend(parser, words)
     return parser
 

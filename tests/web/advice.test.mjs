@@ -101,6 +101,22 @@ test('the most urgent is said first', () => {
   assert.equal(key(page()), null);
 });
 
+test('a busy computer is not called a bad link, and nobody is sent closer on the robot’s own computer', () => {
+  for (const link of ['good', 'slow', 'capped', 'not_learning', 'too_slow']) {
+    for (const mode of ['train', 'autonomous']) {
+      const slowed = ['good', 'slow'].includes(link) ? 'capped' : link;
+      assert.equal(key(page({}, { mode, link, busy: true })), `busy.${slowed}`);
+      assert.equal(key(page({ isLocal: true }, { mode, link })), link === 'good' ? null : `busy.${link}`);
+      assert.equal(key(page({}, { mode, link, busy: false })), link === 'good' ? null : `link.${link}`);
+    }
+  }
+  const stopped = { mode: 'stopped', stop_reason: 'link_slow' };
+  assert.equal(key(page({}, { ...stopped, busy: true })), 'busy.stopped');
+  assert.equal(key(page({ isLocal: true }, stopped)), 'busy.stopped');
+  assert.equal(key(page({}, stopped)), 'stop.link_slow');
+  assert.equal(key(page({}, { mode: 'stopped', busy: true, link: 'capped' })), null, 'who stands is not told');
+});
+
 test('a session asks for its mode, falls silent in it, and says which part of how many it is', () => {
   const session = { step: 'drive', position: 1, of: 2, kind: 'correct', mode: 'autonomous', left_s: 30 };
   assert.equal(key(page({ session }, { mode: 'stopped' })), 'session.next_correct');

@@ -103,7 +103,9 @@ function figures(robot) {
   if (robot.agreement !== null) found.push(t('board.agrees', { share: percent(robot.agreement) }));
   else if (robot.lessons === 0) found.push(t('board.untaught'));
   if (robot.battery !== null) found.push(t('board.battery', { share: percent(robot.battery) }));
-  if (robot.link && robot.link !== 'good') found.push(t('board.link_slow'));
+  const isHere = /^https?:\/\/(127\.|localhost|\[::1\])/.test(robot.address);
+  if (robot.busy || (isHere && robot.link && robot.link !== 'good')) found.push(t('board.busy'));
+  else if (robot.link && robot.link !== 'good') found.push(t('board.link_slow'));
   if (robot.delay_ms !== null) found.push(t('board.delay', { ms: Math.round(robot.delay_ms) }));
   return found;
 }

@@ -24,6 +24,7 @@ const RETRY_MS = 1000;
  * @property {boolean | null} asks_pilot
  * @property {string | null} fault
  * @property {string | null} link
+ * @property {boolean | null} busy
  * @property {number | null} agreement
  * @property {number | null} lessons
  * @property {number | null} battery

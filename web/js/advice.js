@@ -37,6 +37,7 @@ export function urgentAdvice(page) {
   if (page.localStop && page.localStop !== 'wheel') return { key: `local.${page.localStop}`, level: 'stop' };
   if (page.notice === 'start_stale') return { key: page.notice, level: 'stop' };
   if (robot.mode === 'stopped' && robot.stop_reason && robot.stop_reason !== 'pilot_asked') {
+    if (robot.stop_reason === 'link_slow' && isComputer(page)) return { key: 'busy.stopped', level: 'stop' };
     return { key: `stop.${robot.stop_reason}`, level: 'stop' };
   }
   if (robot.asks_pilot && robot.mode === 'autonomous') {
@@ -45,7 +46,8 @@ export function urgentAdvice(page) {
   }
   const lag = lagAdvice(page);
   if (lag) return lag;
-  if (robot.mode !== 'stopped' && robot.link !== 'good' && robot.link) return { key: `link.${robot.link}`, level: 'info' };
+  const late = robot.mode === 'stopped' ? 'good' : lateness(robot);
+  if (late !== 'good') return { key: isComputer(page) ? `busy.${late}` : `link.${late}`, level: 'info' };
   const session = sessionAdvice(page);
   if (session) return session;
   if (page.notice) return { key: page.notice, level: 'info' };
@@ -68,6 +70,12 @@ export function ageParts({ robot, drawnAgeMs, drawingMs }) {
   if (brick === null) return { camera: Math.round(camera), link, phone: Math.round(phone) };
   return { camera: Math.round(camera - brick), brick: Math.round(brick), link, phone: Math.round(phone) };
 }
+
+/** Whether the computer is to blame for what comes late, and not the link. @param {PageState} page */
+const isComputer = ({ robot, isLocal }) => isLocal || Boolean(robot?.busy);
+
+/** What lateness allows: a busy computer goes slower before the link's own measure says so. @param {import('./protocol.js').RobotState} robot */
+const lateness = ({ link, busy }) => busy && (link === 'good' || link === 'slow') ? 'capped' : link ?? 'good';
 
 const OLD_MS = 200;
 

@@ -32,7 +32,10 @@ async function persist(act) {
 
 async function start() {
   await persist(loadLanguage);
-  const store = new Store({ hasKeys: matchMedia('(hover: hover) and (pointer: fine)').matches });
+  const store = new Store({
+    hasKeys: matchMedia('(hover: hover) and (pointer: fine)').matches,
+    isLocal: /^(localhost|127\..*|\[::1\])$/.test(location.hostname),
+  });
   const connection = new Connection(socketBase());
   const page = new Page({ store, connection, preferences: new Preferences(), wakeLock: new WakeLock() });
   setInterval(() => page.helm.beatIfDue(performance.now()), HEARTBEAT_MS / 2);

@@ -60,6 +60,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {number | null} frame_age_ms
  * @property {number} cycle_hz
  * @property {'good' | 'slow' | 'capped' | 'not_learning' | 'too_slow'} link  what the link allows
+ * @property {boolean} [busy]  the robot's computer is late
  * @property {number | null} pilot_frame_age_ms
  * @property {number} nonce
  * @property {{period_ms: number, age_ms: number, brick_ms?: number | null, limit_ms: number, speed_scale: number}} camera

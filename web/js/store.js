@@ -27,6 +27,7 @@
  * @property {SessionState | null} session
  * @property {import('./readiness.js').Readiness | null} readiness  null before it was asked for
  * @property {string | null} setback  why there is more left to drive alone than a moment ago
+ * @property {boolean} isLocal  the page is on the robot's own computer: no link could be slow
  * @property {boolean} hasKeys  a mouse, and so a keyboard
  * @property {string | null} hint  which of the first visit's hints is shown
  * @property {Toast | null} toast  a sentence that goes away by itself, on any screen
@@ -54,6 +55,7 @@ export const initialState = () => ({
   session: null,
   readiness: null,
   setback: null,
+  isLocal: false,
   hasKeys: false,
   hint: null,
   notice: null,

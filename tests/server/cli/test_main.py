@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 
 import pytest
 
@@ -69,3 +70,17 @@ COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _shtab_drivelesson; echo "${COMPREPLY
             ["bash", "-c", script + ask, "bash", *words], capture_output=True, text=True, check=True
         )
         assert done.stdout.split() == [wanted]
+
+
+def test_a_robot_that_this_system_cannot_load_keeps_no_command_from_being_completed() -> None:
+    """Windows has none of these modules; the drivers that need them cannot be imported there."""
+    gone = ("fcntl", "termios", "resource", "pwd", "grp")
+    program = f"""
+import sys
+sys.modules.update(dict.fromkeys({gone}))
+from server.cli.main import main
+sys.exit(main(["completion", "bash"]))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert all(name in done.stdout for name in commands())

@@ -1,0 +1,71 @@
+"""A computer that is late: it slows down before it stops, and blames itself and not the link."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+
+import pytest
+
+from robot.types import Mode, StopReason
+from tests.server.virtual import Pilot, ServedWorld, virtually
+
+
+async def keep_busy(world: ServedWorld, late_s: float, for_s: float) -> list[tuple[bool, float]]:
+    """Hold the event loop up again and again; return what the robot then says, and its speed."""
+    said = []
+    until_s = world.clock.now_s() + for_s
+    while world.clock.now_s() < until_s:
+        world.clock.wait(threading.Event(), late_s)
+        await asyncio.sleep(world.dice.uniform(0.1, 0.3))
+        state = world.loop.state
+        said.append((world.loop.is_busy, state.decision.speed_scale))
+    return said
+
+
+async def driving(world: ServedWorld) -> Pilot:
+    pilot = await world.pilot(sees=True)
+    pilot.mode("train")
+    await world.until(lambda: world.mode is Mode.TRAIN)
+    pilot.hold("forward")
+    await world.forward(1.0)
+    assert not world.loop.is_busy
+    return pilot
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.01, 0.03])
+def test_a_computer_in_time_is_not_called_busy(late_s: float) -> None:
+    async def scenario(world: ServedWorld) -> None:
+        await driving(world)
+        said = await keep_busy(world, late_s, 3.0)
+        assert not any(is_busy for is_busy, _ in said)
+        assert world.mode is Mode.TRAIN
+
+    virtually(scenario)
+
+
+def test_a_late_computer_slows_down_before_it_stops_and_recovers() -> None:
+    async def scenario(world: ServedWorld) -> None:
+        pilot = await driving(world)
+        said = await keep_busy(world, 0.2, 5.0)
+        assert world.mode is Mode.TRAIN, "it drives on"
+        assert (True, 0.5) in said
+        assert all(speed == 0.5 for is_busy, speed in said if is_busy)
+        await world.forward(3.0)
+        assert (world.loop.is_busy, world.loop.state.decision.speed_scale) == (False, 1.0)
+        assert pilot.state["busy"] is False
+
+    virtually(scenario)
+
+
+def test_what_stopped_the_robot_is_not_forgotten_while_it_stands() -> None:
+    async def scenario(world: ServedWorld) -> None:
+        pilot = await driving(world)
+        await keep_busy(world, 0.6, 2.0)
+        await world.forward(20.0)
+        decision = world.loop.state.decision
+        assert decision.mode is Mode.STOPPED
+        if decision.stop_reason is StopReason.LINK_SLOW:
+            assert pilot.state["busy"] is True, "it is not the link's fault"
+
+    virtually(scenario)
