@@ -11,6 +11,7 @@ from robot.devices.rig import Rig
 from robot.driver import describe
 from robot.errors import ConfigurationError, RobotError
 from robot.store.disk import DiskThread
+from robot.store.episodes.queue import RecorderConfig
 from robot.store.episodes.recorder import Recorder
 from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage
@@ -34,6 +35,7 @@ class Persistence(StartStop):
         name: The name of a new model.
         options: The options of the run, written into recordings.
         announce: Called with events that clients should know.
+        keeps_drives: Keep recordings in which nothing was taught.
         fault: Why nothing can be saved, if so; the robot then drives without saving.
     """
 
@@ -45,6 +47,7 @@ class Persistence(StartStop):
         name: str = "robot",
         options: Mapping[str, Any] | None = None,
         announce: Announce = no_announcement,
+        keeps_drives: bool = True,
         fault: str | None = None,
     ) -> None:
         self.storage = storage
@@ -82,6 +85,7 @@ class Persistence(StartStop):
             declared_moves=describe(rig.driver.moves, rig.driver.declared_moves),
             options=options,
             announce=announce,
+            config=RecorderConfig(keeps_drives=keeps_drives),
             disk=self._disk,
         )
         self.episodes = EpisodeStore(storage, recording=lambda: self.recording)

@@ -81,6 +81,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=75,
         help="of simulated pictures (default: %(default)s)",
     )
+    parser.add_argument(
+        "--keep-drives",
+        action="store_true",
+        help="keep recordings in which nothing was taught, too: for research",
+    )
     parser.add_argument("--config", type=Path, default=None, help="TOML file of settings")
     for extension in installed():
         extension.configure(parser)
@@ -180,6 +185,7 @@ def run(args: argparse.Namespace) -> int:
         name=identity.now.name,
         options=options,
         announce=events.publish,
+        keeps_drives=args.keep_drives,
         fault=prepared.fault,
     )
     _report_problems(prepared, events)

@@ -60,6 +60,7 @@ class Conductor(StartStop):
         autosave: The model in use.
         announce: Called with events that clients should know.
         recording: Id of the recording that is made just now.
+        keep: Has that recording kept, though nothing is taught in it.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class Conductor(StartStop):
         autosave: Autosave,
         announce: Callable[..., None],
         recording: Callable[[], str | None],
+        keep: Callable[[], None],
     ) -> None:
         self.folder = folder
         self.pace = 1.0
@@ -78,7 +80,7 @@ class Conductor(StartStop):
         self._rig, self._loop, self._clock = rig, rig.loop, rig.clock
         self._models = SessionModels(rig, folder, autosave)
         self._announce = announce
-        self._recording = recording
+        self._recording, self._keep = recording, keep
         self._log: EventLog | None = None
         self._episode: str | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -297,6 +299,7 @@ class Conductor(StartStop):
         episode = self._recording()
         if episode is not None and episode != self._episode:
             self._episode = episode
+            self._keep()
             events.append(session.make("recording", wall_s, value=episode))
         events += session.note(tick, wall_s, self._measure)
         event_log.add(events)

@@ -23,7 +23,10 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderConfig:
-    """Bounds of the queue and time limits."""
+    """Bounds of the queue, time limits, and what is kept."""
+
+    keeps_drives: bool = True
+    """Keep a recording in which the robot moved and nothing was taught."""
 
     queue_bytes: int = 32 * 2**20
     """Bytes of queued pictures; more are dropped and counted."""
@@ -86,6 +89,10 @@ class RecordingQueue:
     def end(self, model: Model | None) -> None:
         """End the recording; `model` is what the learner knows now, None if not known."""
         self._put(0, self._end, model, must_go=True)
+
+    def keep(self) -> None:
+        """Keep the recording, whatever it has."""
+        self._put(0, self._write, EpisodeWriter.keep, must_go=True)
 
     def write_frame(self, frame: Frame) -> bool:
         """Write a picture; False if there is no room for it."""
@@ -152,7 +159,8 @@ class RecordingQueue:
             return
         before = encode_model(model, is_packed=True) if model is not None else None
         run, file = self._open_free(run)
-        self._writer = EpisodeWriter(file, run.describe(), before)
+        keeps_drives = self._config.keeps_drives
+        self._writer = EpisodeWriter(file, run.describe(), before, keeps_drives=keeps_drives)
         self.episode_id = run.episode_id
         self._lost_before = lost_before
         self._announce("recording_on", episode=self.episode_id)

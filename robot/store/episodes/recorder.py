@@ -98,6 +98,10 @@ class Recorder:
         """Pictures that the disk was too slow for, since the start."""
         return self._queue.lost.frames
 
+    def keep(self) -> None:
+        """Keep the recording that is being made, whatever it has; on the loop's thread."""
+        self._queue.keep()
+
     def refuse(self, sentence: str) -> None:
         """Record nothing; `fault` is this sentence."""
         self._queue.refuse(sentence)

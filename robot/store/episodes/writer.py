@@ -85,13 +85,19 @@ class EpisodeWriter:
         file: The target; seekable or not, opened for binary writing. Closed by `close`.
         run: What the recording says of itself: `Run.describe`, or what another one says.
         model_before: A model's file, or None for a learner that knows nothing.
+        keeps_drives: What nothing was taught in has content, too, if the robot moved.
 
     Raises:
         MissingExtraError: If the library `mcap` is not installed.
     """
 
     def __init__(
-        self, file: BinaryIO, run: Mapping[str, str], model_before: bytes | None = None
+        self,
+        file: BinaryIO,
+        run: Mapping[str, str],
+        model_before: bytes | None = None,
+        *,
+        keeps_drives: bool = True,
     ) -> None:
         self._file = file
         self._origin_ns = int(run["origin_ns"])
@@ -101,7 +107,8 @@ class EpisodeWriter:
         self._channels: dict[MessageChannel, int] = {}
         self._tally = Tally()
         self.has_content = False
-        """Whether the robot moved or the learner changed: otherwise the recording is discarded."""
+        """Whether the learner changed, or the robot moved: otherwise the recording is discarded."""
+        self._keeps_drives = keeps_drives
         self._writer.start(profile="", library="drivelesson")
         self._writer.add_metadata(RUN, dict(run))
         if model_before is not None:
@@ -119,10 +126,15 @@ class EpisodeWriter:
         data = encode_image(frame, stamp_ns)
         self._add(camera_channel(frame), stamp_ns, data, frame.frame_id)
 
+    def keep(self) -> None:
+        """Count as having content, whatever it has."""
+        self.has_content = True
+
     def write_message(self, topic: str, now_s: float, fields: Fields) -> None:
         """Add one message; its topic is one of `messages.SCHEMAS`."""
         is_lesson = topic == LESSON
-        if is_lesson or (topic == DECISION and fields["sent"] != Action.STOP):
+        has_moved = topic == DECISION and fields["sent"] != Action.STOP
+        if is_lesson or (has_moved and self._keeps_drives):
             self.has_content = True
         stamp_ns, data = self._to_ns(now_s), to_json(fields)
         self._add(json_channel(topic), stamp_ns, data, 0, fields if is_lesson else None)

@@ -263,3 +263,26 @@ def test_a_recording_says_what_the_learner_knew_before_and_after(
     before, after = episode.model_before(), episode.model_after()
     assert before is not None and before.summary.n_examples == 0
     assert after is not None and after.summary.n_examples == 60
+
+
+def test_a_run_in_which_nothing_was_taught_is_dropped_unless_somebody_wants_it(
+    tmp_path: Path,
+) -> None:
+    def runs(folder: Path, *, keeps_drives: bool, is_asked_for: bool = False) -> list[int]:
+        folder.mkdir()
+        config = RecorderConfig(spare_bytes=0, keeps_drives=keeps_drives)
+        robot = RecordedBench(folder, config=config)
+        robot.drive(range(40))
+        robot.stand(12)
+        robot.start(Mode.AUTONOMOUS, 40)
+        for scene in range(40, 60):
+            robot.step(scene, None)
+        assert robot.loop.state.decision.action is not Action.STOP, "it drives itself"
+        if is_asked_for:
+            robot.recorder.keep()
+        robot.stop()
+        return [len(taught_frames(open_episode(path))) for path in robot.finish()]
+
+    assert runs(tmp_path / "all", keeps_drives=True) == [40, 0]
+    assert runs(tmp_path / "taught", keeps_drives=False) == [40]
+    assert runs(tmp_path / "study", keeps_drives=False, is_asked_for=True) == [40, 0]
