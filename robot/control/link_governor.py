@@ -1,4 +1,4 @@
-"""Reacts to a slow link: warn, slow down, stop learning, stop. Pure; time is an argument.
+"""Reacts to a slow link, or computer: warn, slow down, stop learning, stop. Pure.
 
 The measure is the age of the picture that the pilot acts upon. A step up is taken at once; a
 step down only after the link has been clearly better for a while (hysteresis).
@@ -22,6 +22,8 @@ class LinkLevel(StrEnum):
 
 
 _LEVELS = tuple(LinkLevel)
+_FADES = 0.9
+"""Of a lateness so much is left at the next look."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +71,7 @@ class LinkGovernor:
     def __init__(self, config: LinkGovernorConfig | None = None) -> None:
         self.config = config or LinkGovernorConfig()
         c = self.config
+        self._lateness_s = 0.0
         self._thresholds_s = (c.warn_s, c.cap_speed_s, c.stop_learning_s, c.stop_s)
         self.forget()
 
@@ -110,6 +113,16 @@ class LinkGovernor:
             self.level = _LEVELS[present - 1]
             self._better_since_s = now_s
 
+    def note_lateness(self, late_s: float, *, is_to_blame: bool) -> None:
+        """Take note of how late the computer was, ten times a second. It fades within a second or
+        two, but not while the robot stands because of it."""
+        self._lateness_s = max(late_s, self._lateness_s * (1.0 if is_to_blame else _FADES))
+
+    @property
+    def is_busy(self) -> bool:
+        """True while the computer is late: not the link is to blame then."""
+        return self._lateness_s > self.config.busy_s
+
     def _rank(self, age_s: float, share: float) -> int:
         return sum(age_s > threshold_s * share for threshold_s in self._thresholds_s)
 
@@ -126,5 +139,5 @@ class LinkGovernor:
     @property
     def speed_scale(self) -> float:
         """Share of full speed that is allowed."""
-        is_free = self.level in (LinkLevel.GOOD, LinkLevel.SLOW)
+        is_free = self.level in (LinkLevel.GOOD, LinkLevel.SLOW) and not self.is_busy
         return 1.0 if is_free else self.config.capped_speed_scale

@@ -70,8 +70,7 @@ class LoopConfig:
 class ControlLoop:
     """One robot's loop. `tick` is for one thread; all other methods may be called from any.
 
-    `speed_share`, in (0, 1], is how much of full speed a person allows. `lateness_s` is how late
-    this computer does what is due, as whoever runs the loop measures it.
+    `speed_share`, in (0, 1], is how much of full speed a person allows.
     """
 
     def __init__(
@@ -105,7 +104,6 @@ class ControlLoop:
         self._shown_mode = Mode.STOPPED
         self._epoch = object()
         self.speed_share = 1.0
-        self.lateness_s = 0.0
         self._board.show(clock.now_s(), self._decision, self._sensors)
         camera.listen(self.wake.set)
 
@@ -124,10 +122,11 @@ class ControlLoop:
             return longest_s
         return min(longest_s, max(_SHORTEST_WAIT_S, self._blind_in_s(self._clock.now_s())))
 
-    @property
-    def is_busy(self) -> bool:
-        """True while this computer is late; it is not the link then that is to blame."""
-        return self.lateness_s > self.config.governor.busy_s
+    def note_lateness(self, late_s: float) -> None:
+        """Take note of how late this computer did what was due; a world that waits minds none."""
+        if not self._camera.world_waits:
+            is_to_blame = self.state.decision.stop_reason is StopReason.LINK_SLOW
+            self._governor.note_lateness(late_s, is_to_blame=is_to_blame)
 
     @property
     def clock(self) -> Clock:
@@ -361,9 +360,7 @@ class ControlLoop:
             self._note_stop(decision.stop_reason)
             self._reset()
         camera_scale = 1.0 if waits else self._camera_timing.speed_scale
-        slower = self.config.governor.capped_speed_scale
-        computer_scale = slower if self.is_busy and not waits else 1.0
-        scale = min(decision.speed_scale, self._governor.speed_scale, camera_scale, computer_scale)
+        scale = min(decision.speed_scale, self._governor.speed_scale, camera_scale)
         scale *= self.speed_share
         return decision if scale == decision.speed_scale else replace(decision, speed_scale=scale)
 

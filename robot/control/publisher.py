@@ -98,6 +98,7 @@ class StatePublisher:
             moves=policy.moves,
             stops=dict(self._stops),
             link=self._governor.level,
+            is_busy=self._governor.is_busy,
             camera=self._camera_timing.state,
             pilot_frame_age_s=self._governor.age_s,
             learner_times=dict(online_learning.timings),

@@ -55,6 +55,7 @@ class LoopState:
     moves: tuple[Action, ...]
     stops: Mapping[StopReason, int]
     link: LinkLevel = LinkLevel.GOOD
+    is_busy: bool = False
     camera: CameraState = field(default_factory=CameraState)
     pilot_frame_age_s: float | None = None
     learner_times: Mapping[str, Timing] = field(default_factory=dict)

@@ -18,7 +18,7 @@ from concurrent.futures import Future
 from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.driver import describe as describe_moves
-from robot.types import Frame, Mode, PilotCommand, StopReason
+from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.clients.client import Client
 from server.clients.emergency import EmergencyStop
@@ -32,8 +32,6 @@ from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_messag
 from server.security.access import Role
 
 log = logging.getLogger(__name__)
-_FADES = 0.9
-"""Of a lateness so much is left at the next look."""
 
 
 class Hub:
@@ -294,7 +292,6 @@ class Hub:
         state["nonce"] = self.nonces.issue(self.robot.clock.now_s())
         state["pilot"] = owner
         state["stopped_by_teacher"] = self.emergency.by_teacher
-        state["busy"] = self.robot.loop.is_busy
         state["viewers"] = len(self.clients) - (owner in self.clients)
         texts: dict[bool, str] = {}
         for client in self.clients.values():
@@ -311,11 +308,8 @@ class Hub:
         decision = state.decision
         return (
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
-            state.link,
-            self.robot.loop.is_busy,
-            state.emergency,
+            *(state.link, state.is_busy, state.emergency, state.fault),
             self.emergency.by_teacher,
-            state.fault,
             self.lease.owner,
         )
 
@@ -342,19 +336,12 @@ class Hub:
         if self._frame is not None and self._frame is not self.video.newest:
             self.video.show(self._frame, self.nonces.issue(self.robot.clock.now_s()))
 
-    def _note_lateness(self, late_s: float) -> None:
-        """Let it fade within a second or two, but not while the robot stands for it."""
-        loop = self.robot.loop
-        is_stopped_for_it = loop.state.decision.stop_reason is StopReason.LINK_SLOW
-        loop.lateness_s = max(late_s, loop.lateness_s * (1.0 if is_stopped_for_it else _FADES))
-
     async def _run_timer(self) -> None:
-        """Pass on a lapsed wheel, and publish the state even if the control loop stalls; see how
-        late this computer is."""
+        """Pass on a lapsed wheel, and publish the state even if the control loop stalls."""
         while True:
             due_s = self.clock.now_s() + STATE_EVERY_S
             await self.clock.pause(STATE_EVERY_S)
-            self._note_lateness(self.clock.now_s() - due_s)
+            self.robot.loop.note_lateness(self.clock.now_s() - due_s)
             if not self.clients:
                 continue
             if self.lease.pass_on_if_lapsed(self.clock.now_s()):

@@ -45,6 +45,7 @@ def describe_state(state: LoopState, now_ms: float) -> dict[str, Any]:
         "frame": state.frame_id,
         "frame_age_ms": _milliseconds(_age_s(state, now_ms)),
         "link": state.link.value,
+        "busy": state.is_busy,
         "camera": {
             "period_ms": _milliseconds(state.camera.period_s),
             "age_ms": _milliseconds(state.camera.delivery_age_s),

@@ -19,7 +19,7 @@ async def keep_busy(world: ServedWorld, late_s: float, for_s: float) -> list[tup
         world.clock.wait(threading.Event(), late_s)
         await asyncio.sleep(world.dice.uniform(0.1, 0.3))
         state = world.loop.state
-        said.append((world.loop.is_busy, state.decision.speed_scale))
+        said.append((world.loop.state.is_busy, state.decision.speed_scale))
     return said
 
 
@@ -29,7 +29,7 @@ async def driving(world: ServedWorld) -> Pilot:
     await world.until(lambda: world.mode is Mode.TRAIN)
     pilot.hold("forward")
     await world.forward(1.0)
-    assert not world.loop.is_busy
+    assert not world.loop.state.is_busy
     return pilot
 
 
@@ -52,7 +52,7 @@ def test_a_late_computer_slows_down_before_it_stops_and_recovers() -> None:
         assert (True, 0.5) in said
         assert all(speed == 0.5 for is_busy, speed in said if is_busy)
         await world.forward(3.0)
-        assert (world.loop.is_busy, world.loop.state.decision.speed_scale) == (False, 1.0)
+        assert (world.loop.state.is_busy, world.loop.state.decision.speed_scale) == (False, 1.0)
         assert pilot.state["busy"] is False
 
     virtually(scenario)
