@@ -42,7 +42,7 @@ MOVES = {
     "six": ["forward", "left", "right", "backward", "spin_left", "spin_right"],
 }
 SAID = re.compile(
-    r"^(advice|setback|local|stop|link|lag|hint|session\.next|session\.now)[._]"
+    r"^(advice|setback|local|stop|link|busy|lag|hint|session\.next|session\.now)[._]"
     r"|^(asks|wheel_|viewer|emergency|teacher_stop|out_of_reach|connecting|choose_|start_stale)"
     r"|^session\.questions$"
 )
