@@ -13,6 +13,7 @@ import pytest
 from robot.clock import ManualClock
 from server.config import Limits
 from server.hosting.serving import open_socket
+from server.security.access import Role, Session
 from server.security.door import Door
 from server.security.listener import DoorListener
 
@@ -41,6 +42,7 @@ def test_a_listening_socket_counts_evicts_turns_away_and_lets_others_work(
     for number in (errno.EMFILE, errno.ENFILE):
         without_descriptors_it_turns_away_and_does_not_spin(number, monkeypatch)
     what_has_come_is_read_before_it_is_pushed_out()
+    of_all_that_wait_a_stop_is_handed_on_first_and_of_one_person_a_share()
 
 
 def a_connection_is_counted_from_accept_to_close() -> None:
@@ -122,5 +124,32 @@ def what_has_come_is_read_before_it_is_pushed_out() -> None:
         listener.close()
         assert [len(accepted) for accepted in rounds] == [40, *7 * [0], 40]
         assert door.open == 0 and door.evicted == 40
+
+    asyncio.run(scenario())
+
+
+def of_all_that_wait_a_stop_is_handed_on_first_and_of_one_person_a_share() -> None:
+    door = Door(Limits(connections_each=8), 500)
+
+    def recognise(head: bytes, address: str) -> Session | None:
+        return Session(role=Role.VIEWER, name="greedy") if b"cookie: greedy" in head else None
+
+    door.recognise = recognise
+
+    async def scenario() -> None:
+        listener = _listener(door)
+        clients = [socket.create_connection(listener.getsockname()) for _ in range(51)]
+        for client in clients[:40]:
+            client.sendall(b"GET / HTTP/1.1\r\ncookie: greedy\r\n\r\n")
+        for client in clients[40:50]:
+            client.sendall(b"GET / HTTP/1.1\r\n\r\n")
+        clients[50].sendall(b"POST /api/stop HTTP/1.1\r\ncookie: greedy\r\n\r\n")
+        accepted = await _accept_all(listener)
+        assert accepted[0].recv(20).startswith(b"POST /api/stop"), "whoever sends it, it goes first"
+        assert len(accepted) == 1 + 8 + 10, "the others of that person cost nothing more"
+        for one in itertools.chain(clients, accepted):
+            one.close()
+        listener.close()
+        assert door.open == 0
 
     asyncio.run(scenario())
