@@ -46,6 +46,7 @@ from robot.types import Action
 CAMERA = "observation.images.front"
 TASK = "Drive as the pilot taught."
 _FILES_A_CHUNK = 1000
+_FILMS = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 _KEY_EVERY = 2
 """A loader asks for frames in any order: it should have few to decode before each."""
 _STEERED = ("angle", "throttle")
@@ -97,27 +98,39 @@ def write_lerobot(
     parts = [part for episode, found in shown for part in _split(episode, found, rate)]
     if not parts:
         raise RecordingError("there are no pictures to export")
-    names = [n for n in _SENSORS if any(n in _sensor_series(part.episode) for part in parts)]
-    actions, moves = _action_names(parts), _taught_moves(parts)
+    form = _Form(parts, rate)
     folder.mkdir(parents=True)
-    tables, rows, start = [], [], 0
-    seen = Brightness()
+    tables: list[Columns] = []
+    rows, seen = [], Brightness()
     for index, part in enumerate(parts):
-        columns = _columns(part, index, start, rate, names, actions, moves)
-        pictures = _write_video(part, folder, index, rate, on_frame)
+        columns = form.columns(part, index, sum(len(table["index"]) for table in tables))
+        chunk, file = divmod(index, _FILES_A_CHUNK)
+        film, pictures = folder / _fill(_FILMS, chunk, file), Brightness()
+        write_film(map(pictures.add, part.pictures(on_frame)), film, rate, key_every=_KEY_EVERY)
         seen.join(pictures)
         tables.append(columns)
-        rows.append(_episode_row(columns, pictures.stats(), index, start, rate, task))
-        start += len(part.moments)
+        rows.append(_episode_row(columns, pictures, (chunk, file), rate, task))
     write_data(folder, tables)
     write_episodes(folder, rows)
     write_tasks(folder, task)
-    name = robot_type or episodes[0][0].run.get("robot") or "drivelesson"
-    shape = to_rgb(parts[0].episode.frame(parts[0].moments[0].frame_id)).shape
-    write_json(folder / "meta/info.json", _info(rows, rate, name, shape, names, actions, moves))
     joined = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
-    stats = {name: column_stats(values) for name, values in joined.items()}
-    write_json(folder / "meta/stats.json", {**stats, CAMERA: seen.stats()})
+    info = {
+        "codebase_version": "v3.0",
+        "robot_type": robot_type or episodes[0][0].run.get("robot") or "drivelesson",
+        "total_episodes": len(rows),
+        "total_frames": len(joined["index"]),
+        "total_tasks": 1,
+        "chunks_size": _FILES_A_CHUNK,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "fps": rate,
+        "splits": {"train": f"0:{len(rows)}"},
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "video_path": _FILMS,
+        "features": {CAMERA: _film_feature(parts[0], rate), **form.features(joined)},
+    }
+    write_json(folder / "meta/info.json", info)
+    write_json(folder / "meta/stats.json", _stats(joined, seen))
     return len(parts)
 
 
@@ -142,52 +155,58 @@ def _resample(run: list[tuple[EpisodeFrame, float]], fps: int) -> list[EpisodeFr
     return [run[int(i)][0] for i in np.where(is_before_nearer, before, after)]
 
 
-def _action_names(parts: list[DatasetPart]) -> tuple[str, ...]:
-    """Return the names of an action's elements: angle and throttle, or else one for each move."""
-    done = [(_done(moment), part.episode) for part in parts for moment in part.moments]
-    found = {(action, episode.declared_moves) for action, episode in done}
-    if all(point_of(action, declared) is not None for action, declared in found):
-        return _STEERED
-    return tuple(sorted({str(action) for action, _ in found if action is not Action.STOP}))
+class _Form:
+    """The columns that all parts of a dataset have."""
 
+    def __init__(self, parts: list[DatasetPart], fps: int) -> None:
+        self._fps = fps
+        labels = {moment.label for part in parts for moment in part.moments}
+        self._moves = sorted(str(label) for label in labels if label is not None)
+        self._sensors = [n for n in _SENSORS if any(len(_readings(p.episode, n)) for p in parts)]
+        done = {(_done(m), part.episode.declared_moves) for part in parts for m in part.moments}
+        self._actions = [*_STEERED]
+        if any(point_of(action, declared) is None for action, declared in done):
+            self._actions = sorted({str(action) for action, _ in done if action is not Action.STOP})
 
-def _taught_moves(parts: list[DatasetPart]) -> list[str]:
-    return sorted({str(m.label) for part in parts for m in part.moments if m.label is not None})
+    def columns(self, part: DatasetPart, index: int, start: int) -> Columns:
+        """Return the values of one episode, whose first frame has the number `start` of all."""
+        count = len(part.moments)
+        taught = [self._moves.index(m.label) if m.label else -1 for m in part.moments]
+        columns: Columns = {
+            "action": np.array([self._action(part, m) for m in part.moments], np.float32),
+            "intervention": np.array([m.is_intervention for m in part.moments], bool),
+            PILOT: np.array(taught, np.int64),
+            "timestamp": (np.arange(count) / self._fps).astype(np.float32),
+            "frame_index": np.arange(count, dtype=np.int64),
+            "episode_index": np.full(count, index, np.int64),
+            "index": np.arange(start, start + count, dtype=np.int64),
+            "task_index": np.zeros(count, np.int64),
+        }
+        if self._sensors:
+            sensed = [_sensed(part, name) for name in self._sensors]
+            columns["observation.state"] = np.stack(sensed, axis=1).astype(np.float32)
+        return columns
 
+    def features(self, columns: Columns) -> dict[str, Any]:
+        """Describe the columns."""
+        names = {"action": self._actions, "observation.state": self._sensors}
+        found: dict[str, Any] = {
+            name: {
+                "dtype": values.dtype.name,
+                "shape": [*values.shape[1:]] or [1],
+                "names": names.get(name),
+            }
+            for name, values in columns.items()
+        }
+        found[PILOT]["info"] = {"moves": self._moves}
+        return found
 
-def _numbers(action: Action, episode: Episode, names: tuple[str, ...]) -> tuple[float, ...]:
-    if names == _STEERED:
-        return point_of(action, episode.declared_moves) or (0.0, 0.0)
-    return tuple(float(action == name) for name in names)  # all zero: it stands
-
-
-def _columns(
-    part: DatasetPart,
-    index: int,
-    start: int,
-    fps: int,
-    sensors: list[str],
-    names: tuple[str, ...],
-    moves: list[str],
-) -> Columns:
-    count = len(part.moments)
-    done = [_done(moment) for moment in part.moments]
-    columns: Columns = {
-        "action": np.array([_numbers(a, part.episode, names) for a in done], np.float32),
-        "intervention": np.array([m.is_intervention for m in part.moments], bool),
-        PILOT: np.array([moves.index(m.label) if m.label else -1 for m in part.moments], np.int64),
-        "timestamp": (np.arange(count) / fps).astype(np.float32),
-        "frame_index": np.arange(count, dtype=np.int64),
-        "episode_index": np.full(count, index, np.int64),
-        "index": np.arange(start, start + count, dtype=np.int64),
-        "task_index": np.zeros(count, np.int64),
-    }
-    if sensors:
-        series = _sensor_series(part.episode)
-        columns["observation.state"] = np.stack(
-            [_at(series.get(name), part) for name in sensors], axis=1
-        )
-    return columns
+    def _action(self, part: DatasetPart, moment: EpisodeFrame) -> tuple[float, ...]:
+        """Return angle and throttle, or else a number for each move; all zero: it stands."""
+        done = _done(moment)
+        if self._actions == [*_STEERED]:
+            return point_of(done, part.episode.declared_moves) or (0.0, 0.0)
+        return tuple(float(done == name) for name in self._actions)
 
 
 def _done(moment: EpisodeFrame) -> Action:
@@ -195,118 +214,64 @@ def _done(moment: EpisodeFrame) -> Action:
     return moment.label or Action(moment.sent or Action.STOP)
 
 
-def _sensor_series(episode: Episode) -> dict[str, tuple[NDArray[Any], NDArray[Any]]]:
-    """Return times and values of each sensor that the robot has."""
-    found = {}
-    for name in _SENSORS:
-        said = [
-            (now_s - episode.start_s, float(words[name]))
-            for now_s, words in episode.messages.get(SENSORS, [])
-            if words.get(name) is not None
-        ]
-        if said:
-            times_s, values = zip(*said, strict=True)
-            found[name] = (np.array(times_s), np.array(values, np.float32))
+def _readings(episode: Episode, name: str) -> NDArray[np.float64]:
+    """Return when a sensor said what, shape (n, 2)."""
+    said = [
+        (now_s - episode.start_s, float(words[name]))
+        for now_s, words in episode.messages.get(SENSORS, [])
+        if words.get(name) is not None
+    ]
+    return np.array(said).reshape(-1, 2)
+
+
+def _sensed(part: DatasetPart, name: str) -> NDArray[np.float64]:
+    """Return a sensor's last value at each picture; before the first, the first; else 0."""
+    readings = _readings(part.episode, name)
+    if not len(readings):
+        return np.zeros(len(part.moments))
+    times_s = [moment.at_s for moment in part.moments]
+    at = np.searchsorted(readings[:, 0], times_s, side="right") - 1
+    found: NDArray[np.float64] = readings[np.clip(at, 0, None), 1]
     return found
 
 
-def _at(series: tuple[NDArray[Any], NDArray[Any]] | None, part: DatasetPart) -> NDArray[Any]:
-    """Return a sensor's last value at each picture; before the first, the first; else 0."""
-    if series is None:
-        return np.zeros(len(part.moments), np.float32)
-    times_s, values = series
-    at = np.searchsorted(times_s, [moment.at_s for moment in part.moments], side="right") - 1
-    return values[np.clip(at, 0, None)]
+def _fill(template: str, chunk: int, file: int) -> str:
+    return template.format(video_key=CAMERA, chunk_index=chunk, file_index=file)
 
 
-# Films -------------------------------------------------------------------------------------------
-
-
-def _video_file(index: int) -> tuple[int, int, str]:
-    chunk, file = divmod(index, _FILES_A_CHUNK)
-    return chunk, file, f"videos/{CAMERA}/chunk-{chunk:03d}/file-{file:03d}.mp4"
-
-
-def _write_video(
-    part: DatasetPart, folder: Path, index: int, fps: int, on_frame: Callable[[], None]
-) -> Brightness:
-    """Write the film of one episode, and return what its pictures are made of."""
-    path = folder / _video_file(index)[2]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    shown = Brightness()
-    write_film(map(shown.add, part.pictures(on_frame)), path, fps, key_every=_KEY_EVERY)
-    return shown
+def _stats(columns: Columns, pictures: Brightness) -> Stats:
+    found = {name: column_stats(values) for name, values in columns.items()}
+    return {**found, CAMERA: pictures.stats()}
 
 
 def _episode_row(
-    columns: Columns,
-    image_stats: dict[str, list[Any]],
-    index: int,
-    start: int,
-    fps: int,
-    task: str,
+    columns: Columns, pictures: Brightness, place: tuple[int, int], fps: int, task: str
 ) -> dict[str, Any]:
-    count = len(columns["index"])
-    chunk, file, _ = _video_file(index)
-    stats: Stats = {name: column_stats(values) for name, values in columns.items()}
-    stats[CAMERA] = image_stats
+    count, start = len(columns["index"]), int(columns["index"][0])
     return {
-        "episode_index": index,
+        "episode_index": int(columns["episode_index"][0]),
         "tasks": [task],
         "length": count,
         "data/chunk_index": 0,
         "data/file_index": 0,
         "dataset_from_index": start,
         "dataset_to_index": start + count,
-        f"videos/{CAMERA}/chunk_index": chunk,
-        f"videos/{CAMERA}/file_index": file,
+        f"videos/{CAMERA}/chunk_index": place[0],
+        f"videos/{CAMERA}/file_index": place[1],
         f"videos/{CAMERA}/from_timestamp": 0.0,
         f"videos/{CAMERA}/to_timestamp": count / fps,
         "meta/episodes/chunk_index": 0,
         "meta/episodes/file_index": 0,
-        "stats": stats,
+        "stats": _stats(columns, pictures),
     }
 
 
-def _info(
-    rows: list[dict[str, Any]],
-    fps: int,
-    robot_type: str,
-    shape: tuple[int, ...],
-    sensors: list[str],
-    actions: tuple[str, ...],
-    moves: list[str],
-) -> dict[str, Any]:
-    return {
-        "codebase_version": "v3.0",
-        "robot_type": robot_type,
-        "total_episodes": len(rows),
-        "total_frames": rows[-1]["dataset_to_index"],
-        "total_tasks": 1,
-        "chunks_size": _FILES_A_CHUNK,
-        "data_files_size_in_mb": 100,
-        "video_files_size_in_mb": 200,
-        "fps": fps,
-        "splits": {"train": f"0:{len(rows)}"},
-        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-        "video_path": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4",
-        "features": _features(
-            fps, (shape[0] // 2 * 2, shape[1] // 2 * 2, 3), sensors, actions, moves
-        ),
-    }
-
-
-def _features(
-    fps: int,
-    shape: tuple[int, int, int],
-    sensors: list[str],
-    actions: tuple[str, ...],
-    moves: list[str],
-) -> dict[str, Any]:
-    height, width, _ = shape
+def _film_feature(part: DatasetPart, fps: int) -> dict[str, Any]:
+    height, width, _ = to_rgb(part.episode.frame(part.moments[0].frame_id)).shape
+    shape = [height // 2 * 2, width // 2 * 2, 3]  # as `write_film` leaves them
     video = {
-        "video.height": height,
-        "video.width": width,
+        "video.height": shape[0],
+        "video.width": shape[1],
         "video.codec": "h264",
         "video.pix_fmt": "yuv420p",
         "video.is_depth_map": False,
@@ -314,24 +279,5 @@ def _features(
         "video.channels": 3,
         "has_audio": False,
     }
-    features: dict[str, Any] = {
-        CAMERA: {
-            "dtype": "video",
-            "shape": list(shape),
-            "names": ["height", "width", "channels"],
-            "info": video,
-        },
-        "action": {"dtype": "float32", "shape": [len(actions)], "names": list(actions)},
-        "intervention": {"dtype": "bool", "shape": [1], "names": None},
-        PILOT: {"dtype": "int64", "shape": [1], "names": None, "info": {"moves": moves}},
-        "timestamp": {"dtype": "float32", "shape": [1], "names": None},
-    }
-    if sensors:
-        features["observation.state"] = {
-            "dtype": "float32",
-            "shape": [len(sensors)],
-            "names": sensors,
-        }
-    for name in ("frame_index", "episode_index", "index", "task_index"):
-        features[name] = {"dtype": "int64", "shape": [1], "names": None}
-    return features
+    names = ["height", "width", "channels"]
+    return {"dtype": "video", "shape": shape, "names": names, "info": video}
