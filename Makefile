@@ -85,6 +85,7 @@ docs: $(VENV)/.dev ## Write the program's numbers, command line and faults into 
 	$(BIN)/python -m tests.docs.results
 	$(BIN)/python -m tests.docs.figure
 	$(BIN)/python -m tests.docs.command_line
+	$(BIN)/python -m tests.docs.sockets
 	$(BIN)/python -m tests.docs.wiring
 	$(BIN)/python -m tests.faults.page
 

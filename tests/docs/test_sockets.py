@@ -1,0 +1,96 @@
+"""The description of the sockets is true: of what the server says, and of what it takes."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import jsonschema
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot.driver import CLASSIC
+from robot.types import Mode
+from server.protocol import MAX_COUNT, BareMessage, ErrorCode, ProtocolError, parse_message
+from tests.docs import sockets
+from tests.server.virtual_server import VirtualServer
+
+DOWN, UP = sockets.downward(), sockets.upward()
+MOVES = tuple(CLASSIC)
+
+
+def test_the_file_is_written_from_the_types() -> None:
+    assert sockets.PAGE.read_text("utf-8") == sockets.render(), "run: make docs"
+
+
+def test_every_reference_leads_somewhere() -> None:
+    described = sockets.describe()
+
+    def follow(value: Any) -> None:
+        if isinstance(value, dict):
+            if isinstance(at := value.get("$ref"), str):
+                found: Any = described
+                for part in at.removeprefix("#/").split("/"):
+                    found = found[part]
+            for each in value.values():
+                follow(each)
+        elif isinstance(value, list):
+            for each in value:
+                follow(each)
+
+    follow(described)
+    for schema in (*UP.values(), *DOWN.values()):
+        jsonschema.Draft7Validator.check_schema(schema)
+
+
+def test_what_the_server_says_is_as_described_and_nothing_is_left_out() -> None:
+    with VirtualServer() as server, server.pilot() as pilot:
+        pilot.mode("train")
+        pilot.hold("forward")
+        server.forward(1.0)
+        pilot.send(type="ping", client_ms=1.5)
+        pilot.send(type="dance")
+        pilot.send(type="mode", mode="fly", seq=10**6)
+        server.forward(0.5)
+        pilot.send(type="stop")
+        server.forward(0.5)
+        messages = list(pilot.page.messages)
+    kinds = {message["type"] for message in messages}
+    assert {"hello", "state", "pong", "error"} <= kinds
+    for message in messages:
+        schema = DOWN[message["type"]]
+        jsonschema.validate(message, schema)
+        if message["type"] in ("hello", "state"):
+            assert set(message) == set(schema["properties"])
+    assert {"malformed", *(m["code"] for m in messages if m["type"] == "error")} <= {*ErrorCode}
+
+
+NUMBERS = st.one_of(
+    st.integers(-2, 3),
+    st.sampled_from([MAX_COUNT, MAX_COUNT + 1, 2**32 - 1, 2**32, -MAX_COUNT - 1]),
+    st.floats(-9, 9).filter(lambda number: not number.is_integer()),
+)
+VALUES = st.one_of(NUMBERS, st.none(), st.booleans(), st.just("forward"), st.just([]))
+FIELDS = ("held", "seq", "frame", "nonce", "frame_age_ms", "phone_ms", "client_ms", "mode")
+
+
+@settings(max_examples=500, deadline=None)
+@given(
+    kind=st.sampled_from(["drive", "mode", "ping", *BareMessage]),
+    fields=st.dictionaries(st.sampled_from(FIELDS), VALUES | st.sampled_from([*Mode, *MOVES])),
+)
+def test_the_server_takes_what_is_described_and_nothing_else(
+    kind: str, fields: dict[str, Any]
+) -> None:
+    message = {"type": str(kind), **fields}
+    if isinstance(fields.get("held"), str) and fields["held"] not in MOVES:
+        return  # which moves there are, `hello` says
+    try:
+        parse_message(json.dumps(message), MOVES)
+        is_taken = True
+    except ProtocolError:
+        is_taken = False
+    is_described = jsonschema.Draft7Validator(UP[str(kind)]).is_valid(message)
+    assert is_taken == is_described, message
+    assert all(math.isfinite(v) for v in fields.values() if isinstance(v, float))
