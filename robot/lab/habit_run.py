@@ -20,9 +20,8 @@ from robot.lab.metrics import driving
 from robot.lab.metrics.log import DriveLog, DriveSample
 from robot.lab.simulated_pilots.habits import HABITS, Habit
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
-from robot.lab.simulated_pilots.situation import observe
 from robot.lab.task import Result
-from robot.lab.trial import Place, Trial
+from robot.lab.trial import Place, Trial, drive_by_hand
 from robot.types import Action, DrivenBy, Mode, Pose
 
 DRIFT_SHARE = 0.15
@@ -72,7 +71,7 @@ def run_habit(params: Mapping[str, Any]) -> Result:
     for phase, drive in drives.items():
         start = drive.moments[0].pose
         minutes = [
-            drive_by_hand(
+            minute_by_hand(
                 place,
                 make_habit_pilot(habit, f"{name} {number}"),
                 number,
@@ -112,12 +111,8 @@ def drive_figures(drive: DriveLog, teacher: DriveLog, moves: tuple[Action, ...])
         "ssd": difference.ssd,
         "ssd_frequent": sum(ssd for m, ssd in difference.per_move.items() if m not in rare),
         "ssd_alike": _ssd_of_turns_alike(drive, teacher),
-        "stuck": driving.is_stuck(drive),
         "longest_stay_s": driving.longest_stay_s(drive),
-        "longest_push_s": driving.longest_push_s(drive),
-        "asking_share": driving.asking_share(drive),
-        "driven_m": driving.driven_m(drive),
-        "covered_m2": driving.covered_m2(drive),
+        **driving.figures(drive),
     }
 
 
@@ -133,7 +128,7 @@ def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:
     return compare(taught, driven, (Action.FORWARD, Action.LEFT)).ssd
 
 
-def drive_by_hand(
+def minute_by_hand(
     place: Place, pilot: SimulatedPilot, number: int, start: Pose, *, rate_hz: float
 ) -> DriveLog:
     """Return a drive of a minute in which the pilot drives and the robot learns nothing.
@@ -147,19 +142,12 @@ def drive_by_hand(
     driver = SimDriver(SimOptions(world=place.world, seed=place.seed + 1000 * number))
     driver.connect()
     driver.simulation.pose = start
-    pilot.change_mode(Mode.TRAIN)
     log = DriveLog()
-    for frame_id in range(1, round(60.0 * rate_hz) + 1):
-        clock.advance(1 / rate_hz)
-        driver.advance(1 / rate_hz)
-        simulation, now_s = driver.simulation, clock.now_s()
-        pilot.see(observe(simulation, frame_id, now_s), None)
-        for command in pilot.act(now_s, frame_id):
-            driver.send_action(command.held or Action.STOP)
-        sensors = driver.sense()
+    for situation, _ in drive_by_hand(driver, pilot, clock, 60.0, rate_hz):
+        sensors, simulation = driver.sense(), driver.simulation
         log.add(
             DriveSample(
-                now_s=now_s,
+                now_s=situation.at_s,
                 action=simulation.action,
                 driven_by=DrivenBy.PILOT,
                 distance_m=sensors.distance_m or 0.0,

@@ -93,11 +93,7 @@ def figures(
         "first_collision_s": driving.first_collision_s(drive),
         "collisions_per_min": driving.collisions_per_minute(drive),
         "pushing_s_per_min": driving.pushing_s_per_minute(drive),
-        "longest_push_s": driving.longest_push_s(drive),
-        "stuck": driving.is_stuck(drive),
-        "asking_share": driving.asking_share(drive),
-        "driven_m": driving.driven_m(drive),
-        "covered_m2": driving.covered_m2(drive),
+        **driving.figures(drive),
     }
 
 

@@ -15,11 +15,10 @@ from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.lab.habit_run import make_habit_pilot
 from robot.lab.ideas import make_learner
 from robot.lab.simulated_pilots.habits import HABITS
-from robot.lab.simulated_pilots.pilot import SimulatedPilot
-from robot.lab.simulated_pilots.situation import observe
+from robot.lab.simulated_pilots.situation import Situation
 from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS
 from robot.lab.task import Result
-from robot.lab.trial import Place, Trial
+from robot.lab.trial import Place, Trial, drive_by_hand
 from robot.policy.policy import Policy
 from robot.types import Action, Mode
 
@@ -63,22 +62,18 @@ def ask(policy: Policy, world: str, seed: int, seconds: float) -> dict[str, int]
     clock = ManualClock()
     driver = SimDriver(SimOptions(world=world, seed=seed + 1000))
     camera = SimCamera(driver, SimCameraOptions(), clock)
-    pilot: SimulatedPilot = make_habit_pilot(HABITS["right"], f"asked {seed}")
-    pilot.change_mode(Mode.TRAIN)
+    pilot = make_habit_pilot(HABITS["right"], f"asked {seed}")
     count = dict.fromkeys(("blocked", "right", "left", "turning", "turning_right"), 0)
-    driver.connect()
-    for frame_id in range(1, round(seconds * LOOKS_HZ) + 1):
-        clock.advance(1 / LOOKS_HZ)
-        driver.advance(1 / LOOKS_HZ)
-        now_s = clock.now_s()
-        situation = observe(driver.simulation, frame_id, now_s)
+    would: Action | None = None
+
+    def propose(situation: Situation) -> Action | None:
+        nonlocal would
         x = policy.extract(camera.capture())
-        would = policy.propose(frame_id, x, at_s=now_s).action
-        pilot.see(situation, would)
-        held = None
-        for command in pilot.act(now_s, frame_id):
-            held = command.held
-            driver.send_action(held or Action.STOP)
+        would = policy.propose(situation.frame_id, x, at_s=situation.at_s).action
+        return would
+
+    driver.connect()
+    for situation, held in drive_by_hand(driver, pilot, clock, seconds, LOOKS_HZ, propose):
         if held is Action.RIGHT:
             count["turning"] += 1
             count["turning_right"] += would is Action.RIGHT

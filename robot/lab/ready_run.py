@@ -64,10 +64,7 @@ def run_ready(params: Mapping[str, Any]) -> Result:
         "missing": missing,
         "agreement": agreement,
         "foreseen": dict(readiness.foreseen),
-        "asking_share": driving.asking_share(alone),
-        "longest_push_s": driving.longest_push_s(alone),
-        "stuck": driving.is_stuck(alone),
-        "driven_m": driving.driven_m(alone),
+        **driving.figures(alone),
         "timing": {"frames": frames, "frames_per_s": frames / (time.perf_counter() - started_s)},
     }
 

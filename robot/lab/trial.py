@@ -7,10 +7,8 @@ pilot holds directions as a phone would; `ControlLoop.tick` decides, drives and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Self
 
 from robot.clock import ManualClock
 from robot.control.link_governor import LinkGovernorConfig
@@ -20,9 +18,9 @@ from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.errors import RobotError
 from robot.lab.metrics.log import DriveLog, DriveSample
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
-from robot.lab.simulated_pilots.situation import observe
+from robot.lab.simulated_pilots.situation import Situation, observe
 from robot.policy.policy import Policy
-from robot.types import Action, Mode, Pose, Prediction
+from robot.types import Action, Mode, Pose, Prediction, StartStop
 
 FRAME_RATE_HZ = 10.0
 """Frames, ticks and heartbeats a second: about the paper's cycle rate with 32 nodes."""
@@ -38,7 +36,7 @@ class Place:
     seed: int
 
 
-class Trial:
+class Trial(StartStop):
     """A simulated robot, its loop and its pilot, on a clock that runs as fast as the machine can.
 
     Use it as a context manager: it holds a renderer, which belongs to this thread.
@@ -73,7 +71,6 @@ class Trial:
         self.loop = ControlLoop(
             self.driver, self.camera, policy, self.clock, LoopConfig(governor=governor)
         )
-        self.driver.connect()
 
     def drive(
         self,
@@ -151,20 +148,37 @@ class Trial:
         state = self.loop.state
         return state.fault or str(state.decision.stop_reason)
 
-    def close(self) -> None:
+    def start(self) -> None:
+        self.driver.connect()
+
+    def stop(self) -> None:
         self.driver.disconnect()
         self.driver.simulation.close()
 
-    def __enter__(self) -> Self:
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
+def drive_by_hand(
+    driver: SimDriver,
+    pilot: SimulatedPilot,
+    clock: ManualClock,
+    seconds: float,
+    rate_hz: float,
+    propose: Callable[[Situation], Action | None] = lambda situation: None,
+) -> Iterator[tuple[Situation, Action | None]]:
+    """Let a pilot drive without a loop; yield each situation, and what the pilot then holds.
+
+    `propose` says what a robot would do there, which the pilot sees on the screen.
+    """
+    pilot.change_mode(Mode.TRAIN)
+    for frame_id in range(1, round(seconds * rate_hz) + 1):
+        clock.advance(1 / rate_hz)
+        driver.advance(1 / rate_hz)
+        situation = observe(driver.simulation, frame_id, clock.now_s())
+        pilot.see(situation, propose(situation))
+        held = None
+        for command in pilot.act(situation.at_s, frame_id):
+            held = command.held
+            driver.send_action(held or Action.STOP)
+        yield situation, held
 
 
 def _action_of(prediction: Prediction | None) -> Action | None:

@@ -31,12 +31,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     _add(commands, "show", show, "show one along its time: labels, and what the robot said")
     play = _add(commands, "play", play_episode, "replay one into the page")
     play.add_argument("--port", default="8000", help="port (default: %(default)s)")
-    for verb, action, text in (
-        ("trim", trim_episode, "keep only a range; `undo` takes it back"),
-        ("delete", delete, "delete a range, or without --from and --to all of it"),
-        ("relabel", relabel, "give a range another label; `undo` takes it back"),
-    ):
-        _add_range(_add(commands, verb, action, text), verb)
+    _add_range(_add(commands, "trim", trim_episode, "keep only a range; `undo` takes it back"))
+    text = "delete a range, or without --from and --to all of it"
+    _add_range(_add(commands, "delete", delete, text))
+    text = "give a range another label; `undo` takes it back"
+    relabelling = _add(commands, "relabel", relabel, text)
+    _add_range(relabelling)
+    text = "name of a move, such as left"
+    relabelling.add_argument("--label", required=True, metavar="MOVE", help=text)
     _add(commands, "undo", undo, "take the last edit back")
     restore = _add(commands, "restore", restore_episode, "bring a deleted episode back")
     restore.set_defaults(episode=None)
@@ -44,7 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     title = _add(commands, "title", set_title, "give one a title")
     title.add_argument("title")
     _add(commands, "protect", protect, "never offer one for deletion")
-    _add(commands, "unprotect", unprotect, "offer it again")
+    _add(commands, "unprotect", protect, "offer it again")
     for point in sorted(entry_points(group=VERBS), key=lambda point: point.name):
         added: EpisodeVerb = point.load()
         verbs_parser = commands.add_parser(point.name, help=added.help, description=added.help)
@@ -72,22 +74,10 @@ def _add(commands: Any, verb: str, action: Any, text: str) -> argparse.ArgumentP
     return parser
 
 
-def _add_range(parser: argparse.ArgumentParser, verb: str) -> None:
-    needed = verb != "delete"
+def _add_range(parser: argparse.ArgumentParser) -> None:
     for flag, dest in (("--from", "first_s"), ("--to", "last_s")):
-        parser.add_argument(
-            flag,
-            dest=dest,
-            type=number(least=0),
-            default=None,
-            metavar="S",
-            help="seconds from the start",
-        )
-    parser.set_defaults(needs_range=needed)
-    if verb == "relabel":
-        parser.add_argument(
-            "--label", required=True, metavar="MOVE", help="name of a move, such as left"
-        )
+        text = "seconds from the start"
+        parser.add_argument(flag, dest=dest, type=number(least=0), metavar="S", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -231,11 +221,7 @@ def set_title(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -
 
 
 def protect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    store.protect(find_id(store, args.episode), True)
-
-
-def unprotect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    store.protect(find_id(store, args.episode), False)
+    store.protect(find_id(store, args.episode), args.verb == "protect")
 
 
 # Space -------------------------------------------------------------------------------------------

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeVar, get_type_hints
+from urllib.parse import quote
 
-from fastapi import APIRouter, FastAPI
+import numpy as np
+from fastapi import APIRouter, FastAPI, Response
 from fastapi.routing import APIRoute
+from numpy.typing import NDArray
+
+from robot.policy.png import encode_png
 
 _T = TypeVar("_T")
 _WHY = {
@@ -35,6 +41,23 @@ def media(kind: str) -> dict[int | str, dict[str, Any]]:
 
 
 PNG = media("image/png")
+
+
+def png(pixels: NDArray[np.uint8], keep_s: int = 0) -> Response:
+    """Answer with a picture, which the browser may keep for some time."""
+    headers = {"cache-control": f"private, max-age={keep_s}"} if keep_s else None
+    return Response(encode_png(pixels), media_type="image/png", headers=headers)
+
+
+def png_text(pixels: NDArray[np.uint8]) -> str:
+    """Return a picture as a field of JSON: PNG in base64."""
+    return b64encode(encode_png(pixels)).decode()
+
+
+def attachment(data: bytes, kind: str, name: str) -> Response:
+    """Answer with a file to be saved under a name."""
+    headers = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name, safe='')}"}
+    return Response(data, media_type=kind, headers=headers)
 
 
 class Of(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from typing import Annotated, Any, get_type_hints
 
-from fastapi import Request
+from fastapi import Depends, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import Field
@@ -72,7 +72,10 @@ HANDLERS: dict[Any, Any] = {
 """What every application does with errors."""
 
 
-def require_no_session(request: Request) -> None:
+def _require_no_session(request: Request) -> None:
     """Dependency of what changes the model in use: 409 while a participant's session is on."""
     for extension in services_of(request).extensions.values():
         extension.require_free_model()
+
+
+NO_SESSION = Depends(_require_no_session)

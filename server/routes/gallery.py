@@ -5,19 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, HTTPException, Request, Response
+from fastapi import APIRouter, HTTPException, Request, Response
 from pydantic import StrictBool, StrictStr
 
 from robot.devices.outside import Outside, must_be
 from robot.policy.gallery import LearnedImage
-from robot.policy.png import encode_png
 from server.progress import Progress
-from server.routes.answers import PNG, Of, Route, answer
-from server.security.guard import require_pilot, require_viewer
+from server.routes.answers import PNG, Of, Route, answer, png
+from server.security.guard import PILOT, VIEWER
 from server.services import services_of
 
 router = APIRouter(prefix="/api/gallery", route_class=Route)
-VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 
 
 class ImageEdit(Outside):
@@ -70,11 +68,7 @@ async def show_image(request: Request, node: int) -> Response:
     image = await services_of(request).progress.image(node)
     if image is None:
         raise HTTPException(404, "Unknown image.")
-    return Response(
-        encode_png(image.thumbnail),
-        media_type="image/png",
-        headers={"cache-control": "private, max-age=600"},
-    )
+    return png(image.thumbnail, keep_s=600)
 
 
 @router.post("/undo", dependencies=[PILOT])

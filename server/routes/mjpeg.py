@@ -8,14 +8,14 @@ from __future__ import annotations
 import contextlib
 from collections.abc import AsyncIterator
 
-from fastapi import APIRouter, Depends, HTTPException, Request
+from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import StreamingResponse
 
 from robot.errors import MissingExtraError
 from robot.types import Encoding
 from server.clients.hub import Hub
 from server.routes.answers import Route
-from server.security.guard import require_viewer
+from server.security.guard import VIEWER
 from server.services import services_of
 
 router = APIRouter(route_class=Route)
@@ -25,7 +25,7 @@ _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 
 @router.get(
     "/video.mjpg",
-    dependencies=[Depends(require_viewer)],
+    dependencies=[VIEWER],
     response_class=StreamingResponse,
     include_in_schema=False,
 )

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Annotated, Any
-from urllib.parse import quote
 
-from fastapi import APIRouter, Depends, HTTPException, Request, Response
+from fastapi import APIRouter, HTTPException, Request, Response
 
 from robot.devices.outside import text
-from robot.policy.png import encode_png
 from robot.policy.registry import split_name
 from robot.store.models.model import decode_model
-from server.routes.answers import PNG, NameAnswer, Of, Route, UndoAnswer, answer, media
-from server.routes.bodies import NAMED, Key, Named, do, require_no_session
-from server.security.guard import require_pilot, require_viewer
+from server.routes.answers import (
+    PNG,
+    NameAnswer,
+    Of,
+    Route,
+    UndoAnswer,
+    answer,
+    attachment,
+    media,
+    png,
+)
+from server.routes.bodies import NAMED, NO_SESSION, Key, Named, do
+from server.security.guard import PILOT, VIEWER
 from server.services import persistence_of
 
 router = APIRouter(prefix="/api/models", route_class=Route)
-VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
-NO_SESSION = Depends(require_no_session)
 
 
 class ModelChange(Named):
@@ -134,9 +140,8 @@ async def delete_model(request: Request, name: str) -> UndoAnswer:
 @router.get("/{name}/preview", dependencies=[VIEWER], responses=PNG, response_class=Response)
 def preview_model(request: Request, name: str) -> Response:
     """Return the model's most used learned image, as PNG."""
-    persistence = persistence_of(request)
-    model = decode_model(persistence.models.read_file(name))
-    return Response(encode_png(model.preview), media_type="image/png")
+    model = decode_model(persistence_of(request).models.read_file(name))
+    return png(model.preview)
 
 
 @router.get(
@@ -147,12 +152,8 @@ def preview_model(request: Request, name: str) -> Response:
 )
 def download_model(request: Request, name: str) -> Response:
     """Download the model as a file."""
-    persistence = persistence_of(request)
-    data = persistence.models.read_file(name)
-    disposition = f"attachment; filename*=UTF-8''{quote(name, safe='')}.npz"
-    return Response(
-        data, media_type="application/zip", headers={"content-disposition": disposition}
-    )
+    data = persistence_of(request).models.read_file(name)
+    return attachment(data, "application/zip", f"{name}.npz")
 
 
 @router.put(

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from fastapi import APIRouter, Depends, HTTPException, Request
+from fastapi import APIRouter, HTTPException, Request
 
 from robot.devices.outside import Outside, must_be, text
 from server.routes.answers import NameAnswer, Route
-from server.routes.bodies import NAMED, Named, Short, do, require_no_session
-from server.security.guard import require_pilot, require_viewer
+from server.routes.bodies import NAMED, NO_SESSION, Named, Short, do
+from server.security.guard import PILOT, VIEWER
 from server.services import persistence_of, services_of
 
 router = APIRouter(prefix="/api/retraining", route_class=Route)
-VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
-NO_SESSION = Depends(require_no_session)
 _MOST_EPISODES = 100
 
 

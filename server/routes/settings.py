@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal, get_args
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import APIRouter, Request
 from starlette.concurrency import run_in_threadpool
 
 from robot.control.loop import ControlLoop
@@ -19,11 +19,10 @@ from robot.types import Action
 from server.identity import COLOURS
 from server.routes.answers import Route
 from server.routes.bodies import Short, do
-from server.security.guard import require_pilot, require_viewer
+from server.security.guard import PILOT, VIEWER
 from server.services import persistence_of, services_of
 
 router = APIRouter(prefix="/api/settings", route_class=Route)
-VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 Size = Literal[16, 32, 64, 128, 256]
 SIZES: tuple[int, ...] = get_args(Size)
 """Numbers of learned images that a person may choose from."""

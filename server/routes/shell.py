@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import APIRouter, Request
 from starlette.concurrency import run_in_threadpool
 
 from server.hosting.joined_page import join_page
 from server.routes.answers import Route
-from server.security.guard import require_viewer
+from server.security.guard import VIEWER
 from server.services import services_of
 
 router = APIRouter(route_class=Route)
@@ -25,7 +25,7 @@ def shell_files(folder: Path) -> list[str]:
     return ["./", *joined, *(path.relative_to(folder).as_posix() for path in icons)]
 
 
-@router.get("/shell.json", dependencies=[Depends(require_viewer)], include_in_schema=False)
+@router.get("/shell.json", dependencies=[VIEWER], include_in_schema=False)
 async def list_shell(request: Request) -> list[str]:
     """List what the page needs to open without the robot."""
     return await run_in_threadpool(shell_files, services_of(request).config.web_folder)

@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import asyncio
-from base64 import b64encode
 from collections import Counter
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-from fastapi import APIRouter, Depends, Query, Request
-from numpy.typing import NDArray
+from fastapi import APIRouter, Query, Request
 
 from robot.control.readiness import Readiness
 from robot.devices.outside import Outside, number
 from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
 from robot.policy.image import to_small_grey
-from robot.policy.png import encode_png
 from robot.types import Frame
-from server.routes.answers import Of, Route, answer
-from server.security.guard import require_pilot, require_viewer
+from server.routes.answers import Of, Route, answer, png_text
+from server.security.guard import PILOT, VIEWER
 from server.services import services_of
 
 router = APIRouter(prefix="/api/teaching", route_class=Route)
-VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 _LAST = Query(5.0, gt=0, le=UNDO_HORIZON_S, description="a number above 0 up to 35")
 _STRIP = 24
 """How many frames a strip shows at most."""
@@ -138,7 +133,7 @@ def _describe_readiness(readiness: Readiness, has_pictures: bool) -> ReadinessAn
         readiness,
         **readiness.foreseen,
         missing=[
-            answer(GapAnswer, gap, png=frame and _png(to_small_grey(*_half(frame))))
+            answer(GapAnswer, gap, png=frame and png_text(to_small_grey(*_half(frame))))
             for gap, frame in gaps
         ],
     )
@@ -146,10 +141,6 @@ def _describe_readiness(readiness: Readiness, has_pictures: bool) -> ReadinessAn
 
 def _half(frame: Frame) -> tuple[Frame, int, int]:
     return frame, frame.width // 2, frame.height // 2
-
-
-def _png(image: NDArray[np.uint8]) -> str:
-    return b64encode(encode_png(image)).decode()
 
 
 def _preview(history: TrainingHistory, seconds: float) -> LastExamples:
@@ -162,7 +153,7 @@ def _preview(history: TrainingHistory, seconds: float) -> LastExamples:
         lessons=len(taught),
         taught={move.value: labels[move] for move in history.policy.moves},
         strip=[
-            answer(ExampleAnswer, event.example, png=_png(picture(event.x)))
+            answer(ExampleAnswer, event.example, png=png_text(picture(event.x)))
             for event in taught[::step]
         ],
     )

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import asyncio
-from base64 import b64encode
 from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import APIRouter, Request
 
 from robot.control.loop import ControlLoop
 from robot.policy.explanation import Explanation, explain
-from robot.policy.png import encode_png
 from robot.types import Prediction
-from server.routes.answers import Of, Route, answer
-from server.security.guard import require_viewer
+from server.routes.answers import Of, Route, answer, png_text
+from server.security.guard import VIEWER
 from server.services import services_of
 
 router = APIRouter(route_class=Route)
 
 
 def _png(name: str) -> Of:
-    return Of(lambda explanation: b64encode(encode_png(getattr(explanation, name))).decode())
+    return Of(lambda explanation: png_text(getattr(explanation, name)))
 
 
 def _rows(explanation: Explanation) -> list[list[float]]:
@@ -50,7 +48,7 @@ class WhyAnswer:
     why: Why | None
 
 
-@router.get("/api/why", dependencies=[Depends(require_viewer)])
+@router.get("/api/why", dependencies=[VIEWER])
 async def show_why(request: Request) -> WhyAnswer:
     """Return the image that decides now beside the present view; null if there is none."""
     loop = services_of(request).robot.loop

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import APIRouter, Request
 
 from server.routes.answers import Of, Route, answer
-from server.security.guard import require_viewer
+from server.security.guard import VIEWER
 from server.services import services_of
 
 router = APIRouter(route_class=Route)
@@ -56,7 +56,7 @@ class PathAnswer:
     is_estimate: bool
 
 
-@router.get("/api/world", dependencies=[Depends(require_viewer)])
+@router.get("/api/world", dependencies=[VIEWER])
 def show_world(request: Request) -> WorldAnswer:
     """Return the world as it is now, in metres and radians; null for a real robot."""
     body: object = services_of(request).robot.driver
@@ -67,7 +67,7 @@ def show_world(request: Request) -> WorldAnswer:
     return WorldAnswer(world=answer(WorldMap, world, things=things))
 
 
-@router.get("/api/path", dependencies=[Depends(require_viewer)])
+@router.get("/api/path", dependencies=[VIEWER])
 def show_path(request: Request, since: int = 0) -> PathAnswer:
     """Return the points of the way from the one numbered `since` on, as columns.
 

@@ -16,7 +16,7 @@ from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from functools import partial
 from typing import Any
 
-from fastapi import HTTPException
+from fastapi import Depends, HTTPException
 from starlette.requests import ClientDisconnect, HTTPConnection, Request
 
 from robot.clock import Clock
@@ -81,6 +81,10 @@ def require_teacher(request: Request) -> Role:
     if role_of(request) is not Role.TEACHER:
         raise HTTPException(403, "Only the board of this robot's class may do that.")
     return Role.TEACHER
+
+
+VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
+"""What a route depends on that shows something, and one that changes something."""
 
 
 class Guard:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
-from urllib.parse import quote
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Request, Response
 
 from robot.devices.outside import Outside, must_be, text, whole
 from robot.errors import ConfigurationError
 from robot.study.builtin import paper_plan
-from server.routes.answers import NameAnswer, Route, media
+from server.routes.answers import NameAnswer, Route, attachment, media
 from server.routes.bodies import do
 from server.security.access import Role
-from server.security.guard import require_pilot, require_viewer, role_of
+from server.security.guard import PILOT, VIEWER, role_of
 from server.services import persistence_of, services_of
 from server.study.conductor import Conductor
 from server.study.described import describe_place, describe_session, describe_study
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from server.study.extension import StudyExtension
 
 router = APIRouter(prefix="/api", route_class=Route)
-VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 
 
 class NewStudy(Outside):
@@ -95,7 +93,7 @@ async def list_studies(request: Request) -> dict[str, Any]:
 async def download_older(request: Request, result_id: str) -> Response:
     """Return the result of one guided trial of 0.2 as a file."""
     data = await do(read_result, _older(request), result_id)
-    return _file(data, "application/json", f"{result_id}.json")
+    return attachment(data, "application/json", f"{result_id}.json")
 
 
 @router.post("/studies", dependencies=[PILOT], status_code=201)
@@ -123,12 +121,7 @@ async def show_study(request: Request, name: str) -> dict[str, Any]:
 async def download_study(request: Request, name: str) -> Response:
     """Return everything of a study: plan, event logs, tables, figures."""
     data = await do(_conductor(request).folder.zip, name)
-    return _file(data, "application/zip", f"{name}.zip")
-
-
-def _file(data: bytes, media_type: str, name: str) -> Response:
-    headers = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name)}"}
-    return Response(data, media_type=media_type, headers=headers)
+    return attachment(data, "application/zip", f"{name}.zip")
 
 
 @router.get("/studies/{name}/sessions/{participant}", dependencies=[PILOT])

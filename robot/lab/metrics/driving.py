@@ -115,6 +115,17 @@ def agreement(log: DriveLog) -> float | None:
     return sum(both) / len(both) if both else None
 
 
+def figures(log: DriveLog) -> dict[str, float]:
+    """Return what every experiment tells of a drive."""
+    return {
+        "longest_push_s": longest_push_s(log),
+        "stuck": is_stuck(log),
+        "asking_share": asking_share(log),
+        "driven_m": driven_m(log),
+        "covered_m2": covered_m2(log),
+    }
+
+
 def mean_cycle_s(log: DriveLog) -> float:
     return log.seconds / len(log) if len(log) > 1 else 0.0
 

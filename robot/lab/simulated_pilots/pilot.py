@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from robot.lab.simulated_pilots.hand import HumanDelayConfig, HumanDelayModel
 from robot.lab.simulated_pilots.situation import Situation
@@ -101,7 +101,7 @@ class SimulatedPilot:
         commands = self._hand.arrived(now_s)
         if self._hand.config.names_frame:
             return commands
-        return [_renamed(command, newest_frame_id) for command in commands]
+        return [replace(command, frame_id=newest_frame_id) for command in commands]
 
     def _look_until(self, end_s: float) -> None:
         """Look at the screen whenever it is time to, at the picture that is there at that time.
@@ -154,14 +154,3 @@ class SimulatedPilot:
             held_s >= takeover.shortest_hold_s and content_s >= takeover.contented_s - _EPSILON_S
         ):
             self._holds_since_s = self._annoyed_since_s = None
-
-
-def _renamed(command: PilotCommand, frame_id: int) -> PilotCommand:
-    return PilotCommand(
-        held=command.held,
-        frame_id=frame_id,
-        seq=command.seq,
-        received_s=command.received_s,
-        pilot=command.pilot,
-        frame_age_s=command.frame_age_s,
-    )

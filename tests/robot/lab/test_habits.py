@@ -146,12 +146,12 @@ def test_a_robot_taught_by_a_habit_drives_and_the_run_repeats() -> None:
 @pytest.mark.parametrize("rate_hz", [10.0, 30.0])
 def test_a_pilot_is_measured_where_the_robot_began_and_at_its_rate(rate_hz: float) -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
-    from robot.lab.habit_run import drive_by_hand, make_habit_pilot
+    from robot.lab.habit_run import make_habit_pilot, minute_by_hand
     from robot.lab.trial import Place
 
     start = Pose(x_m=3.4, y_m=2.2, heading_rad=2.0)
     pilot = make_habit_pilot(HABITS["irregular"], "1")
-    drive = drive_by_hand(Place(world="fork", seed=1), pilot, 2, start, rate_hz=rate_hz)
+    drive = minute_by_hand(Place(world="fork", seed=1), pilot, 2, start, rate_hz=rate_hz)
     first = drive.moments[0].pose
     assert len(drive.moments) == 60 * rate_hz
     assert math.dist((first.x_m, first.y_m), (start.x_m, start.y_m)) < 0.05
