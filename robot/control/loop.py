@@ -25,8 +25,7 @@ from robot.control.gate import Gate, GateConfig
 from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, age_of_link_s
 from robot.control.mailbox import Mailbox
 from robot.control.online_learning import OnlineLearning
-from robot.control.publisher import StatePublisher
-from robot.control.state import LoopState, Tick
+from robot.control.state import LoopState, StatePublisher, Tick
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError
 from robot.learner.base import Vector

@@ -2,29 +2,113 @@
 
 It keeps the feature vectors of the newest frames, because a command labels the frame that the pilot
 was looking at, which is a little older than the newest.
+
+Which frames a command labels: it says what is held and which frame the pilot was looking at. That
+frame gets the label, and so do the frames between it and the one that the command before named:
+they carry what was held then, because a change is always sent at once.
 """
 
 from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from robot.clock import Clock
-from robot.control.agreement import Agreement
-from robot.control.labelling import Labeller
-from robot.control.state import Timing
 from robot.driver import Move
 from robot.learner.base import Vector
 from robot.policy.history import HistoryEvent, Replaced, TrainingHistory, Undone
 from robot.policy.policy import Policy
 from robot.types import Action, Example, Frame, PilotCommand, Prediction
 
+WINDOW_S = 10.0
+"""A time, not a number of examples: at thirty a second a hundred are one way straight ahead."""
+
+
+class Agreement:
+    """Compares predictions with the labels that came after them. Constant time an example."""
+
+    def __init__(self) -> None:
+        self._examples: deque[tuple[float, bool]] = deque()
+        self._n_right = 0
+
+    @property
+    def n_examples(self) -> int:
+        """Over how many examples it is measured."""
+        return len(self._examples)
+
+    @property
+    def share(self) -> float | None:
+        """Share of the examples that were predicted correctly; None before the first."""
+        return self._n_right / len(self._examples) if self._examples else None
+
+    def add(self, at_s: float, *, is_right: bool) -> None:
+        """Add an example, predicted before it was learned; its teaching time never goes back."""
+        self._examples.append((at_s, is_right))
+        self._n_right += is_right
+        while self._examples[0][0] <= at_s - WINDOW_S:
+            self._n_right -= self._examples.popleft()[1]
+
+    def drop_after(self, at_s: float) -> None:
+        """Drop what is later than this teaching time: it was undone."""
+        while self._examples and self._examples[-1][0] > at_s:
+            self._n_right -= self._examples.pop()[1]
+
+    def clear(self) -> None:
+        """Drop everything: another policy learns."""
+        self._examples.clear()
+        self._n_right = 0
+
+
+class Labeller:
+    """Turns the pilot's commands of one drive into (frame id, label) pairs, each frame once."""
+
+    def __init__(self) -> None:
+        self._previous: PilotCommand | None = None
+        self._last_frame_id = 0
+
+    def reset(self) -> None:
+        """Forget what was held: a new drive begins. No frame is labelled twice even so."""
+        self._previous = None
+
+    def label(
+        self, command: PilotCommand, known_frame_ids: Iterable[int]
+    ) -> Iterator[tuple[int, Action]]:
+        """Yield the frames that `command` labels, oldest first.
+
+        Args:
+            command: The pilot's newest command.
+            known_frame_ids: Ids still remembered, ascending; others cannot be labelled.
+        """
+        if command.frame_id is None:
+            return
+        before = self._previous.held if self._previous else None
+        for frame_id in known_frame_ids:
+            if self._last_frame_id < frame_id < command.frame_id and before is not None:
+                yield frame_id, before
+            elif frame_id == command.frame_id > self._last_frame_id and command.held is not None:
+                yield frame_id, command.held
+        self._last_frame_id = max(self._last_frame_id, command.frame_id)
+        self._previous = command
+
+
 log = logging.getLogger(__name__)
 
 MEMORY_FRAMES = 64
 """How many of the newest frames can still be labelled: two seconds at 30 frames a second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """How often something was done, and how long it took in all."""
+
+    count: int = 0
+    total_s: float = 0.0
+
+    def plus(self, seconds: float) -> Timing:
+        """Return this with one more."""
+        return Timing(count=self.count + 1, total_s=self.total_s + seconds)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector
-from robot.learner.clusters import MOST_FRAMES, Clusters, Merge
-from robot.learner.edges import Edges
+from robot.learner.clusters import MOST_FRAMES, Clusters, Edges, Merge
 from robot.learner.images import FloatImages, Images, IntegerImages
 from robot.learner.novelty import HELD_OUT
 from robot.learner.part import MOST_DISTANCE, Array, Stateful, Value
@@ -53,7 +52,7 @@ class BSOC(Clusters):
     fields = (
         Value("max_nodes", count(), "max_nodes", is_fixed=True),
         Value("group_cost", number(1.0, 1e6), "group_cost"),
-        Value("size", count()),
+        Value("size", count(), "n_nodes_"),
         Value("next_id", count()),
         Array("ids", np.int64, ("max_nodes",)),
         Array("touched", np.int64, ("max_nodes",), older=0),
@@ -94,17 +93,17 @@ class BSOC(Clusters):
     @property
     def nodes_(self) -> NDArray[np.float32]:
         """Node images, shape (n, d)."""
-        return self._images.nodes(self._size)
+        return self._images.nodes(self.n_nodes_)
 
     @property
     def counts_(self) -> NDArray[np.int64]:
         """Frames per node, shape (n,)."""
-        return np.array(self._counts[: self._size], np.int64)
+        return np.array(self._counts[: self.n_nodes_], np.int64)
 
     @property
     def groups_(self) -> NDArray[np.int64]:
         """Group of each node, shape (n,)."""
-        return self._groups[: self._size].copy()
+        return self._groups[: self.n_nodes_].copy()
 
     @property
     def n_trained_(self) -> int:
@@ -114,13 +113,13 @@ class BSOC(Clusters):
     @property
     def touched_(self) -> NDArray[np.int64]:
         """When each node last got a frame, as a count of frames, shape (n,); a pinned one: now."""
-        return np.where(self._pinned, self._next_id, self._touched)[: self._size]
+        return np.where(self._pinned, self._next_id, self._touched)[: self.n_nodes_]
 
     def distances(self, x: Vector) -> Floats:
         """Return the squared distance of `x` to every node, shape (n,); raises as `lookup`."""
-        if self._size == 0:
+        if self.n_nodes_ == 0:
             raise ValueError("nothing was learned yet")
-        return 2.0 * self._images.measure(x, self._size)
+        return 2.0 * self._images.measure(x, self.n_nodes_)
 
     def train(self, x: Vector, group: int = 0) -> int:
         """Add one frame; merge the two nodes cheapest to merge if there are too many.
@@ -135,7 +134,7 @@ class BSOC(Clusters):
         """
         if self._images.is_empty:
             self._images.begin(x)
-        size = self._size
+        size = self.n_nodes_
         distances = self._images.measure(x, size)  # halved, here and in all that follows
         self.last_merge_ = None
         self.last_distance_ = self._held_out(distances)
@@ -143,7 +142,7 @@ class BSOC(Clusters):
         name = self._next_id
         self._next_id = name + 1
         if size < self.max_nodes:
-            self._size = size + 1
+            self.n_nodes_ = size + 1
             self._place(size, np.append(distances, np.float32(0.0)), group, name)
             return int(self._distances[size, : size + 1].argmin())
         weights = distances * self._masses
@@ -239,7 +238,7 @@ class BSOC(Clusters):
     def set_group(self, node: int, group: int) -> None:
         """Move one node to another group."""
         self._groups[node] = group
-        self._set_row(node, self._distances[node, : self._size].copy())
+        self._set_row(node, self._distances[node, : self.n_nodes_].copy())
 
     def pin(self, node: int, pinned: bool = True) -> None:
         """Keep one node out of all merges, or let it take part again.
@@ -255,7 +254,7 @@ class BSOC(Clusters):
         self._pinned[node] = pinned
         self._n_pinned = others + pinned
         self._is_choosy = self.group_cost != 1.0 or self._n_pinned > 0
-        self._set_row(node, self._distances[node, : self._size].copy())
+        self._set_row(node, self._distances[node, : self.n_nodes_].copy())
 
     def delete(self, node: int) -> int:
         """Forget one node and return the index of the last, which takes its place.
@@ -265,7 +264,7 @@ class BSOC(Clusters):
         """
         if self._pinned[node]:
             raise ValueError("a pinned node cannot be deleted; unpin it first")
-        last = self._size - 1
+        last = self.n_nodes_ - 1
         if node != last:
             self._images.move(last, node)
             self._counts[node] = self._counts[last]
@@ -277,7 +276,7 @@ class BSOC(Clusters):
             self._distances[:last, node] = row
         self._pinned[last] = False
         self._edges.remove(node, last)
-        self._size = last
+        self.n_nodes_ = last
         return last
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
@@ -307,7 +306,7 @@ class BSOC(Clusters):
         Distances follow from one another, so that they are off by a little after many frames; 1 is
         more than that.
         """
-        size = self._size
+        size = self.n_nodes_
         rows = self._images.compared(size)
         norms = 0.5 * np.einsum("ij,ij->i", rows, rows)
         right: Floats = np.maximum(norms[:, None] + norms - rows @ rows.T, 0.0)
@@ -315,7 +314,7 @@ class BSOC(Clusters):
         return float(off) / (0.05 * float(norms.max(initial=0.0)) + 1.0), right
 
     def _fits(self) -> bool:
-        size = self._size
+        size = self.n_nodes_
         weights = np.maximum(self._masses[:size, None], self._masses[:size])
         weights = weights * self._distances[:size, :size]
         weights[self._groups[:size, None] != self._groups[:size]] *= np.float32(self.group_cost)

@@ -101,7 +101,7 @@ class BSOCClassifier(Stateful):
     @property
     def n_nodes_(self) -> int:
         """How many nodes there are."""
-        return len(self.cluster)
+        return self.cluster.n_nodes_
 
     @property
     def abilities(self) -> Abilities:
@@ -121,7 +121,7 @@ class BSOCClassifier(Stateful):
     @property
     def histograms_(self) -> NDArray[np.int64]:
         """Labels counted per node, shape (n, len(labels_))."""
-        return self._histograms[: len(self.cluster)].copy()
+        return self._histograms[: self.cluster.n_nodes_].copy()
 
     def learn_one(self, x: Vector, y: Label) -> None:
         """Add one labelled frame; merge two nodes when over `max_nodes`.
@@ -204,10 +204,10 @@ class BSOCClassifier(Stateful):
 
     def _votes(self, x: Vector, context: int | None = None) -> tuple[votes.Distances, votes.Floats]:
         """Return the distances to the nodes, and each label's share."""
-        if len(self.cluster) == 0:
+        if self.cluster.n_nodes_ == 0:
             raise NotFittedError("nothing was learned yet")
         distances = self.cluster.distances(x)
-        histograms = self._histograms[: len(self.cluster)]
+        histograms = self._histograms[: self.cluster.n_nodes_]
         if self.n_voters == 1:
             shares = votes.majority(distances, histograms)
         else:

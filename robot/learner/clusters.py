@@ -1,4 +1,4 @@
-"""What the paper's clustering and the one that follows from it have in common: named nodes."""
+"""What the paper's clustering and the one after it have in common: named nodes, and edges."""
 
 from __future__ import annotations
 
@@ -11,6 +11,76 @@ from numpy.typing import NDArray
 
 from robot.learner.base import Vector
 from robot.learner.part import Stateful
+
+Floats = NDArray[np.float32]
+
+CACHED_FROM = 200
+"""Nodes from which on each row's least is kept. Below, one argmin over all weights is faster:
+2 us against 9 at 128 nodes, 340 us against 25 at 1024."""
+
+
+class Edges:
+    """A symmetric matrix of weights; infinite where there is no edge."""
+
+    def __init__(self, max_nodes: int) -> None:
+        self.weights = np.full((max_nodes, max_nodes), np.inf, np.float32)
+        self._n = max_nodes
+        self._is_cached = max_nodes >= CACHED_FROM
+        self._least = np.full(max_nodes, np.inf, np.float32)
+        self._partner = np.zeros(max_nodes, np.int64)
+
+    def smallest(self) -> tuple[float, int, int]:
+        """Return weight and ends of the smallest edge; the lowest indices on a tie."""
+        if self._is_cached:
+            one = int(self._least.argmin())
+            return float(self._least[one]), one, int(self._partner[one])
+        one, two = divmod(int(self.weights.argmin()), self._n)
+        return float(self.weights[one, two]), one, two
+
+    def set_row(self, node: int, weights: Floats) -> None:
+        """Write one node's weights to the first `len(weights)` nodes."""
+        weights[node] = np.inf
+        size = weights.size
+        self.weights[node, :size] = weights
+        self.weights[:size, node] = weights
+        if self._is_cached:
+            self._update(node, weights)
+
+    def remove(self, node: int, last: int) -> None:
+        """Let the last node take the place of `node`."""
+        row = self.weights[last, : last + 1].copy()
+        row[last] = np.inf
+        self.weights[last, :] = np.inf
+        self.weights[:, last] = np.inf
+        row = row[:last]
+        if node != last:
+            self.weights[node, :last] = row
+            self.weights[:last, node] = row
+            self.weights[node, node] = np.inf
+        self.rebuild()
+
+    def rebuild(self) -> None:
+        """Find each row's smallest weight again, after the weights were replaced."""
+        self._partner = self.weights.argmin(axis=1)
+        self._least = self.weights[np.arange(self._n), self._partner]
+
+    def _update(self, node: int, weights: Floats) -> None:
+        """Update each row's smallest weight after one node's weights changed."""
+        size = weights.size
+        least, partner = self._least[:size], self._partner[:size]
+        lost = np.flatnonzero(partner == node)
+        better = (weights < least) | ((weights == least) & (node < partner))
+        least[better] = weights[better]
+        partner[better] = node
+        for row in lost.tolist():
+            self._rescan(row)
+        self._rescan(node)
+
+    def _rescan(self, row: int) -> None:
+        best = int(self.weights[row].argmin())
+        self._partner[row] = best
+        self._least[row] = self.weights[row, best]
+
 
 Distances = NDArray[np.float32] | NDArray[np.float64]
 MOST_FRAMES = 10**9
@@ -32,6 +102,7 @@ class Clusters(Stateful, ABC):
 
     Attributes:
         max_nodes: How many nodes to keep at most.
+        n_nodes_: How many there are.
         last_merge_: What the latest `train` merged; None if the frame became a node without a
             merge, or was itself merged into the node that `train` returned.
         last_distance_: Squared distance of the latest frame from the nodes before it, if measured.
@@ -43,13 +114,13 @@ class Clusters(Stateful, ABC):
         self.max_nodes = max_nodes
         self.last_merge_: Merge | None = None
         self.last_distance_: float | None = None
-        self._size = 0
+        self.n_nodes_ = 0
         self._next_id = 0
         self._ids = np.zeros(n_rows, np.int64)
         self._pinned = np.zeros(n_rows, np.bool_)
 
     def __len__(self) -> int:
-        return self._size
+        return self.n_nodes_
 
     @property
     @abstractmethod
@@ -64,12 +135,12 @@ class Clusters(Stateful, ABC):
     @property
     def ids_(self) -> NDArray[np.int64]:
         """Names of the nodes, shape (n,): a merged node keeps that of its heavier parent."""
-        return self._ids[: self._size].copy()
+        return self._ids[: self.n_nodes_].copy()
 
     @property
     def pinned_(self) -> NDArray[np.bool_]:
         """Which nodes are pinned, shape (n,)."""
-        return self._pinned[: self._size].copy()
+        return self._pinned[: self.n_nodes_].copy()
 
     def node_id(self, index: int) -> int:
         """Return the name of one node."""
@@ -96,7 +167,7 @@ class Clusters(Stateful, ABC):
 
     def faults(self) -> Iterator[str]:
         """Yield what the nodes say of one another that cannot be."""
-        size, ids = self._size, self.ids_
+        size, ids = self.n_nodes_, self.ids_
         if size > self.max_nodes or size > self._next_id:
             yield f"size is {size}, and next_id {self._next_id}"
         if len(np.unique(ids)) < size or ids.max(initial=-1) >= self._next_id:

@@ -47,7 +47,7 @@ class PublishedBSOC(Clusters):
         least, most = (0.0, 255.0) if self.integer else (-MOST_VALUES, MOST_VALUES)
         return (
             Value("max_nodes", count(), "max_nodes", is_fixed=True),
-            Value("size", count()),
+            Value("size", count(), "n_nodes_"),
             Value("next_id", count()),
             Array("images", self._dtype, ("max_nodes+1", "d"), least, most),
             Array("counts", np.int64, ("max_nodes+1",), high=MOST_FRAMES),
@@ -59,13 +59,13 @@ class PublishedBSOC(Clusters):
     @property
     def nodes_(self) -> NDArray[Any]:
         """Node images, shape (n, d): float64, or uint8 with `integer`."""
-        images = self._images[: self._size]
+        images = self._images[: self.n_nodes_]
         return images.astype(np.uint8) if self.integer else images.copy()
 
     @property
     def counts_(self) -> Integers:
         """Frames per node, shape (n,)."""
-        return self._counts[: self._size].copy()
+        return self._counts[: self.n_nodes_].copy()
 
     @property
     def groups_(self) -> Integers:
@@ -74,7 +74,7 @@ class PublishedBSOC(Clusters):
 
     def distances(self, x: Vector) -> NDArray[np.float64]:
         """Return the squared distance of `x` to every node, shape (n,); raises as `lookup`."""
-        if self._size == 0:
+        if self.n_nodes_ == 0:
             raise ValueError("nothing was learned yet")
         return self._measure(self._checked(x))
 
@@ -84,13 +84,13 @@ class PublishedBSOC(Clusters):
         `group` is ignored: the published algorithm has no groups. Raises as `lookup`.
         """
         image = self._checked(x)
-        if self._size == 0:
+        if self.n_nodes_ == 0:
             self._images = np.zeros((self.max_nodes + 1, image.size), self._dtype)
-        self._size += 1
-        self._insert(self._size - 1, image, 1, self._next_id)
+        self.n_nodes_ += 1
+        self._insert(self.n_nodes_ - 1, image, 1, self._next_id)
         self._next_id += 1
         self.last_merge_ = None
-        if self._size > self.max_nodes:
+        if self.n_nodes_ > self.max_nodes:
             self._merge_closest()
         return int(self._measure(image).argmin())
 
@@ -101,7 +101,7 @@ class PublishedBSOC(Clusters):
 
     def _measure(self, image: NDArray[Any]) -> NDArray[np.float64]:
         """Return squared distances, shape (n,); in int32 they are exact below 2 ** 31."""
-        differences = self._images[: self._size] - image
+        differences = self._images[: self.n_nodes_] - image
         distances: NDArray[np.float64] = np.einsum("ij,ij->i", differences, differences).astype(
             np.float64
         )
@@ -114,7 +114,7 @@ class PublishedBSOC(Clusters):
         self._set_weights(index)
 
     def _set_weights(self, node: int) -> None:
-        size = self._size
+        size = self.n_nodes_
         weights = self._measure(self._images[node]) * np.maximum(
             self._counts[:size], self._counts[node]
         )
@@ -128,9 +128,9 @@ class PublishedBSOC(Clusters):
         counts = int(self._counts[kept]), int(self._counts[removed])
         merged = self._merged(kept, removed, *counts)
         name = int(self._ids[kept] if counts[0] >= counts[1] else self._ids[removed])
-        last = self._size - 1
+        last = self.n_nodes_ - 1
         self._move(last, removed)
-        self._size = last
+        self.n_nodes_ = last
         self._insert(kept, merged, sum(counts), name)
         if removed != last:
             self.last_merge_ = Merge(kept=kept, removed=removed)
@@ -180,13 +180,13 @@ class PublishedBSOC(Clusters):
         """
         if self._pinned[node]:
             raise ValueError("a pinned node cannot be deleted; unpin it first")
-        last = self._size - 1
+        last = self.n_nodes_ - 1
         self._move(last, node)
-        self._size = last
+        self.n_nodes_ = last
         return last
 
     def _fits(self) -> bool:
-        size, own = self._size, np.full_like(self._weights, np.inf)
+        size, own = self.n_nodes_, np.full_like(self._weights, np.inf)
         for node in range(size):
             masses = np.maximum(self._counts[:size], self._counts[node])
             weights = self._measure(self._images[node]) * masses

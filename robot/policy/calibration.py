@@ -16,9 +16,9 @@ import numpy as np
 from robot.learner.base import Vector
 from robot.learner.part import Value
 from robot.learner.values import many, name, number, optional, table
+from robot.policy.action_filter import USUAL_STEP_S, VOTES_KEPT
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.policy.pilot_pace import PAUSE_S
-from robot.policy.running_votes import USUAL_STEP_S, VOTES_KEPT
 from robot.types import Action
 
 CHANGE_S = 0.5

@@ -57,7 +57,7 @@ class Gallery(PolicyPart):
         self._last_taught: dict[int, int] = {}
 
     def on_frame(self, seen: Seen) -> None:
-        self.note_used(seen.known.node, seen.number)
+        self.note_used(seen.evidence.node, seen.number)
 
     def on_example(self, lesson: Lesson) -> None:
         self.note_taught(self._learner.last_node_, lesson.number)
@@ -74,7 +74,9 @@ class Gallery(PolicyPart):
         if node_id is None:
             return
         when[node_id] = now
-        if len(when) > 4 * self._learner.n_nodes_ + 64:  # most of these nodes are gone
+        if (
+            len(when) > 64 and len(when) > 4 * self._learner.n_nodes_ + 64
+        ):  # most of these nodes are gone
             alive = {node.id for node in self._learner.nodes()}
             for gone in [node for node in when if node not in alive]:
                 del when[gone]

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from robot.learner.base import Vector
 from robot.learner.part import Value
 from robot.learner.values import number
+from robot.policy.action_filter import USUAL_STEP_S
 from robot.policy.part import Lesson, PolicyPart, Seen
-from robot.policy.running_votes import USUAL_STEP_S
 
 ANOTHER_LIGHT = 1.5
 """Brighter or darker than the lesson by so many times is another light; less is another view."""

@@ -15,6 +15,8 @@ from robot.learner.base import Evidence, Vector
 from robot.learner.part import Stateful
 from robot.types import Action
 
+_NOTHING = Evidence(label="", probabilities={}, confidence=0.0)
+
 
 @dataclass(slots=True, kw_only=True)
 class Seen:
@@ -43,18 +45,12 @@ class Seen:
     bumped: bool = False
     in_context: bool = False
     context: int | None = None
-    evidence: Evidence | None = None
+    evidence: Evidence = _NOTHING
     shares: dict[Action, float] = field(default_factory=dict)
     action: Action = Action.STOP
     certainty: float = 1.0
     is_stalled: bool = False
     needs_help: bool = False
-
-    @property
-    def known(self) -> Evidence:
-        """What the learner says, for the parts after it."""
-        assert self.evidence is not None
-        return self.evidence
 
 
 @dataclass(slots=True, kw_only=True)
@@ -67,7 +63,7 @@ class Lesson:
         picture: Its grey values.
         label: The move.
         at_s: The frame's teaching time; None: it stands for itself.
-        is_learned: False for one that is only counted (`example_rate.py`).
+        is_learned: False for one that is only counted (`move_context.py`).
         contexts: In which contexts it counts, if a part knows.
     """
 

@@ -16,8 +16,7 @@ from robot.learner.part import Array, Arrays, Params, Value
 from robot.learner.values import many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart
-from robot.policy.progress_clock import ProgressClock
-from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter, StraightScale
+from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter, ProgressClock, StraightScale
 from robot.types import DEFAULT_MOVES, Action
 
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0

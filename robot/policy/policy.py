@@ -13,11 +13,10 @@ from robot.learner.part import Stateful, Value
 from robot.learner.values import count
 from robot.policy.action_filter import ActionFilter
 from robot.policy.calibration import Calibration
-from robot.policy.example_rate import ExampleRate
 from robot.policy.features import Features
 from robot.policy.gallery import Gallery, LearnedImage
 from robot.policy.light import LightAdaptation
-from robot.policy.move_context import MoveContext
+from robot.policy.move_context import ExampleRate, MoveContext
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.policy.pilot_pace import PilotPace
@@ -48,7 +47,7 @@ class _Recognition(PolicyPart):
         self._learner.reset()
 
     def _share_out(self, seen: Seen) -> None:
-        known = seen.known.probabilities
+        known = seen.evidence.probabilities
         seen.shares = {
             move: max(known[move], _LEAST) if move in known else 0.0 for move in self._moves
         }
@@ -83,7 +82,7 @@ class Policy(Stateful):
         features: From frame to vector.
         moves: What it may propose.
         action_filter: Makes what makes a steady drive of the votes on single frames.
-        thins: Learn at most ten examples a second of one label (`example_rate.py`).
+        thins: Learn at most ten examples a second of one label (`move_context.py`).
         calibrates: Learn from the examples how sure it may be here (`calibration.py`).
         brighten: Returns a view with its grey values multiplied; with it the learner is shown each
             view in the light that it was taught in (`light.py`).
@@ -193,7 +192,7 @@ class Policy(Stateful):
                 on_frame(seen)
         except NotFittedError:
             return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
-        known = seen.known
+        known = seen.evidence
         confidence = self._chance(seen.shares, seen.action, known.novelty, seen.certainty)
         if not math.isfinite(confidence):
             raise ValueError("what it makes of the picture is no number")
@@ -214,7 +213,7 @@ class Policy(Stateful):
         """Learn one example.
 
         Given times, at most ten examples a second are learned while the label stays the same; the
-        others are counted (`example_rate.py`).
+        others are counted (`move_context.py`).
 
         Args:
             x: The frame's vector.
@@ -229,7 +228,7 @@ class Policy(Stateful):
             number=self._n_examples + 1,
             x=x,
             picture=self.features.grey(x),
-            label=Action(label),
+            label=label if isinstance(label, Action) else Action(label),
             at_s=at_s,
         )
         for on_example in self._on_example:

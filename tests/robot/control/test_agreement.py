@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.control.agreement import WINDOW_S, Agreement
+from robot.control.online_learning import WINDOW_S, Agreement
 
 
 @pytest.mark.parametrize("rate_hz", [3, 10, 30, 100])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robot.control.labelling import Labeller
+from robot.control.online_learning import Labeller
 from robot.types import Action, PilotCommand
 
 F, L = Action.FORWARD, Action.LEFT

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.learner.block_ridge import BLOCK, BlockRidge
+from robot.learner.context_ridge import BLOCK, BlockRidge
 from robot.learner.ridge import RecursiveRidge
 
 SIZE, N_LABELS = 6, 3

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from robot.learner import BSOCClassifier
-from robot.learner.edges import CACHED_FROM
+from robot.learner.clusters import CACHED_FROM
 from robot.learner.ridge import RecursiveRidge
 
 MAKERS: dict[str, Callable[[], BSOCClassifier]] = {

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from robot.policy.running_votes import RunningVotes
+from robot.policy.action_filter import RunningVotes
 from robot.types import Action
 
 F, L = Action.FORWARD, Action.LEFT
