@@ -14,6 +14,7 @@ import pytest
 from robot.store.folder import Storage
 from server.config import Config, Limits
 from server.persistence import Persistence
+from tests.learners import installed
 from tests.robot.store.episodes.drives import record_drive
 from tests.robot.store.models.test_checking import good, malformed
 
@@ -119,7 +120,7 @@ def test_half_an_emoji_does_not_stop_the_saving(robot: Robot) -> None:
     assert robot.client.post("/api/models/save").status_code == 200
 
 
-@pytest.mark.parametrize("learner", ["published-4", "knn-3"])
+@pytest.mark.parametrize("learner", installed("published-4", "knn-3"))
 def test_malformed_models_are_422_over_http(robot: Robot, learner: str) -> None:
     """A part of what tests/robot/store/models/test_checking.py generates, over the wire."""
     if learner.startswith("knn"):

@@ -24,10 +24,13 @@ from robot.store.models.model import _checksum, decode_model, encode_model, take
 from robot.store.models.store import ModelStore
 from robot.store.models.trial import try_model
 from robot.types import Action, Encoding, Frame
+from tests.learners import installed
 
 EVERY = 1 if os.environ.get("DRIVELESSON_MALFORMED") == "all" else 5
 """One of how many malformed models is tried: all in CI."""
-LEARNERS = ("default-4", "published-4", "whole-numbers-4", "integer-4", "multi-place-3", "knn-3")
+LEARNERS = installed(
+    "default-4", "published-4", "whole-numbers-4", "integer-4", "multi-place-3", "knn-3"
+)
 Arrays = dict[str, NDArray[Any]]
 FRAME = Frame(
     frame_id=1,
@@ -208,7 +211,7 @@ def _wrong(learner: str) -> Iterator[tuple[str, dict[str, Any], Arrays]]:
     yield "a huge preview", meta, {**arrays, "preview": np.zeros((2000, 9), np.uint8)}
 
 
-@pytest.mark.parametrize("learner", [*LEARNERS, "default-32", "without-linear-4"])
+@pytest.mark.parametrize("learner", [*LEARNERS, "default-32", *installed("without-linear-4")])
 @pytest.mark.parametrize("lessons", [0, 1, 3, 40])
 def test_every_model_of_ours_is_let_in(tmp_path: Path, learner: str, lessons: int) -> None:
     store = ModelStore(Storage(tmp_path))

@@ -20,10 +20,11 @@ from robot.policy.registry import make_policy
 from robot.store.models.model import Model, decode_model, encode_model, take_model
 from robot.store.models.trial import try_model
 from robot.types import Action, Example
+from tests.learners import installed
 from tests.robot.store.models.test_checking import FRAME
 
 CRAFTED = int(os.environ.get("DRIVELESSON_CRAFTED", "120"))
-LEARNERS = (
+LEARNERS = installed(
     "default-4",
     "default-9",
     "published-4",

@@ -1,0 +1,10 @@
+"""Which learners there are to try: houses bring some, and may be taken away."""
+
+from __future__ import annotations
+
+from robot.policy.registry import is_learner_kind, split_name
+
+
+def installed(*names: str) -> tuple[str, ...]:
+    """Return those of these learners whose kind is installed."""
+    return tuple(name for name in names if is_learner_kind(split_name(name)[0]))
