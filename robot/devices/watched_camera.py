@@ -18,7 +18,7 @@ _WATCH_EVERY_S = 0.05
 
 
 class ThreadedCamera(Camera):
-    """A camera that works on threads: `start` begins them by `_work`, `stop` ends them."""
+    """A camera that works on threads: `_begin` starts them by `_work`, and `stop` ends them."""
 
     longest_join_s: ClassVar[float] = 2.0
     """A thread that hangs for longer is left behind."""
@@ -33,6 +33,14 @@ class ThreadedCamera(Camera):
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
         """Build the camera; it goes with every driver."""
         return cls(options, clock)
+
+    def start(self) -> None:
+        if not self._threads:
+            self._begin()
+
+    @abstractmethod
+    def _begin(self) -> None:
+        """Open what there is to open, and begin to work; raises as `start` does."""
 
     def stop(self) -> None:
         self._ending.set()
@@ -54,7 +62,7 @@ class ThreadedCamera(Camera):
 class WatchedCamera(ThreadedCamera):
     """What cameras share that read on threads, or are called by a library.
 
-    A subclass calls `_watch_over` when it starts, asks `_freshness` of each picture, and says in
+    A subclass calls `_watch_over` when it begins, asks `_freshness` of each picture, and says in
     `_name_fault` what is wrong when they stay away.
     """
 

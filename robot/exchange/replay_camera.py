@@ -64,10 +64,8 @@ class ReplayCamera(ThreadedCamera):
         self._is_episode = bool(options.episode)
         self._loops = options.loop
 
-    def start(self) -> None:
+    def _begin(self) -> None:
         """Read the footage and begin to play it."""
-        if self._threads:
-            return
         recordings: Sequence[Footage] = (
             [_load_episode(self._path)] if self._is_episode else load_footage(self._path)
         )

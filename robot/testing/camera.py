@@ -57,9 +57,8 @@ class FakeCamera(ThreadedCamera):
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
         return cls(clock)
 
-    def start(self) -> None:
-        if not self._threads:
-            self._work(self._run)
+    def _begin(self) -> None:
+        self._work(self._run)
 
     def take(self) -> Frame:
         return self._show(self._pictures[self._last_frame_id % len(self._pictures)])

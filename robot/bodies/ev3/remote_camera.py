@@ -34,10 +34,8 @@ class Ev3RemoteCamera(WatchedCamera):
             )
         return cls(options, clock, link)
 
-    def start(self) -> None:
+    def _begin(self) -> None:
         """Have the agent open its camera and send what it sees."""
-        if self._threads:
-            return
         options = self.options
         self._link.on_picture = self._take
         try:

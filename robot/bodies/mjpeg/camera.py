@@ -55,15 +55,13 @@ class MjpegCamera(WatchedCamera):
         self._shown_s: float | None = None
         self._gap_s = 0.0
 
-    def start(self) -> None:
+    def _begin(self) -> None:
         """Open the stream, and read it on a thread.
 
         Raises:
             CameraError: If there is no stream at this address; says what was there.
             MissingExtraError: If the libraries that read JPEG are not installed.
         """
-        if self._threads:
-            return
         self._need("cv2", "imagesize")
         self._line.open()
         self._watch_over(self._read)

@@ -36,16 +36,15 @@ class PhoneCamera(WatchedCamera):
         self._reason: str | None = NOBODY
         self._is_running = False
 
-    def start(self) -> None:
+    def _begin(self) -> None:
         """Begin to take pictures, and to watch that they go on coming.
 
         Raises:
             MissingExtraError: If the libraries that read JPEG are not installed.
         """
         self._need("cv2", "imagesize")
-        if not self._threads:
-            self._is_running = True
-            self._watch_over()
+        self._is_running = True
+        self._watch_over()
 
     def stop(self) -> None:
         self._is_running = False

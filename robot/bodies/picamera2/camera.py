@@ -41,15 +41,13 @@ class Picamera2Camera(WatchedCamera):
         self._library = library
         self._device: Any = None
 
-    def start(self) -> None:
+    def _begin(self) -> None:
         """Open the camera, and have the library give its pictures.
 
         Raises:
             CameraError: If there is no such camera, or another program uses it.
             MissingExtraError: If picamera2 is not installed.
         """
-        if self._device is not None:
-            return
         options = self.options
         library = self._library or need("picamera2", "the camera 'picamera2'", "gpio")
         n_cameras = len(library.Picamera2.global_camera_info())

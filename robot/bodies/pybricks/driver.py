@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from robot.bodies.pybricks.hub_line import HubLine
 from robot.bodies.remote.driver import ReportingDriver
 from robot.bodies.remote.line import MessageLine
-from robot.bodies.remote.orders import parse_moves
+from robot.bodies.remote.orders import moves_option, parse_moves
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.errors import need
@@ -19,10 +19,7 @@ class PybricksOptions(Options):
     """Which hub, and what its program can do."""
 
     hub: str = option("", "the hub's name; needed if several are in reach")
-    body_moves: str = option(
-        "forward,left,right,backward",
-        "what the body can do, as forward,left or fast:0:1 (steering:throttle)",
-    )
+    body_moves: str = moves_option("forward,left,right,backward")
 
 
 class PybricksDriver(ReportingDriver):

@@ -7,7 +7,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.remote.line import MessageLine, split_address
-from robot.bodies.remote.orders import BodyReport, encode_order, parse_moves, parse_report
+from robot.bodies.remote.orders import (
+    BodyReport,
+    encode_order,
+    moves_option,
+    parse_moves,
+    parse_report,
+)
 from robot.bodies.remote.plain import HELLO, encode_plain_order, parse_plain_report
 from robot.clock import Clock, RealClock
 from robot.devices.connected_driver import ConnectedDriver
@@ -156,10 +162,7 @@ class RemoteOptions(Options):
 
     address: str = option("", "the robot's HOST, or HOST:PORT")
     secret: str = option("", "secret that the robot knows, too", secret=True)
-    body_moves: str = option(
-        "forward,left,right,backward",
-        "what the body can do, as forward,left or fast:0:1 (steering:throttle)",
-    )
+    body_moves: str = moves_option("forward,left,right,backward")
 
 
 class RemoteDriver(ReportingDriver):

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from robot.devices.options import option
 from robot.driver import CLASSIC, Move
 from robot.errors import ConfigurationError
 from robot.types import Action, Sensors
@@ -75,6 +76,11 @@ def _sensors(plain: Mapping[str, Any]) -> Sensors:
 def _between(value: Any, most: float) -> float | None:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return float(value) if is_number and math.isfinite(value) and 0 <= value <= most else None
+
+
+def moves_option(default: str) -> Any:
+    """Declare the option that `parse_moves` reads."""
+    return option(default, "what the body can do, as forward,left or fast:0:1 (steering:throttle)")
 
 
 def parse_moves(text: str) -> tuple[Move, ...]:

@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 
 from robot.bodies.remote.line import split_address
 from robot.bodies.ros.bridge import PORT, RosBridge
-from robot.bodies.ros.driver import is_topic
+from robot.bodies.ros.driver import check_topic
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.pictures import MAX_SIDE_PX, jpeg_size
 from robot.devices.watched_camera import WatchedCamera
-from robot.errors import CameraError, ConfigurationError, RecordingError
+from robot.errors import CameraError, RecordingError
 from robot.types import Encoding
 
 _IMAGE = "sensor_msgs/msg/CompressedImage"
@@ -31,11 +31,7 @@ class RosCameraOptions(Options):
     )
 
     def check(self) -> None:
-        if not is_topic(self.image_topic):
-            raise ConfigurationError(
-                f"--image-topic must be a topic's name, as /camera/image_raw/compressed, not "
-                f"{self.image_topic!r}"
-            )
+        check_topic("--image-topic", self.image_topic)
 
 
 class RosCamera(WatchedCamera):
@@ -52,15 +48,13 @@ class RosCamera(WatchedCamera):
         self._bridge: RosBridge | None = None
         self._reason = ""
 
-    def start(self) -> None:
+    def _begin(self) -> None:
         """Subscribe to the topic.
 
         Raises:
             CameraError: If rosbridge cannot be reached. A topic that nobody publishes is a fault.
             MissingExtraError: If the libraries that read JPEG are not installed.
         """
-        if self._bridge is not None:
-            return
         self._need("cv2", "imagesize")
         host, port = split_address(self.options.address, PORT)
         try:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.remote.line import split_address
-from robot.bodies.remote.orders import parse_moves
+from robot.bodies.remote.orders import moves_option, parse_moves
 from robot.bodies.ros.bridge import GONE_S, PORT, Message, RosBridge
 from robot.clock import Clock, RealClock
 from robot.devices.connected_driver import ConnectedDriver
@@ -42,25 +42,20 @@ class RosOptions(Options):
         0.4, "metres a second at full throttle; forward is half of it", range=(0.001, 5.0)
     )
     turn_rate_deg_s: float = option(45.0, "degrees a second at full steering", range=(0.1, 720.0))
-    body_moves: str = option(
-        "forward,left,right,backward,spin_left,spin_right",
-        "what the body can do, as forward,left or fast:0:1 (steering:throttle)",
-    )
+    body_moves: str = moves_option("forward,left,right,backward,spin_left,spin_right")
     advice_topic: str = option("", "topic for what the learner would do, as JSON text; empty: none")
 
     def check(self) -> None:
-        for name in ("cmd_vel_topic", "advice_topic"):
-            topic = getattr(self, name)
-            if (name == "cmd_vel_topic" or topic) and not is_topic(topic):
-                raise ConfigurationError(
-                    f"--{name.replace('_', '-')} must be a topic's name, as /cmd_vel, not {topic!r}"
-                )
+        check_topic("--cmd-vel-topic", self.cmd_vel_topic)
+        if self.advice_topic:
+            check_topic("--advice-topic", self.advice_topic)
 
 
-def is_topic(name: str) -> bool:
-    """Return whether this is the name of a topic."""
+def check_topic(flag: str, name: str) -> None:
+    """Raise ConfigurationError unless this is the name of a topic."""
     words = name.removeprefix("/").split("/")
-    return all(word.isidentifier() and word.isascii() for word in words)
+    if not all(word.isidentifier() and word.isascii() for word in words):
+        raise ConfigurationError(f"{flag} must be a topic's name, as /cmd_vel, not {name!r}")
 
 
 class RosDriver(ConnectedDriver[RosBridge]):

@@ -20,14 +20,12 @@ class V4l2Camera(ThreadedCamera):
     name: ClassVar[str] = "v4l2"
     options_type: ClassVar[type[Any]] = UsbCameraOptions
 
-    def start(self) -> None:
+    def _begin(self) -> None:
         """Open the camera and take pictures on a thread.
 
         Raises:
             CameraError: If it cannot be opened.
         """
-        if self._threads:
-            return
         options = self.options
         reader = CameraReader(
             options.device, options.width, options.height, options.frame_rate, options.encoding

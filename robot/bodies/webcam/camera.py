@@ -39,15 +39,13 @@ class OpencvCamera(WatchedCamera):
     def _is_film(self) -> bool:
         return Path(self.options.source).is_file()
 
-    def start(self) -> None:
+    def _begin(self) -> None:
         """Open the source and read it on a thread, with another that watches the time.
 
         Raises:
             CameraError: If it cannot be opened.
             MissingExtraError: If OpenCV is not installed.
         """
-        if self._threads:
-            return
         self._need("cv2")
         capture = self._open()
         if capture is None:

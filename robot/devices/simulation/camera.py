@@ -53,10 +53,8 @@ class WorldCamera(ThreadedCamera):
     """For a first picture: some worlds load for long."""
     _failure: RobotError | None = None
 
-    def start(self) -> None:
+    def _begin(self) -> None:
         """Begin to take pictures in real time; returns when the first is there."""
-        if self._threads:
-            return
         self._failure = None
         first = threading.Event()
         self._work(lambda: self._run(first))
