@@ -17,12 +17,14 @@ import threading
 from pathlib import Path
 
 from server.cli.main import main
-from server.identity import COLOURS, NAMES, IdentityFile
+from server.identity import NAMES, IdentityFile
 
 log = logging.getLogger(__name__)
 _END_S = 15.0
 _GOLDEN_DEG = 137.508
 """Hues so far apart are distinct, however many there are."""
+_HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
+"""Of the colours that the board shows: a robot gets that which its walls are next to."""
 _NEW_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)  # Windows
 
 
@@ -37,18 +39,19 @@ class SimulatedRobot:
 
     def __init__(self, number: int, port: int, folder: Path) -> None:
         self.number, self.port, self.folder = number, port, folder
+        self._hue_deg = round(number * _GOLDEN_DEG) % 360
         self._process: subprocess.Popen[bytes] | None = None
         self._is_ending = False
         if not (folder / "robot.json").exists():
             again, place = divmod(number - 1, len(NAMES))
             name = f"{NAMES[place]} {again + 1}" if again else NAMES[place]
-            IdentityFile(folder, name).change(colour=COLOURS[number % len(COLOURS)])
+            IdentityFile(folder, name).change(colour=min(_HUES_DEG, key=self._is_off_by))
 
     def start(self, host: str, world: str, key: Path) -> None:
         """Start its process; what it says is in `log.txt`."""
         words = ["--lan", "--host", host, "--port", self.port, "--hostname", f"robot-{self.number}"]
         words += ["--data", self.folder, "--class-key", key, "--world", world]
-        words += ["--seed", self.number, "--hue", round(self.number * _GOLDEN_DEG) % 360]
+        words += ["--seed", self.number, "--hue", self._hue_deg]
         with (self.folder / "log.txt").open("wb") as log:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", __name__, *map(str, words)],
@@ -73,6 +76,9 @@ class SimulatedRobot:
                 self._process.wait(_END_S)
             self._process.kill()
             self._process.wait()
+
+    def _is_off_by(self, colour: str) -> int:
+        return abs((_HUES_DEG[colour] - self._hue_deg + 180) % 360 - 180)
 
     def _report(self, process: subprocess.Popen[bytes]) -> None:
         process.wait()
