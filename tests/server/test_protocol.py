@@ -177,10 +177,3 @@ def test_every_message_down_in_the_reference_is_what_the_wire_carries() -> None:
         assert name in carried["hello"]
     move = {name.strip('"') for name in re.findall(r'"[a-z]+"', table["hello"])}
     assert set(carried["hello"]["declared_moves"][0]) == move
-
-
-def test_what_the_eye_is_told_is_in_the_reference() -> None:
-    from server.bodies.eye_routes import _STATE_FIELDS
-
-    text = REFERENCE[REFERENCE.index("## `/ws/eye`") :]
-    assert [name for name in _STATE_FIELDS if f"`{name}`" not in text] == []

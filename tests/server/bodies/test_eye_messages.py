@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from server.bodies.eye import HEADER, EyeClock, encode_frame, parse_frame, parse_text
+from server.bodies.eye_routes import _STATE_FIELDS
 from server.protocol import ErrorCode, ProtocolError
 
 JPEG = cv2.imencode(".jpg", np.zeros((24, 32, 3), np.uint8))[1].tobytes()
@@ -83,3 +85,9 @@ def test_before_the_first_answer_nothing_is_known_and_answers_from_the_future_do
     assert clock.to_ours(1.0) is None
     clock.note(asked_ms=2000.0, eye_ms=5.0, now_ms=1000.0)
     assert clock.to_ours(1.0) is None
+
+
+def test_what_the_eye_is_told_is_in_the_reference() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "protocol.md").read_text()
+    text = page[page.index("## `/ws/eye`") :]
+    assert [name for name in _STATE_FIELDS if f"`{name}`" not in text] == []
