@@ -17,7 +17,7 @@ from tests.server.live_robot import WEB, LiveServer, live_server
 from .nginx import free_port, plain_site, running_nginx, site_of_the_docs
 from .world import PHONE, wait_for
 
-pytestmark = [pytest.mark.browser, pytest.mark.realtime]
+pytestmark = pytest.mark.browser
 LAYOUTS = {
     "plain": ["http://127.0.0.1:{port}"],
     "under a path": ["http://localhost:{port}/rover"],
