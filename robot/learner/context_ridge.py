@@ -205,6 +205,9 @@ class ContextRidge(Stateful):
 
     def restored(self) -> None:
         for ridge in self._ridges:
+            for part in (ridge, *(part for _, part in ridge.parts())):
+                for field in part.fields:  # else what is out of its bounds would be mended away
+                    field.check(part)
             if ridge.is_indefinite:  # frames of the other context were once taken back from it
                 ridge.load(*self._any.save())
 

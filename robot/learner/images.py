@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from robot.learner.base import Vector, checked_vector
 from robot.learner.part import MOST_DISTANCE, MOST_VALUES, Array, Stateful
+from robot.learner.values import demand
 
 Floats = NDArray[np.float32]
 
@@ -157,6 +158,7 @@ class IntegerImages(Stateful):
         self._near: NDArray[Any] = np.zeros(0, np.int32)
         self._x_norm = 0.0
         self._steps = _MOST_STEPS
+        self._told_images: NDArray[Any] | None = None
 
     def begin(self, x: Vector) -> None:
         """Fix the length by the first vector."""
@@ -226,13 +228,20 @@ class IntegerImages(Stateful):
         return self._rows[:size].astype(np.float32) / np.float32(self._steps)
 
     def follow(self, counts: NDArray[np.int64]) -> None:
-        """Make the images of the sums again."""
+        """Make the images of the sums again; raise ValueError if those that were loaded differ."""
+        told, told_norms = self._told_images, self._norms.copy()
         self._set_sums(self._sums)
         self._frames[:] = 0
         self._norms[:] = 0.0
-        for row in np.flatnonzero(counts).tolist():
+        rows = np.flatnonzero(counts)
+        for row in rows.tolist():
             self._divide(row, int(counts[row]))
         self.is_empty = self._sums.shape[1] == 0
+        if told is not None:
+            demand(told.shape == self._rows.shape, f"the array images has the shape {told.shape}")
+            same = np.allclose(told_norms[rows], self._norms[rows], rtol=1e-3, atol=1.0)
+            demand(same, "the array norms is not that of the images")
+        self._told_images = None
 
     @property
     def _kept_images(self) -> NDArray[Any]:
@@ -241,7 +250,7 @@ class IntegerImages(Stateful):
 
     @_kept_images.setter
     def _kept_images(self, images: NDArray[Any]) -> None:
-        pass
+        self._told_images = images
 
     def faults(self) -> Iterator[str]:
         if (self._sums > 255 * self._frames[:, None]).any():

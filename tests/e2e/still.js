@@ -17,7 +17,7 @@ async ({ stopReasons, links, phases, moves, seed }) => {
     prediction: { ...store.state.robot.prediction, action: moves[0], probabilities: Object.fromEntries(moves.map((move) => [move, 1 / moves.length])) },
   };
   const clean = {
-    ...store.state, link: 'open', robot: calm, moves, held: null, role: 'pilot', localStop: null, notice: null, hint: null, toast: null,
+    ...store.state, isLocal: false, link: 'open', robot: calm, moves, held: null, role: 'pilot', localStop: null, notice: null, hint: null, toast: null,
     session: null, readiness: null, setback: null, wheelAsked: false, wheelWaiting: false, pictureAgeMs: 30, drawnAgeMs: 30, drawingMs: 3,
   };
   const ready = (stage, more = {}) => ({ stage, alone_s: 12, alone_needed_s: 45, unknown_share: 0, moves, missing: [], ...more });
@@ -34,7 +34,8 @@ async ({ stopReasons, links, phases, moves, seed }) => {
     ...stopReasons.filter((reason) => reason !== 'needs_help').map((reason) => ({ robot: { stop_reason: reason } })),
     ...['needs_help', null].map((reason) => ({ robot: { mode: 'autonomous', asks_pilot: true, stop_reason: reason } })),
     { robot: { mode: 'autonomous', asks_pilot: true, lessons: 0 } },
-    ...drives.flatMap((mode) => links.map((link) => ({ robot: { mode, link } }))),
+    ...drives.flatMap((mode) => links.flatMap((link) => [true, false].map((isLocal) => ({ isLocal, robot: { mode, link } })))),
+    { isLocal: true, robot: { stop_reason: 'link_slow' } },
     ...[0, 200].map((brick) => ({ robot: { mode: 'train', camera: { age_ms: 300, brick_ms: brick, speed_scale: 0.5 } }, pictureAgeMs: 400, drawnAgeMs: 400 })),
     { robot: { mode: 'train', camera: { age_ms: 30, speed_scale: 1 } }, pictureAgeMs: 400, drawnAgeMs: 400, drawingMs: 350 },
     ...HINTS.flatMap((hint) => [true, false].map((hasKeys) => ({ hint, hasKeys }))),
