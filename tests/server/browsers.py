@@ -60,7 +60,7 @@ class Browser:
         while not lines.empty():
             line = lines.get_nowait()
             if line is not None:
-                line[1].close()
+                line[1].transport.abort()
 
     def _named(self, text: str) -> list[str]:
         found = _NAMED.findall(text)
@@ -85,7 +85,7 @@ class Browser:
                 body += (await reader.readexactly(size + 2))[:-2]
             await reader.readline()
         if "connection: close" in head.lower():
-            writer.close()
+            writer.transport.abort()
             line = None
         lines.put_nowait(line)
         return body.decode("utf-8", "replace")
@@ -113,6 +113,7 @@ async def dead_pages(browsers: list[Browser]) -> list[str]:
 
     visits = (come(number, browser) for number, browser in enumerate(browsers))
     ended = await asyncio.wait_for(asyncio.gather(*visits, return_exceptions=True), PATIENCE_S)
+    await asyncio.sleep(0)  # what was aborted is closed in the loop's next turn
     return [repr(one)[:300] for one in ended if one is not None]
 
 

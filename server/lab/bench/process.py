@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import os
@@ -60,10 +61,10 @@ class ServerUnderTest(BenchProcess):
 
     def pair(self, role: str) -> str:
         """Pair a browser with a `paired` server; return its cookie."""
-        line = http.client.HTTPConnection("127.0.0.1", self.port)
         words = json.dumps({"token": self.ask()["tokens"][role]})
-        line.request("POST", "/api/pair", words, {"content-type": "application/json"})
-        return str(line.getresponse().headers["set-cookie"]).partition(";")[0]
+        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port)) as line:
+            line.request("POST", "/api/pair", words, {"content-type": "application/json"})
+            return str(line.getresponse().headers["set-cookie"]).partition(";")[0]
 
 
 def answer_all(first: Any, answer: Callable[[str], Any]) -> NoReturn:
