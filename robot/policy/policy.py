@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 from robot.driver import Move
 from robot.learner import votes
@@ -123,7 +124,7 @@ class Policy(Stateful):
         self._smoothing = smoothing
         parts: list[tuple[str, PolicyPart]] = [("", ExampleRate())] if thins else []
         if calibrates:
-            parts.append(("calibration", Calibration(self._votes_on)))
+            parts.append(("calibration", Calibration(partial(_votes_on, learner))))
         if brighten is not None:
             parts.append(("light", LightAdaptation(brighten)))
         if learner.abilities.contexts and isinstance(learner, ContextualLearner):
@@ -239,9 +240,6 @@ class Policy(Stateful):
         if label not in self.moves:
             raise ValueError(f"{label!r} is not one of the moves {', '.join(self.moves)}")
 
-    def _votes_on(self, x: Vector) -> Mapping[str, float]:
-        return self.learner.predict_proba_one(x) if self.learner.n_nodes_ else {}
-
     def reset(self) -> None:
         """Forget what belongs to one drive: a new drive begins."""
         for _, part in self._parts:
@@ -332,6 +330,11 @@ class Policy(Stateful):
             return chance
         guess = 1.0 / sum(share > 0.0 for share in shares.values())
         return guess + (chance - guess) / (1.0 + _DOUBT * (novelty - 1.0))
+
+
+def _votes_on(learner: Learner, x: Vector) -> Mapping[str, float]:
+    """Of no policy's own: one that referred to itself would stay in memory until a collection."""
+    return learner.predict_proba_one(x) if learner.n_nodes_ else {}
 
 
 def _overridden(parts: list[tuple[str, PolicyPart]], method: str) -> list[Callable[..., None]]:
