@@ -12,7 +12,7 @@ async ({ stopReasons, links, phases, moves, seed }) => {
   const taught = Object.fromEntries(moves.map((move, i) => [move, 150 + i]));
   const calm = {
     ...store.state.robot, mode: 'stopped', driven_by: 'nobody', action: 'stop', stop_reason: null, emergency: false, fault: null,
-    asks_pilot: false, link: 'good', you_are_pilot: true, pilot: 'c1', lessons: 12345, agreement: 0.93, taught, battery: 0.1,
+    asks_pilot: false, link: 'good', busy: false, you_are_pilot: true, pilot: 'c1', lessons: 12345, agreement: 0.93, taught, battery: 0.1,
     distance_m: 1.23, bumped: true, camera: null, stopped_by_teacher: false,
     prediction: { ...store.state.robot.prediction, action: moves[0], probabilities: Object.fromEntries(moves.map((move) => [move, 1 / moves.length])) },
   };
@@ -36,6 +36,7 @@ async ({ stopReasons, links, phases, moves, seed }) => {
     { robot: { mode: 'autonomous', asks_pilot: true, lessons: 0 } },
     ...drives.flatMap((mode) => links.flatMap((link) => [true, false].map((isLocal) => ({ isLocal, robot: { mode, link } })))),
     { isLocal: true, robot: { stop_reason: 'link_slow' } },
+    ...drives.map((mode) => ({ robot: { mode, busy: true } })), { robot: { busy: true, stop_reason: 'link_slow' } },
     ...[0, 200].map((brick) => ({ robot: { mode: 'train', camera: { age_ms: 300, brick_ms: brick, speed_scale: 0.5 } }, pictureAgeMs: 400, drawnAgeMs: 400 })),
     { robot: { mode: 'train', camera: { age_ms: 30, speed_scale: 1 } }, pictureAgeMs: 400, drawnAgeMs: 400, drawingMs: 350 },
     ...HINTS.flatMap((hint) => [true, false].map((hasKeys) => ({ hint, hasKeys }))),
