@@ -308,7 +308,7 @@ class Hub:
         decision = state.decision
         return (
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
-            *(state.link, state.is_busy, state.emergency, state.fault),
+            *(state.link, state.emergency, state.fault),
             self.emergency.by_teacher,
             self.lease.owner,
         )
