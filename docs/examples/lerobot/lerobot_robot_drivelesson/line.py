@@ -15,6 +15,8 @@ import cv2
 import numpy as np
 from websockets.sync.client import ClientConnection, connect
 
+ACTION = ("steering.pos", "throttle.vel")
+"""What is done, and asked for: lerobot-rollout passes on such endings alone."""
 _FRAME = struct.Struct("<BBHHHIId")
 _ACKNOWLEDGEMENT = struct.Struct("<BBHI")
 _PATIENCE_S = 10.0
@@ -166,3 +168,40 @@ class Line:
             came = self._news.wait_for(lambda: is_so() or self._ended.is_set(), _PATIENCE_S)
         if not came or self._ended.is_set():
             raise ConnectionError(self.fault or f"the robot gives no sign: no {what}")
+
+
+class Served:
+    """What LeRobot's robot and teleoperator share here: one line, and nothing to calibrate."""
+
+    _line: Line | None = None
+
+    @property
+    def action_features(self) -> dict[str, type]:
+        return dict.fromkeys(ACTION, float)
+
+    @property
+    def is_connected(self) -> bool:
+        return self._line is not None and self._line.is_open
+
+    @property
+    def is_calibrated(self) -> bool:
+        return True
+
+    def calibrate(self) -> None:
+        """Do nothing: the robot's driver knows its wheels."""
+
+    def configure(self) -> None:
+        """Do nothing."""
+
+    def disconnect(self) -> None:
+        """Let go, stop and disconnect."""
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+
+    def _dial(self, *, drives: bool) -> None:
+        """Open the line, as the computer that was paired."""
+        kept = self.calibration_dir / f"{self.id}.cookie"
+        cookie = pair(self.config.address, self.config.token, kept)
+        self._line = Line(self.config.address, cookie, drives=drives)
+        self._line.open()

@@ -7,8 +7,7 @@ from typing import Any
 
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 
-from lerobot_robot_drivelesson.line import Line, pair
-from lerobot_robot_drivelesson.robot import ACTION
+from lerobot_robot_drivelesson.line import ACTION, Served
 
 
 @TeleoperatorConfig.register_subclass("drivelesson_page")
@@ -20,7 +19,7 @@ class DrivelessonPageConfig(TeleoperatorConfig):
     token: str = ""
 
 
-class DrivelessonPage(Teleoperator):
+class DrivelessonPage(Served, Teleoperator):
     """Gives what the pilot makes the robot do."""
 
     config_class = DrivelessonPageConfig
@@ -29,36 +28,14 @@ class DrivelessonPage(Teleoperator):
     def __init__(self, config: DrivelessonPageConfig) -> None:
         super().__init__(config)
         self.config = config
-        self._line: Line | None = None
-
-    @property
-    def action_features(self) -> dict[str, type]:
-        return dict.fromkeys(ACTION, float)
 
     @property
     def feedback_features(self) -> dict[str, type]:
         return {}
 
-    @property
-    def is_connected(self) -> bool:
-        return self._line is not None and self._line.is_open
-
-    @property
-    def is_calibrated(self) -> bool:
-        return True
-
-    def calibrate(self) -> None:
-        """Do nothing."""
-
-    def configure(self) -> None:
-        """Do nothing."""
-
     def connect(self, calibrate: bool = True) -> None:
         """Look on."""
-        kept = self.calibration_dir / f"{self.id}.cookie"
-        cookie = pair(self.config.address, self.config.token, kept)
-        self._line = Line(self.config.address, cookie, drives=False)
-        self._line.open()
+        self._dial(drives=False)
 
     def get_action(self) -> dict[str, Any]:
         """Return steering and throttle of what the pilot does now; zero if nobody does."""
@@ -69,9 +46,3 @@ class DrivelessonPage(Teleoperator):
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:
         """Do nothing."""
-
-    def disconnect(self) -> None:
-        """Stop looking on."""
-        if self._line is not None:
-            self._line.close()
-            self._line = None

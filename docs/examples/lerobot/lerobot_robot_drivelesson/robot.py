@@ -11,11 +11,9 @@ from typing import Any
 import cv2
 from lerobot.robots import Robot, RobotConfig
 
-from lerobot_robot_drivelesson.line import Line, pair
+from lerobot_robot_drivelesson.line import ACTION, Line, Served
 
 log = logging.getLogger(__name__)
-ACTION = ("steering.pos", "throttle.vel")
-"""What it is told, and of the state what it does: lerobot-rollout passes on such endings alone."""
 _AGAIN_S = 1.0
 
 
@@ -40,7 +38,7 @@ class DrivelessonRobotConfig(RobotConfig):
     restarts: bool = False
 
 
-class DrivelessonRobot(Robot):
+class DrivelessonRobot(Served, Robot):
     """Drives by the move that is nearest to what is asked for."""
 
     config_class = DrivelessonRobotConfig
@@ -50,7 +48,6 @@ class DrivelessonRobot(Robot):
         super().__init__(config)
         self.config = config
         self.cameras = {"front": None}  # LeRobot counts them, to know how much it has to write
-        self._line: Line | None = None
         self._started_s = -math.inf
 
     @property
@@ -58,31 +55,9 @@ class DrivelessonRobot(Robot):
         picture = (self.config.height, self.config.width, 3)
         return {"front": picture, **dict.fromkeys(ACTION, float)}
 
-    @property
-    def action_features(self) -> dict[str, type]:
-        return dict.fromkeys(ACTION, float)
-
-    @property
-    def is_connected(self) -> bool:
-        return self._line is not None and self._line.is_open
-
-    @property
-    def is_calibrated(self) -> bool:
-        return True
-
-    def calibrate(self) -> None:
-        """Do nothing: the robot's driver knows its wheels."""
-
-    def configure(self) -> None:
-        """Do nothing."""
-
     def connect(self, calibrate: bool = True) -> None:
         """Connect, and have the robot wait for a pilot's moves."""
-        cookie = pair(
-            self.config.address, self.config.token, self.calibration_dir / f"{self.id}.cookie"
-        )
-        self._line = Line(self.config.address, cookie, drives=self.config.drives)
-        self._line.open()
+        self._dial(drives=self.config.drives)
         if self.config.drives:
             self._start()
 
@@ -103,12 +78,6 @@ class DrivelessonRobot(Robot):
             if line.state["mode"] == "stopped" and move is not None:
                 self._start_again()
         return dict(zip(ACTION, points[move], strict=True))
-
-    def disconnect(self) -> None:
-        """Stop and disconnect."""
-        if self._line is not None:
-            self._line.close()
-            self._line = None
 
     def _start(self) -> None:
         self._started_s = time.monotonic()
