@@ -86,12 +86,9 @@ class LinkGovernor:
         """Take note that the pilot saw a picture that reached the loop at `delivered_s`."""
         self._seen_s = delivered_s
 
-    def is_blind(self, now_s: float, slack_s: float = 0.0) -> bool:
-        """True if the pilot has seen nothing for too long, even if heartbeats arrive."""
-        return self.blind_in_s(now_s, slack_s) < 0
-
     def blind_in_s(self, now_s: float, slack_s: float = 0.0) -> float:
-        """Return in what time the pilot is blind; infinite for one who was shown nothing yet."""
+        """Return in what time the pilot has seen nothing for too long, even if heartbeats arrive:
+        below 0 for one who has, infinite for one who was shown nothing yet."""
         if self._seen_s is None:
             return math.inf
         return self.config.stop_s + slack_s - (now_s - self._seen_s)

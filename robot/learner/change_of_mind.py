@@ -98,11 +98,9 @@ class ChangeOfMind(Stateful):
             if not self._against[old, label]:
                 self._since[old, label] = now
             images = near & ~is_apart & (owners == old) & (taught < self._since[old, label])
-            step, most = (
-                1.0 if images.any() else -1.0,
-                min(self._before[old] + MOST_A_TURN, 2 * ENOUGH),
-            )
-            self._against[old, label] = np.clip(self._against[old, label] + step, 0.0, most)
+            most = min(self._before[old] + MOST_A_TURN, 2 * ENOUGH)
+            now_against = self._against[old, label] + (1.0 if images.any() else -1.0)
+            self._against[old, label] = min(max(now_against, 0.0), most)
         for new in others:
             if (near & (owners == label) & (taught < self._since[label, new])).any():
                 self._against[label, new] = max(self._against[label, new] - CONFIRMED, 0.0)

@@ -178,13 +178,7 @@ class ActionFilter(PolicyPart):
         at_s: float | None = None,
         usual_run_s: float | None = None,
     ) -> dict[Action, float]:
-        """Add the votes on one more frame, and return their running average.
-
-        Args:
-            shares: The votes for each move; they sum to 1.
-            at_s: When the frame was taken; None: a tenth of a second after the last.
-            usual_run_s: How long the pilot keeps to a move (`PilotPace`).
-        """
+        """Add the votes on one more frame, and return their average; see `RunningVotes.update`."""
         return self._average.update(shares, at_s, usual_run_s)
 
     def choose(

@@ -74,9 +74,7 @@ class Gallery(PolicyPart):
         if node_id is None:
             return
         when[node_id] = now
-        if (
-            len(when) > 64 and len(when) > 4 * self._learner.n_nodes_ + 64
-        ):  # most of these nodes are gone
+        if len(when) > 4 * self._learner.n_nodes_ + 64:  # most of these nodes are gone
             alive = {node.id for node in self._learner.nodes()}
             for gone in [node for node in when if node not in alive]:
                 del when[gone]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from robot.exchange.drive import write_episode
@@ -40,7 +40,7 @@ def make_samples(folder: Path) -> Samples:
         tub=folder / "tub",
         lerobot=folder / "lerobot",
         film=folder / "film.mp4",
-        metrics=_metrics(),
+        metrics=metrics_of_a_robot(),
     )
     write_tub(episode, notes, made.tub)
     write_lerobot([(episode, notes), (episode, notes)], made.lerobot)
@@ -48,20 +48,22 @@ def make_samples(folder: Path) -> Samples:
     return made
 
 
-def _metrics() -> str:
+def metrics_of_a_robot() -> str:
+    """Return `/metrics` of a robot that does everything."""
     clock = VirtualClock()
 
     async def measure() -> str:
         async with VirtualRobot(clock) as world:
             await world.forward(1.0)
             measured = Measured(
-                state=world.loop.state,
+                state=replace(world.loop.state, pilot_frame_age_s=0.1),
                 now_s=clock.now_s(),
                 clients=1,
                 viewers=1,
                 frames_sent=1,
                 frames_encoded=1,
                 frame_ages=Histogram(AGE_BUCKETS_S),
+                turned_away={"rate": 1},
             )
         return render(measured).decode()
 

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from robot.store.episodes.messages import CAMERA, SCHEMAS
-from robot.testing import VirtualClock
-from robot.testing.world import VirtualRobot
 from robot.types import StopReason
-from server.clients.metrics import AGE_BUCKETS_S, Histogram, Measured, render
+from tests.conformance.samples import metrics_of_a_robot
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 _NAME = re.compile(r"\bdrivelesson_\w+")
@@ -22,24 +19,7 @@ _NAME = re.compile(r"\bdrivelesson_\w+")
 @pytest.fixture(scope="module")
 def names() -> set[str]:
     """The names in `/metrics` of a robot that does everything."""
-    clock = VirtualClock()
-
-    async def measure() -> bytes:
-        async with VirtualRobot(clock) as world:
-            await world.forward(1.0)
-            measured = Measured(
-                state=replace(world.loop.state, pilot_frame_age_s=0.1),
-                now_s=clock.now_s(),
-                clients=1,
-                viewers=1,
-                frames_sent=1,
-                frames_encoded=1,
-                frame_ages=Histogram(AGE_BUCKETS_S),
-                turned_away={"rate": 1},
-            )
-        return render(measured)
-
-    text = clock.run(measure()).decode()
+    text = metrics_of_a_robot()
     return {*_NAME.findall(text), "drivelesson_learner_seconds_sum"}  # once it has learned
 
 

@@ -73,14 +73,14 @@ def test_only_an_age_well_below_the_threshold_counts_as_better() -> None:
 
 def test_a_pilot_who_sees_nothing_is_blind_whatever_arrives() -> None:
     governor = LinkGovernor()
-    assert not governor.is_blind(9.0), "nobody has been shown anything yet"
+    assert governor.blind_in_s(9.0) >= 0, "nobody has been shown anything yet"
     governor.note_seen(1.0)
-    assert not governor.is_blind(1.5)
-    assert governor.is_blind(1.51)
-    assert not governor.is_blind(1.6, slack_s=0.125)
-    assert governor.is_blind(1.63, slack_s=0.125)
+    assert governor.blind_in_s(1.5) >= 0
+    assert governor.blind_in_s(1.51) < 0
+    assert governor.blind_in_s(1.6, slack_s=0.125) >= 0
+    assert governor.blind_in_s(1.63, slack_s=0.125) < 0
     governor.forget()
-    assert not governor.is_blind(9.0)
+    assert governor.blind_in_s(9.0) >= 0
 
 
 def test_thresholds_are_settings() -> None:

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import httpx
 
 from robot.testing import FakeCamera, LinkConditions, VirtualClock
+from robot.types import Action
 from server.app import create_app
 from server.board.board import Board
 from server.board.class_key import ClassKey, endpoint
@@ -197,6 +198,15 @@ class ClassWorld:
             within_s,
             str([(p.port, p.fault, self.link(p).status, self.link(p).detail) for p in pupils]),
         )
+
+    async def drive_all(self, pupils: list[Pupil]) -> None:
+        """Have each drive forward, by a phone of its own."""
+        for pupil in pupils:
+            phone = await pupil.pilot(sees=True)
+            await phone.wait_for_state()
+            phone.mode("train")
+            phone.hold("forward")
+            await pupil.until(lambda p=pupil: p.driver.now is Action.FORWARD, 5.0, "it drives")
 
 
 def in_class(

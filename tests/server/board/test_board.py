@@ -24,12 +24,7 @@ def test_stop_all_reaches_ten_robots_within_300_ms() -> None:
     async def scenario(world: ClassWorld) -> float:
         pupils = list(world.pupils.values())
         await world.until_there(pupils)
-        for pupil in pupils:
-            phone = await pupil.pilot(sees=True)
-            await phone.wait_for_state()
-            phone.mode("train")
-            phone.hold("forward")
-            await pupil.until(lambda p=pupil: p.driver.now is Action.FORWARD, 5.0, "it drives")
+        await world.drive_all(pupils)
         world.board.stop()
         return await world.until(lambda: all(map(_latched, pupils)), 5.0, "all stand")
 

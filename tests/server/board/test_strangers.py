@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from robot.types import Action
 from server.board.discovery import read_announcement
 from server.board.teacher_session import Status
 from server.board.transport import RobotAddress
@@ -51,12 +50,7 @@ def test_a_thousand_foreign_announcements_keep_no_robot_of_the_class_away(host: 
 
         came_s = await world.until(all_there, 300.0, "all of the class are there")
         assert {one.address.port for one in world.board.robots.values()} == set(world.pupils)
-        for pupil in pupils:
-            phone = await pupil.pilot(sees=True)
-            await phone.wait_for_state()
-            phone.mode("train")
-            phone.hold("forward")
-            await pupil.until(lambda p=pupil: p.driver.now is Action.FORWARD, 5.0, "it drives")
+        await world.drive_all(pupils)
         announce(world, FOREIGN, host)
         world.board.stop()
         took_s = await world.until(lambda: all(map(_latched, pupils)), 5.0, "all stand")
