@@ -9,8 +9,10 @@ distance that the robot travels on one picture.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
+from itertools import accumulate
 
 USUAL_PERIOD_S = 1 / 30
 """The period for which the link's limits are set; a slower camera adds the difference to them."""
@@ -23,7 +25,8 @@ class CameraTimingConfig:
     """Bounds of the adapted limits, in seconds."""
 
     longest_timeout_s: float = 0.5
-    """A picture that is older stops the robot, whatever the camera: 8 cm at 0.16 m/s."""
+    """A picture that is older stops the robot: 8 cm at 0.16 m/s. For a camera whose period alone is
+    above `full_speed_s` it is longer by the rest, and still no more than 8 cm: it goes slower."""
     full_speed_s: float = 0.3
     """Up to this age of the oldest picture that is acted upon the robot goes at full speed: 5 cm
     at 0.16 m/s. Above, it slows so far that it travels no further on one picture."""
@@ -86,7 +89,7 @@ class CameraTiming:
         age_s = _quantile(self._ages_s, self._AGE_QUANTILE)
         self.delivery_age_s = min(age_s, self.delivery_age_s + growth_s)
         if self._periods_s:
-            period_s = _quantile(self._periods_s, 0.5)
+            period_s = _typical(self._periods_s)
             self.period_s = min(period_s, self.period_s + growth_s)
 
     @property
@@ -94,6 +97,7 @@ class CameraTiming:
         """How old the newest picture may be while the robot may move."""
         wanted_s = self.delivery_age_s + self._MISSED_PERIODS * self.period_s
         longest_s = max(self.config.longest_timeout_s, self._shortest_timeout_s)
+        longest_s += max(0.0, self.period_s - self.config.full_speed_s)
         return min(max(wanted_s, self._shortest_timeout_s), longest_s)
 
     @property
@@ -123,6 +127,14 @@ class CameraTiming:
             timeout_s=self.timeout_s,
             speed_scale=self.speed_scale,
         )
+
+
+def _typical(periods_s: deque[float]) -> float:
+    """Return the shortest period with which, and shorter ones, a quarter of the time passes: what
+    a lost picture adds is not in it, but the pause between two bursts of pictures is."""
+    ordered = sorted(periods_s)
+    passed_s = list(accumulate(ordered))
+    return ordered[bisect_left(passed_s, passed_s[-1] / 4)]
 
 
 def _quantile(values: deque[float], share: float) -> float:

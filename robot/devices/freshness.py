@@ -7,7 +7,7 @@ REOPEN_S = 0.5
 STILL_S = 0.35
 """A camera that shows nothing new for so long, and its own period, is broken: noticed within
 500 ms and the period."""
-LONGEST_PERIOD_S = 0.25
+LONGEST_PERIOD_S = 1.2
 """A camera slower than this does not make us more patient."""
 _BURST_S = 0.02
 """Pictures that come closer together were sent together: that is not the camera's period."""

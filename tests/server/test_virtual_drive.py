@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import pytest
+
+from robot.testing import FakeCamera, VirtualClock
 from robot.types import Action
 
 from .virtual import ServedWorld, virtually
@@ -22,3 +25,33 @@ def test_the_robot_stands_within_half_a_second_when_the_pilot_is_silent() -> Non
     first = virtually(scenario)
     assert first[0] < 0.5
     assert virtually(scenario) == first, "the same to the last digit"
+
+
+@pytest.mark.parametrize("rate_hz", [0.9, 1.0, 2.0, 4.0, 10.0])
+def test_a_robot_with_a_slow_camera_is_driven_slowly_and_stands_when_it_freezes(
+    rate_hz: float,
+) -> None:
+    clock = VirtualClock()
+    camera = FakeCamera(clock, rate_hz=rate_hz, age_s=0.05)
+
+    async def scenario() -> None:
+        async with ServedWorld(clock, camera=camera) as world:
+            await world.forward(6.0)
+            pilot = await world.pilot(sees=True)
+            await world.forward(3.0)
+            pilot.mode("train")
+            pilot.hold("forward")
+            await world.until(lambda: world.driver.now is Action.FORWARD, 3.0)
+            await world.forward(20.0)
+            assert world.driver.now is Action.FORWARD, world.loop.state.decision
+            assert world.loop.state.stops == {}, world.loop.state.stops
+            taught = world.loop.state.taught[Action.FORWARD]
+            assert taught >= 0.8 * 20 * min(rate_hz, 10.0) - 3
+            scale = world.loop.state.decision.speed_scale
+            assert scale <= max(0.3 * rate_hz, 0.05)
+            camera.is_frozen = True
+            last_s = clock.now_s()
+            await world.until(world.stands)
+            assert (clock.now_s() - last_s) * scale <= 0.5
+
+    clock.run(scenario())

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from hashlib import sha256
 from urllib import request as urllib_request
 
 _BLANK = re.compile(rb"\r?\n[ \t]*\r?\n")
@@ -105,6 +107,25 @@ def basic(user: str, password: str) -> str:
     return "Basic " + base64.b64encode(f"{user}:{password}".encode()).decode()
 
 
+def _is_sha256(challenge: dict[str, str]) -> bool:
+    return challenge.get("algorithm", "").upper() == "SHA-256"
+
+
+class _Digest(urllib_request.HTTPDigestAuthHandler):
+    """Knows SHA-256, too; before Python 3.14 the library's does not."""
+
+    def get_algorithm_impls(
+        self, algorithm: str
+    ) -> tuple[Callable[[str], str], Callable[[str, str], str]]:
+        if algorithm.upper() != "SHA-256":
+            return super().get_algorithm_impls(algorithm)
+        return _sha256, lambda secret, data: _sha256(f"{secret}:{data}")
+
+
+def _sha256(text: str) -> str:
+    return sha256(text.encode()).hexdigest()
+
+
 def digest(head: Head, address: str, user: str, password: str) -> str | None:
     """Return the field `Authorization` for a 401 that asks for a digest; None if it does not.
 
@@ -116,12 +137,17 @@ def digest(head: Head, address: str, user: str, password: str) -> str | None:
     ]
     if not asked:
         return None
-    parts = filter(None, urllib_request.parse_http_list(asked[0][7:]))
-    challenge = urllib_request.parse_keqv_list(list(parts))
+    challenges = [
+        urllib_request.parse_keqv_list(
+            [part for part in urllib_request.parse_http_list(text) if part]
+        )
+        for text in (text[7:] for text in asked)
+    ]
+    # A camera that knows several asks for the safest first, but need not.
+    challenge = max(challenges, key=_is_sha256)
     passwords = urllib_request.HTTPPasswordMgrWithDefaultRealm()
     passwords.add_password(None, address, user, password)
-    handler = urllib_request.HTTPDigestAuthHandler(passwords)
-    words = handler.get_authorization(urllib_request.Request(address), challenge)
+    words = _Digest(passwords).get_authorization(urllib_request.Request(address), challenge)
     if words is None:
         raise ValueError("its question is incomplete")
     return f"Digest {words}"

@@ -59,7 +59,7 @@ class CameraLine:
                 except ValueError as error:
                     raise CameraError(
                         f"{where} asks for a password in a way that is not known here ({error}); "
-                        "choose Basic or Digest MD5 in its settings"
+                        "choose Basic, or Digest with MD5 or SHA-256, in its settings"
                     ) from error
                 if answer is None:
                     raise CameraError(f"{where} answers 401: {_ask_for_password(user, shown)}")

@@ -53,7 +53,8 @@ def test_whatever_a_camera_does_the_limits_are_bounded(
         captured_s += period_s
         delivered_s = max(delivered_s, captured_s + age_s)
         timing.note(captured_s, delivered_s, is_moving=is_moving)
-        assert SHORTEST_S <= timing.timeout_s <= bound.longest_timeout_s
+        assert timing.timeout_s >= SHORTEST_S
+        assert timing.timeout_s * timing.speed_scale <= bound.longest_timeout_s + 1e-9
         sight_s = timing.delivery_age_s + timing.period_s
         assert timing.speed_scale * sight_s <= max(bound.full_speed_s, 0.05 * sight_s) + 1e-9
         if is_moving:
@@ -116,6 +117,7 @@ def drive(
     jitter_s: float = 0.01,
     link_s: float = 0.02,
     phone_s: float = 0.01,
+    burst: int = 1,
     seconds: float = 12.0,
     restarts: bool = True,
     seed: int = 1,
@@ -137,9 +139,10 @@ def drive(
         now_s = clock.now_s()
         is_driving = now_s >= begin_s + 2.0
         if now_s >= next_picture_s:
-            arriving.append(
-                (now_s + age_s + dice.uniform(-jitter_s, jitter_s), now_s, dice.randrange(3))
-            )
+            late_s = age_s + dice.uniform(-jitter_s, jitter_s)
+            for i in range(burst):
+                taken_s = now_s + i / 1000
+                arriving.append((taken_s + late_s, taken_s, dice.randrange(3)))
             next_picture_s += period_s
         while arriving and arriving[0][0] <= now_s:
             _, captured_s, scene = arriving.pop(0)
@@ -198,6 +201,18 @@ def test_with_an_ordinary_camera_it_drives_and_learns(
     assert result.moving >= 0.99
     assert result.full_speed >= 0.9
     assert result.taught >= 0.98 * (result.pictures - 3), (result.taught, result.pictures)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.floats(0.02, 1.2), st.integers(1, 8), st.floats(0.0, 0.15), st.integers(0, 999))
+def test_a_camera_that_is_slow_or_sends_in_bursts_drives_slowly(
+    pause_s: float, burst: int, age_s: float, seed: int
+) -> None:
+    result = drive(pause_s, age_s, jitter_s=age_s / 4, burst=burst, seconds=20.0, seed=seed)
+    assert result.starts == 1, result.stops
+    assert result.moving >= 0.95
+    assert result.taught >= 0.6 * result.pictures / burst - 3
+    assert result.scales[-1] <= max(0.3 / pause_s, 0.05) + 0.02
 
 
 def test_with_pictures_300_ms_old_it_drives_on_more_slowly() -> None:
