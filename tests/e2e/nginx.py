@@ -1,4 +1,4 @@
-"""A real nginx before robots, with the file that the docs give away or in its plain form."""
+"""A real nginx or Caddy before robots, with the file that the docs give away; nginx also plain."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ SITE
 """
 
 
-def find_nginx() -> str:
-    """Return nginx's path; skips loudly where there is none, and fails in CI."""
-    found = shutil.which("nginx", path=f"{os.environ['PATH']}:/usr/sbin")
+def find_proxy(name: str, package: str) -> str:
+    """Return a program's path; skips loudly where there is none, and fails in CI."""
+    found = shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin")
     if found is None and os.environ.get("CI") == "true":
-        pytest.fail("CI needs nginx: apt-get install nginx-light")
+        pytest.fail(f"CI needs {name}: apt-get install {package}")
     if found is None:
-        pytest.skip("NGINX IS MISSING: no proxy was tried (install nginx-light)")
+        pytest.skip(f"{name} IS MISSING: nothing was tried behind it (install {package})")
     return found
 
 
@@ -82,11 +82,34 @@ def running_nginx(folder: Path, site: str, port: int) -> Iterator[None]:
     folder.mkdir()
     config = folder / "nginx.conf"
     config.write_text(_AROUND.replace("SITE", site).replace("FOLDER", str(folder)))
-    words = [find_nginx(), "-e", str(folder / "start.log"), "-p", str(folder), "-c", str(config)]
-    process = subprocess.Popen(words)
+    words = ["-e", str(folder / "start.log"), "-p", str(folder), "-c", str(config)]
+    with _running([find_proxy("nginx", "nginx-light"), *words], port, folder):
+        yield
+
+
+@contextlib.contextmanager
+def running_caddy(folder: Path, robots: Sequence[int], port: int) -> Iterator[None]:
+    """Serve the robots by the Caddyfile of the docs, with a certificate of this test."""
+    folder.mkdir()
+    site = FROM_THE_DOCS.with_name("Caddyfile").read_text()
+    for given, robot in zip((8000, 8001), robots, strict=True):
+        site = site.replace(f"127.0.0.1:{given}", f"127.0.0.1:{robot}")
+    files = make_certificates(folder / "tls", ["localhost"], dt.datetime.now(dt.UTC))
+    ours = f"https://localhost:{port} {{\n\tbind 127.0.0.1\n\ttls {files.chain} {files.key}"
+    site = "{\n\tadmin off\n\tauto_https off\n}\n" + site.replace("home.example {", ours)
+    (folder / "Caddyfile").write_text(site)
+    words = [find_proxy("caddy", "caddy"), "run", "--config", str(folder / "Caddyfile")]
+    with _running([*words, "--adapter", "caddyfile"], port, folder):
+        yield
+
+
+@contextlib.contextmanager
+def _running(words: list[str], port: int, folder: Path) -> Iterator[None]:
+    with (folder / "said.log").open("wb") as said:
+        process = subprocess.Popen(words, stderr=said, env={**os.environ, "HOME": str(folder)})
     try:
         for _ in range(600):
-            assert process.poll() is None, (folder / "start.log").read_text()
+            assert process.poll() is None, [log.read_text() for log in folder.glob("*.log")]
             with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 1):
                 break
             time.sleep(0.05)

@@ -1,4 +1,4 @@
-"""Behind a real nginx: page, sockets and STOP, in its plain form, under paths, with TLS there."""
+"""Behind a real nginx, plain, under paths, with TLS there, and Caddy: page, sockets and STOP."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from server.security.access import Role
 from server.security.pairing import Pairing
 from tests.server.live_robot import WEB, LiveServer, live_server
 
-from .nginx import free_port, plain_site, running_nginx, site_of_the_docs
+from .nginx import free_port, plain_site, running_caddy, running_nginx, site_of_the_docs
 from .world import PHONE, wait_for
 
 pytestmark = pytest.mark.browser
@@ -25,6 +25,7 @@ LAYOUTS = {
         "https://localhost:{port}/rover",
         "https://localhost:{port}/scout",
     ],
+    "two robots, Caddy": ["https://localhost:{port}/rover", "https://localhost:{port}/scout"],
 }
 
 
@@ -46,11 +47,14 @@ def test_page_sockets_and_stop(layout: str, tmp_path: Path, chromium: Any) -> No
             server = stack.enter_context(live_server(config, pairing=pairing))
             robots.append((address, server, pairing))
         ports = [server.port for _, server, _ in robots]
-        if layout == "plain":
-            site = plain_site(port, ports[0])
+        folder = tmp_path / "proxy"
+        if "Caddy" in layout:
+            stack.enter_context(running_caddy(folder, ports, port))
+        elif layout == "plain":
+            stack.enter_context(running_nginx(folder, plain_site(port, ports[0]), port))
         else:
             site = site_of_the_docs(port, ports, tmp_path, tls="TLS" in layout)
-        stack.enter_context(running_nginx(tmp_path / "nginx", site, port))
+            stack.enter_context(running_nginx(folder, site, port))
         context = chromium.new_context(viewport=PHONE, has_touch=True, ignore_https_errors=True)
         stack.callback(context.close)
         pages = [_paired(context, *robot) for robot in robots]
