@@ -19,8 +19,6 @@ from robot.types import Action, Encoding, Example, Frame
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 SIZE = 6
 STEP_S = 0.2
-SLOW = ("alvinn", "river", "sgd")
-"""Other people's learners, which take ten times as long for an example."""
 
 
 @pytest.fixture(params=[*learner_kinds(), *VARIANTS])
@@ -116,7 +114,7 @@ def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) ->
 def test_what_is_under_way_counts_or_the_learner_says_that_it_does_not(kind: str) -> None:
     """A second each of two moves, again and again: they begin differently and end on one view."""
     policy = make(kind)
-    for i in range(120 if kind in SLOW else 240):
+    for i in range(240):
         move = i // 10 % 2
         scene = 1 if i % 10 > 5 else 2 * move
         policy.learn(policy.extract(view(scene, i % 20)), MOVES[move], 0.1 * i)
@@ -164,7 +162,7 @@ def test_after_the_last_image_is_deleted_it_proposes_nothing(kind: str) -> None:
 def test_undo_leaves_no_trace_of_the_examples(kind: str, seed: int) -> None:
     """With drives that begin in between, where learners of several places look about."""
     rng = np.random.default_rng(seed)
-    count = int(rng.integers(20, 40 if kind in SLOW else 90))
+    count = int(rng.integers(20, 90))
     drives = set(rng.integers(1, count, 4).tolist())
     scenes = rng.integers(0, 30, count)
     seconds = float(rng.uniform(0.5, 12.0))

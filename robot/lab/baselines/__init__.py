@@ -2,46 +2,28 @@
 
 from __future__ import annotations
 
-from importlib import import_module
+from collections.abc import Callable
+from typing import Any
 
-from robot.learner.base import Learner
+from robot.errors import need
+from robot.lab.baselines.baseline import Baseline
 from robot.policy.action_filter import ActionFilter
 from robot.policy.features import GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
 from robot.policy.registry import split_name
 from robot.types import Action
 
-_KINDS = {
-    "knn": "refitted:NearestNeighbours",
-    "trees": "refitted:ExtraTrees",
-    "mlp": "networks:Perceptron",
-    "cnn": "networks:Convolution",
-    "som": "som:SelfOrganizingMap",
-    "gas": "gas:GrowingNeuralGas",
-    "alvinn": "alvinn:ReplayNetwork",
-    "sgd": "online:LinearOnline",
-    "river": "online:RiverSoftmax",
-}
-"""Module and class of each kind; imported, and its library with it, only when it is made."""
-
-
-def _make(name: str, number: int) -> Learner:
-    """Return the baseline of a learner's name.
-
-    Raises:
-        MissingExtraError: If its library is not installed.
-    """
-    module, _, made = _KINDS[split_name(name)[0].removeprefix("fair-")].partition(":")
-    learner: Learner = getattr(import_module(f"robot.lab.baselines.{module}"), made)(number)
-    return learner
-
 
 def make_baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return a baseline on the paper's pictures; a `Maker`. The number is of neighbours for knn,
-    of cells for som, of hidden units for alvinn, and of no consequence for sgd and river.
-    """
-    learner, features = _make(name, number), GreyFeatures()
-    return Policy(name, number, learner, features, moves=moves, action_filter=ActionFilter.none)
+    """Return a baseline on the paper's pictures; a `Maker`. The number is of neighbours."""
+    return Policy(
+        name,
+        number,
+        _make(name, number),
+        GreyFeatures(),
+        moves=moves,
+        action_filter=ActionFilter.none,
+    )
 
 
 def make_rival(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
@@ -53,5 +35,49 @@ def make_network(number: int, name: str, moves: tuple[Action, ...], integer: boo
     """Return a network on small colour pictures; a `Maker`. The number is of hidden units."""
     from robot.lab.baselines.networks import ColourFeatures
 
-    learner, features = _make(name, number), ColourFeatures()
-    return Policy(name, number, learner, features, moves=moves, action_filter=ActionFilter.none)
+    return Policy(
+        name,
+        number,
+        _make(name, number),
+        ColourFeatures(),
+        moves=moves,
+        action_filter=ActionFilter.none,
+    )
+
+
+def _make(name: str, number: int) -> Baseline:
+    """Return the baseline of a learner's name.
+
+    Raises:
+        MissingExtraError: If its library is not installed.
+    """
+    kind = split_name(name)[0].removeprefix("fair-")
+    make = _KINDS[kind](number)
+    return Baseline(kind, number, make, is_eager=kind in ("knn", "trees"))
+
+
+def _knn(number: int) -> Callable[[int], Any]:
+    make = need("sklearn.neighbors", "the learner knn", "evaluate").KNeighborsClassifier
+    return lambda n_examples: make(min(number, n_examples), algorithm="brute")
+
+
+def _trees(number: int) -> Callable[[int], Any]:
+    """Make extremely randomized trees (Geurts and others, 2006): a strong batch learner."""
+    make = need("sklearn.ensemble", "the learner trees", "evaluate").ExtraTreesClassifier
+    return lambda n_examples: make(number, random_state=0, min_samples_leaf=2)
+
+
+def _perceptron(number: int) -> Callable[[int], Any]:
+    from robot.lab.baselines.networks import BatchClassifier
+
+    make = need("sklearn.neural_network", "the learner mlp", "learners").MLPClassifier
+    return lambda n_examples: BatchClassifier(make((number,), random_state=0))
+
+
+def _convolution(number: int) -> Callable[[int], Any]:
+    from robot.lab.baselines.networks import BatchClassifier, ConvolutionalNetwork
+
+    return lambda n_examples: BatchClassifier(ConvolutionalNetwork(number))
+
+
+_KINDS = {"knn": _knn, "trees": _trees, "mlp": _perceptron, "cnn": _convolution}

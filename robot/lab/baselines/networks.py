@@ -8,8 +8,6 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from robot.lab.baselines.refitted import Refitted
-from robot.lab.baselines.wrapped import from_library
 from robot.learner.base import Label, Vector
 from robot.policy import image
 from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GreyFeatures
@@ -42,7 +40,7 @@ class ColourFeatures(GreyFeatures):
 
 
 class BatchClassifier:
-    """Fits a network by going over all examples some times; for `Refitted`."""
+    """Fits a network by going over all examples some times; for a `Baseline`."""
 
     def __init__(self, network: Any) -> None:
         self._network = network
@@ -176,35 +174,3 @@ class ConvolutionalNetwork:
                     windows[..., y, x]
                 )
         return whole
-
-
-class _Network(Refitted):
-    """Fitted anew with each tenth part more of examples; the same for the same examples."""
-
-    def _count_to_fit(self, n_examples: int) -> int:
-        count = 1
-        while (following := count + max(1, count // 10)) <= n_examples:
-            count = following
-        return count
-
-
-class Perceptron(_Network):
-    """scikit-learn's perceptron with one hidden layer, of as many units as the number says."""
-
-    kind = "mlp"
-
-    def __init__(self, number: int) -> None:
-        self._classifier = from_library("sklearn.neural_network", "MLPClassifier", self.kind)
-        super().__init__(number)
-
-    def _make(self) -> Any:
-        return BatchClassifier(self._classifier((self.number,), random_state=0))
-
-
-class Convolution(_Network):
-    """Two layers of convolutions and one hidden layer, of as many units as the number says."""
-
-    kind = "cnn"
-
-    def _make(self) -> Any:
-        return BatchClassifier(ConvolutionalNetwork(self.number))

@@ -58,9 +58,7 @@ def test_proposes_nothing_before_the_first_lesson():
     assert (prediction.frame_id, prediction.action, dict(prediction.probabilities)) == (7, None, {})
 
 
-@pytest.mark.parametrize(
-    "name", ["default-4", "published-4", "knn-3", "multi-place-4", "som-9", "gas-8", "alvinn-4"]
-)
+@pytest.mark.parametrize("name", ["default-4", "published-4", "knn-3", "multi-place-4", "mlp-4"])
 def test_state_gives_the_same_predictions_and_the_same_future(name):
     first, second = taught(name), make_policy(name)
     second.set_state(first.get_state())
