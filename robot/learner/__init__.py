@@ -22,7 +22,6 @@ from robot.learner.base import (
 )
 from robot.learner.bsoc import BSOC
 from robot.learner.classifier import BSOCClassifier
-from robot.learner.places import BinaryFeatures, MultiPlace
 from robot.learner.published import PublishedBSOC
 
 __all__ = [
@@ -30,12 +29,10 @@ __all__ = [
     "Abilities",
     "BSOCClassifier",
     "BaseLearner",
-    "BinaryFeatures",
     "ContextualLearner",
     "Evidence",
     "Label",
     "Learner",
-    "MultiPlace",
     "Node",
     "NotFittedError",
     "PublishedBSOC",

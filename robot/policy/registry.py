@@ -12,10 +12,9 @@ from importlib.metadata import EntryPoint, entry_points
 
 from robot.errors import ConfigurationError, MissingExtraError, PluginError, did_you_mean
 from robot.learner.classifier import BSOCClassifier
-from robot.learner.places import BinaryFeatures, MultiPlace
 from robot.policy.action_filter import ActionFilter
 from robot.policy.design import DEFAULT, Maker
-from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GradientFeatures, GreyFeatures
+from robot.policy.features import GreyFeatures
 from robot.policy.policy import Policy
 from robot.types import DEFAULT_MOVES, Action
 
@@ -35,16 +34,6 @@ def make_published(number: int, name: str, moves: tuple[Action, ...], integer: b
     return Policy(
         name, number, learner, GreyFeatures(), moves=moves, action_filter=ActionFilter.none
     )
-
-
-def make_multi_place(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return one default learner a place; a `Maker`."""
-    features = GradientFeatures()
-    learner = MultiPlace(
-        lambda: DEFAULT.make_learner(number, integer),
-        BinaryFeatures(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH),
-    )
-    return Policy(name, number, learner, features, moves=moves)
 
 
 @cache

@@ -13,7 +13,8 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs/howto/use-from-python.md"
 PROGRAM = """\
 import numpy as np
-from robot.learner import BSOC, BSOCClassifier, Evidence, Learner, MultiPlace, PublishedBSOC
+from robot.lab.places import MultiPlace
+from robot.learner import BSOC, BSOCClassifier, Evidence, Learner, PublishedBSOC
 
 learner: Learner = BSOCClassifier(max_nodes=4)
 learner.learn_one(np.zeros(3), "left")

@@ -220,7 +220,7 @@ def test_every_model_of_ours_is_let_in(tmp_path: Path, learner: str, lessons: in
     assert store.load("x").to_policy().n_seen == lessons
 
 
-@pytest.mark.parametrize("learner", ["default-4", "multi-place-3"])
+@pytest.mark.parametrize("learner", installed("default-4", "multi-place-3"))
 def test_contexts_that_learned_every_frame_at_once_are_let_in(tmp_path: Path, learner: str) -> None:
     meta, arrays = parts(good(learner))
     older = {name: array for name, array in arrays.items() if "_block_" not in name}

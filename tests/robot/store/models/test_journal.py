@@ -20,6 +20,7 @@ from robot.store.models.journal import list_parts
 from robot.store.models.replay import recover
 from robot.store.models.store import ModelStore
 from robot.store.records import RecordWriter, frame_record, read_records
+from tests.learners import installed
 
 from .lives import Life, same
 
@@ -99,7 +100,7 @@ def test_what_was_written_survives_ten_kills_and_damage(tmp_path: Path, seed: in
     assert done["teach"] > 0
 
 
-@pytest.mark.parametrize("learner", ["default-6", "multi-place-4"])
+@pytest.mark.parametrize("learner", installed("default-6", "multi-place-4"))
 @pytest.mark.parametrize("seed", range(4))
 def test_every_learner_comes_back_as_it_was(tmp_path: Path, learner: str, seed: int) -> None:
     rng = random.Random(seed)

@@ -3,9 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot.lab.place_index import BinaryFeatures
+from robot.lab.places import MultiPlace
 from robot.learner.base import NotFittedError
 from robot.learner.classifier import BSOCClassifier
-from robot.learner.places import BinaryFeatures, MultiPlace
 
 
 def view(place, scene, noise):

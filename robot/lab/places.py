@@ -1,19 +1,17 @@
-"""One classifier for each place, and an index of binary features that recognises the place.
+"""One classifier for each place, and an index of its views that recognises the place.
 
-Source: the paper's first item of future work. The features are those of BRIEF (Calonder et al.
-2010) at fixed points: is this spot brighter than that one? A place's index keeps some of its
-views as strings of such bits; the smallest Hamming distance shows how well a view fits.
+Source: the paper's first item of future work.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Collection, Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.lab.place_index import BinaryFeatures, PlaceIndex
 from robot.learner.base import (
     Abilities,
     Evidence,
@@ -28,65 +26,27 @@ from robot.learner.classifier import BSOCClassifier
 from robot.learner.context_ridge import N_CONTEXTS
 from robot.learner.part import Array, Stateful, Value, taken
 from robot.learner.values import count, many, name, optional
+from robot.policy.design import DEFAULT
+from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GradientFeatures
+from robot.policy.policy import Policy
+from robot.types import Action
 
-N_BITS = 512
 NEW_PLACE = 0.235
 """Mean share of bits that differ from every view of a place, from which it is not the place.
 Views of one place differ by 0.03 to 0.16 from the nearest, of two places by 0.27 and more."""
 _SMOOTHING = 0.9
-_VIEWS = 128
 N_LABELS = 64
 _NEAR = 0.06
 _SEARCH = 10
-_POPCOUNT = np.array([bin(byte).count("1") for byte in range(256)], np.uint16)
 
 
-class BinaryFeatures:
-    """Brightness comparisons on a small grey picture, packed into bytes."""
-
-    def __init__(self, height: int, width: int) -> None:
-        rng = np.random.default_rng(7)  # the same points on every machine, for ever
-        self.height, self.width = height, width
-        rows, columns = rng.integers(0, height, N_BITS), rng.integers(0, width, N_BITS)
-        down, across = (rng.integers(-n // 3, n // 3 + 1, N_BITS) for n in (height, width))
-        self._one = rows * width + columns
-        self._two = (rows + down).clip(0, height - 1) * width + (columns + across).clip(
-            0, width - 1
-        )
-
-    def extract(self, grey: NDArray[Any]) -> NDArray[np.uint8]:
-        """Return the picture's bits, shape (N_BITS / 8,); grey of shape (height * width,)."""
-        padded = np.pad(grey.reshape(self.height, self.width).astype(np.int32), 2, mode="edge")
-        lines = np.sum([padded[i : i + self.height] for i in range(5)], axis=0)
-        smooth = np.sum([lines[:, i : i + self.width] for i in range(5)], axis=0).ravel()
-        return np.packbits(smooth[self._one] > smooth[self._two])
-
-
-class PlaceIndex(Stateful):
-    """The stored views of one place; the oldest is dropped when there are too many."""
-
-    fields = (
-        Value("n_added", count(), "n_added"),
-        Array("views", np.uint8, (range(_VIEWS + 1), N_BITS // 8), attribute="views"),
+def make_multi_place(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    """Return one default learner a place; a `Maker`."""
+    learner = MultiPlace(
+        lambda: DEFAULT.make_learner(number, integer),
+        BinaryFeatures(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH),
     )
-
-    def __init__(self) -> None:
-        self.views = np.zeros((0, N_BITS // 8), np.uint8)
-        self.n_added = 0
-
-    def difference(self, bits: NDArray[np.uint8]) -> float:
-        """Return the share of bits that differ from the most similar view; 0 if there is none."""
-        if len(self.views) == 0:
-            return 0.0
-        return float(_POPCOUNT[self.views ^ bits].sum(axis=1).min()) / N_BITS
-
-    def add(self, bits: NDArray[np.uint8]) -> None:
-        """Keep one more view."""
-        if len(self.views) < _VIEWS:
-            self.views = np.vstack([self.views, bits])
-        else:
-            self.views[self.n_added % _VIEWS] = bits
-        self.n_added += 1
+    return Policy(name, number, learner, GradientFeatures(), moves=moves)
 
 
 class _Tracker:
@@ -338,12 +298,9 @@ class MultiPlace(Stateful):
             yield "its vectors have no length"
         if self._waiting and (not self.networks_ or self.n_waiting >= _SEARCH):
             yield "examples wait that need not"
-        for index in self._indices:
-            if len(index.views) != min(index.n_added, _VIEWS):
-                yield "views of a place are missing"
 
     def check(self) -> None:
         """Raise ValueError, saying why, if it is not what it declares; nor any of its places."""
         super().check()
-        for network in self.networks_:
-            network.check()
+        for part in (*self.networks_, *self._indices):
+            part.check()
