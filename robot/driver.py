@@ -15,14 +15,14 @@ from enum import StrEnum
 from types import TracebackType
 from typing import Any, ClassVar, Self
 
-from robot.types import DEFAULT_MOVES, Action, Mode, Prediction, Sensors
+from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
 
 ACTION_TIMEOUT_S = 0.4
 """How long one `send_action` lasts. The body stops by itself unless the next comes before:
 just above the gate's watchdog of 0.3 s, so that motors stop even if Python dies."""
 _LONGEST_LABEL, _LONGEST_ICON, _LONGEST_MEANING = 24, 16, 200
-Point = tuple[float, float]
-"""Steering and throttle, as `Move` has them."""
+TURNS_BEYOND = 0.2
+"""A move or a point that steers no more than this share of full lock drives straight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Move:
     Example:
         >>> drift = Move("drift", icon="↪", does="slides to the left", steering=-0.7, throttle=0.9)
         >>> drift.point
-        (-0.7, 0.9)
+        Point(steering=-0.7, throttle=0.9)
     """
 
     name: Action
@@ -81,7 +81,7 @@ class Move:
         """Steering and throttle; None for a move that is no point in that plane."""
         if self.steering is None or self.throttle is None:
             return None
-        return self.steering, self.throttle
+        return Point(self.steering, self.throttle)
 
     def describe(self) -> dict[str, Any]:
         """Return plain values, for a page or a file."""
@@ -115,7 +115,34 @@ def describe(wanted: Iterable[Action], declared: Iterable[Move] = ()) -> tuple[M
 
 def point_of(name: Action, declared: Iterable[Move] = ()) -> Point | None:
     """Return the steering and throttle of a move, and of STOP; None if nobody declared them."""
-    return (0.0, 0.0) if name is Action.STOP else describe([name], declared)[0].point
+    if name is Action.STOP:
+        return Point(0.0, 0.0)
+    return describe([name], declared)[0].point
+
+
+def side_of(steering: float, threshold: float = TURNS_BEYOND) -> int:
+    """Return where so much steering leads: -1 to the left, 1 to the right, 0 straight."""
+    return (steering > threshold) - (steering < -threshold)
+
+
+def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND) -> Action | None:
+    """Return the move that a point counts as; None if it stands, or no move goes its way.
+
+    It is the nearest of the moves that drive the same way (ahead, back, or on the spot) and turn to
+    the same side. Where none of these turns so, one that drives the same way will do: who reverses
+    in a curve reverses.
+
+    Raises:
+        ValueError: If steering or throttle is not a number in [-1, 1].
+    """
+    if not all(-1.0 <= number <= 1.0 for number in point):
+        raise ValueError(f"steering and throttle must lie in [-1, 1], not {tuple(point)}")
+    side, way = side_of(point.steering, threshold), side_of(point.throttle, 0.0)
+    known = [(move.name, move.point) for move in moves if move.point is not None]
+    ahead = [(name, at) for name, at in known if side_of(at.throttle, 0.0) == way]
+    near = [(name, at) for name, at in ahead if side_of(at.steering) == side]
+    choice = near or (ahead if way else [])
+    return min(choice, key=lambda move: math.dist(move[1], point))[0] if choice else None
 
 
 def to_text(moves: Iterable[Move]) -> str:
@@ -180,6 +207,8 @@ class Driver(ABC):
     track_m: float | None = None
     """Distance between two wheels that steer by their difference, for an estimate of where the
     robot is; None: it is not built so, or nobody measured it."""
+    takes_points: bool = False
+    """True for a body that is driven by degrees, too: see `send_point`."""
     is_remote: ClassVar[bool] = False
     """True for a body that answers over a network: `send_action`, `sense`, `stop`, `take_button`
     and `show` may then block for up to half a second, and are called on a thread of their own."""
@@ -234,6 +263,26 @@ class Driver(ABC):
             ValueError: If the action is not one of `moves`, or the scale is out of range.
         """
 
+    def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
+        """Drive by degrees for at most `ACTION_TIMEOUT_S`; return the move that it counts as.
+
+        The point of a declared move does what the move does, and what is between two points drives
+        between them. A body that does not take points drives the move.
+
+        Args:
+            point: Steering and throttle.
+            speed_scale: As for `send_action`; it slows the body, and bends no curve.
+
+        Raises:
+            ValueError: If a number is out of range.
+            Exception: As `send_action`.
+        """
+        return self.send_action(self.move_of(point), speed_scale=speed_scale)
+
+    def move_of(self, point: Point) -> Action:
+        """Return the move of this body that a point counts as (`move_at`), or STOP."""
+        return move_at(point, self.declared_moves) or Action.STOP
+
     @abstractmethod
     def sense(self) -> Sensors:
         """Read the sensors. Never blocks for longer than a few milliseconds unless `is_remote`."""
@@ -250,8 +299,13 @@ class Driver(ABC):
         if not 0.0 < speed_scale <= 1.0:
             raise ValueError(f"speed_scale must lie in (0, 1], not {speed_scale}")
 
-    def wheels_mps(self, action: Action) -> tuple[float, float] | None:
-        """Return how fast the left and right wheel roll at full speed; None if not known."""
+    def wheels_mps(self, action: Action, point: Point | None = None) -> tuple[float, float] | None:
+        """Return how fast the left and right wheel roll at full speed; None if not known.
+
+        Args:
+            action: What was sent.
+            point: What was sent by degrees; None: the action as it is.
+        """
         return None
 
     def take_button(self) -> BodyButton | None:

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import TracebackType
-from typing import ClassVar, Self
+from typing import ClassVar, NamedTuple, Self
 from weakref import WeakValueDictionary
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
@@ -75,6 +75,16 @@ Action.SPIN_RIGHT = Action("spin_right")
 
 DEFAULT_MOVES: tuple[Action, ...] = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 """The paper's three moves, in the order in which the page and the tables show them."""
+
+
+class Point(NamedTuple):
+    """Steering and throttle, each from -1 to 1: right and ahead are positive.
+
+    It goes beside a move, for bodies that are driven by degrees (`robot.driver.move_at`).
+    """
+
+    steering: float
+    throttle: float
 
 
 class Mode(StrEnum):
@@ -185,7 +195,8 @@ class PilotCommand:
     `frame_age_s` is how old that frame was when this was sent, as the page reckons it, and
     `phone_s` the part of that age that the frame had spent on the phone. `proven_s` is a time
     before which the command cannot have been sent; None: it was sent when it was received.
-    `seen_id` is the newest frame that has been acknowledged; None: not known.
+    `seen_id` is the newest frame that has been acknowledged; None: not known. `point` is what was
+    meant exactly, if `held` was steered by degrees.
     """
 
     held: Action | None
@@ -197,6 +208,7 @@ class PilotCommand:
     phone_s: float | None = None
     proven_s: float | None = None
     seen_id: int | None = None
+    point: Point | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,6 +233,10 @@ class Prediction:
     """True if the action is known to steer to one side."""
     needs_help: bool = False
     """True if nothing that the robot tried led anywhere: it stands and waits for the pilot."""
+    point: Point | None = None
+    """What `action` means by degrees, if the pilot taught by degrees."""
+    spread: float | None = None
+    """By how much the steering of `point` is off, as a standard deviation."""
 
     @property
     def is_novel(self) -> bool:
@@ -230,7 +246,10 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """The gate's verdict for one tick: the action, whose it is, and why it may be none."""
+    """The gate's verdict for one tick: the action, whose it is, and why it may be none.
+
+    `point` is the action by degrees, if whoever drives steers so; STOP has none.
+    """
 
     action: Action
     driven_by: DrivenBy
@@ -238,6 +257,7 @@ class Decision:
     speed_scale: float = 1.0
     stop_reason: StopReason | None = None
     asks_pilot: bool = False
+    point: Point | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,6 +267,7 @@ class Example:
     frame_id: int
     label: Action
     is_intervention: bool
+    point: Point | None = None
 
 
 class StartStop(ABC):

@@ -10,7 +10,7 @@ import math
 from dataclasses import replace
 
 from robot.driver import ACTION_TIMEOUT_S, Driver
-from robot.types import Action, Pose, Sensors
+from robot.types import Action, Point, Pose, Sensors
 
 _START = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0, is_estimate=True)
 
@@ -34,9 +34,10 @@ class DeadReckoning:
         self._pose = _moved(self._pose, left_m, right_m, track_m)
         return replace(sensors, pose=self._pose)
 
-    def told(self, action: Action, speed_scale: float) -> None:
+    def told(self, action: Action, speed_scale: float, point: Point | None = None) -> None:
         """Note what the motors were just told."""
-        left_mps, right_mps = self._driver.wheels_mps(action) or (0.0, 0.0)
+        by_degrees = () if point is None else (point,)
+        left_mps, right_mps = self._driver.wheels_mps(action, *by_degrees) or (0.0, 0.0)
         self._told = left_mps * speed_scale, right_mps * speed_scale
 
     def _way(self, wheels_m: tuple[float, float] | None, now_s: float) -> tuple[float, float]:

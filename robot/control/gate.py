@@ -168,7 +168,8 @@ class Gate:
         if self.mode is Mode.STOPPED:
             return self._stand(DrivenBy.NOBODY)
         if self.held is not None:
-            return Decision(action=self.held, driven_by=DrivenBy.PILOT, mode=self.mode)
+            point = self._command.point if self._command else None
+            return Decision(action=self.held, driven_by=DrivenBy.PILOT, mode=self.mode, point=point)
         if self.mode is Mode.TRAIN:
             return self._stand(DrivenBy.NOBODY)
         return self._robot_drives(prediction)
@@ -201,6 +202,7 @@ class Gate:
             mode=self.mode,
             speed_scale=scale,
             asks_pilot=prediction.is_novel,
+            point=prediction.point,
         )
 
     def _stand(self, driven_by: DrivenBy, *, asks_pilot: bool = False) -> Decision:

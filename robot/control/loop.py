@@ -371,8 +371,13 @@ class ControlLoop:
         if self._is_too_late(started_s):
             return None
         try:
-            sent = self._driver.send_action(decision.action, speed_scale=decision.speed_scale)
-            self._dead_reckoning.told(sent, decision.speed_scale)
+            scale, point = decision.speed_scale, decision.point
+            if point is not None and self._driver.takes_points:
+                sent = self._driver.send_point(point, speed_scale=scale)
+                self._dead_reckoning.told(sent, scale, point)
+            else:
+                sent = self._driver.send_action(decision.action, speed_scale=scale)
+                self._dead_reckoning.told(sent, scale)
         except DriveError as error:
             self._drive_failed(error)
             return None

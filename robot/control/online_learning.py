@@ -20,7 +20,7 @@ from robot.driver import Move
 from robot.learner.base import Vector
 from robot.policy.history import HistoryEvent, Replaced, TrainingHistory, Undone
 from robot.policy.policy import Policy
-from robot.types import Action, Example, Frame, PilotCommand, Prediction
+from robot.types import Action, Example, Frame, PilotCommand, Point, Prediction
 
 WINDOW_S = 10.0
 """A time, not a number of examples: at thirty a second a hundred are one way straight ahead."""
@@ -62,7 +62,7 @@ class Agreement:
 
 
 class Labeller:
-    """Turns the pilot's commands of one drive into (frame id, label) pairs, each frame once."""
+    """Turns the pilot's commands of one drive into labels of frames, each frame once."""
 
     def __init__(self) -> None:
         self._previous: PilotCommand | None = None
@@ -74,8 +74,8 @@ class Labeller:
 
     def label(
         self, command: PilotCommand, known_frame_ids: Iterable[int]
-    ) -> Iterator[tuple[int, Action]]:
-        """Yield the frames that `command` labels, oldest first.
+    ) -> Iterator[tuple[int, Action, Point | None]]:
+        """Yield the frames that `command` labels with move and point, oldest first.
 
         Args:
             command: The pilot's newest command.
@@ -83,12 +83,11 @@ class Labeller:
         """
         if command.frame_id is None:
             return
-        before = self._previous.held if self._previous else None
         for frame_id in known_frame_ids:
-            if self._last_frame_id < frame_id < command.frame_id and before is not None:
-                yield frame_id, before
-            elif frame_id == command.frame_id > self._last_frame_id and command.held is not None:
-                yield frame_id, command.held
+            if self._last_frame_id < frame_id <= command.frame_id:
+                said = command if frame_id == command.frame_id else self._previous
+                if said is not None and said.held is not None:
+                    yield frame_id, said.held, said.point
         self._last_frame_id = max(self._last_frame_id, command.frame_id)
         self._previous = command
 
@@ -219,9 +218,16 @@ class OnlineLearning:
     ) -> None:
         """Learn the frames that the commands label; with `may_learn` False they are skipped."""
         for command in commands:
-            for frame_id, label in list(self._labeller.label(command, self._seen)):
+            for frame_id, label, point in list(self._labeller.label(command, self._seen)):
                 if may_learn:
-                    self._learn_one(frame_id, label, is_intervention)
+                    self._learn_one(
+                        Example(
+                            frame_id=frame_id,
+                            label=label,
+                            is_intervention=is_intervention,
+                            point=point,
+                        )
+                    )
 
     def reset(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
@@ -263,9 +269,8 @@ class OnlineLearning:
         elif isinstance(event, Undone):
             self.agreement.drop_after(self.history.teaching_s)
 
-    def _learn_one(self, frame_id: int, label: Action, is_intervention: bool) -> None:
-        seen = self._seen[frame_id]
-        example = Example(frame_id=frame_id, label=label, is_intervention=is_intervention)
+    def _learn_one(self, example: Example) -> None:
+        seen = self._seen[example.frame_id]
         started_s = self._clock.now_s()
         try:
             self.history.teach(example, seen.x, seen.captured_s)
@@ -273,7 +278,7 @@ class OnlineLearning:
             self._note_failure(error)
             return
         self._note_time("learn", started_s)
-        self.agreement.add(self.history.teaching_s, is_right=seen.predicted is label)
+        self.agreement.add(self.history.teaching_s, is_right=seen.predicted is example.label)
 
     def _note_time(self, name: str, started_s: float) -> None:
         self.timings[name] = self.timings[name].plus(self._clock.now_s() - started_s)

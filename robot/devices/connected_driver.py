@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 
 from robot.driver import Driver
 from robot.errors import NotConnectedError
-from robot.types import Action
+from robot.types import Action, Point
 
 _C = TypeVar("_C")
 
@@ -31,6 +31,10 @@ class ConnectedDriver(Driver, Generic[_C]):
     @abstractmethod
     def _move(self, connection: _C, action: Action, speed_scale: float) -> None:
         """Move so, or stand; the action has been checked."""
+
+    def _steer(self, connection: _C, point: Point, speed_scale: float) -> None:
+        """Drive a point that has been checked; for bodies that say `takes_points`."""
+        raise NotImplementedError(f"the robot {self.name!r} says that it takes points")
 
     def _close(self, connection: _C) -> None:
         """Let go; whoever lives in memory alone has nothing to let go of."""
@@ -64,4 +68,12 @@ class ConnectedDriver(Driver, Generic[_C]):
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
         self.check_action(action, speed_scale)
         self._move(self._connected(), action, speed_scale)
+        return action
+
+    def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
+        if not self.takes_points:
+            return super().send_point(point, speed_scale=speed_scale)
+        action = self.move_of(point)
+        self.check_action(action, speed_scale)
+        self._steer(self._connected(), point, speed_scale)
         return action

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 from robot.clock import Clock, Worker
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
 from robot.errors import DriveError, NotConnectedError
-from robot.types import Action, Mode, Sensors
+from robot.types import Action, Mode, Point, Sensors
 
 SENSE_EVERY_S = 0.1
 """How often the sensors are read while actions wait; with nothing to do, as often."""
@@ -33,6 +33,7 @@ class _Order:
     action: Action
     speed_scale: float
     queued_s: float
+    point: Point | None = None
 
 
 def _of_body(name: str) -> Any:
@@ -77,6 +78,7 @@ class DriverThread(Driver):
     options_type = _of_body("options_type")
     declared_moves = _of_body("declared_moves")
     moves = _of_body("moves")
+    takes_points = _of_body("takes_points")
     track_m = _of_body("track_m")
     wheels_mps = _of_body("wheels_mps")
     is_connected = _of_body("is_connected")
@@ -105,11 +107,18 @@ class DriverThread(Driver):
 
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
         """Leave the action for the body; see `Driver`. It replaces one that still waits."""
+        return self._leave(action, speed_scale)
+
+    def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
+        """Leave a point for the body in the same way."""
+        return self._leave(self.driver.move_of(point), speed_scale, point)
+
+    def _leave(self, action: Action, speed_scale: float, point: Point | None = None) -> Action:
         self.driver.check_action(action, speed_scale)
         if not self.driver.is_connected:
             raise NotConnectedError(f"the robot {self.driver.name!r} is not connected")
         with self._lock:
-            self._order = _Order(action, speed_scale, self._clock.now_s())
+            self._order = _Order(action, speed_scale, self._clock.now_s(), point)
         self._due.set()
         self._raise_fault("drive")
         return action
@@ -184,6 +193,8 @@ class DriverThread(Driver):
             self._driven = order.action
             if now_s - order.queued_s > STALE_S:
                 self.driver.stop()
+            elif order.point is not None:
+                self.driver.send_point(order.point, speed_scale=order.speed_scale)
             else:
                 self.driver.send_action(order.action, speed_scale=order.speed_scale)
 

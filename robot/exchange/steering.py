@@ -1,14 +1,12 @@
-"""Steering angles of cars to moves, by a threshold.
-
-The reverse is `robot.driver.point_of`: the steering and throttle that the driver declared for each
-move."""
+"""Steering angles of cars, as other programs write them, and the moves that they count as."""
 
 from __future__ import annotations
 
+from robot.driver import TURNS_BEYOND, describe, move_at
 from robot.errors import ConfigurationError
-from robot.types import Action
+from robot.types import DEFAULT_MOVES, Action, Point
 
-DEFAULT_THRESHOLD = 0.2
+DEFAULT_THRESHOLD = TURNS_BEYOND
 """Share of full lock from which on a car is said to turn."""
 
 
@@ -25,11 +23,8 @@ def to_move(
     Returns:
         FORWARD, LEFT or RIGHT; None for a car that stands or drives backward.
     """
-    if throttle is not None and throttle <= 0.0:
-        return None
-    if angle < -threshold:
-        return Action.LEFT
-    return Action.RIGHT if angle > threshold else Action.FORWARD
+    point = Point(angle, 1.0 if throttle is None else throttle)
+    return move_at(point, describe(DEFAULT_MOVES), threshold)
 
 
 def read_share(value: object, name: str) -> float:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.devices.pictures import read_picture_file, write_picture
-from robot.driver import CLASSIC, Move, Point, point_of
+from robot.driver import CLASSIC, Move, point_of
 from robot.exchange.drive import Drive
 from robot.exchange.report import ImportReport
 from robot.exchange.rows import Row, drive_of, whole_rows
@@ -32,7 +32,7 @@ from robot.exchange.tub_records import (
 from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
-from robot.types import Action
+from robot.types import Action, Point
 
 _ANGLE, _THROTTLE, _MODE = "user/angle", "user/throttle", "user/mode"
 _PILOT = "pilot/angle", "pilot/throttle"

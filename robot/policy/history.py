@@ -254,7 +254,7 @@ def replay(
 def _make(policy: Policy, event: LogEvent) -> None:
     if isinstance(event, Taught):
         example, at_s = event.example, event.at_s if event.at_s >= 0.0 else None
-        policy.learn(event.x, example.label, at_s)
+        policy.learn(event.x, example.label, at_s, example.point)
     elif isinstance(event, DriveBegun):
         policy.reset()
     elif event.verb == "relabel":

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from robot.driver import Move, describe
+from robot.driver import Move, describe, side_of
 from robot.learner.part import Stateful, Value
 from robot.learner.values import many, name
 from robot.types import Action
-
-_STRAIGHT_STEERING = 0.2
-"""A move that steers no more than this drives straight."""
 
 
 class MoveKinds(Stateful):
@@ -38,15 +35,11 @@ class MoveKinds(Stateful):
         """Sort the moves by their declared steering and throttle (`robot.driver.Move`)."""
         known = [(move.name, move.point) for move in describe(self._moves, declared)]
         points = {name: point for name, point in known if point is not None}
-        turns = {
-            name: steering > 0.0
-            for name, (steering, _) in points.items()
-            if abs(steering) > _STRAIGHT_STEERING
-        }
-        self._left = sorted(name for name, is_right in turns.items() if not is_right)
-        self._right = sorted(name for name, is_right in turns.items() if is_right)
+        sides = {name: side_of(point.steering) for name, point in points.items()}
+        self._left = sorted(name for name, side in sides.items() if side < 0)
+        self._right = sorted(name for name, side in sides.items() if side > 0)
         self._straight = sorted(
-            name for name, (_, throttle) in points.items() if name not in turns and throttle != 0.0
+            name for name, point in points.items() if not sides[name] and point.throttle != 0.0
         )
         self.restored()
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from robot.learner.base import Evidence, Vector
 from robot.learner.part import Stateful
-from robot.types import Action
+from robot.types import Action, Point
 
 _NOTHING = Evidence(label="", probabilities={}, confidence=0.0)
 
@@ -34,6 +34,8 @@ class Seen:
         evidence: What the learner says.
         shares: The votes for each move; the filter makes them steady.
         action: The move to make.
+        point: What the action means by degrees, if the pilot taught by degrees.
+        spread: By how much its steering is off.
         certainty: What to multiply the power of the votes by (`calibration.py`).
     """
 
@@ -51,6 +53,8 @@ class Seen:
     certainty: float = 1.0
     is_stalled: bool = False
     needs_help: bool = False
+    point: Point | None = None
+    spread: float | None = None
 
 
 @dataclass(slots=True, kw_only=True)
@@ -63,6 +67,7 @@ class Lesson:
         picture: Its grey values.
         label: The move.
         at_s: The frame's teaching time; None: it stands for itself.
+        point: The move by degrees, if the pilot meant it so.
         is_learned: False for one that is only counted (`move_context.py`).
         contexts: In which contexts it counts, if a part knows.
     """
@@ -72,6 +77,7 @@ class Lesson:
     picture: NDArray[np.uint8]
     label: Action
     at_s: float | None = None
+    point: Point | None = None
     is_learned: bool = True
     contexts: Collection[int] = ()
 

@@ -21,7 +21,7 @@ from robot.policy.move_context import ExampleRate, MoveContext
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.policy.pilot_pace import PilotPace
-from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
+from robot.types import DEFAULT_MOVES, Action, Frame, Point, Prediction
 
 _DOUBT = 0.5
 """How fast confidence falls with novelty beyond 1: at 3 half of it is left."""
@@ -208,9 +208,13 @@ class Policy(Stateful):
             is_stalled=seen.is_stalled,
             is_turn=seen.action in self.kinds.turns,
             needs_help=seen.needs_help,
+            point=seen.point,
+            spread=seen.spread,
         )
 
-    def learn(self, x: Vector, label: Action, at_s: float | None = None) -> None:
+    def learn(
+        self, x: Vector, label: Action, at_s: float | None = None, point: Point | None = None
+    ) -> None:
         """Learn one example.
 
         Given times, at most ten examples a second are learned while the label stays the same; the
@@ -220,6 +224,7 @@ class Policy(Stateful):
             x: The frame's vector.
             label: The move.
             at_s: The frame's teaching time; None: it stands for itself.
+            point: The move by degrees, if the pilot meant it so.
 
         Raises:
             ValueError: If the label is none of `moves`, or `x` cannot be learned; nothing changes.
@@ -231,6 +236,7 @@ class Policy(Stateful):
             picture=self.features.grey(x),
             label=label if isinstance(label, Action) else Action(label),
             at_s=at_s,
+            point=point,
         )
         for on_example in self._on_example:
             on_example(lesson)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from robot.camera import Camera
 from robot.driver import Driver
+from robot.types import Point
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +25,8 @@ class DriverCase:
             is busy with other things needs more.
         mend_link: Lets the body be reached again, by a new connection if the old one is lost; None
             if it cannot.
+        drives: How the body turns and drives now, as a point of any scale; None if that is
+            unknown. It must ask the body, not the driver.
     """
 
     driver: Driver
@@ -33,6 +36,7 @@ class DriverCase:
     now_s: Callable[[], float] | None = None
     budget_s: float | None = None
     mend_link: Callable[[], None] | None = None
+    drives: Callable[[], Point] | None = None
 
 
 @dataclass(frozen=True, slots=True)

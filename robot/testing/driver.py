@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from robot.clock import Clock, RealClock
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
 from robot.errors import DriveError
-from robot.types import Action, Sensors
+from robot.types import Action, Point, Sensors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,6 +21,8 @@ class FakeDriver(Driver):
 
     Attributes:
         sent: Every action sent, with its speed scale.
+        takes_points: Set it to True for a body that is driven by degrees.
+        point: What was sent last by degrees; None: a move, or nothing.
         changes: When (seconds of `clock`) the action changed, and to what.
         moved_s: When it last received a move.
         stops: How often `stop` was called.
@@ -43,6 +45,7 @@ class FakeDriver(Driver):
     def __init__(self, options: Any = None, clock: Clock | None = None) -> None:
         self.clock = clock or RealClock()
         self.sent: list[tuple[Action, float]] = []
+        self.point: Point | None = None
         self.changes: list[tuple[float, Action]] = []
         self.moved_s = 0.0
         self.stops = 0
@@ -77,6 +80,11 @@ class FakeDriver(Driver):
             self.moved_s = self._told_s
         return action
 
+    def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
+        action = super().send_point(point, speed_scale=speed_scale)
+        self.point = point if self.takes_points else None
+        return action
+
     def sense(self) -> Sensors:
         return self.sensors
 
@@ -89,7 +97,7 @@ class FakeDriver(Driver):
         return button
 
     def _note(self, action: Action) -> None:
-        now_s = self.clock.now_s()
+        self.point, now_s = None, self.clock.now_s()
         if action is not self._told:
             self.changes.append((now_s, action))
         self._told, self._told_s = action, now_s

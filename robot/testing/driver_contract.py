@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import math
 import multiprocessing
 import threading
 from collections.abc import Callable
@@ -14,10 +15,10 @@ import pytest
 from robot.clock import RealClock
 from robot.devices.options import options_of
 from robot.devices.plugins import camera_names, load_driver
-from robot.driver import ACTION_TIMEOUT_S, CLASSIC, describe
+from robot.driver import ACTION_TIMEOUT_S, CLASSIC, describe, side_of
 from robot.errors import DriveError, NotConnectedError
 from robot.testing.cases import DriverCase
-from robot.types import Action, Mode, Sensors
+from robot.types import Action, Mode, Point, Sensors
 
 LOCAL_BUDGET_S = 0.01
 """The quickest of some requests must not take longer: the control loop waits for it."""
@@ -28,6 +29,9 @@ STANDS_WITHIN_S = 0.5
 CUTS_S = (0.5, 5.0)
 BACK_WITHIN_S = 5.0
 """When the body can be reached again, it obeys after so long, however long the line was cut."""
+POINTS = [
+    Point(steering, throttle) for steering in (-1.0, -0.5, 0.0, 0.4, 1.0) for throttle in (0.3, 0.8)
+]
 _REAL = RealClock()
 _REQUESTS = 20
 _PATIENCE_S = 5.0
@@ -123,6 +127,60 @@ class DriverContract:
                     with pytest.raises(ValueError, match=action.value):
                         driver.send_action(action)
             assert not moving(driver_case)
+
+    def test_every_point_counts_as_a_move_and_drives(self, driver_case: DriverCase) -> None:
+        """Any body can be driven by degrees; one that does not take them drives the moves."""
+        with driver_case.driver as driver:
+            for point in POINTS:
+                move = driver.move_of(point)
+                assert driver.send_point(point, speed_scale=0.5) is move
+                if move is not Action.STOP:
+                    assert moving(driver_case), point
+                driver.stop()
+                assert not moving(driver_case), point
+            if driver.send_point(Point(0.0, 0.0)) is Action.STOP:
+                assert not moving(driver_case)
+
+    def test_a_point_that_is_not_renewed_ends(self, driver_case: DriverCase) -> None:
+        with driver_case.driver as driver:
+            driver.send_point(Point(0.3, 0.8))
+            driver_case.forward(2 * ACTION_TIMEOUT_S)
+            assert not moving(driver_case)
+
+    def test_bad_points_are_refused(self, driver_case: DriverCase) -> None:
+        with driver_case.driver as driver:
+            for number in (-1.01, 1.01, math.inf, math.nan):
+                for point in (Point(number, 0.5), Point(0.0, number)):
+                    with pytest.raises(ValueError, match="steering and throttle"):
+                        driver.send_point(point)
+            with pytest.raises(ValueError, match="speed_scale"):
+                driver.send_point(Point(0.0, 0.5), speed_scale=1.5)
+            assert not moving(driver_case)
+        with pytest.raises(NotConnectedError):
+            driver.send_point(Point(0.0, 0.5))
+
+    def test_right_is_positive_and_so_is_ahead(self, driver_case: DriverCase) -> None:
+        """More is never less, and the point of a move does what the move does."""
+        driver, drives = driver_case.driver, driver_case.drives
+        if not driver.takes_points or drives is None:
+            pytest.skip("the body takes no points, or nobody can tell how it drives")
+        with driver:
+            turned = []
+            for steering in (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0):
+                driver.send_point(Point(steering, 0.5))
+                now = drives()
+                turned.append(now.steering)
+                assert side_of(now.steering, 1e-9) == side_of(steering, 0.0), steering
+                assert now.throttle > 0.0 or abs(steering) > 0.5
+            assert turned == sorted(turned)
+            driver.send_point(Point(0.0, -0.5))
+            assert drives().throttle < 0.0
+            for move in driver.declared_moves:
+                if move.point is not None:
+                    driver.send_action(move.name)
+                    as_move = drives()
+                    driver.send_point(move.point)
+                    assert drives() == pytest.approx(as_move, abs=1e-6), move.name
 
     def test_it_senses(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:

@@ -35,7 +35,7 @@ class FakePolicy(Policy):
             frame_id=frame_id, action=self.first, confidence=1.0, probabilities=shares
         )
 
-    def learn(self, x: Vector, label: Action, at_s: float | None = None) -> None:
+    def learn(self, x: Vector, label: Action, *when_and_how: Any) -> None:
         self.first = self.first or label
         self._n_examples += 1
 

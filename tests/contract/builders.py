@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import itertools
+import math
 import os
 import tempfile
 import threading
@@ -40,12 +41,13 @@ from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
 from robot.clock import Clock, ManualClock, RealClock
 from robot.devices.simulation.camera import SimCamera, SimCameraOptions
 from robot.devices.simulation.driver import SimDriver, SimOptions
+from robot.devices.simulation.simulation import NO_NOISE
 from robot.errors import DriveError, NotConnectedError
 from robot.exchange.replay_camera import ReplayCamera, ReplayCameraOptions
 from robot.exchange.replay_driver import ReplayDriver
 from robot.testing import VirtualClock
 from robot.testing.cases import CameraCase, DriverCase
-from robot.types import Action
+from robot.types import Action, Point
 from tests.faults.bodies import BODIES, TimedBody
 from tests.robot.bodies.ev3.fake_video import DEVICE
 from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
@@ -62,7 +64,17 @@ def sim_driver() -> Iterator[DriverCase]:
         driver.advance(0.02)
         return driver.simulation.pose != before
 
-    yield DriverCase(driver, driver.advance, is_moving, budget_s=5.0)
+    def drives() -> Point:
+        simulation = driver.simulation
+        simulation.noise = NO_NOISE
+        before = simulation.pose
+        simulation.step(0.02)
+        after, simulation.pose = simulation.pose, before
+        way = math.cos(before.heading_rad) * (after.x_m - before.x_m)
+        way += math.sin(before.heading_rad) * (after.y_m - before.y_m)
+        return Point(before.heading_rad - after.heading_rad, way)
+
+    yield DriverCase(driver, driver.advance, is_moving, budget_s=5.0, drives=drives)
 
 
 @contextmanager

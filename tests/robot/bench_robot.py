@@ -19,7 +19,7 @@ from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from robot.testing.driver import FakeDriver
-from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Sensors
+from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Point, Sensors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,13 +106,21 @@ class BenchRobot:
         self.tick()
         assert taken.result(0)
 
-    def hold(self, action: Action | None, frame_id: int | None = None) -> None:
+    def hold(
+        self, action: Action | None, frame_id: int | None = None, point: Point | None = None
+    ) -> None:
         """Say what is held, looking at `frame_id` or else at the newest frame."""
         frame = self.camera.latest()
         seen = frame_id if frame_id is not None else frame.frame_id if frame else None
         self._seq += 1
         self.loop.command(
-            PilotCommand(held=action, frame_id=seen, seq=self._seq, received_s=self.clock.now_s())
+            PilotCommand(
+                held=action,
+                frame_id=seen,
+                seq=self._seq,
+                received_s=self.clock.now_s(),
+                point=point,
+            )
         )
 
     def tick(self) -> Tick:

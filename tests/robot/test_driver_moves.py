@@ -12,8 +12,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.driver import CLASSIC, Move, describe, from_text, names, point_of, to_text
-from robot.types import DEFAULT_MOVES, Action
+from robot.driver import (
+    CLASSIC,
+    Move,
+    describe,
+    from_text,
+    move_at,
+    names,
+    point_of,
+    side_of,
+    to_text,
+)
+from robot.types import DEFAULT_MOVES, Action, Point
 
 NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,31}", fullmatch=True)
 SHARES = st.floats(-1.0, 1.0)
@@ -114,3 +124,35 @@ def test_a_declaration_out_of_range_is_refused(fields: dict[str, object]) -> Non
         Move(Action("fast"), **fields)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="stop"):
         Move(Action.STOP)
+
+
+@given(st.lists(moves(), max_size=8), SHARES, SHARES)
+def test_a_point_counts_as_a_move_that_goes_its_way(
+    declared: list[Move], steering: float, throttle: float
+) -> None:
+    point = Point(steering, throttle)
+    found = move_at(point, declared)
+    way = side_of(throttle, 0.0)
+    same = [move for move in declared if move.point and side_of(move.point[1], 0.0) == way]
+    if found is None:
+        assert way == 0 or not same
+        return
+    assert found in names(same)
+
+
+@given(st.permutations(list(CLASSIC.values())))
+def test_the_point_of_a_move_counts_as_that_move(declared: list[Move]) -> None:
+    for move in declared:
+        assert move.point is not None and move_at(move.point, declared) is move.name
+
+
+def test_points_of_a_car_are_cut_where_it_says() -> None:
+    three = describe(DEFAULT_MOVES)
+    cut = [move_at(Point(steering, 0.3), three) for steering in (-0.21, -0.2, 0.2, 0.21)]
+    assert cut == [Action.LEFT, Action.FORWARD, Action.FORWARD, Action.RIGHT]
+    five = [Move(Action(f"at{n}"), steering=n / 2 - 1.0, throttle=0.5) for n in range(5)]
+    assert move_at(Point(0.7, 0.5), five) == "at3" and move_at(Point(0.8, 0.5), five) == "at4"
+    assert move_at(Point(1.0, 0.0), three) is None and move_at(Point(0.0, -1.0), three) is None
+    for bad in (float("nan"), 1.1, -float("inf")):
+        with pytest.raises(ValueError, match="must lie in"):
+            move_at(Point(bad, 0.0), three)

@@ -13,7 +13,7 @@ from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC, BodyButton
 from robot.errors import ConfigurationError, DriveError
-from robot.types import Action, Mode, Sensors
+from robot.types import Action, Mode, Point, Sensors
 
 _T = TypeVar("_T")
 
@@ -123,7 +123,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def track_m(self) -> float:  # type: ignore[override]
         return self.options.track_m
 
-    def wheels_mps(self, action: Action) -> tuple[float, float]:
+    def wheels_mps(self, action: Action, point: Point | None = None) -> tuple[float, float]:
         left, right = wheel_speeds(action, self.options)
         return self._rolled_m(left), self._rolled_m(right)
 

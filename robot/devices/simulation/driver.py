@@ -11,7 +11,7 @@ from robot.devices.options import Options, option
 from robot.devices.simulation.simulation import Simulation
 from robot.devices.simulation.world import load_world, tinted
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC
-from robot.types import Action, Sensors
+from robot.types import Action, Point, Sensors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +34,7 @@ class SimDriver(ConnectedDriver[Simulation]):
     options_type: ClassVar[type[Any]] = SimOptions
 
     declared_moves = tuple(CLASSIC.values())
+    takes_points = True
 
     def __init__(self, options: SimOptions) -> None:
         world = load_world(options.world)
@@ -46,8 +47,14 @@ class SimDriver(ConnectedDriver[Simulation]):
         return self.simulation
 
     def _move(self, connection: Simulation, action: Action, speed_scale: float) -> None:
+        self._begin_move(action, speed_scale, None)
+
+    def _steer(self, connection: Simulation, point: Point, speed_scale: float) -> None:
+        self._begin_move(self.move_of(point), speed_scale, point)
+
+    def _begin_move(self, action: Action, speed_scale: float, point: Point | None) -> None:
         with self._lock:
-            self.simulation.action = action
+            self.simulation.action, self.simulation.point = action, point
             self.simulation.speed_scale = speed_scale
             self._left_s = ACTION_TIMEOUT_S
 
@@ -57,7 +64,10 @@ class SimDriver(ConnectedDriver[Simulation]):
 
     def stop(self) -> None:
         with self._lock:
-            self.simulation.action = Action.STOP
+            self._stand()
+
+    def _stand(self) -> None:
+        self.simulation.action, self.simulation.point = Action.STOP, None
 
     def advance(self, dt_s: float) -> None:
         """Let time pass in the world; an action that was not renewed in time ends."""
@@ -67,5 +77,5 @@ class SimDriver(ConnectedDriver[Simulation]):
                 self.simulation.step(moving_s)
             self._left_s -= moving_s
             if dt_s > moving_s:
-                self.simulation.action = Action.STOP
+                self._stand()
                 self.simulation.step(dt_s - moving_s)

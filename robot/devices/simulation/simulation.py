@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.devices.simulation.body import WHEELS_MPS, Contact, move, push_out, sonar_m
+from robot.devices.simulation.body import WHEELS_MPS, Contact, move, push_out, sonar_m, wheels_at
 from robot.devices.simulation.renderer import Renderer
 from robot.devices.simulation.things import move_things
 from robot.devices.simulation.world import World
-from robot.types import Action, Pose, Sensors
+from robot.types import Action, Point, Pose, Sensors
 
 _LONGEST_STEP_S = 0.02
 DRIFT_S = 1.0
@@ -49,6 +49,8 @@ class Simulation:
     Attributes:
         drift_share: Standard deviation of a slow drift of the wheels on straight moves, as a share
             of their speed: one turns faster, the other slower. 0: none.
+        action: The move under way.
+        point: The same by degrees; None: the move as it is.
     """
 
     def __init__(self, world: World, seed: int = 0, noise: Noise | None = None) -> None:
@@ -66,6 +68,7 @@ class Simulation:
         self._contacts: list[Contact] = []
         self.pose = self._start_pose()
         self.action = Action.STOP
+        self.point: Point | None = None
         self.speed_scale = 1.0
         self.time_s = 0.0
 
@@ -79,7 +82,7 @@ class Simulation:
         """Put robot and things back to their starts; the random state goes on, so starts vary."""
         self.world = self._first_world
         self._contacts = []
-        self.action = Action.STOP
+        self.action, self.point = Action.STOP, None
         self.pose = self._start_pose()
 
     def sense(self) -> Sensors:
@@ -139,7 +142,8 @@ class Simulation:
             self._renderer = None
 
     def _step_once(self, dt_s: float) -> None:
-        left_mps, right_mps = WHEELS_MPS[self.action]
+        point = self.point
+        left_mps, right_mps = WHEELS_MPS[self.action] if point is None else wheels_at(point)
         if self.noise.wheel_share and dt_s > 0.0 and (left_mps or right_mps):
             share = self.noise.wheel_share * math.sqrt(_LONGEST_STEP_S / dt_s)
             slips = self._motion_rng.normal(1.0, share, 2).tolist()

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from robot.control.online_learning import Labeller
-from robot.types import Action, PilotCommand
+from robot.types import Action, PilotCommand, Point
 
 F, L = Action.FORWARD, Action.LEFT
 
 
 def say(labeller: Labeller, held: Action | None, frame_id: int | None) -> list[tuple[int, Action]]:
     command = PilotCommand(held=held, frame_id=frame_id, seq=0, received_s=0.0)
-    return list(labeller.label(command, range(1, 100)))
+    return [(frame, label) for frame, label, _ in labeller.label(command, range(1, 100))]
 
 
 def test_the_frame_that_the_pilot_saw_gets_the_label() -> None:
@@ -58,3 +58,11 @@ def test_frames_that_are_forgotten_or_unnamed_are_left_out() -> None:
     assert say(labeller, F, None) == []
     command = PilotCommand(held=F, frame_id=5, seq=0, received_s=0.0)
     assert list(labeller.label(command, [])) == []
+
+
+def test_each_frame_carries_the_point_that_was_held_with_its_label() -> None:
+    labeller, mild, hard = Labeller(), Point(-0.3, 0.5), Point(-0.9, 0.4)
+    for frame_id, point in ((10, mild), (13, hard)):
+        command = PilotCommand(held=L, frame_id=frame_id, seq=0, received_s=0.0, point=point)
+        labels = list(labeller.label(command, range(1, 100)))
+    assert labels == [(11, L, mild), (12, L, mild), (13, L, hard)]

@@ -11,7 +11,7 @@ from robot.learner.base import Evidence, Vector
 from robot.learner.classifier import BSOCClassifier
 from robot.policy.features import GreyFeatures
 from robot.policy.policy import Policy
-from robot.types import Action, DrivenBy, Mode, Prediction, StopReason
+from robot.types import Action, DrivenBy, Mode, Point, Prediction, StopReason
 from tests.robot.bench_robot import BenchRobot
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -386,3 +386,22 @@ def test_a_learner_that_fails_proposes_nothing_and_stops_nobody() -> None:
     assert robot.step(scene=1, held=L).prediction.action is L
     assert robot.loop.state.fault is None
     assert robot.loop.learner_failure is not None, "it is not forgotten"
+
+
+@pytest.mark.parametrize("takes_points", [True, False])
+def test_degrees_reach_a_body_that_takes_them_and_are_a_move_to_any_other(
+    takes_points: bool,
+) -> None:
+    robot = BenchRobot()
+    robot.driver.takes_points = takes_points
+    robot.start(Mode.TRAIN)
+    point = Point(-0.4, 0.3)
+    robot.camera.show(1)
+    robot.hold(L, point=point)
+    tick = robot.tick()
+    assert (tick.sent, tick.decision.point) == (L, point)
+    assert robot.driver.point == (point if takes_points else None)
+    assert robot.loop.state.taught == {L: 1}
+    robot.loop.latch_emergency()
+    robot.tick()
+    assert robot.driver.now is Action.STOP and robot.driver.point is None

@@ -17,7 +17,8 @@ from robot.errors import DriveError, NotConnectedError
 from robot.exchange.replay_driver import ReplayDriver
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
-from robot.types import Action, Mode, PilotCommand, Sensors, StopReason
+from robot.testing.driver import FakeDriver
+from robot.types import Action, Mode, PilotCommand, Point, Sensors, StopReason
 from tests.robot.devices.still_camera import StillCamera
 
 TICK_S = 1 / 30
@@ -157,6 +158,25 @@ def test_only_the_newest_action_is_sent() -> None:
         driver.send_action(action)
     drain(driver)
     assert names(body) == ["sense", "right"]
+
+
+def test_a_point_waits_and_is_sent_as_a_move_does() -> None:
+    clock = ManualClock(1.0)
+    body = FakeDriver(clock=clock)
+    body.takes_points = True
+    driver = DriverThread(body, clock, threaded=False)
+    drain(driver)
+    assert driver.takes_points
+    for point in (Point(0.5, 0.5), Point(-0.5, 0.25)):
+        assert driver.send_point(point, speed_scale=0.5) is body.move_of(point)
+    drain(driver)
+    assert body.sent == [(Action.LEFT, 0.5)] and body.point == Point(-0.5, 0.25)
+    driver.send_point(point)
+    driver.stop()
+    drain(driver)
+    assert body.now is Action.STOP and len(body.sent) == 1
+    with pytest.raises(ValueError, match="steering and throttle"):
+        driver.send_point(Point(2.0, 0.5))
 
 
 def test_stop_goes_before_everything_and_drops_what_waits() -> None:

@@ -155,7 +155,7 @@ def test_an_undo_learns_again_only_what_came_after_the_snapshot_before_it(
     learned_s: list[float] = []
     learn = history.policy.learn
 
-    def listen(x: np.ndarray, label: Action, at_s: float) -> None:
+    def listen(x: np.ndarray, label: Action, at_s: float, point: None) -> None:
         learned_s.append(at_s)
         learn(x, label, at_s)
 
