@@ -29,7 +29,7 @@ class Event(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
+class Waypoint:
     """One point of the way; `driven_by` led to it, `events` began there."""
 
     pose: Pose
@@ -41,7 +41,7 @@ class Trail:
     """Follows one robot. `note` is for the loop's thread, `since` for any one other."""
 
     def __init__(self) -> None:
-        self._points: deque[Point] = deque(maxlen=POINTS)
+        self._points: deque[Waypoint] = deque(maxlen=POINTS)
         self._n = 0
         self._lasting: frozenset[Event] = frozenset()
 
@@ -59,10 +59,10 @@ class Trail:
         last = self._points[-1] if self._points else None
         if not new and last is not None and last.driven_by is by and not _is_far(last.pose, pose):
             return
-        self._points.append(Point(pose=pose, driven_by=by, events=tuple(sorted(new))))
+        self._points.append(Waypoint(pose=pose, driven_by=by, events=tuple(sorted(new))))
         self._n += 1
 
-    def since(self, number: int) -> tuple[int, list[Point]]:
+    def since(self, number: int) -> tuple[int, list[Waypoint]]:
         """Return the points from the `number`-th on, and the number of the first of them.
 
         Who knows the points before `number` adds these; if the first is another than `number`,

@@ -21,51 +21,11 @@ from robot.policy.move_context import ExampleRate, MoveContext
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.policy.pilot_pace import PilotPace
+from robot.policy.recognition import ContextualRecognition, Recognition
 from robot.types import DEFAULT_MOVES, Action, Frame, Point, Prediction
 
 _DOUBT = 0.5
 """How fast confidence falls with novelty beyond 1: at 3 half of it is left."""
-_LEAST = 1e-6
-"""Votes for a move that was taught: more than for one that never was."""
-
-
-class _Recognition(PolicyPart):
-    """The learner among the parts of a policy."""
-
-    def __init__(self, learner: Learner, moves: tuple[Action, ...]) -> None:
-        self._learner = learner
-        self._moves = moves
-
-    def on_frame(self, seen: Seen) -> None:
-        seen.evidence = self._learner.explain_one(seen.x)
-        self._share_out(seen)
-
-    def on_example(self, lesson: Lesson) -> None:
-        if lesson.is_learned:
-            self._learner.learn_one(lesson.x, lesson.label)
-
-    def reset(self) -> None:
-        self._learner.reset()
-
-    def _share_out(self, seen: Seen) -> None:
-        known = seen.evidence.probabilities
-        seen.shares = {
-            move: max(known[move], _LEAST) if move in known else 0.0 for move in self._moves
-        }
-
-
-class _ContextualRecognition(_Recognition):
-    """A learner to which the move under way matters."""
-
-    _learner: ContextualLearner
-
-    def on_frame(self, seen: Seen) -> None:
-        seen.evidence = self._learner.explain_in(seen.x, seen.context)
-        self._share_out(seen)
-
-    def on_example(self, lesson: Lesson) -> None:
-        if lesson.is_learned:
-            self._learner.learn_in(lesson.x, lesson.label, lesson.contexts)
 
 
 class Policy(Stateful):
@@ -129,9 +89,9 @@ class Policy(Stateful):
             parts.append(("light", LightAdaptation(brighten)))
         if learner.abilities.contexts and isinstance(learner, ContextualLearner):
             parts.append(("context", MoveContext(self.kinds)))
-            parts.append(("", _ContextualRecognition(learner, moves)))
+            parts.append(("", ContextualRecognition(learner, moves)))
         else:
-            parts.append(("", _Recognition(learner, moves)))
+            parts.append(("", Recognition(learner, moves)))
         parts += [("pace", pace), ("", smoothing), ("", self._gallery)]
         self._parts = parts
         self._on_frame = _overridden(parts, "on_frame")

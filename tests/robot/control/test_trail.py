@@ -9,7 +9,7 @@ import random
 import pytest
 
 from robot.control.state import Tick
-from robot.control.trail import POINTS, STEP_M, STEP_RAD, Event, Point, Trail
+from robot.control.trail import POINTS, STEP_M, STEP_RAD, Event, Trail, Waypoint
 from robot.policy.history import Replaced
 from robot.types import Action, Decision, DrivenBy, Mode, Pose, Prediction, Sensors
 
@@ -45,7 +45,7 @@ class _Client:
     """Asks for the way now and then, and puts together what it gets, as the page does."""
 
     def __init__(self) -> None:
-        self.first, self.points = 0, list[Point]()
+        self.first, self.points = 0, list[Waypoint]()
 
     def ask(self, trail: Trail) -> None:
         known = self.first + len(self.points)
