@@ -6,10 +6,9 @@ import statistics
 from collections.abc import Iterator
 from importlib.util import find_spec
 from itertools import product
-from pathlib import Path
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
-from robot.lab.footage import recorded_pairs
+from robot.lab.figure3 import recorded_tasks
 from robot.lab.ground.ground import ground_task, scores_by_stage
 from robot.lab.lessons import SsdTables, lesson_tasks, trial_cases
 from robot.lab.tables import mean_in_interval
@@ -38,9 +37,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     for world, learner in product(settings.worlds or here, learners):
         for seed in range(settings.n_seeds):
             yield ground_task(world, learner, "corrections", seed, counts=counts, drives=drives)
-    pairs = recorded_pairs(Path(settings.recordings)) if settings.recordings else []
-    for (train, test), learner in product(pairs[:2] if settings.quick else pairs, learners):
-        yield Task("recorded_footage", {"train": train, "test": test, "learner": learner})
+    yield from recorded_tasks(settings, learners)
 
 
 _DETAILS = SsdTables(

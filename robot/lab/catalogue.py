@@ -9,7 +9,7 @@ from robot.lab.figure3 import FIGURE3
 from robot.lab.figure5 import FIGURE5
 from robot.lab.ground.ground import GROUND
 from robot.lab.habits import GATE
-from robot.lab.lessons import DELAY, FIGURE6, FIGURE7, FIGURE8, MOVES
+from robot.lab.lessons import FIGURE6, FIGURE7, FIGURE8
 from robot.lab.mind import MIND
 from robot.lab.ready import READY
 from robot.lab.streams import ONLINE
@@ -18,10 +18,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     experiment.name: experiment
     for experiment in (
         *(FIGURE3, FIGURE5, FIGURE6, FIGURE7, FIGURE8),
-        *(DELAY, MOVES, BEHAVIOURS, ABLATION, GATE, READY, MIND, GROUND, ONLINE),
+        *(BEHAVIOURS, ABLATION, GATE, READY, MIND, GROUND, ONLINE),
     )
 }
 """In the order in which `all` runs them."""
-
-ALONE = frozenset({FIGURE5.name})
-"""Experiments that time the machine: their runs are made one after the other, here."""

@@ -77,19 +77,23 @@ def load_pairs(folder: Path | str, light: float = 1.0, examples: int | None = No
     folder = Path(folder)
     if not folder.is_dir():
         raise RecordingError(f"there is no folder {folder}")
-    pairs = []
-    for first in sorted(folder.glob("*_A.npz")):
-        second = first.with_name(first.name.replace("_A.npz", "_B.npz"))
-        a, b = load_recording(first), load_recording(second)
-        pairs += [
-            Pair(train=train, test=test, light=light, examples=examples)
-            for train, test in ((a, b), (b, a))
-        ]
+    pairs = recorded_pairs(folder)
     if not pairs:
         raise RecordingError(
             f"the folder {folder} has no recordings named PLACE_A.npz, PLACE_B.npz"
         )
-    return pairs
+    loaded = {path: load_recording(path) for path, _ in pairs}
+    return [
+        Pair(train=loaded[train], test=loaded[test], light=light, examples=examples)
+        for train, test in pairs
+    ]
+
+
+def recorded_pairs(folder: Path) -> list[tuple[Path, Path]]:
+    """Return the paths of each place's two recordings, both ways."""
+    firsts = sorted(folder.glob("*_A.npz"))
+    both = [(path, path.with_name(path.name.replace("_A.npz", "_B.npz"))) for path in firsts]
+    return [pair for a, b in both for pair in ((a, b), (b, a))]
 
 
 def evaluate(

@@ -20,7 +20,6 @@ class ExperimentSettings:
     """Empty: those of the experiment."""
     teacher: str | None = None
     """None: those of the experiment."""
-    delays_ms: tuple[int, ...] = (0, 100, 300)
     recordings: str | None = None
     worlds: tuple[str, ...] = ()
     """Foreign worlds; empty: those of the experiment."""
@@ -59,6 +58,7 @@ class Experiment:
         plan: Makes the tasks to run.
         tables: Makes the tables of what was run.
         plots: Makes the plots, where the tables are not enough.
+        times_machine: Its runs are made one after the other, here.
     """
 
     name: str
@@ -67,6 +67,7 @@ class Experiment:
     plan: Callable[[ExperimentSettings], Iterable[Task]]
     tables: Callable[[Runs], list[Table]]
     plots: Callable[[Runs], list[Plot]] = lambda runs: []
+    times_machine: bool = False
 
 
 def group(runs: Runs, *names: str) -> dict[tuple[Any, ...], list[Result]]:

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
+import numpy as np
+
+from robot.clock import RealClock
+from robot.control.link_governor import LinkGovernorConfig
+from robot.control.loop import ControlLoop, LoopConfig
+from robot.devices.rig import build_rig
+from robot.devices.simulation.camera import SimCamera, SimCameraOptions
+from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, Series, group
+from robot.lab.ideas import make_learner
 from robot.lab.published import FIGURE_5_APPLYING_HZ, FIGURE_5_LEARNING_HZ
-from robot.lab.task import Task
+from robot.lab.task import Params, Result, Task
+from robot.policy.policy import Policy
 from robot.store.table import Cell, Table
+from robot.types import DEFAULT_MOVES, Action, Encoding, Frame, Mode, PilotCommand
 
 NODES = (2, 4, 8, 16, 32, 64, 128)
 KINDS = ("published", "default")
@@ -26,7 +37,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
                 "cycles": 100 if settings.quick else 600,
                 "machine": platform.node(),
             }
-            yield Task("cycles", params)
+            yield Task(run_cycles, params)
 
 
 def _tables(runs: Runs) -> list[Table]:
@@ -54,6 +65,93 @@ def _plots(runs: Runs) -> list[Plot]:
     return [Plot(title="Cycles a second", x_label="nodes", y_label="Hz", series=series, log_y=True)]
 
 
+_PATIENT = LoopConfig(
+    governor=LinkGovernorConfig(warn_s=9, cap_speed_s=9, stop_learning_s=9, stop_s=9)
+)
+
+
+def run_cycles(params: Params) -> Result:
+    """Measure cycles a second while learning and while applying, on this machine.
+
+    Parameters: `learner`, `robot` (`sim` goes as fast as it can; another robot's camera sets the
+    pace), `cycles` (how many to time). The learner is filled up to its nodes first.
+    """
+    policy = make_learner(params["learner"], DEFAULT_MOVES)
+    _fill(policy)
+    measure = _simulated if params["robot"] == "sim" else _real
+    hz = measure(policy, params)
+    return {"timing": {"learning_hz": hz[0], "applying_hz": hz[1], "nodes": policy.n_nodes}}
+
+
+def _fill(policy: Policy) -> None:
+    """Teach pictures of noise until every node is used."""
+    noise = np.random.default_rng(1)
+    for number in range(policy.max_nodes + 8):
+        pixels = noise.integers(0, 256, (12, 16, 3), dtype=np.uint8).repeat(10, 0).repeat(10, 1)
+        frame = Frame(
+            frame_id=number + 1,
+            captured_s=0.0,
+            width=160,
+            height=120,
+            encoding=Encoding.RGB,
+            data=pixels.tobytes(),
+        )
+        policy.learn(policy.extract(frame), DEFAULT_MOVES[number % len(DEFAULT_MOVES)])
+
+
+def _simulated(policy: Policy, params: Params) -> tuple[float, float]:
+    clock = RealClock()
+    driver = SimDriver(SimOptions(world="office"))
+    camera = SimCamera(driver, SimCameraOptions(), clock)
+    driver.connect()
+    loop = ControlLoop(driver, camera, policy, clock, _PATIENT)
+
+    def next_frame() -> int:
+        driver.advance(0.1)
+        return camera.capture().frame_id
+
+    try:
+        return _measure(loop, next_frame, int(params["cycles"]))
+    finally:
+        driver.simulation.close()
+
+
+def _real(policy: Policy, params: Params) -> tuple[float, float]:
+    """Time a real robot. Its wheels turn: put it on a stand."""
+    rig = build_rig(params["robot"], options=params.get("options", {}))
+    with rig.driver, rig.camera:
+        loop = ControlLoop(rig.driver, rig.camera, policy, rig.clock, _PATIENT)
+        last = 0
+
+        def next_frame() -> int:
+            nonlocal last
+            while (frame := rig.camera.latest()) is None or frame.frame_id == last:
+                if not rig.clock.wait(loop.wake, 5.0):
+                    raise TimeoutError("the camera gives no pictures")
+                loop.wake.clear()
+            last = frame.frame_id
+            return last
+
+        return _measure(loop, next_frame, int(params["cycles"]))
+
+
+def _measure(loop: ControlLoop, next_frame: Callable[[], int], cycles: int) -> tuple[float, float]:
+    clock = loop.clock
+    rates = []
+    for mode, held in ((Mode.TRAIN, Action.LEFT), (Mode.AUTONOMOUS, None)):
+        next_frame()
+        loop.set_mode(mode)
+        loop.tick(clock.now_s())
+        started_s = clock.now_s()
+        for seq in range(cycles):
+            frame_id = next_frame()
+            now_s = clock.now_s()
+            loop.command(PilotCommand(held=held, frame_id=frame_id, seq=seq, received_s=now_s))
+            loop.tick(now_s)
+        rates.append(cycles / (clock.now_s() - started_s))
+    return rates[0], rates[1]
+
+
 FIGURE5 = Experiment(
     name="figure5",
     title="Figure 5: speed",
@@ -64,4 +162,5 @@ FIGURE5 = Experiment(
     plan=_plan,
     tables=_tables,
     plots=_plots,
+    times_machine=True,
 )

@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import statistics
-import time
-from collections.abc import Mapping
 from typing import Any
 
 from robot.clock import ManualClock
-from robot.control.profile import (
-    behavior_profile,
-    compare,
-    move_shares,
-    rare_moves,
-)
+from robot.control.profile import behavior_profile, compare
 from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.lab.ideas import make_learner
 from robot.lab.metrics import driving
 from robot.lab.metrics.log import DriveLog, DriveSample
 from robot.lab.simulated_pilots.habits import HABITS, Habit
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
-from robot.lab.task import Result
+from robot.lab.task import Params, Result
 from robot.lab.trial import Place, Trial, drive_by_hand
 from robot.types import Action, DrivenBy, Mode, Pose
 
@@ -40,7 +33,7 @@ def make_habit_pilot(habit: Habit, seed: str) -> SimulatedPilot:
     )
 
 
-def run_habit(params: Mapping[str, Any]) -> Result:
+def run_habit(params: Params) -> Result:
     """Teach, drive alone, correct, drive alone again; and the pilot from where the robot began.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,
@@ -50,7 +43,6 @@ def run_habit(params: Mapping[str, Any]) -> Result:
     moves = (Action.FORWARD, *habit.turns)
     place = Place(world=params["world"], seed=params["seed"])
     name = f"{params['habit']} {params['seed']}"
-    started_s = time.perf_counter()
     with Trial(
         place,
         make_learner(params["learner"], moves),
@@ -64,8 +56,7 @@ def run_habit(params: Mapping[str, Any]) -> Result:
         if params.get("correct_s"):
             trial.drive(Mode.AUTONOMOUS, params["correct_s"])
             drives["after"] = trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)
-        frames, lessons = trial.frames, dict(trial.loop.state.taught)
-    seconds = time.perf_counter() - started_s
+        timing, lessons = trial.timing(), dict(trial.loop.state.taught)
     n_minutes = round(params.get("reference_s", 180.0) / 60.0)
     result: Result = {}
     for phase, drive in drives.items():
@@ -82,7 +73,7 @@ def run_habit(params: Mapping[str, Any]) -> Result:
         ]
         result[phase] = _beside_pilot(drive, minutes, taught, moves)
     result["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
-    result["timing"] = {"frames": frames, "frames_per_s": frames / seconds}
+    result["timing"] = timing
     return result
 
 
@@ -105,14 +96,9 @@ def _beside_pilot(
 
 def drive_figures(drive: DriveLog, teacher: DriveLog, moves: tuple[Action, ...]) -> dict[str, Any]:
     """Return the figures of a minute's drive, beside all that its teacher drove."""
-    difference = compare(teacher.profile(), drive.profile(), moves)
-    rare = rare_moves(move_shares(teacher.actions()), move_shares(drive.actions()))
     return {
-        "ssd": difference.ssd,
-        "ssd_frequent": sum(ssd for m, ssd in difference.per_move.items() if m not in rare),
+        **driving.against(drive, teacher, moves),
         "ssd_alike": _ssd_of_turns_alike(drive, teacher),
-        "longest_stay_s": driving.longest_stay_s(drive),
-        **driving.figures(drive),
     }
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
+from robot.lab.habit_run import run_habit
 from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.tables import percent
 from robot.lab.task import Result, Task
@@ -60,7 +61,7 @@ def _task(
         "learner": learner,
         "seed": seed,
     }
-    return Task("habit", params)
+    return Task(run_habit, params)
 
 
 def _tables(runs: Runs) -> list[Table]:

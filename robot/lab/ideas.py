@@ -1,4 +1,4 @@
-"""Learners and teachers by name: a built-in one, an entry point, or `path.py:Name`."""
+"""Learners, teachers and pilots by name: a built-in one, an entry point, or `path.py:Name`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from typing import Any
 
 from robot.errors import ConfigurationError
 from robot.lab.simulated_pilots.behaviours import Follower, Pusher, WallFollower
+from robot.lab.simulated_pilots.hand import STEADY
+from robot.lab.simulated_pilots.pilot import SimulatedPilot
 from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS, SonarController, Teacher, Wanderer
+from robot.lab.task import Params
 from robot.learner.base import Learner
 from robot.policy.features import GradientFeatures
 from robot.policy.policy import Policy
@@ -71,6 +74,19 @@ def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
         )
     return Wanderer(
         tuple(move for move in moves if move is not Action.FORWARD), TEACHER_PARAMS[name]
+    )
+
+
+def make_pilot(params: Params, moves: tuple[Action, ...]) -> SimulatedPilot:
+    """Build a pilot from `teacher` and `seed`.
+
+    The sonar controller is a program on the robot, so it has no human delay.
+    """
+    return SimulatedPilot(
+        make_teacher(params["teacher"], moves),
+        moves,
+        hand=STEADY if params["teacher"] == "sonar" else None,
+        seed=str(params["seed"]),
     )
 
 

@@ -1,6 +1,6 @@
 """Experiments in which robots are taught, and held against their teachers by SSD.
 
-Figures 6, 7 and 8 of the paper, and beyond it: delays and other moves.
+Figures 6, 7 and 8 of the paper.
 """
 
 from __future__ import annotations
@@ -9,13 +9,18 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from robot.control.profile import Profile, compare
 from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, Series, group
+from robot.lab.ideas import make_learner, make_pilot
+from robot.lab.metrics import driving
+from robot.lab.metrics.log import DriveLog
 from robot.lab.published import FIGURE_6, FIGURE_7, FIGURE_8
 from robot.lab.tables import SSD_COLUMNS, spread, ssd_cells
-from robot.lab.task import Result, Task
+from robot.lab.task import Params, Result, Task
+from robot.lab.trial import Place, Trial
 from robot.store.table import Cell, Table
+from robot.types import Action, DrivenBy, Mode
 
-Params = Mapping[str, Any]
 TRIALS: dict[int, dict[str, Any]] = {
     1: {"world": "box", "moves": ("forward", "left"), "teacher": "usual"},
     2: {"world": "office", "moves": ("forward", "left"), "teacher": "usual"},
@@ -30,7 +35,64 @@ def lesson_tasks(cases: Iterable[Params], settings: ExperimentSettings) -> Itera
     """Yield each case with every seed."""
     for case in cases:
         for seed in range(settings.n_seeds):
-            yield Task("lesson", {**case, "seed": seed})
+            yield Task(run_lesson, {**case, "seed": seed})
+
+
+def run_lesson(params: Params) -> Result:
+    """Teach, drive alone, correct, drive alone again; figures of each phase.
+
+    Parameters: `world`, `learner`, `teacher`, `moves`, `seed`, `teach_s`, `correct_s`, `alone_s`,
+    `reference_s` (how long the teacher drives once more so that its own profile is well known;
+    nothing is measured of the robot after it).
+    """
+    moves = tuple(Action(move) for move in params["moves"])
+    alone_s = float(params.get("alone_s", 60.0))
+    with Trial(
+        Place(world=params["world"], seed=params["seed"]),
+        make_learner(params["learner"], moves),
+        make_pilot(params, moves),
+    ) as trial:
+        taught = trial.drive(Mode.TRAIN, params["teach_s"])
+        drives = {"before": trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)}
+        corrected = DriveLog()
+        if params.get("correct_s"):
+            corrected = trial.drive(Mode.AUTONOMOUS, params["correct_s"])
+            drives["after"] = trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)
+        n_nodes, lessons = trial.policy.n_nodes, dict(trial.loop.state.taught)
+        again = trial.drive(Mode.TRAIN, params.get("reference_s", 240.0))
+        timing = trial.timing()
+    teacher = DriveLog([*taught.moments, *again.moments])
+    result: Result = {
+        name: _figures(drive, teacher, taught.profile(), moves) for name, drive in drives.items()
+    }
+    result["teacher"] = _figures(again.last(alone_s), teacher, taught.profile(), moves)
+    result["corrections"] = {
+        "interventions_per_min": driving.interventions_per_minute(corrected),
+        "pilot_share": len(corrected.driven_by(DrivenBy.PILOT)) / max(len(corrected), 1),
+    }
+    result["taught"] = {"agreement": driving.agreement(taught), "nodes": n_nodes}
+    result["taught"]["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
+    result["timing"] = timing
+    return result
+
+
+def _figures(
+    drive: DriveLog, teacher: DriveLog, taught: Profile, moves: tuple[Action, ...]
+) -> dict[str, Any]:
+    """Return all figures of one drive.
+
+    Args:
+        drive: The drive to measure.
+        teacher: All of the teacher's driving.
+        taught: The same from the minutes of teaching only, as in the paper.
+        moves: The possible moves.
+    """
+    return {
+        **driving.against(drive, teacher, moves),
+        "ssd_against_lesson": compare(taught, drive.profile(), moves).ssd,
+        "collisions_per_min": driving.collisions_per_minute(drive),
+        "pushing_s_per_min": driving.pushing_s_per_minute(drive),
+    }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +104,6 @@ class SsdTables:
         title_of, label_of: The table and the row of such a group, of its parameters.
         published: Rows of the paper by table, put before ours.
         phases: Which minutes alone are shown, each in a row of its own.
-        with_agreement: Whether the agreement after teaching has a column.
         with_teacher: Whether each table ends with the teachers' own last minutes.
     """
 
@@ -51,7 +112,6 @@ class SsdTables:
     label_of: Callable[..., str]
     published: Mapping[str, Sequence[tuple[Cell, ...]]] = field(default_factory=dict)
     phases: tuple[str, ...] = ("before",)
-    with_agreement: bool = False
     with_teacher: bool = False
 
     def __call__(self, runs: Runs) -> list[Table]:
@@ -66,18 +126,12 @@ class SsdTables:
             for phase in self.phases:
                 label = ", ".join((self.label_of(*key), *([phase] if self.phases[1:] else [])))
                 drives = [result[phase] for result in results]
-                row = (label, *self._agreement(results), *ssd_cells(drives))
+                row = (label, *ssd_cells(drives))
                 rows.setdefault(title, []).append(row)
         for title, drives in teachers.items() if self.with_teacher else ():
             rows[title].append(("teacher", *ssd_cells(drives)))
-        agreement = ("agreement",) if self.with_agreement else ()
-        columns = ("SSD", *agreement, *SSD_COLUMNS)
+        columns = ("SSD", *SSD_COLUMNS)
         return [Table(title=t, columns=columns, rows=tuple(lines)) for t, lines in rows.items()]
-
-    def _agreement(self, results: Sequence[Result]) -> tuple[Cell, ...]:
-        if not self.with_agreement:
-            return ()
-        return (spread([result["taught"]["agreement"] for result in results]).mean,)
 
 
 def _mean(results: Sequence[Result]) -> float:
@@ -234,72 +288,4 @@ FIGURE8 = Experiment(
         },
     ),
     plots=_plot_times,
-)
-
-# Beyond the paper ---------------------------------------------------------------------------------
-
-_NAMED = {True: "the frame on the screen", False: "the newest frame"}
-
-
-def _by_delay(settings: ExperimentSettings) -> Iterable[Params]:
-    for learner in settings.learners or ("default-32",):
-        for trial in (1, 2):
-            for delay_ms in settings.delays_ms:
-                for named in _NAMED:
-                    case = {**TRIALS[trial], "trial": trial, "learner": learner, "teach_s": 90.0}
-                    yield {**case, "delay_ms": delay_ms, "names_frame": named}
-
-
-def _plot_delays(runs: Runs) -> list[Plot]:
-    by_name: dict[str, dict[int, float]] = {}
-    for (named, delay_ms), results in group(runs, "names_frame", "delay_ms").items():
-        by_name.setdefault(_NAMED[named], {})[delay_ms] = _median(results, "before")
-    series = [(f"label on {name}", tuple(m), tuple(m.values())) for name, m in by_name.items()]
-    return [Plot(title="Link delay", x_label="ms", y_label="median SSD", series=series)]
-
-
-DELAY = Experiment(
-    name="delay",
-    title="Delay: does naming the frame help?",
-    text="Box and office with two moves: 90 s of teaching over a link with a delay (half for the "
-    "picture, half for the command), 60 s alone. The label goes to the frame that the "
-    "command names, which is the one on the screen, or to the newest frame when the command "
-    "comes. The pilot's own reaction time of 0.2 s is there in every run. The governor, "
-    "which forbids learning over slow links, is switched off for this question.",
-    plan=lambda settings: lesson_tasks(_by_delay(settings), settings),
-    tables=SsdTables(
-        names=("trial", "learner", "delay_ms", "names_frame"),
-        title_of=lambda trial, *_: f"Delay: {TRIALS[trial]['world']}",
-        label_of=lambda trial, learner, ms, named: f"{learner}, {ms} ms, {_NAMED[bool(named)]}",
-        with_agreement=True,
-    ),
-    plots=_plot_delays,
-)
-
-_SETS = {
-    "about one wheel": ("forward", "left", "right"),
-    "on the spot": ("forward", "spin_left", "spin_right"),
-}
-
-
-def _by_moves(settings: ExperimentSettings) -> Iterable[Params]:
-    place = {"world": "office", "teacher": settings.teacher or "habit"}
-    for how, moves in _SETS.items():
-        for learner in settings.learners or ("default-32",):
-            case = {**place, "moves": moves, "how": how, "learner": learner}
-            yield {**case, "teach_s": 90.0, "correct_s": 330.0}
-
-
-MOVES = Experiment(
-    name="moves",
-    title="Beyond the paper: other moves",
-    text="The office with the teacher of trial 3, who turns about one wheel, and with the same "
-    "teacher spinning on the spot. 90 s of teaching, 330 s of correction, 60 s alone.",
-    plan=lambda settings: lesson_tasks(_by_moves(settings), settings),
-    tables=SsdTables(
-        names=("learner", "how"),
-        title_of=lambda *_: "Moves, after retraining",
-        label_of=lambda learner, how: f"{learner}, turns {how}",
-        phases=("after",),
-    ),
 )

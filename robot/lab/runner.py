@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from robot.errors import ConfigurationError, need
-from robot.lab.kinds import run_task
 from robot.lab.store import Store
 from robot.lab.task import Result, Task
 
@@ -41,40 +40,24 @@ def run_all(
             waiting.setdefault(task.key(), task)
         else:
             on_done(task)
-    with _parallel(jobs, backend, scheduler) as parallel:
-        for key, result in parallel(waiting):
+    joblib = need("joblib", "running experiments side by side", "experiments")
+    with contextlib.ExitStack() as stack:
+        if backend == "dask":
+            stack.enter_context(_connected(scheduler))
+            stack.enter_context(joblib.parallel_config(backend="dask"))
+        parallel = joblib.Parallel(
+            n_jobs=-1 if backend == "dask" else jobs, return_as="generator_unordered", batch_size=1
+        )
+        runs = (joblib.delayed(_run)(key, task) for key, task in waiting.items())
+        for key, result in parallel(runs):
             store.put(waiting[key], result)
             on_done(waiting[key])
     results = [store.get(task) for task in tasks]
     return [result for result in results if result is not None]
 
 
-_Runs = Callable[[dict[str, Task]], Iterator[tuple[str, Result]]]
-
-
-@contextlib.contextmanager
-def _parallel(jobs: int, backend: str, scheduler: str | None) -> Iterator[_Runs]:
-    if backend == "processes" and jobs == 1:
-        yield lambda waiting: (_run_keyed(key, task) for key, task in waiting.items())
-        return
-    joblib = need("joblib", "running experiments side by side", "experiments")
-    with contextlib.ExitStack() as stack:
-        if backend == "dask":
-            stack.enter_context(_connected(scheduler))
-            stack.enter_context(joblib.parallel_config(backend="dask"))
-            jobs = -1
-
-        def runs(waiting: dict[str, Task]) -> Iterator[tuple[str, Result]]:
-            parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-            yield from parallel(
-                joblib.delayed(_run_keyed)(key, task) for key, task in waiting.items()
-            )
-
-        yield runs
-
-
-def _run_keyed(key: str, task: Task) -> tuple[str, Result]:
-    return key, run_task(task)
+def _run(key: str, task: Task) -> tuple[str, Result]:
+    return key, task.run(task.params)
 
 
 def _connected(scheduler: str | None) -> Any:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from robot.errors import need
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.tables import mean_in_interval
-from robot.lab.task import Result, Task
+from robot.lab.task import Params, Result, Task
 from robot.store.table import Table
 
 STREAMS = ("digits", "image segments", "text")
@@ -28,7 +28,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     for stream in STREAMS:
         for learner in tuple(LEARNERS)[:3] if settings.quick else LEARNERS:
             for seed in range(settings.n_seeds):
-                yield Task("stream", {"stream": stream, "learner": learner, "seed": seed})
+                yield Task(run_stream, {"stream": stream, "learner": learner, "seed": seed})
 
 
 def _tables(runs: Runs) -> list[Table]:
@@ -41,7 +41,7 @@ def _tables(runs: Runs) -> list[Table]:
     return [Table(title="Predicted right", columns=("", *STREAMS), rows=lines)]
 
 
-def run_stream(params: Mapping[str, Any]) -> Result:
+def run_stream(params: Params) -> Result:
     """Predict and learn one stream. Parameters: `stream`, `learner`, `seed`."""
     preprocessing = need("river.preprocessing", "the experiment streams", "learners")
     examples = read_stream(params["stream"])

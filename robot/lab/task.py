@@ -4,22 +4,32 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+Params = Mapping[str, Any]
+"""Plain values."""
 Result = dict[str, Any]
 """Plain figures, ready for JSON. What depends on the machine's speed stands under `timing`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A run of one `kind` (a key of `kinds.RUNNERS`) with its parameters, all plain values."""
+    """A run with its parameters. `run` is a function of a module, so that processes can share it.
 
-    kind: str
-    params: Mapping[str, Any] = field(default_factory=dict)
+    The same task gives the same figures on every machine.
+    """
+
+    run: Callable[[Params], Result]
+    params: Params
+
+    @property
+    def kind(self) -> str:
+        """What is run, by name."""
+        return self.run.__name__.removeprefix("run_")
 
     def key(self) -> str:
         """Return the name under which its result is saved: a fingerprint of task and program.
@@ -33,28 +43,13 @@ class Task:
 
 @cache
 def program_fingerprint() -> str:
-    """Return a fingerprint of everything in `robot/` that a run's numbers depend on."""
+    """Return a fingerprint of everything in `robot/`."""
     folder = Path(__file__).parent.parent
     digest = hashlib.sha256()
     for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.toml")]):
-        relative = path.relative_to(folder)
-        if not any(relative.is_relative_to(part) for part in _PARTS_THAT_COUNT):
-            continue
-        digest.update(str(relative).encode())
+        digest.update(str(path.relative_to(folder)).encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
-
-
-_PARTS_THAT_COUNT = (
-    *("learner", "policy", "devices/simulation", "control", "exchange/npz.py"),
-    *("bodies/ev3/integer_policy.py", "bodies/ev3/integer_ridge.py"),
-    *("bodies/ev3/integer_features.py", "lab/variants.py", "lab/baselines", "lab/eyes"),
-    *("lab/metrics", "lab/evaluation.py", "lab/trial.py", "lab/kinds.py", "lab/footage.py"),
-    *("lab/pilots.py", "lab/simulated_pilots", "lab/cycles.py", "lab/episodes.py"),
-    *("lab/habit_run.py", "lab/ready_run.py", "lab/mind_run.py", "lab/ground"),
-    *("lab/streams.py", "lab/adapters"),
-    *("clock.py", "driver.py", "types.py"),
-)
 
 
 def _content(text: str) -> str:

@@ -7,6 +7,7 @@ pilot holds directions as a phone would; `ControlLoop.tick` decides, drives and 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -25,7 +26,7 @@ from robot.types import Action, Mode, Pose, Prediction, StartStop
 FRAME_RATE_HZ = 10.0
 """Frames, ticks and heartbeats a second: about the paper's cycle rate with 32 nodes."""
 PATIENT_LINK = LinkGovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s=10.0, stop_s=10.0)
-"""Experiments with delay ask what labels are worth; the governor would forbid the question."""
+"""What a busy machine does to the link is no matter of the experiment."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +46,6 @@ class Trial(StartStop):
         place: Where it drives.
         policy: What learns.
         pilot: Who teaches.
-        governor: The limits of the link governor.
         rate_hz: Frames, ticks and heartbeats a second.
         drift: How far the wheels drift apart while the pilot teaches (`Simulation.drift_share`).
     """
@@ -56,7 +56,6 @@ class Trial(StartStop):
         policy: Policy,
         pilot: SimulatedPilot,
         *,
-        governor: LinkGovernorConfig = PATIENT_LINK,
         rate_hz: float = FRAME_RATE_HZ,
         drift: float = 0.0,
     ) -> None:
@@ -67,9 +66,9 @@ class Trial(StartStop):
         self.camera = SimCamera(self.driver, SimCameraOptions(), self.clock)
         self.policy = policy
         self.pilot = pilot
-        self.frames = 0
+        self._frames, self._started_s = 0, time.perf_counter()
         self.loop = ControlLoop(
-            self.driver, self.camera, policy, self.clock, LoopConfig(governor=governor)
+            self.driver, self.camera, policy, self.clock, LoopConfig(governor=PATIENT_LINK)
         )
 
     def drive(
@@ -94,7 +93,9 @@ class Trial(StartStop):
         log = DriveLog()
         self.driver.simulation.drift_share = self.drift if mode is Mode.TRAIN else 0.0
         self.pilot.change_mode(mode if supervised else Mode.STOPPED)
-        self._start(mode)
+        self.loop.set_mode(Mode.STOPPED)
+        self._turn()
+        self.loop.set_mode(mode)
         for _ in range(round(seconds * self.rate_hz)):
             log.add(self._turn())
             if self.loop.state.decision.mode is Mode.STOPPED:
@@ -103,23 +104,22 @@ class Trial(StartStop):
                 break
         return log
 
-    def _start(self, mode: Mode) -> None:
-        """Wait, standing, until pictures and commands are under way on the link; then start."""
-        self.loop.set_mode(Mode.STOPPED)
-        for _ in range(math.ceil(self.pilot.link_delay_s * self.rate_hz) + 1):
-            self._turn()
-        self.loop.set_mode(mode)
+    def timing(self) -> dict[str, float]:
+        """Return how many pictures there were, and how many a second of this machine's time."""
+        seconds = time.perf_counter() - self._started_s
+        return {"frames": self._frames, "frames_per_s": self._frames / seconds}
 
     def _turn(self) -> DriveSample:
         """Advance by one frame, show it to the pilot, and tick the loop."""
         self.clock.advance(1 / self.rate_hz)
         self.driver.advance(1 / self.rate_hz)
         frame = self.camera.capture()
-        self.frames += 1
+        self._frames += 1
         now_s = self.clock.now_s()
         situation = observe(self.driver.simulation, frame.frame_id, now_s)
         self.pilot.see(situation, _action_of(self.loop.state.prediction))
-        for command in self.pilot.act(now_s, frame.frame_id):
+        command = self.pilot.act(now_s)
+        if command is not None:
             self.loop.command(command)
         tick = self.loop.tick(now_s)
         target = situation.target
@@ -174,10 +174,9 @@ def drive_by_hand(
         driver.advance(1 / rate_hz)
         situation = observe(driver.simulation, frame_id, clock.now_s())
         pilot.see(situation, propose(situation))
-        held = None
-        for command in pilot.act(situation.at_s, frame_id):
-            held = command.held
-            driver.send_action(held or Action.STOP)
+        command = pilot.act(situation.at_s)
+        held = command.held if command is not None else None
+        driver.send_action(held or Action.STOP)
         yield situation, held
 
 

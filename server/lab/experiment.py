@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot.errors import ConfigurationError
-from server.cli.output import numbers_in, progress, write_json, write_text
+from server.cli.output import progress, write_json, write_text
 from server.cli.parser import whole
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 NAMES = (
     *("figure3", "figure5", "figure6", "figure7", "figure8"),
-    *("delay", "moves", "behaviours", "ablation", "habits", "ready", "mind", "ground", "streams"),
+    *("behaviours", "ablation", "habits", "ready", "mind", "ground", "streams"),
 )
 
 
@@ -48,9 +48,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "may be given several times",
     )
     parser.add_argument("--teacher", metavar="NAME", help="usual, early, late, path.py:Name ...")
-    parser.add_argument(
-        "--delay", default="0,100,300", metavar="MS,...", help="link delays (default: %(default)s)"
-    )
     parser.add_argument(
         "--world",
         action="append",
@@ -118,7 +115,6 @@ def _settings(args: argparse.Namespace) -> ExperimentSettings:
         quick=args.quick,
         learners=tuple(args.learner),
         teacher=args.teacher,
-        delays_ms=tuple(numbers_in(args.delay, int, "--delay")),
         recordings=_recordings(args.recordings),
         robot=args.robot,
         worlds=tuple(args.world),
@@ -134,12 +130,11 @@ def _recordings(given: str | None) -> str | None:
 def _run_one(
     experiment: Experiment, settings: ExperimentSettings, args: argparse.Namespace
 ) -> Runs:
-    from robot.lab.catalogue import ALONE
     from robot.lab.runner import run_all
     from robot.lab.store import Store
 
     tasks = list(experiment.plan(settings))
-    is_alone = experiment.name in ALONE
+    is_alone = experiment.times_machine
     with progress(len(tasks), "run", "experiment", "experiments", experiment.name) as bar:
         results = run_all(
             tasks,

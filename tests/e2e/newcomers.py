@@ -165,7 +165,8 @@ class Newcomer:
         self._pilot.see(
             observe(simulation, frame_id, now_s), prediction.action if prediction else None
         )
-        for command in self._pilot.act(now_s, frame_id):
+        command = self._pilot.act(now_s)
+        if command is not None:
             self._hold(command.held if mode is not Mode.STOPPED else None)
 
     def _hold(self, move: Action | None) -> None:

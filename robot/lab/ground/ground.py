@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from itertools import product
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, group
-from robot.lab.ground.run import TEACHER
+from robot.lab.ground.run import TEACHER, run_ground
 from robot.lab.ground.worlds import WORLDS
 from robot.lab.tables import mean_in_interval
 from robot.lab.task import Result, Task
@@ -51,7 +51,7 @@ def ground_task(
         "counts": list(counts),
         "drives": drives,
     }
-    return Task("ground", params)
+    return Task(run_ground, params)
 
 
 def _by_world(runs: Runs) -> dict[str, dict[tuple[str, str], list[Result]]]:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
-from typing import Any
 
 from robot.lab.ground.worlds import STEP_S, ForeignWorld, make_world
 from robot.lab.ideas import make_learner
-from robot.lab.task import Result
+from robot.lab.task import Params, Result
 from robot.policy.driving_learner import DrivingLearner
 from robot.types import Action, Prediction
 
@@ -27,7 +25,7 @@ TEACHER = "teacher"
 """In a learner's place: the scripted teacher drives."""
 
 
-def run_ground(params: Mapping[str, Any]) -> Result:
+def run_ground(params: Params) -> Result:
     """Teach, and let it drive alone at each number of examples.
 
     Parameters: `world`, `learner`, `way` (`demonstration`, `corrections` or `asked`), `seed`,
@@ -56,11 +54,11 @@ def run_ground(params: Mapping[str, Any]) -> Result:
     return {"stages": stages}
 
 
-def _alone_seeds(params: Mapping[str, Any]) -> list[int]:
+def _alone_seeds(params: Params) -> list[int]:
     return [_ALONE_SEED + 100 * params["seed"] + drive for drive in range(params["drives"])]
 
 
-def _run_teacher(params: Mapping[str, Any]) -> Result:
+def _run_teacher(params: Params) -> Result:
     scores = []
     with contextlib.closing(make_world(params["world"])) as world:
         for seed in _alone_seeds(params):

@@ -6,22 +6,17 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
+from robot.control.profile import compare, move_shares, rare_moves
 from robot.lab.metrics.log import DriveLog, DriveSample
+from robot.types import Action
 
 STAY_M, STUCK_S = 0.15, 20.0
 """A robot is stuck that stays within so little for so long: a full turn about one wheel takes
 19.5 s."""
 CELL_M = 0.1
 """Side of the squares in which covered floor is counted."""
-
-
-def first_collision_s(log: DriveLog) -> float | None:
-    """Return how long it took until the body first touched anything; None if it never did."""
-    for moment in log.moments:
-        if moment.is_touching:
-            return moment.now_s - log.moments[0].now_s
-    return None
 
 
 def collisions_per_minute(log: DriveLog) -> float:
@@ -126,8 +121,17 @@ def figures(log: DriveLog) -> dict[str, float]:
     }
 
 
-def mean_cycle_s(log: DriveLog) -> float:
-    return log.seconds / len(log) if len(log) > 1 else 0.0
+def against(log: DriveLog, teacher: DriveLog, moves: tuple[Action, ...]) -> dict[str, Any]:
+    """Return the figures of a drive, and how far its Behavior Profile is from the teacher's."""
+    difference = compare(teacher.profile(), log.profile(), moves)
+    rare = rare_moves(move_shares(teacher.actions()), move_shares(log.actions()))
+    return {
+        "ssd": difference.ssd,
+        "ssd_of_moves_made": difference.made,
+        "ssd_frequent": sum(ssd for m, ssd in difference.per_move.items() if m not in rare),
+        "never": [move.value for move in difference.never_by_robot],
+        **figures(log),
+    }
 
 
 def _per_minute(amount: float, log: DriveLog) -> float:
@@ -140,4 +144,4 @@ def _spans(log: DriveLog) -> Iterator[tuple[DriveSample, float]]:
         (moment, following.now_s - moment.now_s) for moment, following in pairwise(log.moments)
     )
     if log.moments:
-        yield log.moments[-1], mean_cycle_s(log)
+        yield log.moments[-1], log.seconds / len(log)

@@ -1,8 +1,7 @@
-"""Human delays and errors: reaction time, tremor, lapses, and the delay of the link.
+"""Human delays and errors: reaction time, tremor and lapses.
 
-A picture reaches the screen half the link's delay after it was taken. The hand follows a decision
-`reaction_s` later. Its command names the frame that is on the screen at that moment, and reaches
-the robot after the other half of the delay.
+The hand follows a decision `reaction_s` later. Its command names the frame that is on the screen at
+that moment.
 """
 
 from __future__ import annotations
@@ -35,10 +34,6 @@ class HumanDelayConfig:
     pauses_per_min: float = 0.0
     """How often the pilot lets go and thinks; the robot then stands."""
     pause_s: float = 1.0
-    link_delay_s: float = 0.0
-    """From picture to screen and from button to robot, together."""
-    names_frame: bool = True
-    """False: the command names no frame of the screen, but the newest there is."""
 
 
 STEADY = HumanDelayConfig(
@@ -61,7 +56,6 @@ class HumanDelayModel:
         self._buttons = list(buttons)
         self._chance = random.Random(f"{seed} hand")
         self._wishes: deque[tuple[float, Action | None]] = deque()
-        self._under_way: deque[tuple[float, PilotCommand]] = deque()
         self._held: Action | None = None
         self._slips_until_s = self._away_until_s = self._pauses_until_s = -1.0
         self._slip: Action | None = None
@@ -72,26 +66,17 @@ class HumanDelayModel:
         """Decide now to hold `action` (or nothing); the hand follows."""
         self._wishes.append((now_s + self.config.reaction_s, action))
 
-    def send(self, frame_id: int | None, frame_age_s: float, now_s: float) -> None:
-        """Send what is held, naming the frame on the screen. Call it at every heartbeat."""
-        held = self._hold(now_s)
+    def send(self, frame_id: int | None, frame_age_s: float, now_s: float) -> PilotCommand:
+        """Return what is held, naming the frame on the screen. Call it at every heartbeat."""
         self._seq += 1
-        arrives_s = now_s + self.config.link_delay_s / 2
-        command = PilotCommand(
-            held=held,
+        return PilotCommand(
+            held=self._hold(now_s),
             frame_id=frame_id,
             seq=self._seq,
-            received_s=arrives_s,
+            received_s=now_s,
             pilot="simulated",
             frame_age_s=frame_age_s,
         )
-        self._under_way.append((arrives_s, command))
-
-    def arrived(self, now_s: float) -> list[PilotCommand]:
-        commands = []
-        while self._under_way and self._under_way[0][0] <= now_s + _EPSILON_S:
-            commands.append(self._under_way.popleft()[1])
-        return commands
 
     def release(self) -> None:
         """Release the button at once, and forget the last decision."""

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from robot.lab.simulated_pilots.hand import HumanDelayConfig, HumanDelayModel
 from robot.lab.simulated_pilots.situation import Situation
@@ -55,18 +54,12 @@ class SimulatedPilot:
         self.mode = Mode.STOPPED
         self._hand = HumanDelayModel(hand or HumanDelayConfig(), moves, seed)
         self._chance = random.Random(f"{seed} manners")
-        self._coming: deque[tuple[Situation, Action | None]] = deque()
         self._screen: tuple[Situation, Action | None] | None = None
         self._looks_at_s: float | None = None
         self._holds_since_s: float | None = None
         self._annoyed_since_s: float | None = None
         self._content_since_s: float | None = None
         self._patience_s = self.takeover.patience_s
-
-    @property
-    def link_delay_s(self) -> float:
-        """Time from a picture to the command that answers it, without the pilot's own delay."""
-        return self._hand.config.link_delay_s
 
     def change_mode(self, mode: Mode) -> None:
         """Begin another phase, with the finger off the pad."""
@@ -75,33 +68,19 @@ class SimulatedPilot:
         self._holds_since_s = self._annoyed_since_s = self._content_since_s = None
 
     def see(self, situation: Situation, proposed: Action | None) -> None:
-        """Send a frame to the screen, with what the page says the robot would do."""
-        self._coming.append((situation, proposed))
+        """Show a frame on the screen, with what the page says the robot would do."""
+        self._look_until(situation.at_s - _EPSILON_S)
+        self._screen = (situation, proposed)
+        if self._looks_at_s is None:
+            self._looks_at_s = situation.at_s
 
-    def act(self, now_s: float, newest_frame_id: int) -> list[PilotCommand]:
-        """Look at the frames on the screen; return the commands that have reached the robot.
-
-        Args:
-            now_s: The clock's time.
-            newest_frame_id: The frame of a command that names none.
-        """
-        half_s = self._hand.config.link_delay_s / 2
-        while self._coming:
-            arrives_s = self._coming[0][0].at_s + half_s
-            if arrives_s > now_s + _EPSILON_S:
-                break
-            self._look_until(arrives_s - _EPSILON_S)
-            self._screen = self._coming.popleft()
-            if self._looks_at_s is None:
-                self._looks_at_s = now_s
+    def act(self, now_s: float) -> PilotCommand | None:
+        """Look at the screen, and return the command of this heartbeat; None with no picture."""
         self._look_until(now_s + _EPSILON_S)
-        if self._screen is not None:
-            situation, _ = self._screen
-            self._hand.send(situation.frame_id, now_s - situation.at_s, now_s)
-        commands = self._hand.arrived(now_s)
-        if self._hand.config.names_frame:
-            return commands
-        return [replace(command, frame_id=newest_frame_id) for command in commands]
+        if self._screen is None:
+            return None
+        situation, _ = self._screen
+        return self._hand.send(situation.frame_id, now_s - situation.at_s, now_s)
 
     def _look_until(self, end_s: float) -> None:
         """Look at the screen whenever it is time to, at the picture that is there at that time.

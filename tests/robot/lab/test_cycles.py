@@ -13,7 +13,7 @@ from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.bodies.v4l2.options import UsbCameraOptions
 from robot.devices.driver_thread import DriverThread
 from robot.devices.rig import Rig
-from robot.lab import cycles
+from robot.lab import figure5
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
@@ -36,9 +36,9 @@ def test_cycles_are_timed_on_a_brick_its_camera_and_wheels_included(
             eye = Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), clock)
             return Rig(DriverThread(driver, clock), eye, make_policy("default-32"), clock)
 
-        monkeypatch.setattr(cycles, "build_rig", build_rig)
+        monkeypatch.setattr(figure5, "build_rig", build_rig)
         params = {"learner": "published-4", "robot": "ev3-remote", "cycles": 20}
-        result = cycles.run_cycles(params | {"options": {"brick": agent.address}})
+        result = figure5.run_cycles(params | {"options": {"brick": agent.address}})
         brick.catch_up()
         assert [c.command for c in brick.commands].count("run-timed") >= 40, "both turned"
         assert not brick.is_moving(), "the wheels stand when it is over"

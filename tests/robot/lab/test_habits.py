@@ -175,7 +175,7 @@ def test_a_pilot_is_told_what_is_missing_and_following_it_makes_him_ready(
     limit_s: float, in_time_s: float, is_ready: bool, is_told: bool
 ) -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
-    from robot.lab.ready_run import run_ready
+    from robot.lab.ready import run_ready
 
     result = run_ready(
         {

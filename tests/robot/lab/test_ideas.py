@@ -8,9 +8,8 @@ import pytest
 
 from robot.errors import ConfigurationError
 from robot.lab.ideas import make_learner, make_teacher
-from robot.lab.kinds import run_task
+from robot.lab.lessons import run_lesson
 from robot.lab.simulated_pilots.teachers import SonarController
-from robot.lab.task import Task
 from robot.types import DEFAULT_MOVES
 
 DOCS = Path(__file__).parents[3] / "docs" / "howto" / "try-an-idea.md"
@@ -34,20 +33,17 @@ def test_the_ideas_of_the_how_to_enter_an_experiment(tmp_path: Path) -> None:
     assert sum(bool(line.strip()) for line in learner.splitlines()) <= 20
     (tmp_path / "idea.py").write_text(learner)
     (tmp_path / "timid.py").write_text(teacher)
-    result = run_task(
-        Task(
-            kind="lesson",
-            params={
-                "world": "box",
-                "moves": ("forward", "left"),
-                "learner": f"{tmp_path}/idea.py:LastFrames",
-                "teacher": f"{tmp_path}/timid.py:Timid",
-                "teach_s": 20.0,
-                "alone_s": 5.0,
-                "reference_s": 5.0,
-                "seed": 0,
-            },
-        )
+    result = run_lesson(
+        {
+            "world": "box",
+            "moves": ("forward", "left"),
+            "learner": f"{tmp_path}/idea.py:LastFrames",
+            "teacher": f"{tmp_path}/timid.py:Timid",
+            "teach_s": 20.0,
+            "alone_s": 5.0,
+            "reference_s": 5.0,
+            "seed": 0,
+        }
     )
     assert result["taught"]["agreement"] > 0.5
     assert 0.0 < result["before"]["ssd"] < 100.0

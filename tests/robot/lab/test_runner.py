@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from robot.errors import ConfigurationError
+from robot.lab.lessons import run_lesson
 from robot.lab.runner import run_all
 from robot.lab.store import Store
 from robot.lab.task import Task
@@ -24,7 +25,7 @@ pytest.importorskip("joblib", reason="the extra 'experiments' is not installed")
 def tasks(count: int) -> list[Task]:
     return [
         Task(
-            kind="lesson",
+            run=run_lesson,
             params={
                 "world": "box",
                 "moves": ("forward", "left"),
@@ -86,7 +87,7 @@ def test_the_key_follows_the_task_and_the_files_it_names(tmp_path: Path) -> None
     assert first.key() == tasks(1)[0].key() != second.key()
     idea = tmp_path / "idea.py"
     idea.write_text("a = 1")
-    task = Task(kind="lesson", params={"learner": f"{idea}:Name"})
+    task = Task(run_lesson, {"learner": f"{idea}:Name"})
     before = task.key()
     idea.write_text("a = 2")
     assert task.key() != before

@@ -140,7 +140,6 @@ def test_spread_by_hand() -> None:
     [
         (["--learner", "nobody-3"], "nobody"),
         (["--teacher", "nobody"], "unknown teacher 'nobody'"),
-        (["--delay", "soon"], "--delay expects"),
         (["--recordings", "/nowhere/at/all"], "no folder"),
     ],
 )

@@ -33,12 +33,6 @@ def drive(**columns: str) -> DriveLog:
 
 def test_the_last_tick_lasts_as_long_as_the_others() -> None:
     assert drive(is_touching="....").seconds == pytest.approx(2.0)
-    assert driving.mean_cycle_s(drive(is_touching="....")) == pytest.approx(0.5)
-
-
-def test_the_first_collision() -> None:
-    assert driving.first_collision_s(drive(is_touching="..x.x")) == pytest.approx(1.0)
-    assert driving.first_collision_s(drive(is_touching=".....")) is None
 
 
 def test_a_touch_that_lasts_is_one_collision() -> None:
@@ -91,5 +85,5 @@ def test_parts_of_a_drive() -> None:
 def test_an_empty_drive_has_no_figures() -> None:
     log = DriveLog()
     assert driving.collisions_per_minute(log) == driving.pushing_s_per_minute(log) == 0
-    assert driving.asking_share(log) == driving.mean_cycle_s(log) == log.seconds == 0
+    assert driving.asking_share(log) == log.seconds == 0
     assert len(log.last(5)) == 0

@@ -15,17 +15,14 @@ F, L = Action.FORWARD, Action.LEFT
 def held_over_time(
     config: HumanDelayConfig, wishes: list[Action | None], seed: str = "0"
 ) -> list[str]:
-    """Wish every 0.1 s, and list what arrives at each of these instants: `f`, `l` or `.`."""
+    """Wish every 0.1 s, and list what is held at each of these instants: `f`, `l` or `.`."""
     hand = HumanDelayModel(config, (F, L), seed)
     heard = []
     for tick, wish in enumerate(wishes):
         now_s = tick / 10
         hand.wish(wish, now_s)
-        hand.send(tick, 0.0, now_s)
-        commands = hand.arrived(now_s)
-        heard.append(
-            "".join(command.held.value[0] if command.held else "." for command in commands)
-        )
+        command = hand.send(tick, 0.0, now_s)
+        heard.append(command.held.value[0] if command.held else ".")
     return heard
 
 
@@ -38,17 +35,10 @@ def test_the_hand_follows_after_the_reaction_time() -> None:
     assert held_over_time(slow, [F, F, L, L, L, L]) == [".", ".", "f", "f", "l", "l"]
 
 
-def test_commands_take_half_of_the_links_delay() -> None:
-    far = replace(STEADY, link_delay_s=0.4)
-    assert held_over_time(far, [F, L, L, L]) == ["", "", "f", "l"]
-
-
 def test_commands_count_up_and_name_the_frame_on_the_screen() -> None:
     hand = HumanDelayModel(STEADY, (F, L), "0")
     hand.wish(F, 1.0)
-    hand.send(17, 0.25, 1.0)
-    hand.send(18, 0.25, 1.1)
-    commands = hand.arrived(1.1)
+    commands = [hand.send(17, 0.25, 1.0), hand.send(18, 0.25, 1.1)]
     assert [(c.frame_id, c.seq, c.received_s, c.frame_age_s) for c in commands] == [
         (17, 1, 1.0, 0.25),
         (18, 2, 1.1, 0.25),
@@ -81,5 +71,4 @@ def test_letting_go_is_at_once() -> None:
     hand = HumanDelayModel(replace(STEADY, reaction_s=0.2), (F, L), "0")
     hand.wish(F, 0.0)
     hand.release()
-    hand.send(1, 0.0, 1.0)
-    assert hand.arrived(1.0)[0].held is None
+    assert hand.send(1, 0.0, 1.0).held is None

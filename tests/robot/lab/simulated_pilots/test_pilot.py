@@ -37,8 +37,9 @@ def drive(who: SimulatedPilot, doing: str, proposed: str, start: int = 0) -> str
     for tick, (now, next_) in enumerate(zip(doing, proposed, strict=True), start):
         seen = replace(situation(at_s=tick / 10, doing=names[now]), frame_id=tick)
         who.see(seen, names[next_])
-        for command in who.act(tick / 10, tick):
-            held += command.held.value[0] if command.held else "."
+        command = who.act(tick / 10)
+        assert command is not None and command.frame_id == tick
+        held += command.held.value[0] if command.held else "."
     return held
 
 
@@ -85,26 +86,6 @@ def test_watching_it_never_takes_the_wheel() -> None:
     assert drive(teacher, "ffffffff", "ffffffff") == "........"
 
 
-def test_a_late_picture_is_answered_late_and_by_its_name() -> None:
-    far = pilot(hand=replace(STEADY, link_delay_s=0.4))
-    far.change_mode(Mode.TRAIN)
-    named = []
-    for tick in range(6):
-        far.see(replace(situation(at_s=tick / 10), frame_id=tick), None)
-        named += [(tick, command.frame_id) for command in far.act(tick / 10, tick)]
-    assert named == [(4, 0), (5, 1)]
-
-
-def test_a_command_can_be_taken_to_mean_the_newest_frame() -> None:
-    far = pilot(hand=replace(STEADY, link_delay_s=0.4, names_frame=False))
-    far.change_mode(Mode.TRAIN)
-    named = []
-    for tick in range(6):
-        far.see(replace(situation(at_s=tick / 10), frame_id=tick), None)
-        named += [command.frame_id for command in far.act(tick / 10, tick)]
-    assert named == [4, 5]
-
-
 class Counting(Strict):
     """Counts how often it is asked, and notes how old what it sees is."""
 
@@ -124,7 +105,7 @@ def test_it_looks_as_often_whatever_the_camera_s_rate(rate_hz: int, looks_hz: fl
     who.change_mode(Mode.TRAIN)
     for tick in range(20 * rate_hz):
         who.see(replace(situation(at_s=tick / rate_hz), frame_id=tick), L)
-        who.act(tick / rate_hz, tick)
+        who.act(tick / rate_hz)
     assert len(teacher.seen_s) == pytest.approx(20 * looks_hz, abs=2)
     ages_s = [i / looks_hz - at_s for i, at_s in enumerate(teacher.seen_s)]
     assert all(-1e-3 <= age_s < 1 / rate_hz + 1e-3 for age_s in ages_s), "the picture of then"
@@ -136,5 +117,5 @@ def test_a_program_looks_at_each_picture_once() -> None:
     who.change_mode(Mode.TRAIN)
     for tick in range(90):
         who.see(replace(situation(at_s=tick / 30), frame_id=tick), L)
-        who.act(tick / 30, tick)
+        who.act(tick / 30)
     assert teacher.seen_s == [tick / 30 for tick in range(90)]
