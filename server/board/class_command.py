@@ -79,7 +79,7 @@ def split(text: str) -> tuple[int, str]:
     Raises:
         ConfigurationError: If they are too many, or there are none at all.
     """
-    words = [word.strip() for word in text.split(",") if word.strip()]
+    words = list(filter(None, map(str.strip, text.split(","))))
     count = sum(int(word) for word in words if word.isdecimal())
     others = ",".join(word for word in words if not word.isdecimal())
     if count > MOST or not (count or others):

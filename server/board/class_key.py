@@ -7,7 +7,6 @@ address can neither repeat a proof nor pass it on. Pure, but for the key's file.
 
 from __future__ import annotations
 
-import hashlib
 import hmac
 import os
 import re
@@ -47,15 +46,13 @@ class ClassKey:
             endpoint: The robot's address and port: `192.168.1.5:8000`.
         """
         text = "\n".join(["drivelesson class 1", who, board_nonce, robot_nonce, endpoint])
-        return hmac.new(self.secret.encode(), text.encode(), hashlib.sha256).hexdigest()
+        return hmac.digest(self.secret.encode(), text.encode(), "sha256").hex()
 
     @property
     def code(self) -> str:
         """The code that is printed: it pairs any phone with any robot of the class, as long as the
         class has this key."""
-        digest = hmac.new(
-            self.secret.encode(), b"drivelesson class code 1", hashlib.sha256
-        ).digest()
+        digest = hmac.digest(self.secret.encode(), b"drivelesson class code 1", "sha256")
         return "".join(ALPHABET[byte % len(ALPHABET)] for byte in digest[:TOKEN_LETTERS])
 
     def accepts(self, proof: str, who: str, board_nonce: str, robot_nonce: str, at: str) -> bool:

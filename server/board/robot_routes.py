@@ -9,7 +9,6 @@ from fastapi import APIRouter, Depends, HTTPException, Request
 from robot.devices.outside import Outside, must_be, text
 from server.board.class_key import endpoint
 from server.board.classroom import LOCKS, Classroom
-from server.identity import COLOURS
 from server.routes.answers import Route
 from server.routes.bodies import Short, do
 from server.security.access import Role
@@ -67,11 +66,8 @@ async def describe_class(request: Request) -> dict[str, Any]:
     return {
         "name": identity.name,
         "colour": identity.colour,
-        "colours": list(COLOURS),
         "locks": sorted(_classroom(request).locks),
-        "lockable": list(LOCKS),
         "model": persistence.autosave.name if persistence is not None else None,
-        "tls": services.config.tls,
         "needs_pairing": services.pairing is not None,
     }
 

@@ -11,13 +11,11 @@ from types import ModuleType
 from robot.errors import ConfigurationError
 
 BENCHMARKS = {
-    "board": "server.lab.bench.board",
     "crowd": "server.lab.bench.crowd",
     "learner": "server.lab.bench.learner",
     "link": "server.lab.bench.link",
     "page": "server.lab.bench.page",
     "places": "server.lab.bench.places",
-    "recording": "server.lab.bench.recording",
 }
 """Name to module; each has `configure(parser)` and `run(args) -> int`, as a command has."""
 

@@ -13,31 +13,21 @@ from collections.abc import AsyncIterator, Iterator, Sequence
 from typing import Any
 
 from robot.store.table import Cell, Table
-from robot.testing.link import LinkConditions
 from server.cli.output import numbers_in
 from server.cli.parser import number
 from server.lab.bench.process import ServerUnderTest
-from server.lab.bench.proxy import Proxy
 from server.lab.bench.report import add_json, percentile, report
 from server.lab.bench.subject import KINDS
 from server.lab.bench.viewers import Watched, watch
 
-SLOW_LINE = 62_500.0  # 500 kbit/s
 _SETTLE_S = 0.7
 _COMMANDS, _COMMAND_EVERY_S = 100, 0.047
-_SLOW_VIEWERS, _ALL_VIEWERS = 4, 16
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--viewers", default="1,4,16", help="numbers of viewers (%(default)s)")
     parser.add_argument(
         "--seconds", type=number(above=0), default=5.0, help="for each (%(default)s)"
-    )
-    parser.add_argument(
-        "--slow-seconds",
-        type=number(least=0),
-        default=60.0,
-        help="behind a slow line (%(default)s; 0: skip)",
     )
     parser.add_argument(
         "--rate", type=number(above=0), default=30.0, help="frames a second (%(default)s)"
@@ -47,13 +37,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     counts = numbers_in(args.viewers, int, "--viewers")
-    result = asyncio.run(_measure_all(counts, args.seconds, args.slow_seconds, args.rate))
+    result = asyncio.run(_measure_all(counts, args.seconds, args.rate))
     return report(args, result, _table(result))
 
 
-async def _measure_all(
-    counts: Sequence[int], seconds: float, slow_seconds: float, rate_hz: float
-) -> dict[str, Any]:
+async def _measure_all(counts: Sequence[int], seconds: float, rate_hz: float) -> dict[str, Any]:
     result: dict[str, Any] = {"rate_hz": rate_hz, "servers": []}
     for count in counts:
         for kind in KINDS:
@@ -61,11 +49,6 @@ async def _measure_all(
             result["servers"].append(await _measure_viewers(kind, count, seconds, rate_hz))
     _progress("commands")
     result["commands"] = await _measure_commands(max(counts), rate_hz)
-    if slow_seconds:
-        result["slow"] = [
-            await _measure_slow(width, height, slow_seconds, rate_hz)
-            for width, height in ((160, 120), (640, 480))
-        ]
     return result
 
 
@@ -186,68 +169,6 @@ async def _read_all(pilot: Any, seen: dict[str, int]) -> None:
             seen.update(frame=message["frame"], nonce=message["nonce"])
 
 
-async def _measure_slow(width: int, height: int, seconds: float, rate_hz: float) -> dict[str, Any]:
-    """Sixteen viewers without and with four of them behind a slow line."""
-    size = f"{width}x{height}"
-    with ServerUnderTest("drivelesson", rate_hz, width, height) as subject:
-        proxies = [Proxy(subject.port) for _ in range(_SLOW_VIEWERS)]
-        for proxy in proxies:
-            await proxy.start()
-        fast = [subject.port] * (_ALL_VIEWERS - _SLOW_VIEWERS)
-        ports = [*fast, *(proxy.port for proxy in proxies)]
-        # Before and after, so that what else the machine does falls upon both sides alike.
-        without = await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, before")
-        for proxy in proxies:
-            proxy.conditions = LinkConditions(bytes_per_second=SLOW_LINE)
-        _progress(f"{size}, four at 500 kbit/s")
-        async with watching("drivelesson", ports) as viewers:
-            await asyncio.sleep(2 * _SETTLE_S)
-            before, start_s = subject.ask(), time.monotonic()
-            await asyncio.sleep(seconds)
-            after, lasted_s = subject.ask(), time.monotonic() - start_s
-            with_slow = [a for v in viewers[: len(fast)] for a in v.since(start_s)]
-            slow = viewers[len(fast) :]
-            slow_ages = [a for v in slow for a in v.since(start_s)]
-            thirds = [
-                percentiles([a for v in slow for a in _between(v, start_s, lasted_s, part)])
-                for part in range(3)
-            ]
-        for proxy in proxies:
-            proxy.conditions = LinkConditions()
-        without += await _ages_of_the_fast(ports, len(fast), min(seconds, 20) / 2, f"{size}, after")
-        for proxy in proxies:
-            await proxy.stop()
-    ratio = percentile(with_slow, 99) / percentile(without, 99)
-    return {
-        "size": size,
-        "others_ms_without_slow": percentiles(without),
-        "others_ms_with_slow": percentiles(with_slow),
-        "others_p99_ratio": round(ratio, 2),
-        "slow_frames_per_second": round(len(slow_ages) / lasted_s / _SLOW_VIEWERS, 2),
-        "slow_age_ms": percentiles(slow_ages) | {"max": round(1000 * max(slow_ages), 1)},
-        "slow_age_ms_by_third": thirds,
-        **_loop_figures(before, after, lasted_s),
-    }
-
-
-async def _ages_of_the_fast(
-    ports: Sequence[int], n_fast: int, seconds: float, what: str
-) -> list[float]:
-    """Return the ages of pictures at the first viewers while nobody is slow."""
-    _progress(what)
-    async with watching("drivelesson", ports) as viewers:
-        await asyncio.sleep(_SETTLE_S)
-        start_s = time.monotonic()
-        await asyncio.sleep(seconds)
-        return [age for viewer in viewers[:n_fast] for age in viewer.since(start_s)]
-
-
-def _between(viewer: Watched, start_s: float, lasted_s: float, third: int) -> list[float]:
-    first, last = start_s + third * lasted_s / 3, start_s + (third + 1) * lasted_s / 3
-    pairs = zip(viewer.at_s, viewer.ages_s, strict=True)
-    return [age for at_s, age in pairs if first <= at_s < last]
-
-
 @contextlib.asynccontextmanager
 async def watching(kind: str, ports: Sequence[int]) -> AsyncIterator[list[Watched]]:
     """Watch inside the block; yields what each viewer saw."""
@@ -288,16 +209,10 @@ def _table(result: dict[str, Any]) -> Table:
         )
         for row in result["servers"]
     ]
-    notes = [f"\ncommand to drive, ms: {result['commands']['wire_to_drive_ms']}"]
-    notes += [
-        f"{slow['size']}, 4 of 16 at 500 kbit/s: their pictures {slow['slow_age_ms']} ms old; "
-        f"p99 of the others {slow['others_p99_ratio']} times that without them; "
-        f"loop {slow['loop_hz']} Hz, {slow['late_cycles']} late"
-        for slow in result.get("slow", [])
-    ]
+    note = f"\ncommand to drive, ms: {result['commands']['wire_to_drive_ms']}"
     columns = (
         *("server", "viewers", "frames/s", "p50 ms", "p95", "p99", "CPU us/frame", "process"),
         *("loop Hz", "late"),
     )
     title = "Pictures over loopback"
-    return Table(title=title, columns=columns, rows=tuple(rows), note="\n".join(notes))
+    return Table(title=title, columns=columns, rows=tuple(rows), note=note)

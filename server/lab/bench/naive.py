@@ -1,13 +1,12 @@
-"""What one writes first: servers to compare with, after the recipes that are found everywhere."""
+"""What one writes first: a server to compare with, after the recipes that are found everywhere."""
 
 from __future__ import annotations
 
 import asyncio
 import struct
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 
 from fastapi import FastAPI, WebSocket
-from fastapi.responses import StreamingResponse
 
 from robot.camera import Camera
 from robot.types import Frame
@@ -45,30 +44,6 @@ def naive_websocket(camera: Camera) -> FastAPI:
             return
         finally:
             queues.discard(queue)
-
-    return app
-
-
-def naive_mjpeg(camera: Camera) -> FastAPI:
-    """Stream parts from a generator for each client, each encoding for itself."""
-    app = FastAPI()
-    encoder = Encoder(80)
-
-    @app.get("/video.mjpg")
-    async def video() -> StreamingResponse:
-        return StreamingResponse(parts(), media_type="multipart/x-mixed-replace; boundary=frame")
-
-    async def parts() -> AsyncIterator[bytes]:
-        last_id = 0
-        while True:
-            frame = camera.latest()
-            if frame is None or frame.frame_id == last_id:
-                await asyncio.sleep(0.002)
-                continue
-            last_id = frame.frame_id
-            body = STAMP.pack(frame.captured_s) + encoder.encode_jpeg(frame)
-            head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(body)}\r\n\r\n"
-            yield head.encode() + body + b"\r\n"
 
     return app
 

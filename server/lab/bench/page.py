@@ -1,22 +1,31 @@
 """How busy the page keeps a phone: main thread, pictures and examples.
 
 A Chromium shows the page of a server in a process of its own and holds Forward with one finger;
-for a slow phone DevTools slows its main thread.
+for a slow phone its main thread is slowed.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
+import shutil
 import time
+from collections.abc import Iterator
 from typing import Any
 
+from robot.errors import ConfigurationError, need
 from robot.store.table import Table
 from server.cli.output import numbers_in
-from server.lab.bench.browser import STATE, DevToolsPage, running_browser
 from server.lab.bench.process import ServerUnderTest
 from server.lab.bench.report import add_json, report
 
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-shell")
+_FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--mute-audio")
 _BUSY = ("TaskDuration", "ScriptDuration", "LayoutDuration", "RecalcStyleDuration")
+_PATIENCE_S = 30.0
+_STATE = "document.querySelector('drive-pad').page.store.state"
+"""What the page knows, as JavaScript."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -30,9 +39,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     rates = numbers_in(args.throttle, float, "--throttle")
-    with ServerUnderTest("drivelesson", args.rate) as subject, running_browser() as page:
-        page.open(f"http://127.0.0.1:{subject.port}/")
-        rows = [_measure(page, subject, rate, args.seconds) for rate in rates]
+    with ServerUnderTest("drivelesson", args.rate) as subject, _phone() as page:
+        page.goto(f"http://127.0.0.1:{subject.port}/")
+        page.wait_for_selector("video-view[data-frames]")
+        tools = page.context.new_cdp_session(page)
+        # CPU time: what else the machine does is not in it.
+        tools.send("Performance.enable", {"timeDomain": "threadTicks"})
+        rows = [_measure(page, tools, subject, rate, args.seconds) for rate in rates]
     lines = tuple(
         (
             f"{row['throttle']:g}",
@@ -46,25 +59,45 @@ def run(args: argparse.Namespace) -> int:
     return report(args, rows, Table(title="The page's main thread", columns=columns, rows=lines))
 
 
+@contextlib.contextmanager
+def _phone() -> Iterator[Any]:
+    """Run a Chromium while the block runs; yields its page."""
+    playwright = need("playwright.sync_api", "the benchmark of the page", "dev")
+    path = os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, _BROWSERS)), None)
+    if path is None:
+        raise ConfigurationError(
+            "no Chromium was found: install chromium, or name it in the environment as CHROMIUM"
+        )
+    with playwright.sync_playwright() as running:
+        browser = running.chromium.launch(executable_path=path, args=list(_FLAGS))
+        yield browser.new_page(
+            viewport={"width": 390, "height": 844},
+            device_scale_factor=2,
+            is_mobile=True,
+            has_touch=True,
+        )
+        browser.close()
+
+
 def _measure(
-    page: DevToolsPage, subject: ServerUnderTest, throttle: float, seconds: float
+    page: Any, tools: Any, subject: ServerUnderTest, throttle: float, seconds: float
 ) -> dict[str, Any]:
-    page.send("Emulation.setCPUThrottlingRate", rate=throttle)
-    page.start_and_hold()
+    tools.send("Emulation.setCPUThrottlingRate", {"rate": throttle})
+    _start_and_hold(page, tools)
     time.sleep(2.0)
-    before, learned, painted, start_s = page.metrics(), *_progress(page), time.monotonic()
+    before, learned, painted, start_s = _metrics(tools), *_progress(page), time.monotonic()
     stops: list[str] = []
     while time.monotonic() - start_s < seconds:
         time.sleep(0.25)
-        reason = page.evaluate(f"{STATE}.robot?.mode === 'stopped' && {STATE}.robot.stop_reason")
+        reason = page.evaluate(f"{_STATE}.robot?.mode === 'stopped' && {_STATE}.robot.stop_reason")
         if reason:
             stops.append(str(reason))
-            page.release()
-            page.start_and_hold()
+            _touch(tools, "touchEnd")
+            _start_and_hold(page, tools)
     lasted_s = time.monotonic() - start_s
-    after, (learned_then, painted_then) = page.metrics(), _progress(page)
-    page.release()
-    page.send("Emulation.setCPUThrottlingRate", rate=1)
+    after, (learned_then, painted_then) = _metrics(tools), _progress(page)
+    _touch(tools, "touchEnd")
+    tools.send("Emulation.setCPUThrottlingRate", {"rate": 1})
     busy = {name: (after[name] - before[name]) / lasted_s for name in _BUSY}
     return {
         "throttle": throttle,
@@ -74,13 +107,36 @@ def _measure(
         "painted_per_s": round((painted_then - painted) / lasted_s, 2),
         "learned_per_s": round((learned_then - learned) / lasted_s, 2),
         "stops": stops,
-        "link": page.evaluate(f"{STATE}.robot.link"),
+        "link": page.evaluate(f"{_STATE}.robot.link"),
         "camera_hz": subject.ask()["cycle_hz"],
     }
 
 
-def _progress(page: DevToolsPage) -> tuple[float, float]:
+def _start_and_hold(page: Any, tools: Any) -> None:
+    """Choose to teach, and hold Forward with one finger."""
+    deadline_s = time.monotonic() + _PATIENCE_S
+    while page.evaluate(f"{_STATE}.robot?.mode") != "train":
+        if time.monotonic() > deadline_s:
+            raise ConfigurationError("the robot does not start")
+        page.evaluate("document.querySelector('mode-bar [data-mode=train]').click()")
+        time.sleep(0.3)
+    box = page.locator(".move[data-move=forward]").bounding_box()
+    _touch(tools, "touchStart", x=box["x"] + box["width"] / 2, y=box["y"] + box["height"] / 2)
+
+
+def _touch(tools: Any, kind: str, **point: float) -> None:
+    points = [point] if point else []
+    tools.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+
+def _metrics(tools: Any) -> dict[str, float]:
+    """Return Chromium's counters of this page's main thread, in seconds."""
+    rows = tools.send("Performance.getMetrics")["metrics"]
+    return {row["name"]: row["value"] for row in rows}
+
+
+def _progress(page: Any) -> tuple[float, float]:
     """Return how many examples were learned and how many pictures painted."""
-    learned = page.evaluate(f"{STATE}.robot.lessons")
+    learned = page.evaluate(f"{_STATE}.robot.lessons")
     painted = page.evaluate("document.querySelector('video-view').frames")
     return float(learned), float(painted)

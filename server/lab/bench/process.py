@@ -1,32 +1,30 @@
-"""Processes that a benchmark asks: a line on standard input is answered with one of JSON."""
+"""One of the servers in `subject`, in a process of its own: a line to it is answered with one of
+JSON."""
 
 from __future__ import annotations
 
 import contextlib
 import http.client
 import json
-import os
 import subprocess
 import sys
-from collections.abc import Callable
-from typing import Any, NoReturn, Self
+from typing import Any, Self
 
 from robot.errors import ConfigurationError
 
 
-class BenchProcess:
-    """A module of this package in a process of its own.
+class ServerUnderTest:
+    """A server of one of the kinds in `subject`."""
 
-    Attributes:
-        first: What it said when it was ready.
-    """
-
-    def __init__(self, module: str, *words: object) -> None:
-        command = [sys.executable, "-m", f"server.lab.bench.{module}", *map(str, words)]
+    def __init__(self, kind: str, rate_hz: float, width: int = 160, height: int = 120) -> None:
+        words = [kind, rate_hz, width, height]
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [sys.executable, "-m", "server.lab.bench.subject", *map(str, words)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
         )
-        self.first: Any = self._read()
+        self.port: int = self._read()
 
     @property
     def pid(self) -> int:
@@ -37,6 +35,13 @@ class BenchProcess:
         self._process.stdin.write(f"{word}\n")
         self._process.stdin.flush()
         return self._read()
+
+    def pair(self, role: str) -> str:
+        """Pair a browser with a `paired` server; return its cookie."""
+        words = json.dumps({"token": self.ask()["tokens"][role]})
+        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port)) as line:
+            line.request("POST", "/api/pair", words, {"content-type": "application/json"})
+            return str(line.getresponse().headers["set-cookie"]).partition(";")[0]
 
     def _read(self) -> Any:
         assert self._process.stdout is not None
@@ -50,26 +55,3 @@ class BenchProcess:
 
     def __exit__(self, *exc: object) -> None:
         self._process.communicate(timeout=60)
-
-
-class ServerUnderTest(BenchProcess):
-    """A server of one of the kinds in `subject`."""
-
-    def __init__(self, kind: str, rate_hz: float, width: int = 160, height: int = 120) -> None:
-        super().__init__("subject", kind, rate_hz, width, height)
-        self.port: int = self.first
-
-    def pair(self, role: str) -> str:
-        """Pair a browser with a `paired` server; return its cookie."""
-        words = json.dumps({"token": self.ask()["tokens"][role]})
-        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port)) as line:
-            line.request("POST", "/api/pair", words, {"content-type": "application/json"})
-            return str(line.getresponse().headers["set-cookie"]).partition(";")[0]
-
-
-def answer_all(first: Any, answer: Callable[[str], Any]) -> NoReturn:
-    """Say that all is ready, and answer until standard input ends; then end at once."""
-    print(json.dumps(first), flush=True)
-    for line in sys.stdin:
-        print(json.dumps(answer(line.strip())), flush=True)
-    os._exit(0)

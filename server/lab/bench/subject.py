@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import gc
+import json
 import os
 import sys
 import tempfile
@@ -21,9 +22,8 @@ from typing import Any
 
 from robot.clock import RealClock
 from robot.testing import FakeCamera, FakeDriver
-from server.lab.bench.process import answer_all
 
-KINDS = ("drivelesson", "naive-websocket", "plain-websocket", "naive-mjpeg")
+KINDS = ("drivelesson", "naive-websocket", "plain-websocket")
 """`plain` is `naive` without uvicorn's default, which compresses each picture once more. There is
 also `paired`: ours, with pairing, its limits and a data folder."""
 
@@ -32,14 +32,11 @@ def main() -> None:
     kind, rate_hz, width, height = sys.argv[1:]
     camera = FakeCamera(RealClock(), float(rate_hz), int(width), int(height))
     with _serving(kind, camera) as (port, notes):
-        answer_all(
-            port,
-            lambda word: {
-                "process_s": time.process_time(),
-                "serving_s": _serving_cpu_s(),
-                **notes(word == "forget"),
-            },
-        )
+        print(port, flush=True)
+        for line in sys.stdin:
+            used = {"process_s": time.process_time(), "serving_s": _serving_cpu_s()}
+            print(json.dumps(used | notes(line.strip() == "forget")), flush=True)
+        os._exit(0)
 
 
 def _serving_cpu_s() -> float:
@@ -54,11 +51,11 @@ def _serving(kind: str, camera: FakeCamera) -> Iterator[tuple[int, Any]]:
         with tempfile.TemporaryDirectory() as folder, _ours(kind, camera, Path(folder)) as served:
             yield served
     else:
-        from server.lab.bench import naive
+        from server.lab.bench.naive import naive_websocket
 
-        make = naive.naive_mjpeg if kind == "naive-mjpeg" else naive.naive_websocket
         with camera:
-            yield _serve_plainly(make(camera), deflate=kind == "naive-websocket"), lambda forget: {}
+            port = _serve_plainly(naive_websocket(camera), deflate=kind == "naive-websocket")
+            yield port, lambda forget: {}
 
 
 @contextlib.contextmanager

@@ -22,22 +22,19 @@ def test_bench_link_measures_all_servers(
     monkeypatch.setattr(link, "_COMMAND_EVERY_S", 0.1)
     file = tmp_path / "link.json"
     # Long enough for a busy machine to send some pictures.
-    words = ["bench", "link", "--viewers", "2", "--seconds", "2", "--slow-seconds", "3"]
+    words = ["bench", "link", "--viewers", "2", "--seconds", "2"]
     assert main([*words, "--json", str(file)]) == 0
     result = json.loads(file.read_text())
     assert [row["server"] for row in result["servers"]] == [
         "drivelesson",
         "naive-websocket",
         "plain-websocket",
-        "naive-mjpeg",
     ]
     ours = result["servers"][0]
     assert ours["frames_per_second"] > 0 and ours["loop_hz"] > 0
     for figures in (ours["latency_ms"], result["commands"]["wire_to_drive_ms"]):
         assert 0 < figures["p50"] <= figures["p95"]
     assert 0 <= ours["serving_cpu_share_idle_after"] < 1
-    small, large = result["slow"]
-    assert 0 < small["slow_age_ms"]["p50"] < large["slow_age_ms"]["p50"], "it was throttled"
     check_bench_crowd_measures_both_sides(capsys)
 
 
