@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from collections.abc import Callable
+from importlib.machinery import SourceFileLoader
 from importlib.metadata import entry_points
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from robot.errors import ConfigurationError
@@ -21,8 +22,6 @@ from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.types import Action
 
-LEARNERS = "drivelesson.learners"
-TEACHERS = "drivelesson.teachers"
 _TEACHERS: dict[str, Callable[[], Teacher]] = {
     "sonar": SonarController,
     "wall": WallFollower,
@@ -43,7 +42,7 @@ def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
     Raises:
         ConfigurationError: If it is unknown, or returns neither; says which file and why.
     """
-    made = _make_idea(name, LEARNERS)
+    made = _make_idea(name, "drivelesson.learners")
     if made is None:
         return make_policy(name, moves=moves)
     if isinstance(made, Policy):
@@ -60,7 +59,7 @@ def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
     Raises:
         ConfigurationError: If it is unknown, or is not a teacher.
     """
-    made = _make_idea(name, TEACHERS)
+    made = _make_idea(name, "drivelesson.teachers")
     if made is not None:
         if not (hasattr(made, "choose") and hasattr(made, "tolerates")):
             raise ConfigurationError(f"{name} is not a teacher: it needs `choose` and `tolerates`")
@@ -68,13 +67,9 @@ def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
     if name in _TEACHERS:
         return _TEACHERS[name]()
     if name not in TEACHER_PARAMS:
-        raise ConfigurationError(
-            f"unknown teacher {name!r}; there are: "
-            f"{', '.join([*_TEACHERS, *TEACHER_PARAMS])}, or path.py:Name"
-        )
-    return Wanderer(
-        tuple(move for move in moves if move is not Action.FORWARD), TEACHER_PARAMS[name]
-    )
+        known = ", ".join([*_TEACHERS, *TEACHER_PARAMS])
+        raise ConfigurationError(f"unknown teacher {name!r}; there are: {known}, or path.py:Name")
+    return Wanderer(tuple(m for m in moves if m is not Action.FORWARD), TEACHER_PARAMS[name])
 
 
 def make_pilot(params: Params, moves: tuple[Action, ...]) -> SimulatedPilot:
@@ -92,11 +87,10 @@ def make_pilot(params: Params, moves: tuple[Action, ...]) -> SimulatedPilot:
 
 def _make_idea(name: str, group: str) -> Any:
     """Return what an entry point or a file makes, or None if the name is a built-in one."""
-    found = {point.name: point for point in entry_points(group=group)}
     file, colon, attribute = name.rpartition(":")
     try:
-        if name in found:
-            return found[name].load()()
+        for point in entry_points(group=group, name=name):
+            return point.load()()
         if colon and file.endswith(".py"):
             return getattr(_load_file(Path(file)), attribute)()
     except Exception as error:  # a stranger's code: whatever it raises, say where
@@ -106,14 +100,11 @@ def _make_idea(name: str, group: str) -> Any:
     return None
 
 
-def _load_file(path: Path) -> Any:
+def _load_file(path: Path) -> ModuleType:
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
-    name = f"drivelesson_idea_{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"{path} is not a Python file")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
+    loader = SourceFileLoader(f"drivelesson_idea_{path.stem}", str(path))
+    module = sys.modules[loader.name] = ModuleType(loader.name)
+    module.__file__ = str(path)
+    loader.exec_module(module)
     return module

@@ -6,14 +6,10 @@ import argparse
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from robot.errors import ConfigurationError
 from robot.store.folder import default_root
 from server.cli.parser import whole
-
-if TYPE_CHECKING:
-    from server.board.simulated_robot import SimulatedRobot
 
 MOST = 60
 
@@ -67,9 +63,8 @@ def run(args: argparse.Namespace) -> int:
     key = keep_class_key(file)
     # Phones read this address in the codes, so the board uses it, too.
     here = next(iter(lan_addresses(Config(host=args.host, lan=True))), "127.0.0.1")
-    with _simulated(count, args, file) as robots:
-        own = [RobotAddress(here, robot.port) for robot in robots]
-        serve_board(key, args.port, [*own, *listed])
+    with _simulated(count, args, file) as ports:
+        serve_board(key, args.port, [*(RobotAddress(here, port) for port in ports), *listed])
     return 0
 
 
@@ -90,8 +85,8 @@ def split(text: str) -> tuple[int, str]:
 
 
 @contextlib.contextmanager
-def _simulated(count: int, args: argparse.Namespace, key: Path) -> Iterator[list[SimulatedRobot]]:
-    """Run so many robots inside the block, each with a port, a folder and a room of its own."""
+def _simulated(count: int, args: argparse.Namespace, key: Path) -> Iterator[list[int]]:
+    """Run so many robots inside the block, each with a room of its own; yields their ports."""
     from server.board.simulated_robot import SimulatedRobot
     from server.hosting.serving import open_socket
 
@@ -104,7 +99,7 @@ def _simulated(count: int, args: argparse.Namespace, key: Path) -> Iterator[list
     try:
         for robot in robots:
             robot.start(args.host, args.world, key)
-        yield robots
+        yield [robot.port for robot in robots]
     finally:
         for robot in robots:
             robot.end()
