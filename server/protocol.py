@@ -14,7 +14,7 @@ from enum import StrEnum
 from typing import Annotated, Any, NamedTuple, NoReturn, get_args, get_type_hints
 
 from robot.devices.outside import limits_of, number, plain_type, whole
-from robot.types import Action, Encoding, Mode
+from robot.types import Action, Encoding, Mode, Point
 
 PROTOCOL_VERSION = 1
 MAX_DRIVE_MESSAGE_BYTES = 4096
@@ -57,6 +57,7 @@ _Count = Annotated[int, whole(least=1, most=MAX_COUNT)]
 _Id = Annotated[int | None, whole(least=1, most=2**32 - 1)]
 _Time = Annotated[float, number(least=-MAX_COUNT, most=MAX_COUNT)]
 _Age = Annotated[float | None, number(least=-MAX_COUNT, most=MAX_COUNT)]
+_Share = Annotated[float | None, number(least=-1, most=1)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +66,7 @@ class DriveMessage:
 
     `seq` grows. `nonce` is the newest that the page has received. `frame_age_ms` is how old that
     frame is as the page reckons it, and `phone_ms` how much of that it has spent on the phone;
-    None if the page cannot say.
+    None if the page cannot say. `steering` and `throttle` are what the move means by degrees.
     """
 
     held: Action | None
@@ -74,6 +75,15 @@ class DriveMessage:
     nonce: _Id = None
     frame_age_ms: _Age = None
     phone_ms: _Age = None
+    steering: _Share = None
+    throttle: _Share = None
+
+    @property
+    def point(self) -> Point | None:
+        """What is held by degrees."""
+        if self.steering is None or self.throttle is None:
+            return None
+        return Point(self.steering, self.throttle)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,8 +141,10 @@ class VideoFrame:
     nonce: int = 0
 
 
-def parse_message(text: str, moves: Collection[Action]) -> ClientMessage:
-    """Parse one message of `/ws/drive`.
+def parse_message(
+    text: str, moves: Collection[Action], *, takes_points: bool = False
+) -> ClientMessage:
+    """Parse one message of `/ws/drive`, for a robot that has these moves, and may take points.
 
     Raises:
         ProtocolError: If it is not valid; says which field and why.
@@ -153,8 +165,9 @@ def parse_message(text: str, moves: Collection[Action]) -> ClientMessage:
         held = message.get("held")
         if held is not None and held not in moves:
             raise _bad_field("held", f"one of {', '.join(moves)} or null", seq)
-        held = held and Action(held)
-        return DriveMessage(held=held, **_read(_DRIVE, message, seq))
+        numbers = _read(_DRIVE, message, seq)
+        _check_point(numbers, takes_points and held is not None, seq)
+        return DriveMessage(held=held and Action(held), **numbers)
     if kind == "mode":
         mode: Any = message.get("mode")
         if mode not in _MODES:
@@ -234,6 +247,14 @@ def _read(numbers: list[_Number], message: dict[str, Any], seq: int | None) -> d
             raise _bad_field(name, wanted, seq)
         found[name] = value
     return found
+
+
+def _check_point(numbers: dict[str, Any], may_be: bool, seq: int | None) -> None:
+    for name, other in (("steering", "throttle"), ("throttle", "steering")):
+        if name in numbers and not may_be:
+            raise _bad_field(name, "left out: nothing is held, or this robot takes moves only", seq)
+        if name in numbers and other not in numbers:
+            raise _bad_field(other, f"a number, since there is a {name}", seq)
 
 
 def _bad_field(name: str, wanted: str, seq: int | None) -> ProtocolError:

@@ -9,7 +9,7 @@ import numpy as np
 from robot.learner.base import State, Vector
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.types import DEFAULT_MOVES, Action, Frame, Prediction
+from robot.types import DEFAULT_MOVES, Action, Frame, Point, Prediction
 
 _NOTHING = np.zeros(1, np.uint8)
 
@@ -19,12 +19,14 @@ class FakePolicy(Policy):
 
     Attributes:
         first: The label that it learned first.
+        point: What that meant by degrees.
     """
 
     def __init__(self, moves: tuple[Action, ...] = DEFAULT_MOVES) -> None:
         real = make_policy("published-1", moves)
         super().__init__("fake-1", 1, real.learner, real.features, moves=moves)
         self.first: Action | None = None
+        self.point: Point | None = None
 
     def extract(self, frame: Frame) -> Vector:
         return _NOTHING
@@ -32,11 +34,18 @@ class FakePolicy(Policy):
     def propose(self, frame_id: int, x: Vector, **context: Any) -> Prediction:
         shares = {} if self.first is None else {self.first: 1.0}
         return Prediction(
-            frame_id=frame_id, action=self.first, confidence=1.0, probabilities=shares
+            frame_id=frame_id,
+            action=self.first,
+            confidence=1.0,
+            probabilities=shares,
+            point=self.point,
         )
 
-    def learn(self, x: Vector, label: Action, *when_and_how: Any) -> None:
-        self.first = self.first or label
+    def learn(
+        self, x: Vector, label: Action, at_s: float | None = None, point: Point | None = None
+    ) -> None:
+        if self.first is None:
+            self.first, self.point = label, point
         self._n_examples += 1
 
     def get_state(self) -> State:

@@ -17,14 +17,14 @@ from concurrent.futures import Future
 
 from robot.control.state import Tick
 from robot.devices.rig import Rig
-from robot.driver import describe as describe_moves
 from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.clients.client import Client
+from server.clients.command import command_of
 from server.clients.emergency import EmergencyStop
 from server.clients.freshness import NonceLedger, why_refused
 from server.clients.lease import Lease
-from server.clients.telemetry import STATE_EVERY_S, describe_state, state_every_s
+from server.clients.telemetry import STATE_EVERY_S, describe_body, describe_state, state_every_s
 from server.clients.video import Encoder, VideoHub, Viewer
 from server.config import Config
 from server.events import EventBus
@@ -51,7 +51,6 @@ class Hub:
         self.clients: dict[str, Client] = {}
         self._limit_s = robot.loop.config.gate.command_timeout_s
         self.pilot = ""  # whose client had the wheel last: that person may come back
-        self._declared_moves = describe_moves(robot.driver.moves, robot.driver.declared_moves)
         self._ids = itertools.count(1)
         self._sent: object = None
         self._sent_s = 0.0
@@ -115,8 +114,8 @@ class Hub:
                 role=role.value,
                 robot=self.name,
                 moves=list(self.robot.loop.state.moves),
-                declared_moves=[move.describe() for move in self._declared_moves],
                 server_ms=self.now_ms(),
+                **describe_body(self.robot.driver),
             )
         )
         for name, fields in self._events.lasting:
@@ -166,7 +165,10 @@ class Hub:
         try:
             if not is_within and not protocol.is_stop(text):
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many messages a second")
-            self._handle(client, protocol.parse_message(text, self.robot.loop.state.moves), now_s)
+            message = protocol.parse_message(
+                text, self.robot.loop.state.moves, takes_points=self.robot.driver.takes_points
+            )
+            self._handle(client, message, now_s)
         except ProtocolError as error:
             self.refuse(client, error)
 
@@ -232,14 +234,11 @@ class Hub:
         self._require_known_frame(message.frame, message.seq)
         self.lease.renew(client.id, now_s)
         self.robot.loop.command(
-            PilotCommand(
-                held=message.held,
-                frame_id=message.frame,
-                seq=message.seq,
+            command_of(
+                message,
+                self.robot,
                 received_s=self.clock.now_s(),
                 pilot=client.id,
-                frame_age_s=None if message.frame_age_ms is None else message.frame_age_ms / 1000,
-                phone_s=None if message.phone_ms is None else message.phone_ms / 1000,
                 proven_s=self.nonces.issued_s(message.nonce),
                 seen_id=self.video.drawn_by(client.person),
             )

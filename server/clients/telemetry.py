@@ -7,7 +7,8 @@ from typing import Any
 
 from robot.control.camera_timing import CameraState
 from robot.control.state import LoopState
-from robot.types import Mode, Pose, Prediction, Sensors
+from robot.driver import Driver, describe
+from robot.types import Mode, Point, Pose, Prediction, Sensors
 
 STATE_EVERY_S = 0.1
 _SOON_S = 0.05
@@ -37,6 +38,7 @@ def describe_state(state: LoopState, now_ms: float) -> dict[str, Any]:
         "mode": decision.mode.value,
         "driven_by": decision.driven_by.value,
         "action": decision.action.value,
+        "point": _describe_point(decision.point),
         "speed_scale": decision.speed_scale,
         "stop_reason": decision.stop_reason.value if decision.stop_reason else None,
         "emergency": state.emergency,
@@ -67,6 +69,15 @@ def describe_state(state: LoopState, now_ms: float) -> dict[str, Any]:
     }
 
 
+def describe_body(driver: Driver) -> dict[str, Any]:
+    """Return what a page is told of what the body can do."""
+    moves = describe(driver.moves, driver.declared_moves)
+    return {
+        "declared_moves": [move.describe() for move in moves],
+        "takes_points": driver.takes_points,
+    }
+
+
 def _age_s(state: LoopState, now_ms: float) -> float | None:
     return None if state.frame_captured_s is None else now_ms / 1000 - state.frame_captured_s
 
@@ -88,7 +99,13 @@ def _describe_prediction(prediction: Prediction | None) -> dict[str, Any] | None
         },
         "node": prediction.node,
         "distance": _rounded(prediction.distance),
+        "point": _describe_point(prediction.point),
+        "spread": None if prediction.spread is None else _rounded(prediction.spread),
     }
+
+
+def _describe_point(point: Point | None) -> dict[str, float] | None:
+    return point and {name: _rounded(share) for name, share in point._asdict().items()}
 
 
 def _describe_sensors(sensors: Sensors) -> dict[str, Any]:

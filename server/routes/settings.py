@@ -11,11 +11,11 @@ from starlette.concurrency import run_in_threadpool
 
 from robot.control.loop import ControlLoop
 from robot.devices.outside import Outside, must_be, number, text
-from robot.driver import describe
 from robot.errors import ConfigurationError
 from robot.policy import autosize
 from robot.policy.registry import split_name
 from robot.types import Action
+from server.clients.telemetry import describe_body
 from server.identity import COLOURS
 from server.routes.answers import Route
 from server.routes.bodies import Short, do
@@ -69,6 +69,7 @@ class SettingsAnswer(Changed):
     moves: list[str]
     possible_moves: list[str]
     declared_moves: list[dict[str, Any]]
+    takes_points: bool
     camera: CameraAnswer
 
 
@@ -92,9 +93,7 @@ async def describe_settings(request: Request) -> SettingsAnswer:
         speed=loop.speed_share,
         moves=[move.value for move in state.moves],
         possible_moves=[move.value for move in robot.driver.moves],
-        declared_moves=[
-            move.describe() for move in describe(robot.driver.moves, robot.driver.declared_moves)
-        ],
+        **describe_body(robot.driver),
         camera=CameraAnswer(
             name=robot.camera.name,
             rate_hz=round(state.cycle_hz, 1),

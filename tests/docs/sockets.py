@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.control.link_governor import LinkLevel
-from robot.types import DrivenBy, Mode, StopReason
+from robot.types import DrivenBy, Mode, Point, StopReason
 from server.protocol import (
     ACKNOWLEDGEMENT,
     FRAME_HEADER,
@@ -24,6 +24,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "reference" / "asyncapi.json"
 Schema = dict[str, Any]
 _TEXT, _NUMBER, _TRUTH = {"type": "string"}, {"type": "number"}, {"type": "boolean"}
 _COUNT = {"type": "integer", "minimum": 0}
+_POINT = {name: {"type": "number", "minimum": -1, "maximum": 1} for name in Point._fields}
 _MOVE = {"type": "string", "pattern": "^[a-z][a-z0-9_]{0,31}$"}
 
 
@@ -63,11 +64,25 @@ def upward() -> dict[str, Schema]:
     mode, mode_needs = numbers_of(ModeMessage)
     ping, ping_needs = numbers_of(Ping)
     return {
-        "drive": message("drive", {"held": maybe(_MOVE), **drive}, needed),
+        "drive": message("drive", {"held": maybe(_MOVE), **drive}, needed)
+        | {"anyOf": by_degrees()},
         "mode": message("mode", {"mode": one_of(Mode), **mode}, ["mode", *mode_needs]),
         "ping": message("ping", ping, ping_needs),
         **{kind.value: message(kind.value, {}) for kind in BareMessage},
     }
+
+
+def by_degrees() -> list[Schema]:
+    """Return the two forms of `drive`: a move as it is, or one that is meant by degrees."""
+    nothing, number = {"type": "null"}, {"type": "number"}
+    names = Point._fields
+    return [
+        {"properties": dict.fromkeys(names, nothing)},
+        {
+            "properties": {"held": {"type": "string"}, **dict.fromkeys(names, number)},
+            "required": ["held", *names],
+        },
+    ]
 
 
 def downward() -> dict[str, Schema]:
@@ -80,6 +95,8 @@ def downward() -> dict[str, Schema]:
         "probabilities": {"type": "object", "additionalProperties": _NUMBER},
         "node": maybe(_COUNT),
         "distance": _NUMBER,
+        "point": maybe(whole(_POINT)),
+        "spread": maybe(_NUMBER),
     }
     camera = {
         "period_ms": _NUMBER,
@@ -94,6 +111,7 @@ def downward() -> dict[str, Schema]:
         "mode": one_of(Mode),
         "driven_by": one_of(DrivenBy),
         "action": _TEXT,
+        "point": maybe(whole(_POINT)),
         "speed_scale": _NUMBER,
         "stop_reason": maybe(one_of(StopReason)),
         "emergency": _TRUTH,
@@ -132,6 +150,7 @@ def downward() -> dict[str, Schema]:
         "robot": _TEXT,
         "moves": {"type": "array", "items": _MOVE},
         "declared_moves": {"type": "array", "items": {"type": "object"}},
+        "takes_points": _TRUTH,
         "server_ms": _NUMBER,
     }
     error = {"code": one_of(ErrorCode), "message": _TEXT}

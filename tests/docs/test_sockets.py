@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.driver import CLASSIC
-from robot.types import Mode
+from robot.types import Mode, Point
 from server.protocol import MAX_COUNT, BareMessage, ErrorCode, ProtocolError, parse_message
 from tests.docs import sockets
 from tests.server.virtual_server import VirtualServer
@@ -70,9 +70,13 @@ NUMBERS = st.one_of(
     st.integers(-2, 3),
     st.sampled_from([MAX_COUNT, MAX_COUNT + 1, 2**32 - 1, 2**32, -MAX_COUNT - 1]),
     st.floats(-9, 9).filter(lambda number: not number.is_integer()),
+    st.sampled_from([-1.0, -0.3, 0.3, 1.0]),
 )
 VALUES = st.one_of(NUMBERS, st.none(), st.booleans(), st.just("forward"), st.just([]))
-FIELDS = ("held", "seq", "frame", "nonce", "frame_age_ms", "phone_ms", "client_ms", "mode")
+FIELDS = (
+    *("held", "seq", "frame", "nonce", "frame_age_ms", "phone_ms", "client_ms", "mode"),
+    *Point._fields,
+)
 
 
 @settings(max_examples=500, deadline=None)
@@ -87,7 +91,7 @@ def test_the_server_takes_what_is_described_and_nothing_else(
     if isinstance(fields.get("held"), str) and fields["held"] not in MOVES:
         return  # which moves there are, `hello` says
     try:
-        parse_message(json.dumps(message), MOVES)
+        parse_message(json.dumps(message), MOVES, takes_points=True)
         is_taken = True
     except ProtocolError:
         is_taken = False

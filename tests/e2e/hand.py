@@ -12,6 +12,10 @@ from robot.types import Mode
 
 from .world import World
 
+Way = tuple[float, float]
+"""From the middle of a control to the right and upwards, as shares of what it is high or wide."""
+MIDDLE: Way = (0.0, 0.0)
+
 
 class Fingers:
     """Fingers on a touch screen, each held until it is lifted."""
@@ -21,17 +25,21 @@ class Fingers:
         self._cdp = page.context.new_cdp_session(page)
         self._points: dict[int, dict[str, float]] = {}
 
-    def press(self, selector: str, finger: int = 1) -> None:
-        self._points[finger] = {**self._middle(selector), "id": finger}
+    def press(self, selector: str, finger: int = 1, at: Way = MIDDLE) -> None:
+        self._points[finger] = {**self._place(selector, at), "id": finger}
         self._send("touchStart", finger)
 
-    def slide(self, selector: str, finger: int = 1) -> None:
-        self._points[finger] = {**self._middle(selector), "id": finger}
+    def slide(self, selector: str, finger: int = 1, at: Way = MIDDLE) -> None:
+        self._points[finger] = {**self._place(selector, at), "id": finger}
         self._send("touchMove", finger)
 
     def lift(self, finger: int = 1) -> None:
         self._send("touchEnd", finger)
         del self._points[finger]
+
+    @property
+    def are_lifted(self) -> bool:
+        return not self._points
 
     def cancel(self) -> None:
         self._points.clear()
@@ -41,10 +49,12 @@ class Fingers:
         points = [] if finger is None else [self._points[finger]]
         self._cdp.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
-    def _middle(self, selector: str) -> dict[str, float]:
+    def _place(self, selector: str, at: Way) -> dict[str, float]:
         box = self.page.locator(selector).first.bounding_box()
         assert box is not None, f"{selector} is not on the screen"
-        return {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+        radius = min(box["width"], box["height"]) / 2
+        (x, y), (right, ahead) = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2), at
+        return {"x": x + radius * right, "y": y - radius * ahead}
 
 
 def teach(
@@ -81,6 +91,32 @@ def teach(
 def pad(move: str) -> str:
     """Selector of a button of the pad."""
     return f"drive-pad .move[data-move={move}]"
+
+
+def stick(side: str = "left") -> str:
+    """Selector of a thumb stick; the right one lies under the other thumb, where there is room."""
+    return f"drive-pad .stick.{side}"
+
+
+def steer_by(page: Any, by: str) -> None:
+    """Choose, as in the settings, how this robot is steered: by `moves` or by a `stick`."""
+    page.evaluate(
+        """(isStick) => {
+          const { page } = document.querySelector('app-bar');
+          page.preferences.chooseStick(page.store.state.robotName, isStick);
+          page.followPreferences();
+        }""",
+        by == "stick",
+    )
+    page.wait_for_selector(stick() if by == "stick" else pad("left"))
+
+
+def hold_left(fingers: Fingers, by: str, finger: int = 1) -> None:
+    """Hold what turns the robot left: the arrow, or the stick to one side."""
+    if by == "stick":
+        fingers.press(stick(), finger, at=(-0.8, 0.2))
+    else:
+        fingers.press(pad("left"), finger)
 
 
 def choose(page: Any, world: World, mode: Mode) -> None:

@@ -14,9 +14,12 @@ from .hand import (
     Fingers,
     choose,
     drive_on,
+    hold_left,
     hold_until,
     pad,
     press_until,
+    steer_by,
+    stick,
     turned_rad,
     turning,
     wait_until_standing,
@@ -38,7 +41,11 @@ def world(rover: World) -> World:
 
 @pytest.fixture
 def phone(rovers_phone: Any) -> Any:
+    steer_by(rovers_phone, "moves")
     return rovers_phone
+
+
+BY = pytest.mark.parametrize("by", ["moves", "stick"])
 
 
 @pytest.fixture
@@ -113,24 +120,129 @@ def test_space_stops_from_every_screen(desktop: Any, world: World) -> None:
         release_stop(desktop, world)
 
 
-LETTING_GO: dict[str, Callable[[Any, Fingers], None]] = {
-    "the finger is lifted": lambda page, fingers: fingers.lift(),
-    "the touch is cancelled": lambda page, fingers: fingers.cancel(),
-    "the window loses the focus": lambda page, fingers: page.evaluate(
-        "void dispatchEvent(new Event('blur'))"
+SET_HIDDEN = """(hidden) => {
+  Object.defineProperty(document, 'hidden', { get: () => hidden, configurable: true });
+  document.dispatchEvent(new Event('visibilitychange'));
+}"""
+
+
+def _a_call_comes(page: Any, fingers: Fingers) -> None:
+    page.evaluate(SET_HIDDEN, True)
+    fingers.cancel()
+
+
+LETTING_GO: dict[str, tuple[str, Callable[[Any, Fingers], None]]] = {
+    "the finger is lifted": ("pointerup", lambda page, fingers: fingers.lift()),
+    "the touch is cancelled": ("pointercancel", lambda page, fingers: fingers.cancel()),
+    "the finger slides off": (
+        "pointermove",
+        lambda page, fingers: fingers.slide("teach-panel"),
     ),
-    "another page is opened": lambda page, fingers: page.goto("about:blank"),
-    "the page is reloaded": lambda page, fingers: page.reload(),
-    "another screen is opened": lambda page, fingers: page.evaluate("location.hash = 'home'"),
+    "the window loses the focus": (
+        "blur",
+        lambda page, fingers: page.evaluate("void dispatchEvent(new Event('blur'))"),
+    ),
+    "a call comes": ("visibilitychange", _a_call_comes),
+    "a second finger presses STOP": (
+        "pointerdown",
+        lambda page, fingers: fingers.press("drive-pad .stop", finger=2),
+    ),
+    "another page is opened": ("", lambda page, fingers: page.goto("about:blank")),
+    "the page is reloaded": ("", lambda page, fingers: page.reload()),
+    "another screen is opened": (
+        "hashchange",
+        lambda page, fingers: page.evaluate("location.hash = 'home'"),
+    ),
 }
+"""What ends a hold, and in which event the page says so."""
+NOTE_SAID = """() => {
+  window.said = [];
+  const { connection } = document.querySelector('app-bar').page;
+  connection.send = (text) => {
+    const { type, held } = JSON.parse(text);
+    if (type === 'drive') window.said.push([held, window.event?.type ?? 'time']);
+    return Object.getPrototypeOf(connection).send.call(connection, text);
+  };
+}"""
 
 
+@BY
 @pytest.mark.parametrize("name", LETTING_GO)
-def test_letting_go_stops(phone: Any, world: World, name: str) -> None:
+def test_letting_go_stops(phone: Any, world: World, name: str, by: str) -> None:
+    """The page says so while it handles the event itself: what is late then is the link, and from
+    there on the table of faults counts, in virtual time (tests/faults)."""
+    steer_by(phone, by)
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    hold_until(world, fingers, "left", turning(world))
-    LETTING_GO[name](phone, fingers)
+    drives = turning(world)
+    press_until(phone, world, lambda: hold_left(fingers, by), fingers.lift, drives)
+    event, let_go = LETTING_GO[name]
+    phone.evaluate(NOTE_SAID)
+    let_go(phone, fingers)
+    wait_until_standing(world)
+    if not event:
+        return
+    said = phone.evaluate("said.filter(([held], i) => !held && (i === 0 || said[i - 1][0]))")
+    assert said == [[None, event]], "let go of once, at once, and held no more"
+    if not fingers.are_lifted:
+        phone.evaluate(SET_HIDDEN, False)
+        phone.evaluate("location.hash = 'drive'")
+        release_stop(phone, world)
+        choose(phone, world, Mode.TRAIN)
+        wait_until_standing(world)
+        assert phone.evaluate("said.at(-1)[0]") is None, "what is still held must be held anew"
+        fingers.cancel()
+    phone.evaluate(SET_HIDDEN, False)
+    steer_by(phone, "moves")
+
+
+def test_a_stick_steers_by_degrees_to_both_sides(phone: Any, world: World) -> None:
+    steer_by(phone, "stick")
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    press_until(
+        phone, world, lambda: fingers.press(stick(), at=(-0.5, 0.7)), fingers.lift, turning(world)
+    )
+    for way, side in {(-0.5, 0.7): -1, (0.5, 0.7): 1, (0.3, 0.9): 1, (0.0, 0.9): 0}.items():
+        fingers.slide(stick(), at=way)
+        wait_for(lambda w=way: near(world, w[0]), f"the wheels are turned to {way}")
+        assert world.action is {-1: Action.LEFT, 1: Action.RIGHT, 0: Action.FORWARD}[side]
+    fingers.slide(stick(), at=(1.5, 0.4))
+    wait_for(lambda: near(world, 1.0), "over the edge it is held to its end")
+    fingers.slide(stick(), at=(0.02, 0.0))
+    wait_for(lambda: world.action is Action.STOP, "a thumb that rests drives nowhere")
+    fingers.slide(stick(), at=(0.0, 0.9))
+    wait_for(lambda: world.action is Action.FORWARD, "and drives on")
+    fingers.lift()
+    wait_until_standing(world)
+
+
+def near(world: World, steering: float) -> bool:
+    """True if the robot is driven about so far to one side."""
+    point = world.rig.loop.state.decision.point
+    return point is not None and abs(point.steering - steering) < 0.25
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_each_thumb_has_a_stick_when_the_phone_lies_on_its_side(
+    phone: Any, world: World, side: str
+) -> None:
+    steer_by(phone, "stick")
+    phone.set_viewport_size(LANDSCAPE)
+    phone.wait_for_function(f"() => innerWidth === {LANDSCAPE['width']}")
+    choose(phone, world, Mode.TRAIN)
+    box = phone.locator(stick(side)).bounding_box()
+    middle = (box["x"] + box["width"] / 2) / LANDSCAPE["width"]
+    assert middle < 0.3 if side == "left" else middle > 0.7
+    fingers = Fingers(phone)
+    press_until(
+        phone,
+        world,
+        lambda: fingers.press(stick(side), at=(0.7, 0.5)),
+        fingers.lift,
+        lambda: world.action is Action.RIGHT and near(world, 0.7),
+    )
+    fingers.lift()
     wait_until_standing(world)
 
 
@@ -142,15 +254,25 @@ def test_a_hidden_page_stops_even_what_drives_itself(phone: Any, world: World) -
     fingers.lift()
     choose(phone, world, Mode.AUTONOMOUS)
     drive_on(phone, world, until=turning(world))
-    phone.evaluate(
-        """() => {
-          Object.defineProperty(document, 'hidden', {get: () => true, configurable: true});
-          document.dispatchEvent(new Event('visibilitychange'));
-        }"""
-    )
+    phone.evaluate(SET_HIDDEN, True)
     wait_until_standing(world)
     assert "out of sight" in phone.locator(".notice").inner_text()
     phone.reload()  # it is in sight again
+
+
+def test_a_stick_is_let_go_of_when_the_screen_turns(phone: Any, world: World) -> None:
+    steer_by(phone, "stick")
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    press_until(phone, world, lambda: hold_left(fingers, "stick"), fingers.lift, turning(world))
+    phone.evaluate(NOTE_SAID)
+    phone.set_viewport_size(LANDSCAPE)
+    wait_until_standing(world)
+    assert phone.evaluate("said.find(([held]) => !held)[1]") == "resize"
+    fingers.slide(stick(), at=(0.5, 0.5))
+    wait_until_standing(world)
+    assert phone.evaluate("said.at(-1)[0]") is None, "the thumb must come anew"
+    fingers.lift()
 
 
 def test_turning_the_phone_while_holding_stops_or_goes_on_never_sticks(

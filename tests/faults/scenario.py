@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from robot.testing import FakeCamera, FakePolicy, Line, LinkConditions, VirtualClock
-from robot.types import Action, Mode
+from robot.types import Mode, Point
 from server.clients.client import Client
 from server.clients.freshness import NonceLedger
 from server.clients.video import Viewer
@@ -19,6 +19,8 @@ from tests.server.virtual import Pilot, ServedWorld
 
 _PICTURE = bytes(5000)
 """As heavy as a JPEG of 160x120; nobody looks at it."""
+POINTS = {"forward": Point(0.15, 0.4), "left": Point(-0.6, 0.45)}
+"""What the pilot, and who learned from it, means by a move when it is steered by degrees."""
 _WATCHED_S = 0.15
 """So long after the end of a fault the robot must stand still."""
 
@@ -39,9 +41,10 @@ class FaultWorld(ServedWorld):
 
     page: Pilot
 
-    def __init__(self, clock: VirtualClock) -> None:
+    def __init__(self, clock: VirtualClock, *, by_degrees: bool = False) -> None:
         camera = FakeCamera(clock, pictures=[_PICTURE])
         super().__init__(clock, camera=camera, policy=FakePolicy())
+        self.driver.takes_points = by_degrees
         self.hub.nonces = NonceLedger(random.Random(1).randrange)  # as long in every run
 
     def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> HubSocket:
@@ -54,8 +57,17 @@ class FaultWorld(ServedWorld):
         """Open the page and teach a few examples."""
         self.page = await self.pilot(sees=True)
         self.page.mode("train")
-        self.page.hold("forward")
+        self.hold("forward")
         await self.until(lambda: sum(self.loop.state.taught.values()) > 3)
+
+    def hold(self, move: str) -> None:
+        """Have the pilot hold a move; by degrees, not quite as the move is declared."""
+        self.page.hold(move, POINTS[move] if self.driver.takes_points else None)
+
+    def drives(self, move: str) -> bool:
+        """True while the body is told this move, or this point."""
+        point = POINTS[move] if self.driver.takes_points else None
+        return self.driver.now == move and self.driver.point == point
 
     async def settle(self, seed: int) -> None:
         """Begin anew: all is well, and chance is that of `seed`."""
@@ -72,9 +84,9 @@ class FaultWorld(ServedWorld):
         await self.until(lambda: self.hub.lease.owner == self.page.hello["client"])
         self.page.mode("train" if mode == "train" else "autonomous")
         if mode != "autonomous":
-            self.page.hold("left")
-        wanted = Action.FORWARD if mode == "autonomous" else Action.LEFT
-        await self.until(lambda: self.driver.now is wanted, what="it drives")
+            self.hold("left")
+        wanted = "forward" if mode == "autonomous" else "left"
+        await self.until(lambda: self.drives(wanted), what="it drives")
         await self.forward(self.dice.uniform(0.0, 0.2))
 
     async def live_through(self, fault: Fault, mode: str, seed: int) -> Outcome:
@@ -219,21 +231,23 @@ class Fault:
     note: str = ""
 
 
-def outcomes(fault: Fault, mode: str, seeds: range) -> list[Outcome]:
+def outcomes(fault: Fault, mode: str, seeds: range, *, by_degrees: bool = False) -> list[Outcome]:
     """Have one fault happen once for each seed."""
 
     async def drives(world: FaultWorld) -> list[Outcome]:
         return [await world.live_through(fault, mode, seed) for seed in seeds]
 
-    return in_fault_world(drives)
+    return in_fault_world(drives, by_degrees=by_degrees)
 
 
-def in_fault_world(scenario: Callable[[FaultWorld], Coroutine[Any, Any, _T]]) -> _T:
+def in_fault_world(
+    scenario: Callable[[FaultWorld], Coroutine[Any, Any, _T]], *, by_degrees: bool = False
+) -> _T:
     """Run a scenario on a robot that was taught, in virtual time."""
     clock = VirtualClock(100.0)
 
     async def main() -> _T:
-        async with FaultWorld(clock) as world:
+        async with FaultWorld(clock, by_degrees=by_degrees) as world:
             await world.teach()
             return await scenario(world)
 

@@ -6,6 +6,8 @@ import os
 import re
 from pathlib import Path
 
+import pytest
+
 from robot.testing import LinkConditions
 
 from . import bodies
@@ -94,6 +96,7 @@ def _is_picture_old(world: FaultWorld) -> bool:
     return frame is not None and world.clock.now_s() - frame > 0.5
 
 
+BY = pytest.mark.parametrize("by", ["moves", "degrees"])
 FAULTS = (
     Fault(
         name="the tab is closed",
@@ -190,13 +193,13 @@ ELSEWHERE = (
 """Faults with tests of their own in tests/faults/, which need a process of their own."""
 
 
-def check(fault: Fault, mode: str) -> None:
+def check(fault: Fault, mode: str, by: str) -> None:
     """Have one fault happen in each of many drives.
 
     Raises:
         AssertionError: If the robot stands too late, says another reason, or moves again.
     """
-    found = outcomes(fault, mode, range(SEEDS))
+    found = outcomes(fault, mode, range(SEEDS), by_degrees=by == "degrees")
     late = {n: o.stood_after_s for n, o in enumerate(found) if o.stood_after_s >= LIMIT_S[mode]}
     assert not late, f"goes on, by seed: {late}"
     assert {outcome.reason for outcome in found} <= set(fault.reasons)
@@ -245,7 +248,8 @@ _INTRODUCTION = [
     "tested in every run. A pilot drives a robot over a link, in virtual time, with the server's",
     "real hub, protocol, control loop and gate; the fault comes at a random moment, with a camera",
     "of 10 to 30 pictures a second. In brackets is the worst of 1,000 such drives, in",
-    "milliseconds; it is the same in every run, on every machine.",
+    "milliseconds; it is the same in every run, on every machine. Who steers by degrees drives the",
+    "same drives, and the robot stands within the same times.",
 ]
 _BODIES_INTRODUCTION = [
     "## Each body, when its server is gone",

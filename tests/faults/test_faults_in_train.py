@@ -8,9 +8,10 @@ from __future__ import annotations
 import pytest
 
 from .scenario import Fault
-from .table import FAULTS, check
+from .table import BY, FAULTS, check
 
 
+@BY
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
-def test_the_robot_stands_in_time_whenever_a_fault_comes(fault: Fault) -> None:
-    check(fault, "train")
+def test_the_robot_stands_in_time_whenever_a_fault_comes(fault: Fault, by: str) -> None:
+    check(fault, "train", by)

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from robot.types import DEFAULT_MOVES, Encoding
+from robot.driver import Move, move_at
+from robot.types import DEFAULT_MOVES, Action, Encoding, Point
 from server import protocol
 from server.protocol import ErrorCode, ProtocolError, VideoFrame
 
@@ -64,7 +65,7 @@ def test_refused_acknowledgements(vector: dict[str, Any]) -> None:
 
 @_named("up")
 def test_words_up(vector: dict[str, Any]) -> None:
-    word = protocol.parse_message(json.dumps(vector), DEFAULT_MOVES)
+    word = protocol.parse_message(json.dumps(vector), DEFAULT_MOVES, takes_points=True)
     wanted = {name: value for name, value in vector.items() if name != "type"}
     assert {name: value for name, value in _fields(word).items() if name in wanted} == wanted
     assert all(value is None for name, value in _fields(word).items() if name not in wanted)
@@ -73,7 +74,9 @@ def test_words_up(vector: dict[str, Any]) -> None:
 @_named("refused_up")
 def test_refused_words_up(vector: dict[str, Any]) -> None:
     with pytest.raises(ProtocolError) as raised:
-        protocol.parse_message(vector["text"], DEFAULT_MOVES)
+        protocol.parse_message(
+            vector["text"], DEFAULT_MOVES, takes_points=vector.get("takes_points", True)
+        )
     assert raised.value.code == vector["error"]
 
 
@@ -144,12 +147,14 @@ def test_every_message_up_in_the_reference_is_understood_and_no_other() -> None:
     assert sorted(table) == sorted(known)
     values = {
         "held": "forward", "frame": 412, "nonce": 7, "seq": 1, "frame_age_ms": 31.0,
-        "phone_ms": 4.0, "mode": "train", "client_ms": 2.0,
+        "phone_ms": 4.0, "mode": "train", "client_ms": 2.0, "steering": -0.3, "throttle": 0.5,
     }  # fmt: skip
     for kind, row in table.items():
         told = {name for name in values if f"`{name}`" in row.split(" | ")[0]}
         message = protocol.parse_message(
-            json.dumps({"type": kind} | {name: values[name] for name in told}), DEFAULT_MOVES
+            json.dumps({"type": kind} | {name: values[name] for name in told}),
+            DEFAULT_MOVES,
+            takes_points=True,
         )
         assert {name for name, value in _fields(message).items() if value is not None} == told, kind
 
@@ -175,5 +180,18 @@ def test_every_message_down_in_the_reference_is_what_the_wire_carries() -> None:
             assert f"`{name}`" in table[kind], f"{kind} carries {name}, and nobody says so"
     for name in ("protocol", "client", "role", "robot", "moves", "declared_moves", "server_ms"):
         assert name in carried["hello"]
+    assert carried["hello"]["takes_points"] is False
     move = {name.strip('"') for name in re.findall(r'"[a-z]+"', table["hello"])}
     assert set(carried["hello"]["declared_moves"][0]) == move
+
+
+POINTS: dict[str, Any] = json.loads(
+    (Path(__file__).parents[1] / "vectors" / "points.json").read_text()
+)
+
+
+@pytest.mark.parametrize("body", POINTS)
+def test_a_point_counts_as_the_same_move_as_on_the_page(body: str) -> None:
+    moves = [Move(Action(move.pop("name")), **move) for move in POINTS[body]["moves"]]
+    for steering, throttle, wanted in POINTS[body]["points"]:
+        assert move_at(Point(steering, throttle), moves) == wanted, (steering, throttle)

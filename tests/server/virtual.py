@@ -15,7 +15,7 @@ from typing import Any, Self, TypeVar
 from fastapi import FastAPI
 
 from robot.testing import Line, Link, VirtualClock, VirtualRobot
-from robot.types import Action, Mode
+from robot.types import Action, Mode, Point
 from server.app import create_app
 from server.config import Config
 from server.protocol import encode_acknowledgement, parse_picture
@@ -186,6 +186,7 @@ class Pilot:
         self.messages: list[dict[str, Any]] = []
         self.state: dict[str, Any] = {}
         self.held: str | None = None
+        self.point: Point | None = None
         self.seq = 0
         self.picture: int | None = None
         self.nonce: int | None = None
@@ -203,9 +204,9 @@ class Pilot:
         """The server's first message."""
         return self.messages[0]
 
-    def hold(self, held: str | None) -> None:
-        """Press or release a move, and send it at once."""
-        self.held = held
+    def hold(self, held: str | None, point: Point | None = None) -> None:
+        """Press or release a move, as it is or by degrees, and send it at once."""
+        self.held, self.point = held, point
         self._say_drive()
 
     def mode(self, mode: str) -> None:
@@ -290,4 +291,5 @@ class Pilot:
 
     def _say_drive(self) -> None:
         self.seq += 1
-        self.send(type="drive", held=self.held, seq=self.seq, **self.sight())
+        point = self.point._asdict() if self.point else {}
+        self.send(type="drive", held=self.held, seq=self.seq, **point, **self.sight())

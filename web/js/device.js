@@ -44,7 +44,7 @@ export class Preferences {
   constructor(storage = memory) {
     this.storage = storage;
     /** @type {Record<string, any>} */
-    this.values = { vibrate: true, sound: true, tilt: false, hintsShown: [], ...read(storage) };
+    this.values = { vibrate: true, sound: true, tilt: false, sticks: [], hintsShown: [], ...read(storage) };
   }
 
   get vibrate() {
@@ -57,6 +57,17 @@ export class Preferences {
 
   get tilt() {
     return Boolean(this.values.tilt);
+  }
+
+  /** @param {string} robot  its name */
+  stickFor(robot) {
+    return this.values.sticks.includes(robot);
+  }
+
+  /** @param {string} robot @param {boolean} isWanted */
+  chooseStick(robot, isWanted) {
+    const others = this.values.sticks.filter((/** @type {string} */ name) => name !== robot);
+    this.set('sticks', isWanted ? [...others, robot] : others);
   }
 
   /** @returns {string[]} hints of the first visit that were shown */

@@ -3,14 +3,19 @@
 // The heartbeat runs on the page's main thread on purpose: a page that hangs falls silent, and
 // the robot stops.
 
+import { moveOf, reachOf } from './points.js';
 import { encodeDrive } from './protocol.js';
 import { Start } from './start.js';
 
 export const HEARTBEAT_MS = 100;
 const EARLY_MS = 15;
+/** A stick that turns is told so often; what it is let go of, at once. */
+const STEERED_MS = 50;
 const IDLE_BEATS = 5; // an idle page sends every fifth heartbeat: enough to renew its lease
 
 /** @typedef {import('./protocol.js').Mode} Mode */
+/** @typedef {import('./points.js').Point} Point */
+/** @typedef {{move: string | null, point: Point | null}} Hold  no move: a thumb that rests on its stick */
 
 /** Events: `held` when what is held changes, `refused` when a move is asked of a standing robot. */
 export class Helm extends EventTarget {
@@ -23,10 +28,14 @@ export class Helm extends EventTarget {
     this.connection = connection;
     this.lookingAt = lookingAt;
     this.start = new Start(connection, lookingAt);
-    /** @type {Map<string, string>} what each finger, key or stick holds; the newest last */
+    /** @type {Map<string, Hold>} what each finger, key or stick holds; the newest last */
     this.holds = new Map();
     /** @type {readonly string[]} */
     this.moves = [];
+    /** The robot takes degrees; and its pilot wants a thumb stick, and keys that ramp. */
+    this.takesPoints = false;
+    this.hasStick = false;
+    this.isSteered = false;
     this.hasWheel = false;
     /** @type {Mode} */
     this.mode = 'stopped';
@@ -38,9 +47,17 @@ export class Helm extends EventTarget {
     this.lateMs = 0;
   }
 
-  /** The one move that counts: the newest that is still held. */
+  /** The one hold that counts: the newest that still asks for a move. @returns {Hold} */
+  get newest() {
+    return [...this.holds.values()].filter(({ move }) => move).pop() ?? { move: null, point: null };
+  }
+
   get held() {
-    return [...this.holds.values()].pop() ?? null;
+    return this.newest.move;
+  }
+
+  get reach() {
+    return reachOf(this.moves);
   }
 
   get mayMove() {
@@ -55,10 +72,22 @@ export class Helm extends EventTarget {
       return;
     }
     this.change(() => {
-      if (this.holds.get(source) === move) return;
+      if (this.holds.get(source)?.move === move) return;
       this.holds.delete(source);
-      this.holds.set(source, move);
+      this.holds.set(source, { move, point: null });
     });
+  }
+
+  /** Take hold of a stick, at rest. @param {string} source */
+  grasp(source) {
+    if (this.mayMove) this.holds.set(source, { move: null, point: null });
+    else this.dispatchEvent(new Event('refused'));
+  }
+
+  /** Turn a stick; one that was let go of meanwhile, for whatever reason, must be grasped anew. @param {string} source @param {Point | null} point */
+  steer(source, point) {
+    const move = point && moveOf(point, this.moves);
+    this.change(() => this.holds.has(source) && this.holds.set(source, { move, point: move ? point : null }), true);
   }
 
   /** @param {string} source */
@@ -70,20 +99,23 @@ export class Helm extends EventTarget {
     this.change(() => this.holds.clear());
   }
 
-  /** @param {() => void} act */
-  change(act) {
-    const before = this.held;
+  /** @param {() => void} act @param {boolean} [isSteered] */
+  change(act, isSteered = false) {
+    const before = this.newest;
     act();
-    if (this.held === before) return;
-    this.beat();
+    const now = this.newest;
+    if (now.move === before.move && now.point === before.point) return;
+    this.isSteered = isSteered;
+    if (isSteered) this.beatIfDue(performance.now());
+    else this.beat();
     this.dispatchEvent(new Event('held'));
   }
 
   /** Send a heartbeat if one is due: called by a timer, and by whatever else the page does, because a slow phone's timers come late. @param {number} nowMs */
   beatIfDue(nowMs) {
     const sinceMs = nowMs - this.beatMs;
-    if (sinceMs < HEARTBEAT_MS - EARLY_MS) return;
-    if (this.beatMs > 0) this.lateMs += (Math.max(0, sinceMs - HEARTBEAT_MS) - this.lateMs) / 8;
+    if (sinceMs < (this.isSteered ? STEERED_MS : HEARTBEAT_MS) - EARLY_MS) return;
+    if (this.beatMs > 0 && !this.isSteered) this.lateMs += (Math.max(0, sinceMs - HEARTBEAT_MS) - this.lateMs) / 8;
     this.beatMs = nowMs;
     this.beat();
   }
@@ -92,8 +124,9 @@ export class Helm extends EventTarget {
   beat() {
     this.beats += 1;
     if (!this.hasWheel || (this.isIdle && this.beats % IDLE_BEATS)) return;
-    const seq = this.connection.nextSeq();
-    this.connection.send(encodeDrive({ held: this.held, seq, ...this.lookingAt() }));
+    this.isSteered = false;
+    const { move: held, point } = this.newest;
+    this.connection.send(encodeDrive({ held, ...point, seq: this.connection.nextSeq(), ...this.lookingAt() }));
   }
 
   /** Choose a mode; what was held before does not count in it. @param {Mode} mode */

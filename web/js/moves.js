@@ -23,6 +23,12 @@ export function declare(moves) {
   }
 }
 
+/** Steering and throttle of a move; null if its driver declares none. @param {string} move @returns {import('./points.js').Point | null} */
+export function pointOf(move) {
+  const { steering = null, throttle = null } = known.get(move) ?? {};
+  return steering === null || throttle === null ? null : { steering, throttle };
+}
+
 /** True for a move that has no place of its own on the pad. @param {string} move */
 export const isOwn = (move) => !CLASSIC.includes(move);
 

@@ -103,12 +103,22 @@ export class Page {
     };
   }
 
-  /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[], declared_moves?: import('./moves.js').Move[]}} hello */
+  /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[], declared_moves?: import('./moves.js').Move[], takes_points?: boolean}} hello */
   greet(hello) {
     declare(hello.declared_moves ?? []);
     this.refreshCurve();
-    this.store.set({ link: 'open', role: hello.role, robotName: hello.robot, moves: hello.moves });
+    this.store.set({ link: 'open', role: hello.role, robotName: hello.robot, moves: hello.moves, takesPoints: hello.takes_points === true });
+    this.followPreferences();
     this.refreshSession();
+  }
+
+  /** Whether this pilot steers this robot by a thumb stick. */
+  followPreferences() {
+    const { takesPoints, robotName } = this.store.state;
+    const hasStick = takesPoints && this.preferences.stickFor(robotName);
+    this.helm.releaseAll();
+    Object.assign(this.helm, { takesPoints, hasStick });
+    this.store.set({ hasStick });
   }
 
   /** @param {RobotState} robot */
@@ -176,7 +186,10 @@ export class Page {
     if (event.name === 'set_aside') this.toast(t('set_aside', { detail: event.detail ?? '' }));
     if (event.name === 'nothing_kept') this.toast(t('nothing_kept', { detail: event.detail ?? '' }));
     if (event.name === 'recording_off') this.toast(t('recording_off', { detail: event.detail ?? '' }));
-    if (event.name === 'renamed') this.store.set({ robotName: event.robot });
+    if (event.name === 'renamed') {
+      this.preferences.chooseStick(event.robot ?? '', this.store.state.hasStick);
+      this.store.set({ robotName: event.robot });
+    }
     if (event.name === 'session') this.refreshSession();
     if (event.name === 'wheel_asked') this.store.set({ wheelAsked: true });
     if (event.name === 'wheel_waiting') this.store.set({ wheelWaiting: true });

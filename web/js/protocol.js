@@ -39,6 +39,8 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {Record<string, number>} probabilities
  * @property {number | null} node
  * @property {number} distance
+ * @property {import('./points.js').Point | null} [point]  where it would steer, on a robot that takes degrees
+ * @property {number | null} [spread]  standard deviation of that steering
  */
 /**
  * What the robot does and sees; the fields of a `state` message.
@@ -47,6 +49,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {Mode} mode
  * @property {'nobody' | 'pilot' | 'robot'} driven_by
  * @property {string} action
+ * @property {import('./points.js').Point | null} [point]  what is driven by degrees
  * @property {number} speed_scale
  * @property {string | null} stop_reason
  * @property {boolean} emergency
@@ -158,11 +161,11 @@ export function parseAcknowledgement(message) {
 
 /**
  * What is held now and which frame is on the screen: command and heartbeat in one.
- * @param {{held: string | null, seq: number} & Sight} command
+ * @param {{held: string | null, seq: number, steering?: number, throttle?: number} & Sight} command
  */
-export function encodeDrive({ held, frame, seq, nonce, frameAgeMs, phoneMs }) {
+export function encodeDrive({ held, steering, throttle, frame, seq, nonce, frameAgeMs, phoneMs }) {
   return JSON.stringify({
-    type: 'drive', held, frame, seq, nonce: nonce ?? undefined,
+    type: 'drive', held, steering, throttle, frame, seq, nonce: nonce ?? undefined,
     frame_age_ms: frameAgeMs ?? undefined, phone_ms: phoneMs ?? undefined,
   });
 }

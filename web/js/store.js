@@ -12,6 +12,8 @@
  * @property {string} robotName
  * @property {'pilot' | 'viewer'} role  what this browser may become
  * @property {string[]} moves
+ * @property {boolean} takesPoints  the robot can be steered by degrees
+ * @property {boolean} hasStick  and its pilot wants a thumb stick in place of the arrows
  * @property {RobotState | null} robot  null before the first state
  * @property {number | null} frame  id of the picture on the screen
  * @property {number | null} pictureAgeMs  how old that picture was when it was drawn
@@ -40,6 +42,8 @@ export const initialState = () => ({
   robotName: '',
   role: 'pilot',
   moves: ['forward', 'left', 'right'],
+  takesPoints: false,
+  hasStick: false,
   robot: null,
   frame: null,
   pictureAgeMs: null,

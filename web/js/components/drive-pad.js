@@ -8,11 +8,15 @@ import { t } from '../i18n.js';
 import { Tilt } from '../inputs/tilt.js';
 import { inColumns, isOwn } from '../moves.js';
 import { makeStop } from '../stop.js';
+import { makeStick } from './thumb-stick.js';
 
 const SLACK_PX = 24;
 const TAP_MS = 500;
 
 export class DrivePad extends HTMLElement {
+  /** @type {HTMLElement[]} made when they are first wanted */
+  sticks = [];
+
   /** @param {import('../page.js').Page} page */
   start(page) {
     this.page = page;
@@ -21,21 +25,25 @@ export class DrivePad extends HTMLElement {
     this.undo = h('a', { class: 'button undo', href: '#undo' }, icon('undo'), t('undo'));
     const stop = makeStop(() => page.stop(), '', h('span', { class: 'square', 'aria-hidden': 'true' }), t('emergency_stop'));
     append(this, [this.moves, this.undo, ...stop]);
-    page.store.watch(['moves'], (state) => this.build(state.moves));
+    page.store.watch(['moves', 'hasStick'], ({ moves, hasStick }) => this.build(moves, hasStick));
     page.store.watch(['held', 'robot', 'link'], (state) => this.render(state));
     this.follow(this.moves);
   }
 
-  /** @param {string[]} moves */
-  build(moves) {
-    const useTilt = this.page?.preferences.tilt;
-    fill(/** @type {Element} */ (this.moves), ...moves.map((move) => this.makeButton(move)),
+  /** @param {string[]} moves @param {boolean} hasStick */
+  build(moves, hasStick) {
+    const page = /** @type {import('../page.js').Page} */ (this.page);
+    const useTilt = page.preferences.tilt;
+    if (hasStick && !this.sticks.length) this.sticks = ['left', 'right'].map((side) => makeStick(page, side));
+    const controls = hasStick ? this.sticks : moves.map((move) => this.makeButton(move));
+    fill(/** @type {Element} */ (this.moves), ...controls,
       useTilt ? h('button', { class: 'move tilt', type: 'button', 'data-move': 'tilt' }, icon('tilt'), t('tilt_hold')) : null);
-    this.arrange(moves, Boolean(useTilt));
+    this.moves?.classList.toggle('sticks', hasStick);
+    this.arrange(hasStick ? [] : moves, Boolean(useTilt), hasStick);
   }
 
-  /** Tell the layout (drive.css) what it has to find room for. @param {string[]} moves @param {boolean} useTilt */
-  arrange(moves, useTilt) {
+  /** Tell the layout (drive.css) what it has to find room for. @param {string[]} moves @param {boolean} useTilt @param {boolean} hasStick */
+  arrange(moves, useTilt, hasStick) {
     const spins = moves.some((move) => move.startsWith('spin'));
     const isMany = moves.length > 4;
     const inTwos = moves.filter((move) => move !== 'forward' && move !== 'backward').length;
@@ -46,7 +54,7 @@ export class DrivePad extends HTMLElement {
     const rows = columns ? columns.rows : isMany ? Math.ceil(moves.length / 3) : moves.length - inTwos + Math.ceil(inTwos / 2);
     const is = { many: isMany, placed: columns !== null, own: moves.some(isOwn) || (useTilt && spins), spins, backs: moves.includes('backward'), tilts: useTilt };
     for (const [name, isOn] of Object.entries(is)) this.moves?.classList.toggle(name, isOn);
-    this.parentElement?.style.setProperty('--rows', String(rows + (useTilt ? 1 : 0)));
+    this.parentElement?.style.setProperty('--rows', `calc(${hasStick ? 'var(--stick-rows, 3)' : rows} + ${useTilt ? 1 : 0})`);
     this.parentElement?.classList.toggle('crowded', is.own || spins || is.backs || useTilt);
   }
 

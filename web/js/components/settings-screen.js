@@ -4,7 +4,7 @@ import { ask } from '../api.js';
 import { append, fill, h } from '../dom.js';
 import { LANGUAGES, chooseLanguage, language, percent, t } from '../i18n.js';
 import { Tilt, hasTilt } from '../inputs/tilt.js';
-import { Screen } from './screen.js';
+import { Screen, segments } from './screen.js';
 import { byPlace, declare } from '../moves.js';
 
 export class SettingsScreen extends Screen {
@@ -22,7 +22,7 @@ export class SettingsScreen extends Screen {
   /** @param {any} settings */
   renderRobot(settings) {
     declare(settings.declared_moves);
-    fill(/** @type {Element} */ (this.robot), this.identity(settings), this.size(settings), this.speed(settings), this.moves(settings), camera(settings.camera));
+    fill(/** @type {Element} */ (this.robot), this.identity(settings), this.steering(settings), this.size(settings), this.speed(settings), this.moves(settings), camera(settings.camera));
   }
 
   /** @param {any} settings */
@@ -32,6 +32,18 @@ export class SettingsScreen extends Screen {
     const choice = h('select', { 'aria-label': t('settings.colour'), onchange: () => change({ colour: choice.value }) },
       ...colours.map((/** @type {string} */ c) => h('option', { value: c, selected: c === colour }, t(`colour.${c}`))));
     return group(t('settings.robot'), '', h('div', { class: 'row' }, field, choice));
+  }
+
+  /** @param {any} settings */
+  steering({ takes_points: takesPoints }) {
+    const page = /** @type {import('../page.js').Page} */ (this.page);
+    const { hasStick, robotName } = page.store.state;
+    if (!takesPoints) return null;
+    const ways = /** @type {[string, string][]} */ ([['moves', t('settings.by_moves')], ['stick', t('settings.by_stick')]]);
+    return group(t('settings.steering'), t('settings.steering_hint'), segments(t('settings.steering'), ways, hasStick ? 'stick' : 'moves', (way) => {
+      page.preferences.chooseStick(robotName, way === 'stick');
+      page.followPreferences();
+    }));
   }
 
   /** @param {any} settings */

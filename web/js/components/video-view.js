@@ -5,6 +5,7 @@ import { Painter } from '../painter.js';
 import { ageParts } from '../advice.js';
 import { percent, t } from '../i18n.js';
 import { byPlace } from '../moves.js';
+import { makeNeedle, turnNeedle } from '../needle.js';
 
 const OLD_PICTURE_MS = 200;
 const FROZEN_MS = 1000;
@@ -29,8 +30,9 @@ export class VideoView extends HTMLElement {
     like.addEventListener('error', () => likeLink.classList.add('missing'));
     like.addEventListener('load', () => likeLink.classList.remove('missing'));
     this.votes = h('div', { class: 'votes', role: 'group', 'aria-label': t('would_do') });
+    this.needle = makeNeedle();
     this.drawnMs = performance.now();
-    append(this, [h('div', { class: 'picture' }, this.canvas, h('div', { class: 'corner' }, this.who, this.facts), this.likeLink, this.votes)]);
+    append(this, [h('div', { class: 'picture' }, this.canvas, h('div', { class: 'corner' }, this.who, this.facts), this.likeLink, h('div', { class: 'low' }, this.needle, this.votes))]);
     const observer = new ResizeObserver(() => this.measure());
     observer.observe(this);
     observer.observe(this.who); // as high as the text is large
@@ -77,6 +79,7 @@ export class VideoView extends HTMLElement {
     this.renderWho(robot);
     this.renderFacts(robot);
     this.renderVotes(robot?.prediction ?? null, state.moves);
+    this.renderNeedle(robot, state.takesPoints);
     this.renderLike(robot);
   }
 
@@ -134,6 +137,17 @@ export class VideoView extends HTMLElement {
       vote.classList.toggle('best', prediction?.action === move);
       vote.setAttribute('aria-label', `${t(`move.${move}`)} ${percent(share)}`);
     }
+  }
+
+  /** @param {import('../protocol.js').RobotState | null} robot @param {boolean} takesPoints */
+  renderNeedle(robot, takesPoints) {
+    const needle = /** @type {HTMLElement} */ (this.needle);
+    const driven = robot?.point?.steering ?? null;
+    const proposed = robot?.prediction?.point?.steering ?? null;
+    needle.hidden = !takesPoints || (driven === null && proposed === null);
+    if (needle.hidden) return;
+    const taught = robot?.driven_by === 'pilot' ? driven : null;
+    turnNeedle(needle, { taught, proposed, spread: robot?.prediction?.spread ?? 0, driven });
   }
 
   /** @param {import('../protocol.js').RobotState | null} robot */

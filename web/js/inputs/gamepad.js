@@ -1,7 +1,13 @@
-// A game controller: the cross or the left stick drives, the second button (B, circle) stops.
+// A game controller: the cross or the left stick drives, the second button (B, circle) stops. Where
+// the robot takes degrees, the stick steers by them, and the triggers, if one is pulled, are the throttle.
+
+import { REST, beyond, fromStick } from '../points.js';
 
 const ON = 0.6;
 const OFF = 0.4;
+const AHEAD = 7;
+const BACK = 6;
+const PULLED = 0.05;
 const CROSS = { 12: 'forward', 13: 'backward', 14: 'left', 15: 'right' };
 
 /**
@@ -21,9 +27,21 @@ export function readGamepad(pad, before) {
   return push > (move === before ? OFF : ON) ? move : null;
 }
 
+/**
+ * What a controller asks for by degrees; null at rest.
+ * @param {{buttons: readonly {pressed: boolean, value: number}[], axes: readonly number[]}} pad
+ * @param {import('../points.js').Reach} reach
+ */
+export function readStick({ buttons, axes: [x = 0, y = 0] }, reach) {
+  const pull = beyond((buttons[AHEAD]?.value ?? 0) - (buttons[BACK]?.value ?? 0), PULLED);
+  if (!pull) return fromStick(x, -y, reach);
+  const throttle = pull * (pull > 0 ? reach.ahead : reach.back);
+  return throttle ? { steering: beyond(x, REST), throttle } : null;
+}
+
 /** @param {import('../helm.js').Helm} helm @param {{stop: () => void, isDriving: () => boolean}} page */
 export function listenToGamepads(helm, { stop, isDriving }) {
-  /** @type {Map<number, {move: string | null, stop: boolean}>} */
+  /** @type {Map<number, {move: string | null, isPushed: boolean, stop: boolean}>} */
   const last = new Map();
   let polling = false;
 
@@ -33,6 +51,7 @@ export function listenToGamepads(helm, { stop, isDriving }) {
       if (!pads.some((pad) => pad?.index === index)) {
         last.delete(index);
         helm.release(`gamepad ${index}`);
+        helm.release(`gamepad ${index} stick`);
       }
     }
     for (const pad of pads) if (pad) follow(pad);
@@ -42,16 +61,21 @@ export function listenToGamepads(helm, { stop, isDriving }) {
 
   /** @param {Gamepad} pad */
   const follow = (pad) => {
-    const before = last.get(pad.index) ?? { move: null, stop: false };
-    const now = {
-      move: isDriving() ? readGamepad(pad, before.move) : null,
-      stop: Boolean(pad.buttons[1]?.pressed),
-    };
+    const before = last.get(pad.index) ?? { move: null, isPushed: false, stop: false };
+    const source = `gamepad ${pad.index}`;
+    const stick = `${source} stick`;
+    const { buttons } = pad;
+    const axes = helm.takesPoints ? [] : pad.axes;
+    const point = isDriving() && helm.takesPoints ? readStick(pad, helm.reach) : null;
+    const now = { move: isDriving() ? readGamepad({ buttons, axes }, before.move) : null, isPushed: point !== null, stop: Boolean(buttons[1]?.pressed) };
     last.set(pad.index, now);
     if (now.stop && !before.stop) stop();
+    if (point && !before.isPushed) helm.grasp(stick);
+    if (point) helm.steer(stick, point);
+    else if (before.isPushed) helm.release(stick);
     if (now.move === before.move) return;
-    if (now.move) helm.press(`gamepad ${pad.index}`, now.move);
-    if (!now.move || !helm.moves.includes(now.move)) helm.release(`gamepad ${pad.index}`);
+    if (now.move) helm.press(source, now.move);
+    if (!now.move || !helm.moves.includes(now.move)) helm.release(source);
   };
 
   addEventListener('gamepadconnected', () => {

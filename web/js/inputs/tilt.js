@@ -1,29 +1,42 @@
 // Tilting the phone drives while a thumb rests on the pad. Upright is however it was held when the
 // thumb went down. Browsers give the sensor to secure pages only.
 
+import { fromStick } from '../points.js';
+
 const ON_DEG = 14;
 const OFF_DEG = 9;
+/** By degrees, so far is a stick pushed to its end. */
+const FULL_DEG = 30;
 /** A sensor that is silent for so long says nothing about the phone any more. */
 export const SILENT_MS = 400;
 
+/** @typedef {{beta: number, gamma: number}} Lean  degrees, as the browser gives them */
+
 /**
  * Which way the phone leans from where it was.
- * @param {{beta: number, gamma: number}} now  degrees, as the browser gives them
- * @param {{beta: number, gamma: number}} zero
+ * @param {Lean} now
+ * @param {Lean} zero
  * @param {number} screenAngle  0, 90, 180 or 270 degrees
  * @param {string | null} before  what it asked for last
  * @returns {string | null}
  */
 export function readTilt(now, zero, screenAngle, before) {
-  const [pitch, roll] = turned(now.beta - zero.beta, now.gamma - zero.gamma, screenAngle);
+  const [pitch, roll] = leaning(now, zero, screenAngle);
   const across = Math.abs(roll) > Math.abs(pitch);
   const lean = across ? Math.abs(roll) : Math.abs(pitch);
   const move = across ? (roll < 0 ? 'left' : 'right') : pitch < 0 ? 'forward' : 'backward';
   return lean > (move === before ? OFF_DEG : ON_DEG) ? move : null;
 }
 
-/** @param {number} beta @param {number} gamma @param {number} angle @returns {[number, number]} */
-function turned(beta, gamma, angle) {
+/** The same as a stick's way to the right and ahead. @param {Lean} now @param {Lean} zero @param {number} screenAngle @param {import('../points.js').Reach} reach */
+export function readTiltStick(now, zero, screenAngle, reach) {
+  const [pitch, roll] = leaning(now, zero, screenAngle);
+  return fromStick(roll / FULL_DEG, -pitch / FULL_DEG, reach);
+}
+
+/** @param {Lean} now @param {Lean} zero @param {number} angle @returns {[number, number]} pitch and roll */
+function leaning(now, zero, angle) {
+  const [beta, gamma] = [now.beta - zero.beta, now.gamma - zero.gamma];
   if (angle === 90) return [-gamma, beta];
   if (angle === 180) return [-beta, -gamma];
   if (angle === 270) return [gamma, -beta];
@@ -36,7 +49,7 @@ export class Tilt {
   /** @param {import('../helm.js').Helm} helm */
   constructor(helm) {
     this.helm = helm;
-    /** @type {{beta: number, gamma: number} | null} */
+    /** @type {Lean | null} */
     this.zero = null;
     /** @type {string | null} */
     this.move = null;
@@ -57,6 +70,7 @@ export class Tilt {
   hold() {
     this.isHeld = true;
     this.zero = null;
+    if (this.helm.takesPoints) this.helm.grasp('tilt');
     addEventListener('deviceorientation', this.follow);
   }
 
@@ -72,11 +86,16 @@ export class Tilt {
   follow({ beta, gamma }) {
     if (beta === null || gamma === null) return;
     clearTimeout(this.silence);
-    this.silence = setTimeout(() => this.helm.release('tilt'), SILENT_MS);
+    const { helm } = this;
+    this.silence = setTimeout(() => (helm.takesPoints ? helm.steer('tilt', null) : helm.release('tilt')), SILENT_MS);
     this.zero ??= { beta, gamma };
     const angle = screen.orientation?.angle ?? 0;
+    if (helm.takesPoints) {
+      helm.steer('tilt', readTiltStick({ beta, gamma }, this.zero, angle, helm.reach));
+      return;
+    }
     this.move = readTilt({ beta, gamma }, this.zero, angle, this.move);
-    if (this.move) this.helm.press('tilt', this.move);
-    else this.helm.release('tilt');
+    if (this.move) helm.press('tilt', this.move);
+    else helm.release('tilt');
   }
 }

@@ -1,0 +1,55 @@
+// Steering by degrees: a point is steering and throttle, each from -1 to 1, right and ahead positive.
+
+import { pointOf } from './moves.js';
+
+/** @typedef {{steering: number, throttle: number}} Point */
+/** @typedef {{ahead: number, back: number}} Reach  the most throttle; back is 0 where there is no reverse */
+
+/** Less than this share of a stick's way is a thumb that rests. */
+export const REST = 0.15;
+const ASIDE = 0.06; // so little of its way is straight on
+const BACK_DEG = 115; // well below the middle: a thumb at one side never tips over into reverse
+const TURNS_BEYOND = 0.2;
+
+/**
+ * A stick pushed ahead or aside drives, the faster the further, and steers as far as it is aside; one that
+ * is pulled back reverses, where the robot can.
+ * @param {number} x  to the right, a share of its way
+ * @param {number} y  ahead
+ * @param {Reach} reach
+ * @returns {Point | null} null at rest
+ */
+export function fromStick(x, y, { ahead, back }) {
+  const far = Math.hypot(x, y);
+  const isBack = Math.abs(Math.atan2(x, y)) * 180 > BACK_DEG * Math.PI;
+  if (far < REST || (isBack && !back)) return null;
+  const push = beyond(Math.min(1, far), REST);
+  return { steering: beyond((x / far) * push, ASIDE), throttle: isBack ? -back * push : ahead * push };
+}
+
+/** The share of a way from its dead zone on. @param {number} way @param {number} dead */
+export function beyond(way, dead) {
+  return (Math.sign(way) * Math.max(0, Math.abs(way) - dead)) / (1 - dead);
+}
+
+/** Nobody drives faster by degrees than the robot's moves do. @param {readonly string[]} moves @returns {Reach} */
+export function reachOf(moves) {
+  const most = (/** @type {number} */ way) => Math.max(0, ...moves.map((move) => way * (pointOf(move)?.throttle ?? 0)));
+  return { ahead: most(1), back: most(-1) };
+}
+
+/** The move that a point counts as; mirrors `move_at` in robot/driver.py. @param {Point} point @param {readonly string[]} moves @returns {string | null} */
+export function moveOf({ steering, throttle }, moves) {
+  const way = Math.sign(throttle);
+  const goes = moves.filter((move) => Math.sign(pointOf(move)?.throttle ?? NaN) === way);
+  const turns = goes.filter((move) => sideOf(pointOf(move)?.steering ?? 0) === sideOf(steering));
+  const away = (/** @type {string} */ move) => {
+    const at = pointOf(move);
+    return at ? Math.hypot(at.steering - steering, at.throttle - throttle) : Infinity;
+  };
+  const choice = turns.length || !way ? turns : goes;
+  return choice.length ? choice.reduce((best, move) => (away(move) < away(best) ? move : best)) : null;
+}
+
+/** @param {number} steering */
+const sideOf = (steering) => (Math.abs(steering) > TURNS_BEYOND ? Math.sign(steering) : 0);
