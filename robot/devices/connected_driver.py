@@ -75,5 +75,8 @@ class ConnectedDriver(Driver, Generic[_C]):
             return super().send_point(point, speed_scale=speed_scale)
         action = self.move_of(point)
         self.check_action(action, speed_scale)
-        self._steer(self._connected(), point, speed_scale)
+        if action is Action.STOP:
+            self._move(self._connected(), action, speed_scale)
+        else:
+            self._steer(self._connected(), point, speed_scale)
         return action

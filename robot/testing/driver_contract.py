@@ -162,9 +162,9 @@ class DriverContract:
     def test_right_is_positive_and_so_is_ahead(self, driver_case: DriverCase) -> None:
         """More is never less, and the point of a move does what the move does."""
         driver, drives = driver_case.driver, driver_case.drives
-        if not driver.takes_points or drives is None:
-            pytest.skip("the body takes no points, or nobody can tell how it drives")
         with driver:
+            if not driver.takes_points or drives is None:
+                pytest.skip("the body takes no points, or nobody can tell how it drives")
             turned = []
             for steering in (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0):
                 driver.send_point(Point(steering, 0.5))

@@ -77,21 +77,32 @@ def sim_driver() -> Iterator[DriverCase]:
     yield DriverCase(driver, driver.advance, is_moving, budget_s=5.0, drives=drives)
 
 
+def as_point(wheels: tuple[float, float]) -> Point:
+    """Return how a body turns and drives whose left and right wheel do this."""
+    left, right = wheels
+    return Point(left - right, left + right)
+
+
 @contextmanager
 def sim_camera() -> Iterator[CameraCase]:
     driver = SimDriver(SimOptions(world="office"))
     yield CameraCase(SimCamera(driver, SimCameraOptions(), VirtualClock()))
 
 
-def line_of_pixels() -> GymnasiumDriver:
+BOX = "left=-0.6,0.1; right=0.6,0.1; forward=0,0.3; backward=0,-0.5"
+
+
+def line_of_pixels(moves: str = "") -> GymnasiumDriver:
     pytest.importorskip("gymnasium", reason="an extra, and not of Debian 12's versions")
-    line = "tests.standins.gymnasium_line:Line"
-    return GymnasiumDriver(GymnasiumOptions(env=line, env_options="width=101"))
+    line, form = "tests.standins.gymnasium_line:Line", "box" if moves else "discrete"
+    return GymnasiumDriver(
+        GymnasiumOptions(env=line, env_options=f"width=101,form={form}", env_moves=moves)
+    )
 
 
 @contextmanager
-def gymnasium_driver() -> Iterator[DriverCase]:
-    driver = line_of_pixels()
+def gymnasium_driver(moves: str = "") -> Iterator[DriverCase]:
+    driver = line_of_pixels(moves)
 
     def is_moving() -> bool:
         driver.advance(0.0)  # opens it
@@ -100,7 +111,12 @@ def gymnasium_driver() -> Iterator[DriverCase]:
         driver.advance(0.02)
         return bool(environment.env.unwrapped.n_steps != before)
 
-    yield DriverCase(driver, driver.advance, is_moving, budget_s=5.0)
+    def drives() -> Point:
+        is_moving()
+        environment: Any = driver._environment
+        return Point(*map(float, environment.env.unwrapped.action))
+
+    yield DriverCase(driver, driver.advance, is_moving, budget_s=5.0, drives=drives)
     driver.close()
 
 
@@ -135,8 +151,14 @@ def brick_case(
         brick.catch_up()
         return brick.is_moving()
 
+    def drives() -> Point:
+        is_moving()
+        return as_point((brick.speeds()["outB"], brick.speeds()["outC"]))
+
     now_s = brick.clock.now_s
-    return DriverCase(driver, brick.clock.sleep, is_moving, cut_link, now_s, mend_link=mend_link)
+    return DriverCase(
+        driver, brick.clock.sleep, is_moving, cut_link, now_s, mend_link=mend_link, drives=drives
+    )
 
 
 @contextmanager
@@ -249,9 +271,19 @@ def phone_camera() -> Iterator[CameraCase]:
 
 
 def case_of(body: TimedBody, is_moving: Callable[[], bool]) -> DriverCase:
-    clock = body.clock
+    def drives() -> Point:
+        is_moving()
+        assert body.wheels is not None
+        return as_point(body.wheels())
+
     return DriverCase(
-        body.driver, clock.sleep, is_moving, body.lose, clock.now_s, mend_link=body.regain
+        body.driver,
+        body.clock.sleep,
+        is_moving,
+        body.lose,
+        body.clock.now_s,
+        mend_link=body.regain,
+        drives=drives if body.wheels is not None else None,
     )
 
 
@@ -279,15 +311,21 @@ def ros_driver() -> Iterator[DriverCase]:
 
 
 @contextmanager
-def gpio_driver() -> Iterator[DriverCase]:
+def gpio_driver(motor_board: str = "two-pwm") -> Iterator[DriverCase]:
     pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
     from tests.standins.gpio import MockPins
 
     clock = ManualClock()
     with MockPins(clock) as pins:
-        driver = GpioDriver(GpioOptions(), clock, pins.open_line)
-        cut, now_s = pins.freeze_program, clock.now_s
-        yield DriverCase(driver, pins.forward, lambda: pins.is_moving, cut, now_s)
+        driver = GpioDriver(GpioOptions(motor_board=motor_board), clock, pins.open_line)
+        yield DriverCase(
+            driver,
+            pins.forward,
+            lambda: pins.is_moving,
+            pins.freeze_program,
+            clock.now_s,
+            drives=lambda: Point(*pins.car) if pins.is_car else as_point(pins.wheels),
+        )
         driver.disconnect()
 
 
@@ -386,7 +424,9 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "ws": partial(timed_driver, "ws"),
     "pybricks": partial(timed_driver, "pybricks"),
     "gpio": gpio_driver,
+    "gpio, a car": partial(gpio_driver, "servo-esc"),
     "gymnasium": gymnasium_driver,
+    "gymnasium, a box": partial(gymnasium_driver, BOX),
     "ros": ros_driver,
 }
 CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {

@@ -180,10 +180,8 @@ def _with_motor_board(
 def _gpio() -> Drawing:
     """The pins as the driver's options have them; in brackets where they are on the header."""
     header = {17: 11, 18: 12, 22: 15, 23: 16}
-    settings = GpioOptions().settings()
-    pins = tuple(
-        f"GPIO {pin} (pin {header[pin]})" for pin in settings["left_pins"] + settings["right_pins"]
-    )
+    left, right = GpioOptions().settings()["motor_pins"]
+    pins = tuple(f"GPIO {pin} (pin {header[pin]})" for pin in left + right)
     title = "A Raspberry Pi with a motor driver"
     return _with_motor_board("wiring-gpio", title, "Raspberry Pi", pins, "ground (pin 14)", "")
 
@@ -193,7 +191,7 @@ def _firmware() -> Drawing:
     text = (ROOT / "docs/examples/firmware/robot.py").read_text("utf-8")
     found = re.search(r"^PINS = (.*?)  #", text, re.MULTILINE)
     assert found is not None
-    pins = tuple(f"pin {number}" for pair in ast.literal_eval(found[1]) for number in pair)
+    pins = tuple(f"pin {number}" for number in ast.literal_eval(found[1]))
     title = "An ESP32 or a Raspberry Pi Pico W with a motor driver"
     return _with_motor_board("wiring-esp32", title, "ESP32, Pico W", pins, "GND", "")
 

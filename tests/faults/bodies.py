@@ -55,6 +55,7 @@ class TimedBody:
     `hang_up` is what the system does with the line when the server's process is gone; `lose` ends
     all traffic, both ways, but for what is on its way, and `regain` lets it begin again; `freeze`
     holds up what the driver does on threads of its own; `slow_down` makes messages take so long.
+    `wheels` is what the left and the right wheel do, in any unit.
     """
 
     driver: Driver
@@ -66,6 +67,7 @@ class TimedBody:
     freeze: Callable[[], None] = lambda: None
     tick: Callable[[], None] = lambda: None
     slow_down: Callable[[float], None] = lambda slowest_s: None
+    wheels: Callable[[], tuple[float, float]] | None = None
 
 
 @contextmanager
@@ -86,7 +88,15 @@ def _program(
     def slow_down(slowest_s: float) -> None:
         board.slowest_s = slowest_s
 
-    yield TimedBody(driver, clock, lambda: board.is_moving, lose, regain, slow_down=slow_down)
+    yield TimedBody(
+        driver,
+        clock,
+        lambda: board.is_moving,
+        lose,
+        regain,
+        slow_down=slow_down,
+        wheels=lambda: board.wheels,
+    )
     board.end()
 
 
@@ -145,7 +155,9 @@ def _ev3_stock(seed: int) -> Iterator[TimedBody]:
     def regain() -> None:
         line.is_lost = False
 
-    yield TimedBody(driver, clock, lambda: brick.is_moving, lose, regain)
+    yield TimedBody(
+        driver, clock, lambda: brick.is_moving, lose, regain, wheels=lambda: brick.wheels
+    )
 
 
 @contextmanager
@@ -205,6 +217,7 @@ def _ros(seed: int) -> Iterator[TimedBody]:
         bridge.lose,
         bridge.regain,
         slow_down=slow_down,
+        wheels=lambda: bridge.wheels,
     )
     bridge.end()
 

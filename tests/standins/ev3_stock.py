@@ -70,6 +70,12 @@ class StockFirmware:
     def is_moving(self) -> bool:
         return any(motor.is_moving for motor in self.motors)
 
+    @property
+    def wheels(self) -> tuple[float, float]:
+        """What the motors at the usual ports do, in percent."""
+        left, right = (motor.percent * motor.is_moving for motor in self.motors[1:3])
+        return left, right
+
     def answer(self, message: bytes) -> bytes | None:
         """Obey one direct command; return the answer if one is wanted."""
         _, count, kind, sizes = struct.unpack_from("<HHBH", message)

@@ -1,4 +1,4 @@
-"""The sample firmware as a process of Debian's micropython; its wheels are lines that it prints."""
+"""The sample firmware as a process of Debian's micropython; its pins are lines that it prints."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FIRMWARE = ROOT / "docs/examples/firmware/robot.py"
+_MODULES = Path(__file__).parent / "board_modules"
 SECRET = "geheim"
 
 
@@ -30,6 +31,14 @@ def find_micropython() -> str:
     if os.environ.get("CI") == "true":
         pytest.fail(f"CI needs micropython: {hint}")
     pytest.skip(f"MICROPYTHON IS MISSING: {hint}")
+
+
+def firmware(secret: bytes, port: int) -> str:
+    """Return the program, with these set as a person sets them."""
+    program = FIRMWARE.read_text()
+    as_it_is = '"school", "chalk", b"change me", 4210'
+    assert as_it_is in program
+    return program.replace(as_it_is, f'"school", "chalk", {secret!r}, {port}')
 
 
 class Relay:
@@ -78,7 +87,7 @@ class FirmwareRobot:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
             self.port = probe.getsockname()[1]
-        self.secret = secret
+        self._program = firmware(secret.encode(), self.port)
         self.moves: list[tuple[float, float, float]] = []
         self._news = threading.Condition()
 
@@ -88,9 +97,10 @@ class FirmwareRobot:
 
     def __enter__(self) -> Self:
         self.process = subprocess.Popen(
-            [find_micropython(), str(FIRMWARE), self.secret, str(self.port)],
+            [find_micropython(), "-c", self._program],
             stdout=subprocess.PIPE,
             text=True,
+            env={**os.environ, "MICROPYPATH": f".frozen:{_MODULES}"},
         )
         self._thread = threading.Thread(target=self._read, daemon=True)
         self._thread.start()
@@ -123,10 +133,11 @@ class FirmwareRobot:
     def _read(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            ticks_ms, left, right = line.split()
-            with self._news:
-                self.moves.append((int(ticks_ms) / 1000, float(left), float(right)))
-                self._news.notify_all()
+            if line.startswith("wheels"):
+                ticks_ms, left, right = line.split()[1:]
+                with self._news:
+                    self.moves.append((int(ticks_ms) / 1000, float(left), float(right)))
+                    self._news.notify_all()
 
     def is_moving(self) -> bool:
         """Return what the wheels were last told; waits a moment for what was just printed."""

@@ -15,19 +15,15 @@ from typing import Any
 
 from robot.clock import Worker
 from robot.testing import VirtualClock
-from tests.standins.firmware import FIRMWARE
+from tests.standins.firmware import FIRMWARE, firmware
 from tests.standins.pybricks_hub import PROGRAM
 
 
 def modules(**found: Any) -> dict[str, Any]:
-    """Return globals in which an import finds these first; None cannot be imported."""
+    """Return globals in which an import finds these first."""
 
     def find(name: str, *args: Any) -> Any:
-        if name not in found:
-            return builtins.__import__(name, *args)
-        if found[name] is None:
-            raise ImportError(name)
-        return found[name]
+        return found[name] if name in found else builtins.__import__(name, *args)
 
     return {"__builtins__": {**vars(builtins), "__import__": find}, "__name__": "program"}
 
@@ -107,8 +103,13 @@ class RunningProgram:
             box.put(data, self._random.uniform(0.0005, self.slowest_s))
 
     @property
-    def is_moving(self) -> bool:
+    def wheels(self) -> tuple[float, float]:
+        """What the left and the right wheel do."""
         raise NotImplementedError
+
+    @property
+    def is_moving(self) -> bool:
+        return any(self.wheels)
 
     def line(self) -> Any:
         """Return the server's end."""
@@ -120,16 +121,27 @@ class RunningProgram:
 
 
 class RunningFirmware(RunningProgram):
-    """docs/examples/firmware/robot.py, its wheels as it prints them."""
+    """docs/examples/firmware/robot.py; `pins` are its motors': left ahead, back, right alike."""
 
-    wheels: tuple[float, ...] = (0.0, 0.0)
+    def __init__(self, clock: VirtualClock, seed: int) -> None:
+        super().__init__(clock, seed)
+        self.pins: list[int] = []
 
     @property
-    def is_moving(self) -> bool:
-        return any(self.wheels)
+    def wheels(self) -> tuple[float, float]:
+        ahead, back, right_ahead, right_back = self.pins or (0, 0, 0, 0)
+        return (ahead - back) / 65535, (right_ahead - right_back) / 65535
 
     def _execute(self) -> None:
-        clock = self.clock
+        clock, pins = self.clock, self.pins
+
+        class Pin:
+            def __init__(self, place: int, freq: int, duty_u16: int) -> None:
+                self._place = len(pins)
+                pins.append(duty_u16)
+
+            def duty_u16(self, duty: int) -> None:
+                pins[self._place] = duty
 
         def ticks_ms() -> int:
             return int(1000 * clock.now_s())
@@ -145,13 +157,21 @@ class RunningFirmware(RunningProgram):
             sendto=lambda data, to: self.send(self.to_server, data),
         )
         names = modules(
-            network=None,
+            machine=SimpleNamespace(Pin=int, PWM=Pin),
+            network=SimpleNamespace(
+                STA_IF=0,
+                WLAN=lambda kind: SimpleNamespace(
+                    active=lambda is_on: None,
+                    connect=lambda name, password: None,
+                    isconnected=lambda: True,
+                    ifconfig=lambda: ("127.0.0.1",),
+                ),
+            ),
             time=SimpleNamespace(
                 ticks_ms=ticks_ms,
                 ticks_diff=lambda a, b: a - b,
                 ticks_add=lambda a, b: a + b,
             ),
-            sys=SimpleNamespace(argv=["robot.py", "geheim", "4210"]),
             select=SimpleNamespace(
                 poll=lambda: SimpleNamespace(register=lambda *_: None, poll=poll), POLLIN=1
             ),
@@ -162,8 +182,8 @@ class RunningFirmware(RunningProgram):
                 getaddrinfo=lambda *_: [("0.0.0.0", 4210)],
             ),
         )
-        names["print"] = lambda ms, *wheels: setattr(self, "wheels", wheels)
-        exec(compile(FIRMWARE.read_text(), str(FIRMWARE), "exec"), names)
+        names["print"] = lambda *words: None
+        exec(compile(firmware(b"geheim", 4210), str(FIRMWARE), "exec"), names)
 
 
 class RunningHub(RunningProgram):
@@ -171,12 +191,14 @@ class RunningHub(RunningProgram):
 
     def __init__(self, clock: VirtualClock, seed: int) -> None:
         super().__init__(clock, seed)
-        self.ends_s: dict[str, float] = {}
+        self._told = {"A": (0.0, 0.0), "B": (0.0, 0.0)}
         self._typed = b""
 
     @property
-    def is_moving(self) -> bool:
-        return any(self.clock.now_s() < end_s for end_s in self.ends_s.values())
+    def wheels(self) -> tuple[float, float]:
+        now_s = self.clock.now_s()
+        left, right = (speed * (now_s < ends_s) for speed, ends_s in self._told.values())
+        return left, right
 
     def line(self) -> Any:
         line = super().line()
@@ -191,10 +213,10 @@ class RunningHub(RunningProgram):
                 self._port = port
 
             def run_time(self, speed: float, time: int, then: str, wait: bool = True) -> None:
-                hub.ends_s[self._port] = clock.now_s() + time / 1000
+                hub._told[self._port] = speed, clock.now_s() + time / 1000
 
             def brake(self) -> None:
-                hub.ends_s[self._port] = 0.0
+                hub._told[self._port] = 0.0, 0.0
 
         def wait(time_ms: int) -> None:
             self.check_over()

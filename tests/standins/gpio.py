@@ -7,12 +7,12 @@ from typing import Any, Self
 from gpiozero import Device
 from gpiozero.pins.mock import MockFactory, MockPWMPin
 
-from robot.bodies.gpio.keeper import make_wheels
-from robot.bodies.gpio.wheels import TimedWheels
+from robot.bodies.gpio.keeper import make_motors
+from robot.bodies.gpio.wheels import TimedMotors
 from robot.bodies.remote.plain import encode_plain_report
 from robot.clock import ManualClock
 
-MOTOR_PINS = (17, 18, 22, 23)
+MOTOR_PINS, CAR_PINS = (17, 18, 22, 23), (12, 13)
 
 
 class MockPins:
@@ -20,8 +20,8 @@ class MockPins:
 
     def __init__(self, clock: ManualClock) -> None:
         self._clock = clock
-        self._wheels: TimedWheels | None = None
-        self.is_silent = False
+        self._motors: TimedMotors | None = None
+        self.is_silent = self.is_car = False
 
     def __enter__(self) -> Self:
         self._before = Device.pin_factory
@@ -34,8 +34,22 @@ class MockPins:
         Device.pin_factory = self._before
 
     @property
+    def wheels(self) -> tuple[float, float]:
+        """What the left and the right motor do."""
+        ahead, back, right_ahead, right_back = (
+            self.factory.pin(number).state for number in MOTOR_PINS
+        )
+        return ahead - back, right_ahead - right_back
+
+    @property
+    def car(self) -> tuple[float, float]:
+        """What a car's servo and ESC are at: a pulse of 1.5 ms in 20 is the middle."""
+        servo, esc = (round((self.factory.pin(n).state - 0.075) / 0.025, 6) for n in CAR_PINS)
+        return servo, esc
+
+    @property
     def is_moving(self) -> bool:
-        return any(self.factory.pin(number).state > 0 for number in MOTOR_PINS)
+        return any(self.wheels) or (self.is_car and self.car[1] != 0.0)
 
     def freeze_program(self) -> None:
         """What the robot's program sends arrives no more, and it is answered nothing."""
@@ -44,13 +58,13 @@ class MockPins:
     def hang_up(self) -> None:
         """The line ends, as when the robot's program is killed: the keeper stands and ends."""
         self.is_silent = True
-        if self._wheels is not None:
-            self._wheels.stand()
+        if self._motors is not None:
+            self._motors.stand()
 
     def tick(self) -> None:
         """The keeper looks at the time."""
-        if self._wheels is not None:
-            self._wheels.tick(self._now_ms())
+        if self._motors is not None:
+            self._motors.tick(self._now_ms())
 
     def forward(self, seconds: float) -> None:
         for _ in range(round(1000 * seconds)):
@@ -59,7 +73,8 @@ class MockPins:
 
     def open_line(self, settings: dict[str, Any]) -> MockPins.Line:
         self.factory.reset()
-        self._wheels = make_wheels(settings)
+        self._motors = make_motors(settings)
+        self.is_car = settings["servo_ends"] is not None
         return MockPins.Line(self)
 
     def _now_ms(self) -> int:
@@ -74,9 +89,9 @@ class MockPins:
 
         def send(self, message: bytes) -> None:
             pins = self._pins
-            assert pins._wheels is not None
+            assert pins._motors is not None
             if not pins.is_silent:
-                report = pins._wheels.obey(message, pins._now_ms())
+                report = pins._motors.obey(message, pins._now_ms())
                 self._reports.append(encode_plain_report(report))
 
         def receive(self, timeout_s: float) -> bytes | None:
@@ -86,5 +101,5 @@ class MockPins:
             return self._reports.pop(0)
 
         def close(self) -> None:
-            if self._pins._wheels is not None:
-                self._pins._wheels.stand()
+            if self._pins._motors is not None:
+                self._pins._motors.stand()

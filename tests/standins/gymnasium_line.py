@@ -40,6 +40,7 @@ class Line(gymnasium.Env[Any, Any]):
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         self.n_steps += 1
+        self.action = action
         push = float(action[0]) if self.form == "box" else (0, -1, 1)[int(action)]
         self.place = int(np.clip(self.place + np.sign(push), 0, self.width - 1))
         is_over = self.place in (0, self.width - 1)

@@ -19,7 +19,7 @@ class WatchedBridge:
         self._clock, self._chance = clock, random.Random(seed)
         self._to_robot, self._to_server = Box(clock), Box(clock)
         self.slowest_s, self.lost_s = 0.05, float("inf")
-        self.is_moving = self._is_over = False
+        self.wheels, self._is_over = (0.0, 0.0), False
         self._node = WatchdogNode(clock, self._say)
         self._node.start()
         self._threads = [
@@ -33,6 +33,10 @@ class WatchedBridge:
         """Stand in for the class `RosBridge`."""
         self._on_message = on_message
         return self
+
+    @property
+    def is_moving(self) -> bool:
+        return any(self.wheels)
 
     @property
     def silent_s(self) -> float:
@@ -63,7 +67,8 @@ class WatchedBridge:
 
     def _say(self, topic: str, kind: str, message: Any) -> None:
         if topic == "/cmd_vel":
-            self.is_moving = message["linear"]["x"] != 0.0 or message["angular"]["z"] != 0.0
+            ahead, turn = message["linear"]["x"], message["angular"]["z"]
+            self.wheels = ahead - turn, ahead + turn
         else:
             self._send(self._to_server, json.dumps(message).encode())
 

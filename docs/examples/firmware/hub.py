@@ -16,7 +16,7 @@ SPEEDS = {  # left and right wheel, in degrees a second
     "backward": (-250, -250),
 }
 EYES, BUMPER = Port.E, Port.F  # an ultrasonic and a force sensor, if there are any
-EMPTY_MV, FULL_MV = 6000, 8300  # of the battery; six AA cells: 6000, 9000
+TOP_SPEED, EMPTY_MV, FULL_MV = 1000, 6000, 8300  # of the battery; six AA cells: 6000, 9000
 
 
 def find(kind, port):
@@ -37,6 +37,13 @@ def stand():
     RIGHT.brake()
 
 
+def blend(side, gas):  # between the moves, which are at half throttle; no wheel beyond its top
+    way, turn = "forward" if gas >= 0 else "backward", "right" if side > 0 else "left"
+    rest, spin = 2 * abs(gas) * (1 - abs(side)), abs(side) * max(min(1, 1 + 4 * gas), 2 * gas, -1)
+    pair = [rest * a + spin * b for a, b in zip(SPEEDS[way], SPEEDS[turn])]
+    return [speed / max(1, max(map(abs, pair)) / TOP_SPEED) for speed in pair]
+
+
 hub, clock, shown, seq, heard, line = ThisHub(), StopWatch(), [None], 0, 0, b""
 eyes, bumper = find(UltrasonicSensor, EYES), find(ForceSensor, BUMPER)
 keyboard = poll()
@@ -54,12 +61,13 @@ while True:
         continue
     words, line, heard = line.split(), b"", clock.time()
     try:
-        name, for_ms, speed, number, seen = words
+        name, for_ms, speed, number, seen, *point = words
         name, for_ms, speed = name.decode(), int(for_ms), min(1.0, float(speed))
         if int(number) > seq:
             seq, left_ms = int(number), min(for_ms, 500 - (heard - int(seen)))
-            if name in SPEEDS and speed > 0 and left_ms > 0:  # what comes late only stops
-                for motor, full in zip((LEFT, RIGHT), SPEEDS[name]):
+            pair = blend(*map(float, point)) if point else SPEEDS.get(name)
+            if pair and speed > 0 and left_ms > 0:  # what comes late only stops
+                for motor, full in zip((LEFT, RIGHT), pair):
                     motor.run_time(full * speed, left_ms, Stop.BRAKE, wait=False)
                 show(Color.GREEN)
             else:
@@ -68,10 +76,5 @@ while True:
     except (ValueError, TypeError):
         pass  # "?" asks for a report
     share = 100 * (hub.battery.voltage() - EMPTY_MV) // (FULL_MV - EMPTY_MV)
-    print(
-        seq,
-        clock.time(),
-        eyes.distance() if eyes else "-",
-        int(bumper.pressed()) if bumper else "-",
-        max(0, min(100, share)),
-    )
+    far, bumped = eyes.distance() if eyes else "-", int(bumper.pressed()) if bumper else "-"
+    print(seq, clock.time(), far, bumped, max(0, min(100, share)), "points")

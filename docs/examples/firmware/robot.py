@@ -1,31 +1,33 @@
 # A robot with two motors for Drivelesson (docs/howto/any-robot.md): MicroPython on an ESP32 or a
 # Raspberry Pi Pico W. Set these, save the file as main.py, and use the address that it prints.
-import binascii, hashlib, json, os, select, socket, sys, time
+import binascii, hashlib, json, machine, network, os, select, socket, time
 
 WIFI, PASSWORD, SECRET, PORT = "school", "chalk", b"change me", 4210
-PINS = ((16, 17), (18, 19))  # left motor, right motor: forward, backward
+PINS = (16, 17, 18, 19)  # left motor, right motor: forward, backward
 SPEEDS = {"forward": (1, 1), "left": (-0.5, 0.5), "right": (0.5, -0.5), "backward": (-0.6, -0.6)}
-try:
-    import network
-    from machine import PWM, Pin
+wlan = network.WLAN(network.STA_IF)
+wlan.active(True)
+wlan.connect(WIFI, PASSWORD)
+while not wlan.isconnected():
+    time.sleep_ms(100)
+print("--robot udp --address %s:%d" % (wlan.ifconfig()[0], PORT))
+pwms = [machine.PWM(machine.Pin(pin), freq=1000, duty_u16=0) for pin in PINS]
 
-    wlan = network.WLAN(network.STA_IF)
-    wlan.active(True)
-    wlan.connect(WIFI, PASSWORD)
-    while not wlan.isconnected():
-        time.sleep_ms(100)
-    print("--robot udp --address %s:%d" % (wlan.ifconfig()[0], PORT))
-    pwms = [[PWM(Pin(pin), freq=1000, duty_u16=0) for pin in pair] for pair in PINS]
 
-    def wheels(*speeds):
-        for pair, speed in zip(pwms, speeds):
-            pair[0].duty_u16(int(65535 * max(0, speed)))
-            pair[1].duty_u16(int(65535 * max(0, -speed)))
-except ImportError:  # on a computer, for its test: says what it does
-    SECRET, PORT = sys.argv[1].encode(), int(sys.argv[2])
+def wheels(left, right):
+    for pwm, speed in zip(pwms, (left, -left, right, -right)):
+        pwm.duty_u16(int(65535 * max(0, speed)))
+    return left or right
 
-    def wheels(*speeds):
-        print(time.ticks_ms(), *speeds)
+
+def speeds_of(order):
+    pair = SPEEDS.get(order["move"], (0, 0))
+    if "steering" in order:  # by degrees: between the moves, which are at half throttle
+        side, gas = order["steering"], 2 * order["throttle"]
+        way, turn = "forward" if gas >= 0 else "backward", "right" if side > 0 else "left"
+        rest, spin = abs(gas) * (1 - abs(side)), abs(side) * max(min(1, 1 + 2 * gas), gas, -1)
+        pair = [rest * a + spin * b for a, b in zip(SPEEDS[way], SPEEDS[turn])]
+    return [min(1, order["speed"]) / max(1, *map(abs, pair)) * speed for speed in pair]
 
 
 def sign(text):  # HMAC-SHA256, its first 16 figures
@@ -50,10 +52,9 @@ while True:
             order = json.loads(text)
             if mac == sign(text) and order["seq"] > seq:
                 seq, age_ms = order["seq"], time.ticks_diff(now, order["seen_ms"])
-                speeds = [min(1, order["speed"]) * s for s in SPEEDS.get(order["move"], (0, 0))]
-                moving = any(speeds) and age_ms < 500  # an order that comes late only stops
                 ends = time.ticks_add(now, min(order["for_ms"], 500 - age_ms))
-                wheels(*(speeds if moving else (0, 0)))
+                moving = wheels(*(speeds_of(order) if age_ms < 500 else (0, 0)))  # late: it stops
         except (ValueError, KeyError, TypeError):
             pass  # not for us
-        sock.sendto(json.dumps({"nonce": nonce.decode(), "seq": seq, "ms": now}).encode(), sender)
+        report = {"nonce": nonce.decode(), "seq": seq, "ms": now, "points": True}
+        sock.sendto(json.dumps(report).encode(), sender)

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Protocol, TypeVar
 from robot.bodies.ev3.agent.ports import HardwareError
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
+from robot.devices.wheels import CLASSIC_POINTS, Pair, TwoWheels
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC, BodyButton
 from robot.errors import ConfigurationError, DriveError
 from robot.types import Action, Mode, Point, Sensors
@@ -88,24 +89,15 @@ class ChassisBody(Protocol):
         """Stop the motors and let go; idempotent."""
 
 
-def wheel_speeds(action: Action, options: ChassisOptions) -> tuple[float, float]:
-    """Return how fast the left and right wheel turn for an action, in degrees a second."""
+def wheels_of(options: ChassisOptions) -> TwoWheels:
+    """Return how fast the wheels turn, in degrees a second."""
     degrees_per_m = 360 / (math.pi * options.wheel_diameter_m)
+    degrees_per_m *= -1.0 if options.reversed_motors else 1.0
     straight = options.forward_speed_mps * degrees_per_m
     # One wheel alone turns the robot about the other one, on a circle of radius track_m.
     turn = math.radians(options.turn_rate_deg_s) * options.track_m * degrees_per_m
     left = {"backward": (-turn, 0.0), "forward": (0.0, turn), "both": (-turn / 2, turn / 2)}
-    speeds = {
-        Action.STOP: (0.0, 0.0),
-        Action.FORWARD: (straight, straight),
-        Action.BACKWARD: (-straight, -straight),
-        Action.LEFT: left[options.turn_by],
-        Action.RIGHT: left[options.turn_by][::-1],
-        Action.SPIN_LEFT: left["both"],
-        Action.SPIN_RIGHT: left["both"][::-1],
-    }[action]
-    sign = -1.0 if options.reversed_motors else 1.0
-    return sign * speeds[0], sign * speeds[1]
+    return TwoWheels(ahead=straight, back=straight, turn=left[options.turn_by], spin=turn / 2)
 
 
 class ChassisDriver(ConnectedDriver[ChassisBody]):
@@ -113,18 +105,20 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 
     default_camera: ClassVar[str] = "v4l2"
     declared_moves = tuple(CLASSIC.values())
+    takes_points = True
 
     def __init__(self, options: ChassisOptions) -> None:
         self.options = options
+        self._wheels = wheels_of(options)
         self._address = ""
-        self._top_dps: Sequence[float] = ()
+        self._top_dps: Pair | None = None
 
     @property
     def track_m(self) -> float:  # type: ignore[override]
         return self.options.track_m
 
-    def wheels_mps(self, action: Action, point: Point | None = None) -> tuple[float, float]:
-        left, right = wheel_speeds(action, self.options)
+    def wheels_mps(self, action: Action, point: Point | None = None) -> Pair:
+        left, right = self._wheels.at(point or CLASSIC_POINTS[action], self._top_dps)
         return self._rolled_m(left), self._rolled_m(right)
 
     def _rolled_m(self, degrees: float) -> float:
@@ -139,20 +133,22 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def _open(self) -> ChassisBody:
         body = self._make_body()
         try:
-            self._top_dps = body.open()
+            left_dps, right_dps = body.open()
         except HardwareError as error:
             body.close()
             raise DriveError(str(error)) from error
+        self._top_dps = left_dps, right_dps
         return body
 
     def _begin(self) -> None:
+        assert self._top_dps is not None
         self._check_speeds(self._top_dps)
         self.show(Mode.STOPPED)
 
     def _close(self, connection: ChassisBody) -> None:
         connection.close()
 
-    def _check_speeds(self, top_dps: Sequence[float]) -> None:
+    def _check_speeds(self, top_dps: Pair) -> None:
         """Raise ConfigurationError if a move asks more of a motor than it can give."""
         options = self.options
         ports = (options.left_port, options.right_port)
@@ -161,7 +157,9 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
             ("turn_rate_deg_s", options.turn_rate_deg_s, Action.LEFT),
             ("turn_rate_deg_s", options.turn_rate_deg_s, Action.SPIN_LEFT),
         ):
-            for port, asked, top in zip(ports, wheel_speeds(move, options), top_dps, strict=True):
+            for port, asked, top in zip(
+                ports, self._wheels.at(CLASSIC_POINTS[move]), top_dps, strict=True
+            ):
                 if abs(asked) > top:
                     most = math.floor(1000 * value * top / abs(asked)) / 1000
                     raise ConfigurationError(
@@ -171,11 +169,14 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
                     )
 
     def _move(self, connection: ChassisBody, action: Action, speed_scale: float) -> None:
-        """Run the wheels for `ACTION_TIMEOUT_S` by `run-timed`: the kernel ends the move."""
         if action is Action.STOP:
             connection.stop()
-            return
-        left, right = (speed_scale * speed for speed in wheel_speeds(action, self.options))
+        else:
+            self._steer(connection, CLASSIC_POINTS[action], speed_scale)
+
+    def _steer(self, connection: ChassisBody, point: Point, speed_scale: float) -> None:
+        """Run the wheels for `ACTION_TIMEOUT_S` by `run-timed`: the kernel ends the move."""
+        left, right = (speed_scale * dps for dps in self._wheels.at(point, self._top_dps))
         _asked(lambda: connection.run(left, right, round(1000 * ACTION_TIMEOUT_S)))
 
     def sense(self) -> Sensors:

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.gpio.keeper_line import KeeperLine
-from robot.bodies.gpio.wheels import SHARES
 from robot.bodies.remote.driver import ReportingDriver
 from robot.bodies.remote.line import MessageLine
 from robot.clock import Clock
 from robot.devices.options import Options, option
-from robot.driver import describe
+from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, MissingExtraError
 
 MAX_PIN = 27
@@ -30,8 +29,13 @@ class GpioOptions(Options):
     motor_board: str = option(
         "two-pwm",
         "two-pwm: a pin for each direction (L298N, TB6612, DRV8833); phase-enable: the "
-        "first pin is the direction, the second the speed",
-        choices=("two-pwm", "phase-enable"),
+        "first pin is the direction, the second the speed; servo-esc: a car",
+        choices=("two-pwm", "phase-enable", "servo-esc"),
+    )
+    esc_pin: str = option("13", "a car's motor: the pin of its electronic speed control (ESC)")
+    servo_pin: str = option("12", "a car's steering: the pin of its servo")
+    servo_ends: str = option(
+        "-1,1", "the servo's values at full left and full right; 1,-1 if it turns the other way"
     )
     bumper_pin: str = option("", "pin of a bumper's switch to ground; empty: none")
     straight_speed: float = option(
@@ -48,31 +52,51 @@ class GpioOptions(Options):
         Raises:
             ConfigurationError: If a pin is none, or named twice.
         """
-        left, right = (_pins(name, getattr(self, name), 2) for name in ("left_pins", "right_pins"))
-        bumper = _pins("bumper_pin", self.bumper_pin, 1) if self.bumper_pin else []
-        if len({*left, *right, *bumper}) != len(left) + len(right) + len(bumper):
-            raise ConfigurationError(
-                f"a pin is named twice in --left-pins {self.left_pins}, --right-pins "
-                f"{self.right_pins} and --bumper-pin {self.bumper_pin or 'none'}"
-            )
+        names = ("esc_pin", "servo_pin") if self.is_car else ("left_pins", "right_pins")
+        motors = [self._pins(name, 1 if self.is_car else 2) for name in names]
+        bumper = self._pins("bumper_pin", 1) if self.bumper_pin else []
+        used = [*motors[0], *motors[1], *bumper]
+        if len(set(used)) != len(used):
+            named = (f"{_flag(n)} {getattr(self, n) or 'none'}" for n in (*names, "bumper_pin"))
+            raise ConfigurationError(f"a pin is named twice in {', '.join(named)}")
         return {
-            "left_pins": left,
-            "right_pins": right,
+            "motor_board": self.motor_board,
+            "motor_pins": motors,
+            "servo_ends": self._servo_ends() if self.is_car else None,
             "bumper_pin": bumper[0] if bumper else None,
-            "phase_enable": self.motor_board == "phase-enable",
             "straight_speed": self.straight_speed,
             "turn_speed": self.turn_speed,
         }
 
+    @property
+    def is_car(self) -> bool:
+        """True for a servo that steers and one motor."""
+        return self.motor_board == "servo-esc"
 
-def _pins(name: str, text: str, count: int) -> list[int]:
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) != count or not all(p.isdecimal() and int(p) <= MAX_PIN for p in parts):
-        wanted = "one GPIO number" if count == 1 else f"{count} GPIO numbers, as 17,18,"
-        raise ConfigurationError(
-            f"--{name.replace('_', '-')} must be {wanted} from 0 to {MAX_PIN}, not {text!r}"
-        )
-    return [int(part) for part in parts]
+    def _pins(self, name: str, count: int) -> list[int]:
+        text = getattr(self, name)
+        parts = [part.strip() for part in text.split(",")]
+        if len(parts) != count or not all(p.isdecimal() and int(p) <= MAX_PIN for p in parts):
+            wanted = "one GPIO number" if count == 1 else f"{count} GPIO numbers, as 17,18,"
+            raise ConfigurationError(
+                f"{_flag(name)} must be {wanted} from 0 to {MAX_PIN}, not {text!r}"
+            )
+        return [int(part) for part in parts]
+
+    def _servo_ends(self) -> tuple[float, float]:
+        try:
+            left, right = map(float, self.servo_ends.split(","))
+        except ValueError:
+            left = right = 0.0
+        if left == right or not (-1.0 <= left <= 1.0 and -1.0 <= right <= 1.0):
+            raise ConfigurationError(
+                f"--servo-ends must be two numbers from -1 to 1, as -0.8,1, not {self.servo_ends!r}"
+            )
+        return left, right
+
+
+def _flag(name: str) -> str:
+    return "--" + name.replace("_", "-")
 
 
 class GpioDriver(ReportingDriver):
@@ -81,7 +105,8 @@ class GpioDriver(ReportingDriver):
     name: ClassVar[str] = "gpio"
     default_camera: ClassVar[str] = "picamera2"
     options_type: ClassVar[type[Any]] = GpioOptions
-    declared_moves = describe(SHARES)
+    declared_moves = tuple(CLASSIC.values())
+    takes_points = True
     no_answer = "is another program using its pins?"
     no_obedience = "restart this program"
 
@@ -93,6 +118,8 @@ class GpioDriver(ReportingDriver):
     ) -> None:
         super().__init__(clock)
         self.options = options
+        if options.is_car:
+            self.declared_moves = tuple(move for move in CLASSIC.values() if move.throttle)
         self._start = open_line or self._start_keeper
 
     @property

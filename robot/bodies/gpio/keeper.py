@@ -14,7 +14,7 @@ import signal
 import sys
 from typing import Any
 
-from robot.bodies.gpio.wheels import TimedWheels
+from robot.bodies.gpio.wheels import Steered, TimedMotors, Tracked
 from robot.bodies.remote.plain import encode_plain_report
 from robot.clock import Clock, RealClock
 
@@ -23,32 +23,32 @@ _FAILED = b"failed "
 _LONGEST_LINE = 200
 
 
-def make_wheels(settings: dict[str, Any]) -> TimedWheels:
+def make_motors(settings: dict[str, Any]) -> TimedMotors:
     """Take the pins; raises whatever gpiozero does."""
-    from gpiozero import Button, Motor, PhaseEnableMotor
+    import gpiozero
 
-    kind = PhaseEnableMotor if settings["phase_enable"] else Motor
-    left, right = (kind(*settings[side]) for side in ("left_pins", "right_pins"))
-    bumper = None if settings["bumper_pin"] is None else Button(settings["bumper_pin"])
-    return TimedWheels(
-        left,
-        right,
-        settings["straight_speed"],
-        settings["turn_speed"],
+    kind = {"two-pwm": "Motor", "phase-enable": "PhaseEnableMotor", "servo-esc": "Servo"}
+    make = getattr(gpiozero, kind[settings["motor_board"]])
+    speeds = settings["straight_speed"], settings["turn_speed"]
+    ends = settings["servo_ends"]
+    bumper = None if settings["bumper_pin"] is None else gpiozero.Button(settings["bumper_pin"])
+    return TimedMotors(
+        [make(*pins) for pins in settings["motor_pins"]],
+        Tracked(*speeds) if ends is None else Steered(*speeds, ends),
         None if bumper is None else (lambda: bool(bumper.is_pressed)),
     )
 
 
-def keep(wheels: TimedWheels, source: int, sink: int, clock: Clock) -> None:
+def keep(motors: TimedMotors, source: int, sink: int, clock: Clock) -> None:
     """Obey until `source` ends, which it does when the robot's program is gone; then stand."""
     rest = b""
     try:
         while True:
-            left_ms = wheels.left_ms(_ms(clock))
+            left_ms = motors.left_ms(_ms(clock))
             ready, _, _ = select.select(
                 [source], [], [], None if left_ms is None else left_ms / 1000
             )
-            wheels.tick(_ms(clock))
+            motors.tick(_ms(clock))
             if not ready:
                 continue
             data = os.read(source, 65_536)
@@ -57,12 +57,12 @@ def keep(wheels: TimedWheels, source: int, sink: int, clock: Clock) -> None:
             *lines, rest = (rest + data).split(b"\n")
             rest = rest[-_LONGEST_LINE:]
             for line in lines:
-                report = wheels.obey(line, _ms(clock))
+                report = motors.obey(line, _ms(clock))
                 os.write(sink, encode_plain_report(report) + b"\n")
     except (BrokenPipeError, BlockingIOError):  # nobody reads: as good as gone
         return
     finally:
-        wheels.stand()
+        motors.stand()
 
 
 def _ms(clock: Clock) -> int:
@@ -74,13 +74,13 @@ def main() -> None:
     for quiet in (signal.SIGINT, signal.SIGHUP):  # they are meant for the robot's program
         signal.signal(quiet, signal.SIG_IGN)
     try:
-        wheels = make_wheels(json.loads(sys.argv[1]))
+        motors = make_motors(json.loads(sys.argv[1]))
     except Exception as error:  # a sentence for whoever started this, whatever the library says
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         os.write(1, _FAILED + reason.encode() + b"\n")
         return
     os.write(1, READY + b"\n")
-    keep(wheels, 0, 1, RealClock())
+    keep(motors, 0, 1, RealClock())
 
 
 if __name__ == "__main__":

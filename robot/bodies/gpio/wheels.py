@@ -1,63 +1,87 @@
-"""Two motors on pins that end each move by themselves. Pure: the time is an argument."""
+"""Motors on pins that end each move by themselves. Pure: the time is an argument."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from robot.bodies.remote.orders import BodyReport
 from robot.bodies.remote.plain import LATE_MS, LONGEST_MS, parse_plain_order
-from robot.types import Action, Sensors
+from robot.devices.wheels import CLASSIC_POINTS, USUAL_THROTTLE, Pair, TwoWheels
+from robot.types import Action, Point, Sensors
 
 
 class PinMotor(Protocol):
-    """A motor as gpiozero has it."""
+    """A motor or a servo as gpiozero has it."""
 
     value: float
-    """From -1 (full speed backward) to 1; 0 stands."""
+    """From -1 (full speed backward, or one end) to 1; 0 stands."""
 
 
-SHARES: dict[Action, tuple[float, float]] = {
-    Action.FORWARD: (1.0, 1.0),
-    Action.LEFT: (0.0, 1.0),
-    Action.RIGHT: (1.0, 0.0),
-    Action.BACKWARD: (-1.0, -1.0),
-    Action.SPIN_LEFT: (-1.0, 1.0),
-    Action.SPIN_RIGHT: (1.0, -1.0),
-}
-"""Left and right wheel of each move."""
+class Build(Protocol):
+    """What the two motors, or the motor and its servo, are set to for a point: 1 at most."""
+
+    def values(self, point: Point, speed: float) -> Pair:
+        """Return the two values; `speed` is a share of full speed."""
 
 
-class TimedWheels:
+@dataclass(frozen=True, slots=True)
+class Tracked:
+    """Two wheels that steer by their difference; speeds are shares of the motors' full speed."""
+
+    straight_speed: float
+    turn_speed: float
+
+    def values(self, point: Point, speed: float) -> Pair:
+        straight, turn = self.straight_speed, self.turn_speed
+        wheels = TwoWheels(ahead=straight, back=straight, turn=(0.0, turn), spin=turn)
+        left, right = wheels.at(point, (1.0, 1.0))
+        return left * speed, right * speed
+
+
+@dataclass(frozen=True, slots=True)
+class Steered:
+    """A car: a motor behind an electronic speed control (ESC), and a servo that steers.
+
+    `servo_ends` are the servo's values at full left and full right; straight is between them.
+    """
+
+    straight_speed: float
+    turn_speed: float
+    servo_ends: Pair
+
+    def values(self, point: Point, speed: float) -> Pair:
+        left, right = self.servo_ends
+        steer = abs(point.steering)
+        full = (1.0 - steer) * self.straight_speed + steer * self.turn_speed
+        throttle = max(-1.0, min(1.0, point.throttle / USUAL_THROTTLE * full))
+        return throttle * speed, (left + right + point.steering * (right - left)) / 2
+
+
+class TimedMotors:
     """Obeys orders of `robot.bodies.remote.plain`, each at most once and never late.
 
     Args:
-        left: The left motor.
-        right: The right motor.
-        straight_speed: Share of the motors' full speed, straight on.
-        turn_speed: The same for turns.
+        motors: The left and the right motor, or the ESC and the servo.
+        build: What they are set to.
         bumped: Reads the bumper; None if there is none.
     """
 
     def __init__(
         self,
-        left: PinMotor,
-        right: PinMotor,
-        straight_speed: float,
-        turn_speed: float,
+        motors: Sequence[PinMotor],
+        build: Build,
         bumped: Callable[[], bool] | None = None,
     ) -> None:
-        self._motors = (left, right)
-        self._straight_speed, self._turn_speed = straight_speed, turn_speed
-        self._bumped = bumped
+        self._motors, self._build, self._bumped = motors, build, bumped
         self._seq = 0
         self._ends_ms: int | None = None
         self.stand()
 
     def stand(self) -> None:
         self._ends_ms = None
-        for motor in self._motors:
-            motor.value = 0.0
+        self._set(CLASSIC_POINTS[Action.STOP], 1.0)
 
     def left_ms(self, now_ms: int) -> int | None:
         """Return in how many milliseconds the move must end; None if it stands."""
@@ -71,7 +95,7 @@ class TimedWheels:
     def obey(self, line: bytes, now_ms: int) -> BodyReport:
         """Take one line, and report; what is no order asks for the report alone."""
         self.tick(now_ms)
-        order = parse_plain_order(line, SHARES)
+        order = parse_plain_order(line, CLASSIC_POINTS)
         if order is not None and order.seq > self._seq:
             self._seq = order.seq
             # What was sent after `seen_ms` ends by itself so long after it, whenever it comes.
@@ -79,13 +103,11 @@ class TimedWheels:
             if order.move is Action.STOP or left_ms <= 0:
                 self.stand()
             else:
-                self._move(order.move, order.speed)
+                self._set(order.point or CLASSIC_POINTS[order.move], order.speed)
                 self._ends_ms = now_ms + left_ms
         bumped = self._bumped() if self._bumped is not None else None
         return BodyReport(nonce="", seq=self._seq, ms=now_ms, sensors=Sensors(bumped=bumped))
 
-    def _move(self, move: Action, speed: float) -> None:
-        left, right = SHARES[move]
-        full = self._straight_speed if left == right else self._turn_speed
-        for motor, share in zip(self._motors, (left, right), strict=True):
-            motor.value = share * full * speed
+    def _set(self, point: Point, speed: float) -> None:
+        for motor, value in zip(self._motors, self._build.values(point, speed), strict=True):
+            motor.value = value

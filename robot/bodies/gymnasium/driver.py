@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.gymnasium.environment import PICTURES, Environment, read_options
-from robot.bodies.gymnasium.moves import moves_of
+from robot.bodies.gymnasium.moves import moves_of, steering_of
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S
-from robot.types import Action, Game, Sensors
+from robot.types import Action, Game, Point, Sensors
 
 OVER_S = 1.5
 """For so long the last picture of a game stays before the next game begins."""
@@ -53,15 +53,17 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         environment = self._make()
         try:
             table = moves_of(options.env, environment.env, options.env_moves)
+            self._action_at = steering_of(table, environment.env.action_space)
         finally:
             environment.close()
         self.declared_moves = tuple(table)
+        self.takes_points = self._action_at is not None
         self._actions = {move.name: action for move, action in table.items()}
         is_quick = options.env.split(":")[-1].startswith("CarRacing")
         self._steps = options.env_steps or (5 if is_quick else 1)
         self._environment: Environment | None = None
         self._lock = threading.Lock()
-        self._action = Action.STOP
+        self._action: Any = None
         self._left_s = self._over_s = 0.0
         self._game: Game | None = None
         self.acted = threading.Event()
@@ -82,6 +84,13 @@ class GymnasiumDriver(ConnectedDriver[bool]):
 
     def _move(self, connection: bool, action: Action, speed_scale: float) -> None:
         """Act so for at most `ACTION_TIMEOUT_S`; an environment has one speed."""
+        self._act(self._actions.get(action))
+
+    def _steer(self, connection: bool, point: Point, speed_scale: float) -> None:
+        assert self._action_at is not None
+        self._act(self._action_at(point))
+
+    def _act(self, action: Any) -> None:
         with self._lock:
             self._action, self._left_s = action, ACTION_TIMEOUT_S
         self.acted.set()
@@ -91,7 +100,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
 
     def stop(self) -> None:
         with self._lock:
-            self._action = Action.STOP
+            self._action = None
 
     # On the thread that the environment belongs to ----------------------------------------------
 
@@ -99,16 +108,16 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         """Let time pass: some steps if a move is under way, none otherwise: it stands then."""
         environment = self._opened()
         with self._lock:
-            action = self._action if self._left_s > 0.0 else Action.STOP
+            action = self._action if self._left_s > 0.0 else None
             self._left_s -= dt_s
         if environment.game.is_over:
             self._over_s += dt_s
             if self._over_s >= OVER_S:
                 environment.reset()
-        elif action is not Action.STOP:
+        elif action is not None:
             self._over_s = 0.0
             for _ in range(self._steps):
-                environment.step(self._actions[action])
+                environment.step(action)
         self._game = environment.game
 
     def picture(self) -> Any:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-from robot.driver import Move
+from robot.devices.wheels import USUAL_THROTTLE
+from robot.driver import Move, side_of
 from robot.errors import ConfigurationError
-from robot.types import Action
+from robot.types import Action, Point
 
 _TABLES = {
     "CarRacing": (
@@ -21,7 +22,8 @@ _TABLES = {
 """Tables for the continuous and the discrete form of environments whose moves have no names."""
 _SIDES = {"left": -1.0, "right": 1.0}
 """Steering of moves with such a word in their names: on the page they stand on that side."""
-_STANDING = ("noop", "coast", "brake", "nothing", "stop")
+_STANDING = ("noop", "coast", "nothing", "stop")
+_BACK = ("back", "down", "brake")
 _HELP = (
     "name its moves with --env-moves, such as 'left=-0.6,0,0; right=0.6,0,0; forward=0,0.3,0' "
     "(numbers for each move), or 'left=0; right=1' for one that numbers its actions"
@@ -55,6 +57,34 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
     if len(actions) < 2:
         raise ConfigurationError(f"{name} needs two moves or more: {_HELP}")
     return {_describe(move): action for move, action in actions.items()}
+
+
+def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any] | None:
+    """Return what tells the action for a point, in a box of fractions; None for other spaces.
+
+    Steering leads from the move ahead to the turns, throttle from what coasts to the moves ahead
+    and back. None, too, if the table has no move ahead, or no turn to either side.
+    """
+    known = {
+        (side_of(move.point.steering), side_of(move.point.throttle, 0.0)): np.asarray(action, float)
+        for move, action in reversed(list(table.items()))  # the first of those alike
+        if move.point is not None
+    }
+    is_box = bool(space.shape) and np.issubdtype(space.dtype, np.floating)
+    if not is_box or not {(0, 1), (-1, 1), (1, 1)} <= set(known):
+        return None
+    ahead = known[0, 1]
+    coast = known.get((0, 0), np.zeros(space.shape))
+    back = known.get((0, -1), coast)
+
+    def action_at(point: Point) -> Any:
+        way, side = side_of(point.throttle, 0.0), side_of(point.steering, 0.0)
+        turn = known[side, 1] - ahead
+        drive = (back if way < 0 else ahead) - coast
+        action = coast + abs(point.steering) * turn + abs(point.throttle) / USUAL_THROTTLE * drive
+        return np.clip(action, space.low, space.high).astype(space.dtype)
+
+    return action_at
 
 
 def _read(table: str, space: Any) -> dict[Action, Any]:
@@ -99,6 +129,6 @@ def _as_action(word: str) -> Action:
 
 def _describe(name: Action) -> Move:
     side = sum(value for word, value in _SIDES.items() if word in name)
-    throttle = 0.0 if name in _STANDING else -0.5 if "back" in name or "down" in name else 0.5
+    throttle = -0.5 if any(word in name for word in _BACK) else 0.5 * (name not in _STANDING)
     label = name.replace("_", " ").capitalize()[:24]
     return Move(name, label, steering=side, throttle=throttle)

@@ -20,7 +20,7 @@ from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import DriveError
-from robot.types import Action, Sensors
+from robot.types import Action, Point, Sensors
 
 PORT = 4210
 REPLY_S = 0.15
@@ -60,9 +60,14 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
     def _open_line(self) -> MessageLine:
         """Open the line; raises OSError."""
 
-    def _encode(self, action: Action, **order: Any) -> bytes:
+    @property
+    def takes_points(self) -> bool:  # type: ignore[override]
+        """True once the robot has said so."""
+        return self._report is not None and self._report.takes_points
+
+    def _encode(self, action: Action, point: Point | None, **order: Any) -> bytes:
         """Write one order, as words of one line where nobody else can send."""
-        return encode_plain_order(action, **order)
+        return encode_plain_order(action, point, **order)
 
     def _parse(self, data: bytes) -> BodyReport | None:
         """Read one report; None if it is none."""
@@ -91,6 +96,10 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         self._order(action, speed_scale)
         self._check_heard()
 
+    def _steer(self, connection: MessageLine, point: Point, speed_scale: float) -> None:
+        self._order(self.move_of(point), speed_scale, point)
+        self._check_heard()
+
     def sense(self) -> Sensors:
         """Return what the robot last reported; asks it where nothing was sent of late."""
         if self.is_connected and self._clock.now_s() - self._heard_s > REPLY_S:
@@ -103,7 +112,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         if self._report is not None and self.is_connected:
             self._order(Action.STOP, 1.0)
 
-    def _order(self, action: Action, speed_scale: float) -> None:
+    def _order(self, action: Action, speed_scale: float, point: Point | None = None) -> None:
         report = self._report
         if report is None:
             raise DriveError("the robot has not reported yet")
@@ -112,6 +121,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         self._exchange(
             self._encode(
                 action,
+                point,
                 for_ms=round(1000 * ACTION_TIMEOUT_S),
                 speed=speed_scale,
                 seq=self._seq,
@@ -189,8 +199,8 @@ class RemoteDriver(ReportingDriver):
     def _open_address(self, host: str, port: int) -> MessageLine:
         """Open the line; raises OSError."""
 
-    def _encode(self, action: Action, **order: Any) -> bytes:
-        return encode_order(action, secret=self.options.secret, **order)
+    def _encode(self, action: Action, point: Point | None, **order: Any) -> bytes:
+        return encode_order(action, point, secret=self.options.secret, **order)
 
     def _parse(self, data: bytes) -> BodyReport | None:
         return parse_report(data)

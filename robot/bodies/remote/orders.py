@@ -13,7 +13,7 @@ from typing import Any
 from robot.devices.options import option
 from robot.driver import CLASSIC, Move
 from robot.errors import ConfigurationError
-from robot.types import Action, Sensors
+from robot.types import Action, Point, Sensors
 
 MAX_BYTES = 512
 
@@ -23,26 +23,36 @@ class BodyReport:
     """What a robot says of itself: who it is since it was switched on, and what it senses.
 
     `nonce` is new whenever the robot starts; `seq` is the last order that it obeyed, and `ms` what
-    its clock shows.
+    its clock shows. `takes_points` is whether orders may say steering and throttle.
     """
 
     nonce: str
     seq: int
     ms: int
     sensors: Sensors
+    takes_points: bool = False
 
 
 def encode_order(
-    action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport, secret: str
+    action: Action,
+    point: Point | None = None,
+    *,
+    for_ms: int,
+    speed: float,
+    seq: int,
+    report: BodyReport,
+    secret: str,
 ) -> bytes:
     """Write one order, signed so that it holds for this robot since this start, and once."""
-    order = {
+    order: dict[str, Any] = {
         "move": str(action),
         "for_ms": for_ms,
         "speed": round(speed, 4),
         "seq": seq,
         "seen_ms": report.ms,
     }
+    if point is not None:
+        order |= {"steering": round(point.steering, 4), "throttle": round(point.throttle, 4)}
     text = json.dumps(order, separators=(",", ":")).encode()
     mac = hmac.new(secret.encode(), report.nonce.encode() + text, hashlib.sha256)
     return text + b"\t" + mac.hexdigest()[:16].encode()
@@ -55,7 +65,8 @@ def parse_report(data: bytes) -> BodyReport | None:
         nonce, seq, ms = plain["nonce"], plain["seq"], plain["ms"]
         if not isinstance(nonce, str) or not _is_count(seq) or not _is_count(ms):
             return None
-        return BodyReport(nonce=nonce, seq=seq, ms=ms, sensors=_sensors(plain))
+        points = plain.get("points") is True
+        return BodyReport(nonce=nonce, seq=seq, ms=ms, sensors=_sensors(plain), takes_points=points)
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
 

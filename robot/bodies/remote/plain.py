@@ -3,7 +3,8 @@
 An order is `MOVE FOR_MS SPEED NUMBER SEEN_MS`, as `forward 400 1.0 7 81234`: the last is what the
 body's clock showed in its newest report. A report is `NUMBER MS DISTANCE BUMPER BATTERY`, as
 `7 81240 420 0 80`: the last order that was obeyed, the body's clock, millimetres, 0 or 1, percent;
-`-` where there is no sensor. `?` asks for a report.
+`-` where there is no sensor. `?` asks for a report. A body that ends its reports in the word
+`points` is told `STEERING THROTTLE`, too, behind an order that is steered by degrees.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Container
 from dataclasses import dataclass
 
 from robot.bodies.remote.orders import BodyReport
-from robot.types import Action, Sensors
+from robot.types import Action, Point, Sensors
 
 HELLO = b"?"
 LATE_MS = 500
@@ -30,24 +31,35 @@ class PlainOrder:
     speed: float
     seq: int
     seen_ms: int
+    point: Point | None = None
 
 
 def encode_plain_order(
-    action: Action, *, for_ms: int, speed: float, seq: int, report: BodyReport
+    action: Action,
+    point: Point | None = None,
+    *,
+    for_ms: int,
+    speed: float,
+    seq: int,
+    report: BodyReport,
 ) -> bytes:
     """Write one order, without the end of the line."""
-    return f"{action} {for_ms} {round(speed, 3)} {seq} {report.ms}".encode()
+    words = [action, for_ms, round(speed, 3), seq, report.ms]
+    words += [f"{number:.4f}" for number in point or ()]
+    return " ".join(map(str, words)).encode()
 
 
 def parse_plain_order(data: bytes, moves: Container[Action]) -> PlainOrder | None:
     """Read one order; None if it is none, or none of this body's."""
     try:
-        name, for_ms, speed, seq, seen_ms = data.decode("ascii").split()
-        order = PlainOrder(Action(name), int(for_ms), float(speed), int(seq), int(seen_ms))
-    except ValueError:
+        name, for_ms, speed, seq, seen_ms, *numbers = data.decode("ascii").split()
+        point = Point(*map(float, numbers)) if numbers else None
+        order = PlainOrder(Action(name), int(for_ms), float(speed), int(seq), int(seen_ms), point)
+    except (ValueError, TypeError):
         return None
     is_known = order.move is Action.STOP or order.move in moves
     is_sound = 0 < order.speed <= 1 and order.for_ms > 0 and order.seq > 0
+    is_sound = is_sound and all(-1 <= number <= 1 for number in point or ())
     return order if is_known and is_sound else None
 
 
@@ -57,15 +69,17 @@ def encode_plain_report(report: BodyReport) -> bytes:
     distance = "-" if sensors.distance_m is None else round(1000 * sensors.distance_m)
     bumped = "-" if sensors.bumped is None else int(sensors.bumped)
     battery = "-" if sensors.battery_share is None else round(100 * sensors.battery_share)
-    return f"{report.seq} {report.ms} {distance} {bumped} {battery}".encode()
+    points = " points" if report.takes_points else ""
+    return f"{report.seq} {report.ms} {distance} {bumped} {battery}{points}".encode()
 
 
 def parse_plain_report(data: bytes) -> BodyReport | None:
     """Read one report; None if it is none."""
     words = data.split()
-    if len(words) != 5 or not (words[0].isdigit() and words[1].isdigit()):
+    takes_points = words[5:] == [b"points"]
+    if len(words) != 5 + takes_points or not (words[0].isdigit() and words[1].isdigit()):
         return None
-    distance_mm, bumped, battery = (_number(word) for word in words[2:])
+    distance_mm, bumped, battery = (_number(word) for word in words[2:5])
     return BodyReport(
         nonce="",
         seq=int(words[0]),
@@ -75,6 +89,7 @@ def parse_plain_report(data: bytes) -> BodyReport | None:
             bumped=None if bumped is None else bumped > 0,
             battery_share=None if battery is None else min(battery / 100, 1.0),
         ),
+        takes_points=takes_points,
     )
 
 

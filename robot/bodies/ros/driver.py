@@ -18,13 +18,14 @@ from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import ConfigurationError, DriveError
-from robot.types import Action, Prediction, Sensors
+from robot.types import Action, Point, Prediction, Sensors
 
 _TWIST, _STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 _TEXT, _HEADER = "std_msgs/msg/String", "std_msgs/msg/Header"
 _ORDERS, _ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"
 """Topics of docs/examples/ros/watchdog.py: velocities to it, and its signs of life."""
 _FIRST_SIGN_S = 3.0
+_STANDS = Point(0.0, 0.0)
 _NO_WATCHDOG = "the robot's watchdog gives no sign of life; does watchdog.py run there?"
 
 
@@ -75,6 +76,7 @@ class RosDriver(ConnectedDriver[RosBridge]):
     default_camera: ClassVar[str] = "ros"
     options_type: ClassVar[type[Any]] = RosOptions
     is_remote: ClassVar[bool] = True
+    takes_points = True
 
     def __init__(
         self,
@@ -91,8 +93,8 @@ class RosDriver(ConnectedDriver[RosBridge]):
                 f"--body-moves: {without[0]!r} needs steering and throttle for a ROS robot, as in "
                 f"{without[0]}:0:1"
             )
-        self._points = {move.name: move.point or (0.0, 0.0) for move in self.declared_moves}
-        self._points[Action.STOP] = (0.0, 0.0)
+        self._points = {move.name: move.point or _STANDS for move in self.declared_moves}
+        self._points[Action.STOP] = _STANDS
         self._clock = clock or RealClock()
         self._is_stamped = options.stamped or options.watchdog
         self._topic = _ORDERS if options.watchdog else options.cmd_vel_topic
@@ -135,9 +137,12 @@ class RosDriver(ConnectedDriver[RosBridge]):
         connection.close()
 
     def _move(self, connection: RosBridge, action: Action, speed_scale: float) -> None:
-        """Publish the move's velocity, and zero after `ACTION_TIMEOUT_S`."""
-        steering, throttle = (speed_scale * part for part in self._points[action])
-        ends = None if action is Action.STOP else (self.velocity(0.0, 0.0), ACTION_TIMEOUT_S)
+        self._steer(connection, self._points[action], speed_scale)
+
+    def _steer(self, connection: RosBridge, point: Point, speed_scale: float) -> None:
+        """Publish the point's velocity, and zero after `ACTION_TIMEOUT_S`."""
+        steering, throttle = (speed_scale * part for part in point)
+        ends = (self.velocity(0.0, 0.0), ACTION_TIMEOUT_S) if any(point) else None
         try:
             connection.publish(self._topic, self.velocity(steering, throttle), ends)
         except OSError as error:

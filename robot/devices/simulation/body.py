@@ -7,14 +7,15 @@ while the other stands, which turns the robot by 18.5 degrees a second about the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.devices.simulation.world import Obstacle, World
-from robot.types import Action, Point, Pose
+from robot.devices.wheels import CLASSIC_POINTS, TwoWheels
+from robot.types import Pose
 
 FORWARD_MPS = 0.16
 TURNING_WHEEL_MPS = 0.04
@@ -22,19 +23,14 @@ TRACK_M = TURNING_WHEEL_MPS / math.radians(18.5)
 RADIUS_M = 0.09
 """The body is a disc as far as walls are concerned."""
 
-WHEELS_MPS: Mapping[Action, tuple[float, float]] = {
-    Action.STOP: (0.0, 0.0),
-    Action.FORWARD: (FORWARD_MPS, FORWARD_MPS),
-    Action.LEFT: (-TURNING_WHEEL_MPS, 0.0),
-    Action.RIGHT: (0.0, -TURNING_WHEEL_MPS),
-    Action.BACKWARD: (-FORWARD_MPS / 2, -FORWARD_MPS / 2),
-    Action.SPIN_LEFT: (-TURNING_WHEEL_MPS, TURNING_WHEEL_MPS),
-    Action.SPIN_RIGHT: (TURNING_WHEEL_MPS, -TURNING_WHEEL_MPS),
-}
+WHEELS = TwoWheels(
+    ahead=FORWARD_MPS,
+    back=FORWARD_MPS / 2,
+    turn=(-TURNING_WHEEL_MPS, 0.0),
+    spin=TURNING_WHEEL_MPS,
+)
+WHEELS_MPS = {move: WHEELS.at(point) for move, point in CLASSIC_POINTS.items()}
 """Speed of the left and the right wheel for each action."""
-
-_USUAL_THROTTLE = 0.5
-"""Throttle of the moves that drive (`robot.driver.CLASSIC`): twice as much is twice as fast."""
 
 SONAR_RANGE_M = 2.55
 SONAR_HALF_CONE_RAD = math.radians(12.5)
@@ -67,30 +63,6 @@ def move(pose: Pose, left_mps: float, right_mps: float, dt_s: float) -> Pose:
         y_m=pose.y_m + way_m * math.sin(middle_rad),
         heading_rad=_wrap(pose.heading_rad + turn_rad),
     )
-
-
-def wheels_at(point: Point) -> tuple[float, float]:
-    """Return the speeds of the wheels for a point: those of the moves, and between them a blend.
-
-    Ahead it drives slower the more it steers, and full lock is a turn; with no throttle, a spin.
-    Backward the wheel on the inner side is slower, as with a car.
-    """
-    turn, drive = abs(point.steering), abs(point.throttle) / _USUAL_THROTTLE
-    sides = (
-        (Action.RIGHT, Action.SPIN_RIGHT)
-        if point.steering > 0.0
-        else (Action.LEFT, Action.SPIN_LEFT)
-    )
-    ahead, turning, spinning = (WHEELS_MPS[action] for action in (Action.FORWARD, *sides))
-    if point.throttle < 0.0:
-        ahead = WHEELS_MPS[Action.BACKWARD]
-        turning = (ahead[0], 0.0) if point.steering > 0.0 else (0.0, ahead[1])
-    left_mps, right_mps = (
-        drive * ((1.0 - turn) * ahead[wheel] + turn * turning[wheel])
-        + max(1.0 - drive, 0.0) * turn * spinning[wheel]
-        for wheel in (0, 1)
-    )
-    return left_mps, right_mps
 
 
 def push_out(world: World, pose: Pose) -> tuple[Pose, list[Contact]]:

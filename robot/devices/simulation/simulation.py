@@ -12,7 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.devices.simulation.body import WHEELS_MPS, Contact, move, push_out, sonar_m, wheels_at
+from robot.devices.simulation.body import (
+    WHEELS,
+    WHEELS_MPS,
+    Contact,
+    move,
+    push_out,
+    sonar_m,
+)
 from robot.devices.simulation.renderer import Renderer
 from robot.devices.simulation.things import move_things
 from robot.devices.simulation.world import World
@@ -143,7 +150,7 @@ class Simulation:
 
     def _step_once(self, dt_s: float) -> None:
         point = self.point
-        left_mps, right_mps = WHEELS_MPS[self.action] if point is None else wheels_at(point)
+        left_mps, right_mps = WHEELS_MPS[self.action] if point is None else WHEELS.at(point)
         if self.noise.wheel_share and dt_s > 0.0 and (left_mps or right_mps):
             share = self.noise.wheel_share * math.sqrt(_LONGEST_STEP_S / dt_s)
             slips = self._motion_rng.normal(1.0, share, 2).tolist()

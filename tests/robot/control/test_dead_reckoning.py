@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 
 from robot.bodies.ev3.agent.ports import HardwareError
-from robot.bodies.ev3.chassis import ChassisDriver, ChassisOptions, wheel_speeds
+from robot.bodies.ev3.chassis import ChassisDriver, ChassisOptions, wheels_of
 from robot.control.dead_reckoning import DeadReckoning
 from robot.devices.simulation.body import TRACK_M, WHEELS_MPS, move
+from robot.devices.wheels import CLASSIC_POINTS
 from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.testing import FakeDriver
 from robot.types import Action, Pose, Sensors
@@ -115,7 +116,7 @@ def test_a_chassis_counts_the_way_of_its_wheels(action: Action, reversed_motors:
     assert isinstance(driver, Driver)
     with driver:
         before = driver.sense().wheels_m
-        dps = wheel_speeds(action, driver.options)
+        dps = wheels_of(driver.options).at(CLASSIC_POINTS[action])
         driver.body.turned_deg = [2.0 * dps[0], 2.0 * dps[1]]
         after = driver.sense().wheels_m
         assert before == (0.0, 0.0) and after is not None

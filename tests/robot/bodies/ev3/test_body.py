@@ -10,9 +10,10 @@ import pytest
 
 from robot.bodies.ev3.agent import console, sensors
 from robot.bodies.ev3.agent.ports import HardwareError
-from robot.bodies.ev3.chassis import ChassisOptions, wheel_speeds
+from robot.bodies.ev3.chassis import ChassisOptions, wheels_of
 from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
 from robot.bodies.ev3.fake_brick import DEFAULTS, LEFTOVERS, POLL_S, FakeBrick
+from robot.devices.wheels import CLASSIC_POINTS
 from robot.driver import BodyButton
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
 from robot.testing import VirtualClock
@@ -32,19 +33,19 @@ def make_driver(brick: FakeBrick, **options: object) -> Ev3Driver:
 
 
 def test_the_defaults_are_the_speeds_of_the_paper() -> None:
-    options = ChassisOptions()
-    assert wheel_speeds(Action.FORWARD, options) == pytest.approx((360, 360), rel=0.01)
-    assert wheel_speeds(Action.LEFT, options) == pytest.approx((-90, 0), rel=0.01)
-    assert wheel_speeds(Action.RIGHT, options) == pytest.approx((0, -90), rel=0.01)
+    wheels = wheels_of(ChassisOptions())
+    assert wheels.at(CLASSIC_POINTS[Action.FORWARD]) == pytest.approx((360, 360), rel=0.01)
+    assert wheels.at(CLASSIC_POINTS[Action.LEFT]) == pytest.approx((-90, 0), rel=0.01)
+    assert wheels.at(CLASSIC_POINTS[Action.RIGHT]) == pytest.approx((0, -90), rel=0.01)
 
 
 @pytest.mark.parametrize("turn_by", ["backward", "forward", "both"])
 def test_each_way_to_turn_turns_at_the_same_rate(turn_by: str) -> None:
     options = ChassisOptions(turn_by=turn_by)
-    left, right = wheel_speeds(Action.LEFT, options)
+    left, right = wheels_of(options).at(CLASSIC_POINTS[Action.LEFT])
     rim_m_per_deg = math.pi * options.wheel_diameter_m / 360
     assert (right - left) * rim_m_per_deg / options.track_m == pytest.approx(math.radians(18.5))
-    assert wheel_speeds(Action.RIGHT, options) == (right, left)
+    assert wheels_of(options).at(CLASSIC_POINTS[Action.RIGHT]) == (right, left)
 
 
 def test_a_move_is_timed_and_ends_by_itself(brick: FakeBrick) -> None:

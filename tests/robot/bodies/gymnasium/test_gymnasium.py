@@ -19,7 +19,7 @@ from robot.errors import CameraError, ConfigurationError
 from robot.policy.image import to_rgb
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
-from robot.types import Action, Mode, PilotCommand, Sensors
+from robot.types import Action, Mode, PilotCommand, Point, Sensors
 
 LINE = "tests.standins.gymnasium_line:Line"
 
@@ -74,6 +74,24 @@ def test_a_table_names_the_moves_of_a_box() -> None:
 def test_what_cannot_be_is_named(options: dict[str, Any], says: str) -> None:
     with pytest.raises(ConfigurationError, match=says):
         driver(**options)
+
+
+def test_a_car_that_races_is_steered_by_degrees() -> None:
+    pytest.importorskip("Box2D", reason="the extra has it")
+    body = GymnasiumDriver(GymnasiumOptions())
+    assert body.takes_points and body._action_at is not None
+    for point, action, move in (
+        (Point(0.0, 0.5), (0, 0.3, 0), "forward"),
+        (Point(-1.0, 0.5), (-0.6, 0.1, 0), "left"),
+        (Point(0.5, 0.5), (0.3, 0.2, 0), "right"),
+        (Point(0.0, 1.0), (0, 0.6, 0), "forward"),
+        (Point(0.1, -0.5), (0.06, 0, 0.5), "brake"),
+        (Point(0.0, -1.0), (0, 0, 1), "brake"),
+        (Point(0.0, 0.0), (0, 0, 0), "coast"),
+    ):
+        assert body._action_at(point) == pytest.approx(action, abs=1e-6), point
+        assert body.move_of(point) == move
+    assert not GymnasiumDriver(GymnasiumOptions(env_options="continuous=false")).takes_points
 
 
 def test_options_for_the_maker() -> None:

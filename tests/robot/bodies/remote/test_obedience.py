@@ -11,14 +11,18 @@ from robot.bodies.remote.driver import RemoteOptions
 from robot.bodies.remote.udp import UdpDriver
 from robot.clock import ManualClock
 from robot.errors import DriveError
-from robot.types import Action
+from robot.types import Action, Point
 
 
 class LateLine:
-    """Answers so many orders late, one answer for each; `obeys` False: takes none of them."""
+    """Answers so many orders late, one answer for each; `obeys` False: takes none of them.
 
-    def __init__(self, lag: int, *, obeys: bool = True) -> None:
-        self.clock = ManualClock()
+    `tells` is what it says of itself besides; `orders` are those that came.
+    """
+
+    def __init__(self, lag: int, *, obeys: bool = True, **tells: object) -> None:
+        self.clock, self.tells = ManualClock(), tells
+        self.orders: list[dict[str, object]] = []
         self.obeys = obeys
         self._seq = 0
         self._is_due = False
@@ -26,10 +30,11 @@ class LateLine:
 
     def _answer(self) -> bytes:
         told = {"nonce": "aa", "seq": self._seq, "ms": 1, "distance_m": 0.5, "bumped": False}
-        return json.dumps({**told, "battery": 0.9}).encode()
+        return json.dumps({**told, "battery": 0.9, **self.tells}).encode()
 
     def send(self, message: bytes) -> None:
         order = json.loads(message.partition(b"\t")[0])
+        self.orders.append(order)
         self._seq = order.get("seq", self._seq) if self.obeys else self._seq
         self._answers.append(self._answer())
         self._is_due = True
@@ -73,6 +78,20 @@ def test_who_answers_late_obeys(lag: int) -> None:
             driver.send_action((Action.FORWARD, Action.LEFT)[number % 2])
         except DriveError:
             assert number < lag, "as soon as the first answer is there, it is heard"
+
+
+@pytest.mark.parametrize("points", [True, False, None, 1, "yes"])
+def test_degrees_are_for_those_who_say_that_they_take_them(points: object) -> None:
+    line = LateLine(0, points=points)
+    driver = driver_on(line)
+    assert driver.takes_points is (points is True)
+    assert driver.send_point(Point(-0.6, 0.4), speed_scale=0.5) is Action.LEFT
+    told = {name: line.orders[-1].get(name) for name in ("move", "speed", "steering", "throttle")}
+    numbers = {"steering": -0.6, "throttle": 0.4} if points is True else {}
+    assert told == {"move": "left", "speed": 0.5, "steering": None, "throttle": None} | numbers
+    assert set(line.orders[-1]) == {"move", "for_ms", "speed", "seq", "seen_ms", *numbers}
+    driver.send_point(Point(0.0, 0.0))
+    assert line.orders[-1]["move"] == "stop" and "steering" not in line.orders[-1]
 
 
 @pytest.mark.parametrize("lag", [0, 1, 2])
