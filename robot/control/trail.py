@@ -1,6 +1,7 @@
 """The way that the robot went: who drove, and where it asked, pushed and was corrected. Pure.
 
-It begins anew with another model, as what it shows is how that one was taught and drove.
+It begins anew with another model, as what it shows is how that one was taught and drove, and in
+another world.
 """
 
 from __future__ import annotations
@@ -48,8 +49,7 @@ class Trail:
     def note(self, tick: Tick) -> None:
         """Take in one tick."""
         if any(isinstance(event, Replaced) for event in tick.history_events):
-            self._points.clear()
-            self._n += 1  # a number that nobody was told: whoever knew the old points drops them
+            self.begin()
         lasting = frozenset(_events(tick))
         new, self._lasting = lasting - self._lasting, lasting
         pose = tick.sensors.pose
@@ -61,6 +61,11 @@ class Trail:
             return
         self._points.append(Waypoint(pose=pose, driven_by=by, events=tuple(sorted(new))))
         self._n += 1
+
+    def begin(self) -> None:
+        """Begin anew, on the loop's thread."""
+        self._points.clear()
+        self._n += 1  # a number that nobody was told: whoever knew the old points drops them
 
     def since(self, number: int) -> tuple[int, list[Waypoint]]:
         """Return the points from the `number`-th on, and the number of the first of them.

@@ -24,7 +24,7 @@ from server.board.class_key import ClassKey, is_nonce
 log = logging.getLogger(__name__)
 
 LOCKS: dict[str, tuple[str, ...]] = {
-    "settings": ("/api/settings",),
+    "settings": ("/api/settings", "/api/world"),
     "models": ("/api/models", "/api/retraining", "/api/studies", "/api/session"),
     "gallery": ("/api/gallery",),
     "recordings": ("/api/episodes",),

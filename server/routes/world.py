@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Request
 
+from robot.devices.outside import Outside, text
+from robot.errors import ConfigurationError
+from robot.types import Mode
 from server.routes.answers import Of, Route, answer
-from server.security.guard import VIEWER
+from server.routes.bodies import NO_SESSION
+from server.security.guard import PILOT, VIEWER
 from server.services import services_of
 
 router = APIRouter(route_class=Route)
@@ -40,9 +45,17 @@ class WorldMap:
 
 @dataclass
 class WorldAnswer:
-    """The world as it is now, in metres and radians; null for a real robot."""
+    """The world as it is now, in metres and radians, and where the robot can be carried; null and
+    none for a real robot."""
 
     world: WorldMap | None
+    worlds: list[str]
+
+
+class WorldChange(Outside):
+    """Where the robot is to be."""
+
+    name: str = text()
 
 
 @dataclass
@@ -61,10 +74,34 @@ def show_world(request: Request) -> WorldAnswer:
     """Return the world as it is now, in metres and radians; null for a real robot."""
     body: object = services_of(request).robot.driver
     if not hasattr(body, "simulation"):
-        return WorldAnswer(world=None)
-    world = body.simulation.world
+        return WorldAnswer(world=None, worlds=[])
+    world = body.simulation.next_world or body.simulation.world
     things = [answer(ThingAnswer, thing) for thing in world.obstacles]
-    return WorldAnswer(world=answer(WorldMap, world, things=things))
+    return WorldAnswer(
+        world=answer(WorldMap, world, things=things), worlds=sorted(getattr(body, "worlds", ()))
+    )
+
+
+@router.put("/api/world", dependencies=[PILOT, NO_SESSION])
+async def change_world(request: Request, body: WorldChange) -> WorldAnswer:
+    """Carry a simulated robot to the start of another world, with all that it knows.
+
+    409 unless it is stopped, and while a participant's session is on.
+    """
+    services = services_of(request)
+    driver: Any = services.robot.driver
+    loop = services.robot.loop
+    if not hasattr(driver, "worlds"):
+        raise ConfigurationError("only a robot of the simulator can be carried to another world")
+
+    def carry() -> None:
+        if loop.mode is not Mode.STOPPED:
+            raise ConfigurationError("stop the robot before you carry it to another world")
+        driver.enter(body.name)
+        services.progress.trail.begin()
+
+    await asyncio.wrap_future(loop.submit(carry))
+    return show_world(request)
 
 
 @router.get("/api/path", dependencies=[VIEWER])

@@ -94,6 +94,7 @@ async ({ stopReasons, links, phases, moves, seed }) => {
   const scrolled = new Set();
   store.set({ moves: [...moves] });
   show({});
+  for (let i = 0; i < 2; i += 1) await new Promise(requestAnimationFrame); // the browser has laid it out
   await new Promise((done) => setTimeout(done, 50));
   const first = places();
   let drawn = [];

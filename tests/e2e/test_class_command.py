@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,11 +44,16 @@ def free_ports(count: int) -> int:
 
 
 @contextlib.contextmanager
-def a_class(folder: Path, port: int) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+def a_class(
+    folder: Path,
+    port: int,
+    robots: int = ROBOTS,
+    command: Sequence[str] = (sys.executable, "-m", "server"),
+) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """Run the command while the block runs; yield the board's address."""
-    words = ["class", "--robots", str(ROBOTS), "--host", "127.0.0.1", "--port", str(port)]
+    words = ["class", "--robots", str(robots), "--host", "127.0.0.1", "--port", str(port)]
     process = subprocess.Popen(
-        [sys.executable, "-m", "server", *words, "--data", str(folder)],
+        [*command, *words, "--data", str(folder)],
         stdout=subprocess.PIPE,
         text=True,
         cwd=folder,
@@ -57,7 +62,7 @@ def a_class(folder: Path, port: int) -> Iterator[tuple[str, subprocess.Popen[str
     with process, contextlib.ExitStack() as ending:
         ending.callback(process.send_signal, signal.SIGINT)
         address = process.stdout.readline().split("open ")[1].strip()
-        wait_for(lambda: statuses(address) == ["there"] * ROBOTS, "all robots are there", 120)
+        wait_for(lambda: statuses(address) == ["there"] * robots, "all robots are there", 120)
         yield address, process
 
 

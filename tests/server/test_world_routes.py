@@ -49,9 +49,17 @@ def test_a_robot_that_does_not_know_where_it_is(server: VirtualServer) -> None:
     server.wait_until(lambda: server.rig.loop.state.frame_id is not None)
     answer = path_of(server).json()
     assert (answer["first"], answer["pose"], answer["events"]) == (0, [], {})
-    assert httpx.get(f"{server.address}/api/world").json() == {"world": None}
+    assert httpx.get(f"{server.address}/api/world").json() == {"world": None, "worlds": []}
 
 
 @pytest.mark.parametrize("since", ["x", "1e3", ""])
 def test_a_number_that_is_none_is_refused(server: VirtualServer, since: str) -> None:
     assert path_of(server, since).status_code in (400, 422)
+
+
+def test_no_real_robot_is_carried_elsewhere(server: VirtualServer) -> None:
+    url = f"{server.address}/api/world"
+    refused = httpx.put(url, json={"name": "box"})
+    assert (refused.status_code, "simulator" in refused.json()["detail"]) == (409, True)
+    for body in ({}, {"name": 3}, {"name": "x" * 999}, [], {"name": "box", "else": 1}):
+        assert httpx.put(url, json=body).status_code == 400, body

@@ -87,6 +87,21 @@ test('pictures have a socket of their own, opened after the words', () => {
   assert.equal(latest('/ws/video').sent.length, 1);
 });
 
+for (const [what, order] of [['after', ['open', 'ready']], ['before', ['ready', 'open']]]) {
+  test(`the link is opened at once, and pictures when it is known who draws them, ${what} it is there`, async () => {
+    FakeSocket.all = [];
+    let know;
+    const begun = connection.begin(new Promise((resolve) => (know = resolve)));
+    const acts = { open: () => FakeSocket.all[0].open(), ready: async () => { know(); await begun; } };
+    for (const [i, act] of order.entries()) {
+      assert.deepEqual(FakeSocket.all.map(({ url }) => url.slice(-6)), ['/drive'], `before step ${i}`);
+      await acts[act]();
+    }
+    assert.deepEqual(FakeSocket.all.map(({ url }) => url.slice(-6)), ['/drive', '/video']);
+    connection.close();
+  });
+}
+
 test('a silent link counts as lost, and a new one begins with nothing to say', () => {
   latest('/ws/drive').open();
   connection.nextSeq();

@@ -48,6 +48,7 @@ export class Connection extends EventTarget {
     /** @type {number | null} the newest nonce: commands carry it back */
     this.nonce = null;
     this.showsPictures = true;
+    this.isDrawn = true;
     /** @type {Pick<Worker, 'postMessage'> | null} receives and draws pictures in place of this thread */
     this.worker = null;
     /** @type {Record<string, number>} */
@@ -69,6 +70,15 @@ export class Connection extends EventTarget {
     // The shortest round trip gives the best estimate of the clock offset.
     const best = this.samples.reduce((a, b) => (b.rttMs < a.rttMs ? b : a));
     return Math.max(0, this.env.nowMs() + best.offsetMs - serverMs);
+  }
+
+  /** Connect at once; pictures are asked for when it is known who draws them. @param {Promise<unknown>} ready */
+  async begin(ready) {
+    this.isDrawn = false;
+    this.connect();
+    await ready;
+    this.isDrawn = true;
+    if (this.isOpen && this.showsPictures) this.openVideo();
   }
 
   connect() {
@@ -161,6 +171,7 @@ export class Connection extends EventTarget {
 
   openVideo() {
     this.dropVideo();
+    if (!this.isDrawn) return;
     const url = `${this.base}/ws/video`;
     if (this.worker) {
       this.worker.postMessage({ open: url });

@@ -48,8 +48,7 @@ async function start() {
   listenToKeyboard(page.helm, reach);
   listenToGamepads(page.helm, reach);
   first?.up();
-  await /** @type {any} */ (document.querySelector('video-view')).ready;
-  connection.connect();
+  connection.begin(/** @type {any} */ (document.querySelector('video-view')).ready);
   // A robot that does not know where it is has no map. Which one that is, its first picture tells.
   store.watch(['robot'], ({ robot }) => {
     if (robot) document.body.classList.toggle('mapless', robot.frame !== null && !robot.pose);

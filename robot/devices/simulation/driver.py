@@ -9,8 +9,9 @@ from typing import Any, ClassVar
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.devices.simulation.simulation import Simulation
-from robot.devices.simulation.world import load_world, tinted
+from robot.devices.simulation.world import World, load_world, tinted, world_names
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC
+from robot.errors import ConfigurationError
 from robot.types import Action, Point, Sensors
 
 
@@ -27,7 +28,11 @@ class SimOptions(Options):
 
 class SimDriver(ConnectedDriver[Simulation]):
     """Drives a `Simulation`. Time passes when somebody calls `advance`: the simulated camera,
-    on its thread, or an experiment."""
+    on its thread, or an experiment.
+
+    Attributes:
+        worlds: Where it can be carried: by name, what `load_world` takes.
+    """
 
     name: ClassVar[str] = "sim"
     default_camera: ClassVar[str] = "sim"
@@ -37,11 +42,30 @@ class SimDriver(ConnectedDriver[Simulation]):
     takes_points = True
 
     def __init__(self, options: SimOptions) -> None:
-        world = load_world(options.world)
-        world = world if options.hue < 0 else tinted(world, options.hue)
-        self.simulation = Simulation(world, options.seed)
+        self._options = options
+        first = self._load(options.world)
+        self.worlds = {**{name: name for name in world_names()}, first.name: options.world}
+        self.simulation = Simulation(first, options.seed)
         self._lock = threading.Lock()
         self._left_s = 0.0
+
+    def enter(self, name: str) -> None:
+        """Carry the robot to the start of one of its `worlds`; the caller has stopped it.
+
+        Raises:
+            ConfigurationError: If there is none of this name.
+        """
+        if name not in self.worlds:
+            raise ConfigurationError(
+                f"unknown world {name!r}; there are: {', '.join(sorted(self.worlds))}"
+            )
+        world = self._load(self.worlds[name])
+        with self._lock:
+            self.simulation.next_world = world
+
+    def _load(self, name: str) -> World:
+        world = load_world(name)
+        return world if self._options.hue < 0 else tinted(world, self._options.hue)
 
     def _open(self) -> Simulation:
         return self.simulation

@@ -58,10 +58,13 @@ class Simulation:
             of their speed: one turns faster, the other slower. 0: none.
         action: The move under way.
         point: The same by degrees; None: the move as it is.
+        next_world: Where the next step begins, from the start there; None: it goes on here. Any
+            thread may set it: world and renderer change on the thread that steps and renders.
     """
 
     def __init__(self, world: World, seed: int = 0, noise: Noise | None = None) -> None:
         self.world = self._first_world = world
+        self.next_world: World | None = None
         self.noise = noise or Noise()
         self._seed = seed
         self._motion_rng, self._sonar_rng, self._pixel_rng = (
@@ -81,6 +84,10 @@ class Simulation:
 
     def step(self, dt_s: float) -> None:
         """Advance by `dt_s` seconds with the current action."""
+        if self.next_world is not None:
+            self._first_world, self.next_world = self.next_world, None
+            self.close()
+            self.restart()
         parts = max(1, math.ceil(dt_s / _LONGEST_STEP_S - 1e-9))
         for _ in range(parts):
             self._step_once(dt_s / parts)

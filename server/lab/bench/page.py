@@ -1,7 +1,7 @@
-"""How busy the page keeps a phone: main thread, pictures and examples.
+"""How soon a phone can use the page, and how busy it keeps it: main thread, pictures, examples.
 
 A Chromium shows the page of a server in a process of its own and holds Forward with one finger;
-for a slow phone its main thread is slowed.
+for a slow phone its main thread is slowed. A first visit has a profile of its own and a slow link.
 """
 
 from __future__ import annotations
@@ -17,11 +17,25 @@ from typing import Any
 from robot.errors import ConfigurationError, need
 from robot.store.table import Table
 from server.cli.output import numbers_in
+from server.cli.parser import whole
 from server.lab.bench.process import ServerUnderTest
 from server.lab.bench.report import add_json, report
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-shell")
 _FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--mute-audio")
+LINKS = {
+    "fast 3G": {"latency": 150, "downloadThroughput": 200_000, "uploadThroughput": 93_750},
+    "DevTools' 3G": {"latency": 562.5, "downloadThroughput": 180_000, "uploadThroughput": 84_375},
+}
+"""Milliseconds of a request, and bytes a second: 1.6 Mbit/s and 150 ms; and what DevTools takes for
+the same, which delays requests alone."""
+PHONE = 4
+_WATCH = """(function look() {
+  const sees = document.querySelector('video-view[data-frames]');
+  const teach = document.querySelector('mode-bar [data-mode=train][aria-disabled=false]');
+  if (sees && teach) window.usableMs = performance.now();
+  else requestAnimationFrame(look);
+})();"""
 _BUSY = ("TaskDuration", "ScriptDuration", "LayoutDuration", "RecalcStyleDuration")
 _PATIENCE_S = 30.0
 _STATE = "document.querySelector('drive-pad').page.store.state"
@@ -34,6 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--throttle", default="1,4,6", help="how many times slower the phone is (%(default)s)"
     )
     parser.add_argument("--rate", type=float, default=30.0, help="pictures a second (%(default)s)")
+    parser.add_argument("--visits", type=whole(0), default=3, help="first ones (%(default)s)")
     add_json(parser)
 
 
@@ -46,6 +61,8 @@ def run(args: argparse.Namespace) -> int:
         # CPU time: what else the machine does is not in it.
         tools.send("Performance.enable", {"timeDomain": "threadTicks"})
         rows = [_measure(page, tools, subject, rate, args.seconds) for rate in rates]
+    with ServerUnderTest("drivelesson", args.rate) as subject:
+        visits = [(name, *_visit(subject, name)) for name in LINKS for _ in range(args.visits)]
     lines = tuple(
         (
             f"{row['throttle']:g}",
@@ -56,7 +73,33 @@ def run(args: argparse.Namespace) -> int:
         for row in rows
     )
     columns = ("slower", "busy", "script", "style, layout", "painted/s", "learned/s", "stops")
-    return report(args, rows, Table(title="The page's main thread", columns=columns, rows=lines))
+    return report(
+        args,
+        {"busy": rows, "first_visits": visits},
+        Table(title="The page's main thread", columns=columns, rows=lines),
+        Table(
+            title=f"First visits, on a phone {PHONE} times slower than this computer",
+            columns=("link", "picture", "usable"),
+            rows=tuple(
+                (name, f"{seen_s:.1f} s", f"{used_s:.1f} s") for name, seen_s, used_s in visits
+            ),
+            note="usable: there is a picture, and Teach can be pressed.",
+        ),
+    )
+
+
+def _visit(subject: ServerUnderTest, link: str) -> tuple[float, float]:
+    """Return after how many seconds a new browser shows a picture, and lets a person teach."""
+    with _phone() as page:
+        tools = page.context.new_cdp_session(page)
+        tools.send("Network.enable")
+        tools.send("Network.emulateNetworkConditions", {"offline": False, **LINKS[link]})
+        tools.send("Emulation.setCPUThrottlingRate", {"rate": PHONE})
+        page.add_init_script(_WATCH)
+        page.goto(f"http://127.0.0.1:{subject.port}/")
+        page.wait_for_function("window.usableMs > 0")
+        seen_ms = page.evaluate("performance.getEntriesByName('first-frame')[0].startTime")
+        return seen_ms / 1000, page.evaluate("window.usableMs") / 1000
 
 
 @contextlib.contextmanager

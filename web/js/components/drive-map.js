@@ -106,10 +106,11 @@ export class DriveMap extends HTMLElement {
       /** @type {Answer} */
       const answer = await ask('GET', `api/path?since=${known.next}`);
       const isFirst = !this.picture?.hasAttribute('viewBox');
+      const isElsewhere = answer.first !== known.next;
       const isNew = known.add(answer);
       this.isEstimate ||= answer.is_estimate;
       const changes = this.world?.things.some((thing) => thing.moves) && page.store.state.robot?.mode !== 'stopped';
-      if (isFirst || changes) await this.furnish();
+      if (isFirst || isElsewhere || changes) await this.furnish();
       if (isFirst || isNew) this.draw();
     } catch {
       // out of reach: the next time it will be there, or the page says so

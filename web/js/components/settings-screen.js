@@ -1,9 +1,10 @@
 // <settings-screen>: only what a person would change.
 
 import { ask } from '../api.js';
-import { append, fill, h } from '../dom.js';
-import { LANGUAGES, chooseLanguage, language, percent, t } from '../i18n.js';
+import { append, fill, h, svg } from '../dom.js';
+import { LANGUAGES, chooseLanguage, has, language, percent, t } from '../i18n.js';
 import { Tilt, hasTilt } from '../inputs/tilt.js';
+import { bounds, room } from './from-above.js';
 import { Screen, segments } from './screen.js';
 import { byPlace, declare } from '../moves.js';
 
@@ -15,14 +16,14 @@ export class SettingsScreen extends Screen {
   }
 
   async refresh() {
-    const settings = await this.attempt(() => ask('GET', 'api/settings'));
-    if (settings) this.renderRobot(/** @type {any} */ (settings));
+    const answers = await this.attempt(() => Promise.all([ask('GET', 'api/settings'), ask('GET', 'api/world')]));
+    if (answers) this.renderRobot(answers[0], answers[1]);
   }
 
-  /** @param {any} settings */
-  renderRobot(settings) {
+  /** @param {any} settings @param {any} places */
+  renderRobot(settings, places) {
     declare(settings.declared_moves);
-    fill(/** @type {Element} */ (this.robot), this.identity(settings), this.steering(settings), this.size(settings), this.speed(settings), this.moves(settings), camera(settings.camera));
+    fill(/** @type {Element} */ (this.robot), this.identity(settings), this.place(places), this.steering(settings), this.size(settings), this.speed(settings), this.moves(settings), camera(settings.camera));
   }
 
   /** @param {any} settings */
@@ -32,6 +33,17 @@ export class SettingsScreen extends Screen {
     const choice = h('select', { 'aria-label': t('settings.colour'), onchange: () => change({ colour: choice.value }) },
       ...colours.map((/** @type {string} */ c) => h('option', { value: c, selected: c === colour }, t(`colour.${c}`))));
     return group(t('settings.robot'), '', h('div', { class: 'row' }, field, choice));
+  }
+
+  /** A simulated robot can be carried elsewhere. @param {{world: import('./from-above.js').World & {name: string} | null, worlds: string[]}} places */
+  place({ world, worlds }) {
+    if (!world || worlds.length < 2) return null;
+    const name = (/** @type {string} */ place) => (has(`world.${place}`) ? t(`world.${place}`) : place);
+    const choice = h('select', { 'aria-label': t('settings.world'), onchange: () => this.attempt(() => ask('PUT', 'api/world', { name: choice.value })).then(() => this.refresh()) },
+      ...worlds.map((place) => h('option', { value: place, selected: place === world.name }, name(place))));
+    const [left, bottom, right, top] = bounds([], world);
+    const map = svg('svg', { viewBox: `${left} ${-top} ${right - left} ${top - bottom}`, class: 'above', 'aria-hidden': 'true' }, svg('g', { transform: 'scale(1 -1)' }, ...room(world)));
+    return group(t('settings.world'), t('settings.world_hint'), choice, /** @type {any} */ (map));
   }
 
   /** @param {any} settings */

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import random
+
 import numpy as np
 import pytest
 
+from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.devices.simulation.simulation import NO_NOISE, Simulation
 from robot.devices.simulation.world import load_world
+from robot.errors import ConfigurationError
 from robot.types import Action
 
 pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
@@ -71,3 +75,23 @@ def test_the_way_is_as_uncertain_at_any_frame_rate() -> None:
             headings.append(simulation.pose.heading_rad - begun)
         spread.append(float(np.std(headings)))
     assert spread == pytest.approx([spread[0]] * 3, rel=0.25)
+
+
+def test_a_robot_that_is_carried_about_starts_and_sees_where_it_is_each_time() -> None:
+    dice = random.Random(7)
+    driver = SimDriver(SimOptions(world="box", seed=3))
+    driver.connect()
+    simulation = driver.simulation
+    for name in dice.choices(sorted(driver.worlds), k=24):
+        driver.send_action(dice.choice(list(driver.moves)))
+        driver.enter(name)
+        driver.advance(dice.choice([0.001, 0.03, 1.0]))
+        assert simulation.world.name == name
+        simulation.noise = NO_NOISE
+        there = Simulation(load_world(name), 3, NO_NOISE)
+        there.world, there.pose = simulation.world, simulation.pose
+        assert (simulation.render() == there.render()).all()
+        there.close()
+    simulation.close()
+    with pytest.raises(ConfigurationError, match="there are: box, clutter"):
+        driver.enter("nowhere")

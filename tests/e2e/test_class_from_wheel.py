@@ -1,0 +1,112 @@
+"""`drivelesson class` as it is delivered: a wheel in a new environment, run in a new folder.
+
+Ten pupils teach at once and hand over at once, and one STOP holds all. How long that took is
+printed; a busy machine may take longer.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import sysconfig
+import threading
+import time
+import venv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from server.board.class_key import read_class_key
+from tests.server.live_robot import Pilot
+
+from .test_class_command import a_class, free_ports, robots_of, running
+from .world import wait_for
+
+pytestmark = [pytest.mark.slow]
+ROOT = Path(__file__).parents[2]
+ROBOTS = 10
+
+
+@pytest.fixture(scope="module")
+def delivered(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the command of the wheel in an environment of its own.
+
+    What the wheel asks for is that of these tests: only the program itself is new.
+    """
+    place = tmp_path_factory.mktemp("delivered")
+    building = ["-m", "hatchling", "build", "--target", "wheel", "--directory", str(place)]
+    subprocess.run([sys.executable, *building], cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = place.glob("*.whl")
+    venv.create(place / "venv")
+    python = place / "venv/bin/python"
+    installing = ["--python", str(python), "install", "--quiet", "--no-deps", str(wheel)]
+    subprocess.run([sys.executable, "-m", "pip", *installing], check=True)
+    library = next((place / "venv/lib").glob("python*/site-packages"))
+    (library / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    asked = [python, "-c", "import robot, server; print(robot.__file__, server.__file__)"]
+    said = subprocess.run(asked, cwd=place, capture_output=True, text=True, check=True)
+    assert said.stdout.count(str(library)) == 2, "the program is that of the wheel"
+    return place / "venv/bin/drivelesson"
+
+
+def at_once(pupils: list[Pilot], act: Callable[[Pilot], Any]) -> None:
+    """Have every pupil do something at the same time; what goes wrong for one fails the test."""
+    wrong: list[str] = []
+
+    def one(number: int, pupil: Pilot) -> None:
+        try:
+            act(pupil)
+        except Exception as error:
+            wrong.append(f"pupil {number}: {error!r}")
+
+    threads = [threading.Thread(target=one, args=each) for each in enumerate(pupils, 1)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert wrong == []
+
+
+def teach(pupil: Pilot) -> None:
+    for move, wanted in (("forward", 10), ("left", 20)):
+        pupil.drive_until(lambda wanted=wanted: pupil.state["lessons"] >= wanted, move)
+    pupil.hold(None)
+
+
+def hand_over(pupil: Pilot) -> None:
+    pupil.drive_until(lambda: pupil.state["mode"] == "autonomous", None, "autonomous")
+
+
+@pytest.mark.timeout(600)
+def test_ten_pupils_of_a_class_from_the_wheel(delivered: Path, tmp_path: Path) -> None:
+    port = free_ports(ROBOTS + 1)
+    with a_class(tmp_path, port, ROBOTS, [str(delivered)]) as (board, _):
+        code = read_class_key(tmp_path / "class.key").code
+        pupils = []
+        for robot in robots_of(board):
+            with httpx.Client(
+                base_url=robot["address"], headers={"origin": robot["address"]}
+            ) as phone:
+                phone.post("/api/pair", json={"token": code}).raise_for_status()
+                cookie = "; ".join(f"{name}={value}" for name, value in phone.cookies.items())
+            headers = {"Cookie": cookie}
+            url = robot["address"].replace("http", "ws", 1) + "/ws/drive"
+            pupils.append(
+                Pilot(url, sees=True, additional_headers=headers, origin=robot["address"])
+            )
+        at_once(pupils, teach)
+        assert all(robot["lessons"] >= 20 for robot in robots_of(board))
+        at_once(pupils, hand_over)
+        began_s = time.monotonic()
+        httpx.post(f"{board}/api/stop", json={}).raise_for_status()
+        wait_for(lambda: all(pupil.state["emergency"] for pupil in pupils), "all are stopped")
+        print(
+            f"STOP ALL, until {ROBOTS} pupils read it: {1000 * (time.monotonic() - began_s):.0f} ms"
+        )
+        assert all(robot["emergency"] for robot in robots_of(board))
+        for pupil in pupils:
+            pupil.close()
+    assert running(tmp_path) == [], "Ctrl-C leaves no process"
