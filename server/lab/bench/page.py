@@ -23,7 +23,7 @@ from server.lab.bench.report import add_json, report
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-shell")
 _FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--mute-audio")
-LINKS = {
+LINKS: dict[str, dict[str, float]] = {
     "fast 3G": {"latency": 150, "downloadThroughput": 200_000, "uploadThroughput": 93_750},
     "DevTools' 3G": {"latency": 562.5, "downloadThroughput": 180_000, "uploadThroughput": 84_375},
 }
