@@ -10,10 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from robot.policy.history import Edited, Taught
 from robot.policy.policy import Policy
 from robot.store.episodes.edits import Notes
+from robot.store.episodes.episode import Episode
 from robot.store.episodes.teaching import EditedEpisode, Step, learn_again, plan
-from robot.types import Action
+from robot.types import Action, Example
 
 _STRETCHES = 50
 _HELD_OUT = range(2, _STRETCHES, 5)
@@ -57,42 +59,34 @@ def compare(
     new_policy: Callable[[], Policy],
     on_step: Callable[[], None] = lambda: None,
 ) -> Comparison | None:
-    """Train two learners, without and with the edits, and compare them.
-
-    Args:
-        episodes: Recordings, in order, each with its edits.
-        new_policy: Makes an empty learner.
-        on_step: Called for each frame that is learned or evaluated.
-
-    Returns:
-        The comparison; None if there are too few frames.
-    """
+    """Train two learners, without and with the edits, and compare them; None: too few frames."""
     asked = _held_out(episodes)
     if asked is None:
         return None
-    spans = {(step.episode.id, step.frame_id) for step in asked}
+    spans = {(episode.id, example.frame_id) for episode, example in asked}
 
     def is_taught(step: Step) -> bool:
-        return (step.episode.id, step.frame_id) not in spans
+        event = step.event
+        return isinstance(event, Edited) or (step.episode.id, event.example.frame_id) not in spans
 
     unedited = [(episode, Notes()) for episode, _ in episodes]
     before, after = new_policy(), new_policy()
     learn_again(before, unedited, only=is_taught, on_step=on_step)
     learn_again(after, episodes, only=is_taught, on_step=on_step)
     differences, right_before, right_after = [], 0, 0
-    for step in asked:
-        assert step.label is not None
-        x = after.extract(step.episode.frame(step.frame_id))
-        was = before.propose(step.frame_id, x).action
-        now = after.propose(step.frame_id, x).action
-        right_before += was == step.label
-        right_after += now == step.label
-        if (was == step.label) != (now == step.label):
+    for episode, example in asked:
+        frame_id, label = example.frame_id, example.label
+        x = after.extract(episode.frame(frame_id))
+        was = before.propose(frame_id, x).action
+        now = after.propose(frame_id, x).action
+        right_before += was == label
+        right_after += now == label
+        if (was == label) != (now == label):
             differences.append(
                 JudgedFrame(
-                    episode_id=step.episode.id,
-                    frame_id=step.frame_id,
-                    label=step.label,
+                    episode_id=episode.id,
+                    frame_id=frame_id,
+                    label=label,
                     before=was,
                     after=now,
                 )
@@ -116,13 +110,17 @@ def count_steps(episodes: Sequence[EditedEpisode]) -> int:
     return len(plan(unedited)) + len(plan(episodes)) - len(asked)
 
 
-def _held_out(episodes: Sequence[EditedEpisode]) -> list[Step] | None:
-    labelled = [s for s in plan(episodes) if s.label and s.frame_id in s.episode.frames]
+def _held_out(episodes: Sequence[EditedEpisode]) -> list[tuple[Episode, Example]] | None:
+    labelled = [
+        (episode, event.example)
+        for episode, event in plan(episodes)
+        if isinstance(event, Taught) and event.example.frame_id in episode.frames
+    ]
     if len(labelled) < FEWEST_FRAMES:
         return None
-    found: list[Step] = []
+    found: list[tuple[Episode, Example]] = []
     for episode, _ in episodes:
-        own = [step for step in labelled if step.episode is episode]
+        own = [one for one in labelled if one[0] is episode]
         for number in _HELD_OUT:
             ends = [len(own) * n // _STRETCHES for n in (number, number + 1)]
             found += own[ends[0] : ends[1]]

@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import BinaryIO
 
-import numpy as np
-
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError
-from robot.learner.base import Vector
 from robot.policy.history import Taught, Undone
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode, taught_frames
@@ -23,10 +20,10 @@ from robot.store.episodes.messages import (
     SENSORS,
 )
 from robot.store.episodes.reader import Message, scan
-from robot.store.episodes.teaching import Step, plan
+from robot.store.episodes.teaching import plan
 from robot.store.episodes.writer import FORMAT, EpisodeWriter
 from robot.store.models.events import describe_event
-from robot.types import Action, Example
+from robot.types import Action
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,9 +53,9 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
     """List the recording's pictures in order, each with label, prediction and driver."""
     labels = taught_frames(episode)
     corrected = {
-        entry.event.example.frame_id
-        for entry in episode.events
-        if isinstance(entry.event, Taught) and entry.event.example.is_intervention
+        event.example.frame_id
+        for _, event in episode.events
+        if isinstance(event, Taught) and event.example.is_intervention
     }
     predictions = {fields["frame"]: fields for _, fields in episode.messages.get(PREDICTION, [])}
     decisions = episode.messages.get(DECISION, [])
@@ -98,11 +95,7 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
 
 
 def read_move(label: object, episode: Episode) -> Action:
-    """Return the move that a person wants for some frames.
-
-    Raises:
-        ConfigurationError: If the recording knows no such move; the message lists the known ones.
-    """
+    """Return the move that a person wants for some frames."""
     known = tuple(dict.fromkeys((*episode.moves, *CLASSIC)))
     if not isinstance(label, str) or label not in known:
         raise ConfigurationError(f"unknown label {label!r}; known: {', '.join(known)}")
@@ -125,38 +118,23 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO) -> None:
     before = episode.attachments.get(MODEL_BEFORE)
     run = {**episode.run, "format": str(FORMAT)}
     writer = EpisodeWriter(file, run, before)
-    own = {e.event.example.frame_id for e in episode.events if isinstance(e.event, Taught)}
     for record in scan(episode.path):
         if not isinstance(record, Message) or record.topic == LESSON:
             continue
         if record.topic != CAMERA or not notes.is_deleted(record.sequence):
             writer.write_copy(record)
-    _write_examples(writer, episode, plan([(episode, notes)]), own)
+    _write_events(writer, episode, notes)
     writer.close({"dropped_frames": "0", "lost_words": "0"})
 
 
-def _write_examples(
-    writer: EpisodeWriter, episode: Episode, steps: list[Step], own: set[int]
-) -> None:
+def _write_events(writer: EpisodeWriter, episode: Episode, notes: Notes) -> None:
+    """Write what is to be learned, and what was undone of an earlier recording."""
     now_s = episode.start_s
-    for step in steps:
-        if step.edit is not None:
-            writer.write_message(LESSON, now_s, describe_event(step.edit))
-            continue
-        assert step.label is not None
-        example = Example(
-            frame_id=step.frame_id, label=step.label, is_intervention=step.is_correction
-        )
-        entry = episode.frames.get(step.frame_id)
-        now_s = entry.captured_s if entry else now_s
-        taught = Taught(
-            example=example, x=_vector(step), at_s=-1.0 if step.at_s is None else step.at_s
-        )
-        writer.write_message(LESSON, now_s, describe_event(taught, with_vector=step.x is not None))
-    for late in episode.events:
-        if isinstance(late.event, Undone) and not own.issuperset(late.event.frame_ids):
-            writer.write_message(LESSON, late.now_s, describe_event(late.event))
-
-
-def _vector(step: Step) -> Vector:
-    return np.zeros(0) if step.x is None else step.x
+    for _, event in plan([(episode, notes)]):
+        if isinstance(event, Taught) and event.example.frame_id in episode.frames:
+            now_s = episode.frames[event.example.frame_id].captured_s
+        writer.write_message(LESSON, now_s, describe_event(event))
+    own = {made.example.frame_id for _, made in episode.events if isinstance(made, Taught)}
+    for at_s, late in episode.events:
+        if isinstance(late, Undone) and not own.issuperset(late.frame_ids):
+            writer.write_message(LESSON, at_s, describe_event(late))

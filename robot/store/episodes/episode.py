@@ -10,8 +10,7 @@ from pathlib import Path
 
 from robot.driver import Move, from_text
 from robot.errors import RecordingError
-from robot.learner.base import Vector
-from robot.policy.history import HistoryEvent, Taught
+from robot.policy.history import HistoryEvent
 from robot.store.episodes.images import decode_image
 from robot.store.episodes.messages import (
     CAMERA,
@@ -28,6 +27,7 @@ from robot.store.episodes.messages import (
     Fields,
 )
 from robot.store.episodes.reader import Attachment, Cut, Message, Metadata, read_chunk, scan
+from robot.store.episodes.tally import note_taught
 from robot.store.episodes.writer import FORMAT
 from robot.store.models.events import read_event
 from robot.store.models.model import Model, decode_model
@@ -47,15 +47,6 @@ class FrameEntry:
     place: tuple[int, int]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EventEntry:
-    """A change of the learner as it was recorded; `x` only where its picture was not."""
-
-    event: HistoryEvent
-    x: Vector | None
-    now_s: float
-
-
 @dataclass(slots=True, kw_only=True)
 class Episode:
     """What a recording holds. Times are seconds of the run's clock."""
@@ -63,7 +54,7 @@ class Episode:
     path: Path
     run: dict[str, str] = field(default_factory=dict)
     frames: dict[int, FrameEntry] = field(default_factory=dict)
-    events: list[EventEntry] = field(default_factory=list)
+    events: list[tuple[float, HistoryEvent]] = field(default_factory=list)
     messages: dict[str, list[tuple[float, Fields]]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     damage: str | None = None
@@ -87,7 +78,6 @@ class Episode:
 
     @property
     def moves(self) -> tuple[Action, ...]:
-        """What the robot could be taught."""
         return tuple(Action(move) for move in self.run.get("moves", "").split(",") if move)
 
     @property
@@ -97,12 +87,10 @@ class Episode:
 
     @property
     def start_s(self) -> float:
-        """Time of the first picture or message."""
         return min(self._ends(), default=0.0)
 
     @property
     def duration_s(self) -> float:
-        """Seconds from the first picture or message to the last."""
         return max(self._ends(), default=0.0) - self.start_s
 
     def _ends(self) -> Iterator[float]:
@@ -110,14 +98,9 @@ class Episode:
         yield from (entry.captured_s for entry in entries[:1] + entries[-1:])
         for received in self.messages.values():
             yield from (now_s for now_s, _ in received[:1] + received[-1:])
-        yield from (entry.now_s for entry in self.events[:1] + self.events[-1:])
+        yield from (now_s for now_s, _ in self.events[:1] + self.events[-1:])
 
     def frame(self, frame_id: int) -> Frame:
-        """Read one picture.
-
-        Raises:
-            RecordingError: If there is none, or it is damaged.
-        """
         entry = self.frames.get(frame_id)
         if entry is None:
             raise RecordingError(f"the recording {self.id} has no frame {frame_id}")
@@ -129,11 +112,9 @@ class Episode:
         return _frame(entry, self._chunks[offset][index])
 
     def model_before(self) -> Model | None:
-        """Return what the learner knew when the recording began; None if it is not known."""
         return self._model(MODEL_BEFORE)
 
     def model_after(self) -> Model | None:
-        """Return what the learner knew when the recording ended; None if it is not known."""
         return self._model(MODEL_AFTER)
 
     def _model(self, name: str) -> Model | None:
@@ -179,11 +160,7 @@ def _take(episode: Episode, record: Message | Metadata | Attachment | Cut) -> No
 
 
 def check_run(values: dict[str, str]) -> dict[str, str]:
-    """Return what a recording says of itself.
-
-    Raises:
-        RecordingError, ValueError, KeyError: If it is of a newer version, or makes no sense.
-    """
+    """Return what a recording says of itself."""
     if int(values["format"]) > FORMAT:
         raise RecordingError("it was recorded by a newer version; update this program")
     int(values["origin_ns"])
@@ -203,8 +180,7 @@ def _take_message(episode: Episode, message: Message) -> None:
             place=message.place,
         )
     elif message.topic == LESSON:
-        event, x = read_event(json.loads(message.data))
-        episode.events.append(EventEntry(event=event, x=x, now_s=now_s))
+        episode.events.append((now_s, read_event(json.loads(message.data))))
     elif message.topic in (COMMAND, DECISION, PREDICTION, SENSORS, MODE):
         fields = json.loads(message.data)
         if not isinstance(fields, dict):
@@ -225,10 +201,6 @@ def _frame(entry: FrameEntry, data: bytes) -> Frame:
 def taught_frames(episode: Episode) -> dict[int, Action]:
     """Return the frames that were taught and not undone, with the label each was given last."""
     taught: dict[int, Action] = {}
-    for entry in episode.events:
-        if isinstance(entry.event, Taught):
-            taught[entry.event.example.frame_id] = entry.event.example.label
-        else:
-            for frame_id in getattr(entry.event, "frame_ids", ()):
-                taught.pop(frame_id, None)
+    for _, event in episode.events:
+        note_taught(taught, event)
     return taught

@@ -6,9 +6,19 @@ import json
 from collections import Counter
 from dataclasses import dataclass, field
 
-from robot.policy.history import Taught, Undone
+from robot.policy.history import HistoryEvent, Taught, Undone
 from robot.store.episodes.messages import CAMERA, LESSON
 from robot.store.models.events import PlainEvent, read_event
+from robot.types import Action
+
+
+def note_taught(labels: dict[int, Action], event: HistoryEvent) -> None:
+    """Note by its frame what an event teaches, or takes back."""
+    if isinstance(event, Taught):
+        labels[event.example.frame_id] = event.example.label
+    elif isinstance(event, Undone):
+        for frame_id in event.frame_ids:
+            labels.pop(frame_id, None)
 
 
 @dataclass(slots=True)
@@ -16,27 +26,18 @@ class Tally:
     """Counts pictures, time and examples; `labels` are those that were not undone, by frame."""
 
     frames: set[int] = field(default_factory=set)
-    labels: dict[int, str] = field(default_factory=dict)
+    labels: dict[int, Action] = field(default_factory=dict)
     first_ns: int | None = None
     last_ns: int = 0
 
     def note(self, topic: str, log_ns: int, sequence: int, lesson: PlainEvent | None) -> None:
-        """Count one message; `lesson` is what one of the topic `/lesson` says.
-
-        Raises:
-            RecordingError: If that has another form.
-        """
+        """Count one message; `lesson` is what one of the topic `/lesson` says."""
         self.first_ns = log_ns if self.first_ns is None else min(self.first_ns, log_ns)
         self.last_ns = max(self.last_ns, log_ns)
         if topic == CAMERA:
             self.frames.add(sequence)
         elif topic == LESSON and lesson is not None:
-            event, _ = read_event(lesson)
-            if isinstance(event, Taught):
-                self.labels[event.example.frame_id] = event.example.label.value
-            elif isinstance(event, Undone):
-                for frame_id in event.frame_ids:
-                    self.labels.pop(frame_id, None)
+            note_taught(self.labels, read_event(lesson))
 
     def describe(self) -> dict[str, str]:
         """Return it as the summary at the end of a recording has it."""

@@ -7,15 +7,17 @@ camera sent them, and examples that were undone while driving are left out.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
 
 from robot.errors import ConfigurationError
-from robot.learner.base import Vector
-from robot.policy.history import Edited, LogEvent, Taught, Undone, replay
+from robot.policy.history import Edited, HistoryEvent, LogEvent, Taught, Undone, replay
 from robot.policy.policy import Policy
 from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import Episode, EventEntry
+from robot.store.episodes.episode import Episode
 from robot.store.models.model import same_nodes
 from robot.types import Action, Example
 
@@ -24,21 +26,15 @@ EditedEpisode = tuple[Episode, Notes]
 __all__ = ["EditedEpisode", "Report", "Step", "learn_again", "plan", "same_nodes"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Step:
-    """One thing to learn: a labelled frame, with its vector if that was recorded, or an edit.
+class Step(NamedTuple):
+    """One thing to learn of a recording: an edit, or an example with the label that it has now.
 
-    `at_s` is the teaching time of the example; None for a frame that was labelled afterwards.
-    `is_correction` is True if the pilot overruled the robot.
+    The vector of an example is empty where its picture was recorded. One that a person labelled
+    afterwards has the teaching time -1.
     """
 
     episode: Episode
-    frame_id: int = 0
-    label: Action | None = None
-    x: Vector | None = None
-    at_s: float | None = None
-    is_correction: bool = False
-    edit: Edited | None = None
+    event: Taught | Edited
 
 
 @dataclass(slots=True, kw_only=True)
@@ -56,81 +52,55 @@ class Report:
 
 def plan(episodes: Sequence[EditedEpisode]) -> list[Step]:
     """List what there is to learn, in order, without what was undone or deleted."""
-    steps: list[Step] = []
-    for episode, notes, entries in _surviving(episodes):
-        extras = _untaught_relabels(episode, notes)
-        for entry in entries:
-            if isinstance(entry.event, Edited):
-                steps.append(Step(episode=episode, edit=entry.event))
-            elif isinstance(entry.event, Taught):
-                frame_id = entry.event.example.frame_id
-                while extras and extras[0] < frame_id:
-                    steps.append(_extra(episode, notes, extras.pop(0)))
+    log, steps = _surviving(episodes), []
+    for episode, notes in episodes:
+        late = _labelled_late(episode, notes)
+        for event in (event for other, event in log if other is episode):
+            if isinstance(event, Edited):
+                steps.append(Step(episode, event))
+            elif isinstance(event, Taught):
+                frame_id = event.example.frame_id
+                while late and late[0].example.frame_id < frame_id:
+                    steps.append(Step(episode, late.pop(0)))
                 if not notes.is_deleted(frame_id):
-                    label = notes.relabel(frame_id) or entry.event.example.label
-                    is_timed = "timed" in episode.run and entry.event.at_s >= 0.0
-                    at_s = entry.event.at_s if is_timed else None
-                    steps.append(
-                        Step(
-                            episode=episode,
-                            frame_id=frame_id,
-                            label=label,
-                            x=entry.x,
-                            at_s=at_s,
-                            is_correction=entry.event.example.is_intervention,
-                        )
-                    )
-        steps.extend(_extra(episode, notes, frame_id) for frame_id in extras)
+                    label = notes.relabel(frame_id) or event.example.label
+                    example = replace(event.example, label=label)
+                    at_s = event.at_s if "timed" in episode.run else -1.0
+                    steps.append(Step(episode, replace(event, example=example, at_s=at_s)))
+        steps += [Step(episode, event) for event in late]
     return steps
 
 
-def _extra(episode: Episode, notes: Notes, frame_id: int) -> Step:
-    return Step(episode=episode, frame_id=frame_id, label=notes.relabel(frame_id))
-
-
-def _untaught_relabels(episode: Episode, notes: Notes) -> list[int]:
+def _labelled_late(episode: Episode, notes: Notes) -> list[Taught]:
     """List frames that were not examples while driving, but were labelled afterwards."""
-    taught = {e.event.example.frame_id for e in episode.events if isinstance(e.event, Taught)}
-    return [
-        frame_id
-        for frame_id in episode.frames
-        if frame_id not in taught and notes.relabel(frame_id) and not notes.is_deleted(frame_id)
-    ]
+    taught = {event.example.frame_id for _, event in episode.events if isinstance(event, Taught)}
+    found = []
+    for frame_id in episode.frames:
+        label = notes.relabel(frame_id)
+        if label and frame_id not in taught and not notes.is_deleted(frame_id):
+            example = Example(frame_id=frame_id, label=label, is_intervention=False)
+            found.append(Taught(example=example, x=np.zeros(0), at_s=-1.0))
+    return found
 
 
-def _surviving(
-    episodes: Sequence[EditedEpisode],
-) -> Iterator[tuple[Episode, Notes, list[EventEntry]]]:
+def _surviving(episodes: Sequence[EditedEpisode]) -> list[tuple[Episode, HistoryEvent]]:
     """Leave out what was undone while driving, also across the recordings of one run."""
-    log: list[tuple[Episode, EventEntry]] = []
+    log: list[tuple[Episode, HistoryEvent]] = []
     for episode, _ in episodes:
-        run = episode.run.get("run", "")
-        for entry in episode.events:
-            if isinstance(entry.event, Undone):
-                log = _undo(log, run, entry.event)
-            else:
-                log.append((episode, entry))
-    for episode, notes in episodes:
-        yield episode, notes, [entry for other, entry in log if other is episode]
+        for _, event in episode.events:
+            if not isinstance(event, Undone):
+                log.append((episode, event))
+            elif event.frame_ids:
+                gone, run = set(event.frame_ids), episode.run.get("run", "")
+                log = [(of, made) for of, made in log if not _is_of(made, gone, of, run)]
+            elif edits := [i for i, (_, made) in enumerate(log) if isinstance(made, Edited)]:
+                del log[edits[-1]]
+    return log
 
 
-def _undo(
-    log: list[tuple[Episode, EventEntry]], run: str, undone: Undone
-) -> list[tuple[Episode, EventEntry]]:
-    if not undone.frame_ids:
-        edits = [i for i, (_, entry) in enumerate(log) if isinstance(entry.event, Edited)]
-        return log[: edits[-1]] + log[edits[-1] + 1 :] if edits else log
-    gone = set(undone.frame_ids)
-
-    def stays(episode: Episode, entry: EventEntry) -> bool:
-        event = entry.event
-        return not (
-            isinstance(event, Taught)
-            and event.example.frame_id in gone
-            and episode.run.get("run", "") == run
-        )
-
-    return [(episode, entry) for episode, entry in log if stays(episode, entry)]
+def _is_of(event: HistoryEvent, frame_ids: set[int], episode: Episode, run: str) -> bool:
+    is_one = isinstance(event, Taught) and event.example.frame_id in frame_ids
+    return is_one and episode.run.get("run", "") == run
 
 
 def learn_again(
@@ -160,14 +130,17 @@ def learn_again(
         episode.run.get("learner") == policy.name and not notes.edits for episode, notes in episodes
     )
     report = Report(taught=Counter())
-    for step in (step for step in plan(episodes)[skip:] if only(step)):
-        event = step.edit if step.edit is not None else _example_of(step, policy, report)
-        if isinstance(event, Taught):
-            replay(policy, [event], _raise)
-            report.taught[event.example.label] += 1
-        elif event is not None and is_faithful:
-            replay(policy, [event], report.leave_out)
-        elif event is not None:
+    for step in filter(only, plan(episodes)[skip:]):
+        if isinstance(step.event, Taught):
+            event = _seen_by(policy, step.episode, step.event)
+            if event is None:
+                report.missing_frames += 1
+            else:
+                replay(policy, [event], _raise)
+                report.taught[event.example.label] += 1
+        elif is_faithful:
+            replay(policy, [step.event], report.leave_out)
+        else:
             report.left_out_edits += 1
         on_step()
     return report
@@ -177,20 +150,14 @@ def _raise(event: LogEvent, error: Exception) -> None:
     raise error
 
 
-def _example_of(step: Step, policy: Policy, report: Report) -> Taught | None:
+def _seen_by(policy: Policy, episode: Episode, event: Taught) -> Taught | None:
     """Return the example with this policy's own vector; None if its picture was not recorded."""
-    assert step.label is not None
-    if step.label not in policy.moves:
+    frame_id, label = event.example.frame_id, event.example.label
+    if label not in policy.moves:
         raise ConfigurationError(
-            f"{step.episode.id} teaches {step.label.value!r}, which is not one of the moves "
+            f"{episode.id} teaches {label.value!r}, which is not one of the moves "
             f"{', '.join(policy.moves)}"
         )
-    if step.frame_id in step.episode.frames:
-        x = policy.extract(step.episode.frame(step.frame_id))
-    elif step.x is not None and step.episode.run.get("learner") == policy.name:
-        x = step.x
-    else:
-        report.missing_frames += 1
-        return None
-    example = Example(frame_id=step.frame_id, label=step.label, is_intervention=step.is_correction)
-    return Taught(example=example, x=x, at_s=-1.0 if step.at_s is None else step.at_s)
+    if frame_id in episode.frames:
+        return replace(event, x=policy.extract(episode.frame(frame_id)))
+    return event if event.x.size and episode.run.get("learner") == policy.name else None

@@ -17,8 +17,11 @@ from robot.types import Action, Example
 PlainEvent = dict[str, Any]
 
 
-def describe_event(event: HistoryEvent, *, with_vector: bool = False) -> PlainEvent:
-    """Describe one change of the learner; with its vector if its frame is not recorded."""
+_NO_VECTOR: Vector = np.zeros(0)
+
+
+def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEvent:
+    """Describe one change of the learner; its vector is left out where its frame is recorded."""
     if isinstance(event, Taught):
         example = event.example
         return {
@@ -27,7 +30,7 @@ def describe_event(event: HistoryEvent, *, with_vector: bool = False) -> PlainEv
             "label": example.label,
             "intervention": example.is_intervention,
             "at_s": event.at_s,
-            "x": _describe_vector(event.x) if with_vector else None,
+            "x": _describe_vector(event.x) if with_vector and event.x.size else None,
         }
     if isinstance(event, Edited):
         return {
@@ -42,8 +45,8 @@ def describe_event(event: HistoryEvent, *, with_vector: bool = False) -> PlainEv
     return {"event": "replaced", "learner": event.policy_name}
 
 
-def read_event(plain: PlainEvent) -> tuple[HistoryEvent, Vector | None]:
-    """Read a change of the learner back, and the vector if it was recorded.
+def read_event(plain: PlainEvent) -> HistoryEvent:
+    """Read a change of the learner back; a vector that was not recorded is empty.
 
     Raises:
         RecordingError: If the values have another form.
@@ -51,26 +54,25 @@ def read_event(plain: PlainEvent) -> tuple[HistoryEvent, Vector | None]:
     try:
         kind = plain["event"]
         if kind == "taught":
-            x = _read_vector(plain["x"]) if plain.get("x") else None
+            x = _read_vector(plain["x"]) if plain.get("x") else _NO_VECTOR
             example = Example(
                 frame_id=int(plain["frame"]),
                 label=Action(plain["label"]),
                 is_intervention=bool(plain["intervention"]),
             )
             at_s = float(plain["at_s"])
-            return Taught(example=example, x=np.zeros(0) if x is None else x, at_s=at_s), x
+            return Taught(example=example, x=x, at_s=at_s)
         if kind == "edited":
-            edited = Edited(
+            return Edited(
                 verb=str(plain["verb"]),
                 node_id=int(plain["node"]),
                 value=plain["value"],
                 at_s=float(plain["at_s"]),
             )
-            return edited, None
         if kind == "undone":
-            return Undone(frame_ids=tuple(int(frame) for frame in plain["frames"])), None
+            return Undone(frame_ids=tuple(int(frame) for frame in plain["frames"]))
         if kind == "replaced":
-            return Replaced(policy_name=str(plain["learner"])), None
+            return Replaced(policy_name=str(plain["learner"]))
         raise ValueError(f"unknown event {kind!r}")
     except (KeyError, ValueError, TypeError) as error:
         raise RecordingError(f"an example is damaged: {error}") from error

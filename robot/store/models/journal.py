@@ -77,7 +77,6 @@ class Part:
 
     @property
     def paths(self) -> tuple[Path, Path]:
-        """Its two files."""
         stem = f"{self.boot:06d}-{self.number:02d}"
         return self.folder / f"{stem}.a", self.folder / f"{stem}.b"
 
@@ -135,15 +134,10 @@ class Journal:
         return self._fault
 
     def position(self, change: int) -> JournalPosition:
-        """Return the position of a change of this run."""
         return JournalPosition(run=self.run, boot=self.boot, change=change)
 
     def start(self, after: int = 0) -> None:
-        """Start writing.
-
-        Args:
-            after: The number of an earlier start, if one is known from elsewhere.
-        """
+        """Start writing; `after` is the number of an earlier start that is known from elsewhere."""
         self.open_boot(after)
         self._is_ending = False
         self._thread = self._clock.start_thread(self._run, "journal")
@@ -166,14 +160,7 @@ class Journal:
     # Called on the loop's thread ---------------------------------------------------------------
 
     def note(self, tick: Tick, history: TrainingHistory, name: str | None, place: str = "") -> None:
-        """Queue the changes of the learner in one tick.
-
-        Args:
-            tick: The tick.
-            history: The learner, as it is after the tick.
-            name: What the model in use is called.
-            place: Where it was taught.
-        """
+        """Queue the changes of the learner in one tick."""
         events, must = tick.history_events, self._needs_checkpoint
         drives, self._drives = self._drives, history.drives
         if drives != history.drives and not must:
@@ -242,7 +229,6 @@ class Journal:
             await self._clock.pause(0.005)
 
     def sync(self) -> None:
-        """Have what is written reach the disk."""
         writer = self._writer
         if writer is not None:
             writer.sync()
@@ -331,5 +317,5 @@ def _encode(item: _Item) -> bytes:
         head["name"] = item.name
         body = zlib.compress(encode_model(item.model), 1)
     elif item.event is not None:
-        body = zlib.compress(to_json(describe_event(item.event, with_vector=True)), 1)
+        body = zlib.compress(to_json(describe_event(item.event)), 1)
     return json.dumps(head).encode() + HEAD + body

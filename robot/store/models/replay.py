@@ -119,13 +119,12 @@ def _take(run: _Run, record: bytes) -> None:
             for older in sorted(run.checkpoints)[:-2]:
                 del run.checkpoints[older]
         elif kind == "event" and change not in run.events:
-            run.events[change], _ = read_event(json.loads(_unpack(body)))
+            run.events[change] = read_event(json.loads(_unpack(body)))
     except (RobotError, ValueError, KeyError, TypeError, zlib.error, RecursionError) as error:
         log.warning("a record of the journal is skipped: %s", error)
 
 
 def _unpack(body: bytes) -> bytes:
-    """Unpack within bounds."""
     packed = zlib.decompressobj()
     data = packed.decompress(body, MAX_BYTES)
     if packed.unconsumed_tail:

@@ -87,7 +87,7 @@ def test_actions_say_what_was_done_and_what_was_corrected(episode: Episode, tmp_
     write_lerobot([(episode, Notes())], tmp_path / "dataset")
     data = pq.read_table(tmp_path / "dataset/data/chunk-000/file-000.parquet").to_pydict()
     assert {tuple(action) for action in data["action"]} <= {(0.0, 0.5), (-1.0, 0.5), (0.0, 0.0)}
-    corrected = [entry.event.example.is_intervention for entry in episode.events]  # type: ignore[union-attr]
+    corrected = [event.example.is_intervention for _, event in episode.events]  # type: ignore[union-attr]
     assert sum(data["intervention"]) == sum(corrected) == len(taught_frames(episode)) - 99
     state = np.array(data["observation.state"])
     assert state.shape[1] == 2 and 0 < state[:, 0].mean() < 2.55

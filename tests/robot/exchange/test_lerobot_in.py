@@ -307,7 +307,7 @@ def test_an_export_comes_back_with_its_labels_and_corrections(
     )
 
     def corrections(one: Episode) -> int:
-        return sum(entry.event.example.is_intervention for entry in one.events)  # type: ignore[union-attr]
+        return sum(event.example.is_intervention for _, event in one.events)  # type: ignore[union-attr]
 
     assert corrections(back) == corrections(episode) > 0
 

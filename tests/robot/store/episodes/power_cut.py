@@ -161,9 +161,7 @@ def look_at_episodes(
             continue
         episode = open_episode(path)
         on_disk |= {
-            entry.event.example.frame_id
-            for entry in episode.events
-            if isinstance(entry.event, Taught)
+            event.example.frame_id for _, event in episode.events if isinstance(event, Taught)
         }
         end_s = max(end_s, episode.start_s + episode.duration_s)
     life.taught = len(taught)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
+from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.store.episodes.editing import choose, moments
 from robot.store.episodes.edits import Edit, Notes, notes_path, trim
@@ -148,7 +149,8 @@ def test_a_compact_recording_knows_what_corrected_the_robot(storage: Storage) ->
 
     def corrections() -> list[int]:
         steps = plan([(store.open(episode_id), store.notes(episode_id))])
-        return [step.frame_id for step in steps if step.is_correction]
+        examples = [step.event.example for step in steps if isinstance(step.event, Taught)]
+        return [example.frame_id for example in examples if example.is_intervention]
 
     before = corrections()
     store.edit(episode_id, Edit(verb="delete", ranges=((before[0], before[0]),)))

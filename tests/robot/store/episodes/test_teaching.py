@@ -7,14 +7,25 @@ from pathlib import Path
 import pytest
 
 from robot.errors import ConfigurationError
+from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.store.episodes.edits import Edit, Notes, trim
-from robot.store.episodes.episode import open_episode
+from robot.store.episodes.episode import Episode, open_episode
 from robot.store.episodes.teaching import learn_again, plan, same_nodes
 from robot.store.models.model import Model
-from robot.types import Action, Mode
+from robot.types import Action, Example, Mode
 
 from .drives import MOVES, RecordedBench, record_drive
+
+
+def examples(episode: Episode, notes: Notes) -> list[Example]:
+    events = (step.event for step in plan([(episode, notes)]))
+    return [event.example for event in events if isinstance(event, Taught)]
+
+
+def frames_taught(episode: Episode, notes: Notes) -> list[int]:
+    return [example.frame_id for example in examples(episode, notes)]
+
 
 LEARNERS = ("published-8", "default-8", "published-32", "default-32")
 
@@ -89,12 +100,12 @@ def test_another_learner_learns_the_same_lessons(tmp_path: Path) -> None:
 
 def test_deleted_frames_are_not_learned(tmp_path: Path) -> None:
     episode = record_drive(tmp_path)
-    ids = [step.frame_id for step in plan([(episode, Notes())])]
+    ids = frames_taught(episode, Notes())
     notes = Notes().with_edit(Edit(verb="delete", ranges=((ids[10], ids[19]),)))
-    assert [step.frame_id for step in plan([(episode, notes)])] == ids[:10] + ids[20:]
+    assert frames_taught(episode, notes) == ids[:10] + ids[20:]
     kept = notes.with_edit(trim(episode.frames, ids[5], ids[14]))
-    assert [step.frame_id for step in plan([(episode, kept)])] == ids[5:10]
-    assert plan([(episode, kept.without_last_edit().without_last_edit())])[0].frame_id == ids[0]
+    assert frames_taught(episode, kept) == ids[5:10]
+    assert frames_taught(episode, kept.without_last_edit().without_last_edit())[0] == ids[0]
 
 
 def test_relabelled_frames_are_learned_with_the_new_label_also_if_nobody_taught_them(
@@ -106,16 +117,16 @@ def test_relabelled_frames_are_learned_with_the_new_label_also_if_nobody_taught_
     for scene in range(100, 110):
         robot.step(scene, None)
     episode = open_episode(robot.finish()[0])
-    taught = [step.frame_id for step in plan([(episode, Notes())])]
+    taught = frames_taught(episode, Notes())
     alone = [frame_id for frame_id in episode.frames if frame_id > taught[-1]][2:5]
     edit = Edit(
         verb="relabel", ranges=((taught[0], taught[2]), (alone[0], alone[-1])), label=Action.RIGHT
     )
-    steps = plan([(episode, Notes(edits=(edit,)))])
-    assert [step.frame_id for step in steps] == taught + alone
-    assert [step.label for step in steps[:3]] == [Action.RIGHT] * 3
-    assert [step.label for step in steps[-3:]] == [Action.RIGHT] * 3
-    assert steps[3].label in MOVES
+    assert frames_taught(episode, Notes(edits=(edit,))) == taught + alone
+    labels = [example.label for example in examples(episode, Notes(edits=(edit,)))]
+    assert labels[:3] == [Action.RIGHT] * 3
+    assert labels[-3:] == [Action.RIGHT] * 3
+    assert labels[3] in MOVES
 
 
 def test_a_label_that_the_learner_cannot_do_is_refused(tmp_path: Path) -> None:
