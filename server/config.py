@@ -27,11 +27,7 @@ class PublicAddress:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Read `https://home.example/robot/`.
-
-        Raises:
-            ConfigurationError: If it is no such address.
-        """
+        """Read `https://home.example/robot/`."""
         try:
             parts = urlsplit(text.strip())
             port, name = parts.port, (parts.hostname or "").encode("idna").decode()
@@ -51,7 +47,6 @@ class PublicAddress:
 
     @property
     def name(self) -> str:
-        """The host without its port."""
         return urlsplit(f"//{self.host}").hostname or ""
 
     @property
@@ -168,11 +163,7 @@ def as_address(text: str) -> Address | None:
 
 
 def read_networks(text: str) -> tuple[Network, ...]:
-    """Read addresses and networks, with commas in between.
-
-    Raises:
-        ConfigurationError: If one of them is none.
-    """
+    """Read addresses and networks, with commas in between."""
     try:
         return tuple(ipaddress.ip_network(one.strip(), strict=False) for one in text.split(","))
     except ValueError as error:

@@ -65,12 +65,7 @@ class IdentityFile:
                 log.warning("the robot's name was not saved: %s", error)
 
     def change(self, **fields: Any) -> Identity:
-        """Change name or colour.
-
-        Raises:
-            ConfigurationError: If a value is not valid.
-            OSError: If it cannot be saved; then nothing is changed.
-        """
+        """Change name or colour."""
         before, self.now = self.now, replace(self.now, **fields)
         try:
             self._write()

@@ -64,11 +64,9 @@ class Progress(StartStop):
         self._unsubscribe: Callable[[], None] = lambda: None
 
     def start(self) -> None:
-        """Subscribe to the control loop."""
         self._unsubscribe = self._loop.subscribe(self.note)
 
     def stop(self) -> None:
-        """Unsubscribe."""
         self._unsubscribe()
 
     def note(self, tick: Tick) -> None:

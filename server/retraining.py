@@ -35,18 +35,7 @@ class Retraining:
         self._run: _Run | None = None
 
     def begin(self, store: EpisodeStore, episode_ids: Sequence[str], learner: str) -> None:
-        """Start to train an empty learner, in place of any earlier run.
-
-        Args:
-            store: The recordings.
-            episode_ids: Which ones, in any order; they are taught in the order of recording.
-            learner: Name of the learner.
-
-        Raises:
-            ConfigurationError: If a run is in progress, or there is nothing to learn.
-            NotFoundError: If a recording is unknown.
-            RecordingError: If one cannot be read.
-        """
+        """Train an empty learner on these, in the order of recording; one run at a time."""
         if not episode_ids:
             raise ConfigurationError("choose at least one recording")
         episodes = [
@@ -65,25 +54,19 @@ class Retraining:
         self._clock.start_thread(run.work, "retraining")
 
     def take(self) -> Model:
-        """Return the trained model; it stays until `drop`.
-
-        Raises:
-            ConfigurationError: If there is none yet.
-        """
+        """Return the trained model; it stays until `drop`."""
         run = self._run
         if run is None or run.model is None:
             raise ConfigurationError("no training run has finished yet")
         return run.model
 
     def drop(self) -> None:
-        """Drop the result, or cancel the run."""
         with self._lock:
             run, self._run = self._run, None
         if run is not None:
             run.is_dropped = True
 
     def describe(self) -> dict[str, Any]:
-        """Return the state of the run, as the page gets it."""
         run = self._run
         return {"state": "idle"} if run is None else run.describe()
 

@@ -97,18 +97,7 @@ def make_services(
     pairing: Pairing | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Services:
-    """Create the services for one robot. Nothing starts yet.
-
-    Args:
-        config: The configuration.
-        robot: The robot, running or not.
-        name: The robot's name, if `identity` is not given.
-        identity: Stores the robot's name and colour; by default in memory only.
-        events: The bus that `persistence` publishes to; a new one by default.
-        persistence: Stores models and recordings; started and stopped by the caller.
-        pairing: The paired browsers; None admits every client that can reach the port.
-        options: Options of `drivelesson serve`, for the extensions.
-    """
+    """Create the services for one robot. Nothing starts yet."""
     events = events or EventBus()
     identity = identity or IdentityFile(None, name)
 

@@ -26,11 +26,9 @@ class DiskThread(StartStop):
         self._thread: Worker | None = None
 
     def add(self, turn: Callable[[], None]) -> None:
-        """Have one more turn from now on."""
         self._turns.append(turn)
 
     def start(self) -> None:
-        """Start the thread; idempotent."""
         if self._thread is None:
             self._ending.clear()
             self._thread = self._clock.start_thread(self._run, "disk")

@@ -226,7 +226,6 @@ class Storage:
                         path.unlink()
 
     def usage(self) -> Usage:
-        """Count the bytes of all files."""
         return Usage(
             models=_size(self.models),
             episodes=_size(self.episodes),

@@ -60,7 +60,6 @@ class FolderLock(StartStop):
         _held.append(lock)
 
     def stop(self) -> None:
-        """Let go of the folder. Idempotent."""
         lock, self._lock = self._lock, None
         if lock is not None:
             with contextlib.suppress(OSError):

@@ -94,11 +94,7 @@ def _view_array(data: bytes, member: zipfile.ZipInfo) -> NDArray[Any]:
 
 
 def write_arrays(arrays: Mapping[str, NDArray[Any]], *, is_packed: bool = False) -> bytes:
-    """Return the bytes of an `.npz` with these arrays, never pickled; deflated if `is_packed`.
-
-    Raises:
-        ValueError: If an array holds objects.
-    """
+    """Return the bytes of an `.npz` with these arrays, never pickled; deflated if `is_packed`."""
     file = io.BytesIO()
     packing = zipfile.ZIP_DEFLATED if is_packed else zipfile.ZIP_STORED
     with zipfile.ZipFile(file, "w", packing, compresslevel=1) as archive:

@@ -22,7 +22,6 @@ _HEAD = struct.Struct("<4sII")
 
 
 def frame_record(payload: bytes) -> bytes:
-    """Return a record as it stands in a file."""
     return _HEAD.pack(MAGIC, len(payload), zlib.crc32(payload)) + payload
 
 

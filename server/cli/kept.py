@@ -30,11 +30,7 @@ def add_data(parser: argparse.ArgumentParser) -> None:
 
 
 def find_id(store: EpisodeStore, name: str) -> str:
-    """Return the id of the episode with this name, or the only one that begins with it.
-
-    Raises:
-        NotFoundError: If there is none, or more than one.
-    """
+    """Return the id of the episode with this name, or the only one that begins with it."""
     ids = store.ids()
     if name == "last" and name not in ids:
         return find_last(store)
@@ -46,11 +42,7 @@ def find_id(store: EpisodeStore, name: str) -> str:
 
 
 def find_last(store: EpisodeStore) -> str:
-    """Return the episode that was recorded last, by its time and never by its name.
-
-    Raises:
-        NotFoundError: If there is none.
-    """
+    """Return the episode that was recorded last, by its time and never by its name."""
     summaries = store.summaries()
     if not summaries:
         raise NotFoundError("there is no episode yet")

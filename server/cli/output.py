@@ -14,11 +14,7 @@ _T = TypeVar("_T", int, float)
 
 
 def numbers_in(text: str, kind: Callable[[str], _T], option: str) -> list[_T]:
-    """Return the numbers of an option, with commas between.
-
-    Raises:
-        ConfigurationError: If one is none.
-    """
+    """Return the numbers of an option, with commas between."""
     try:
         return [kind(part) for part in text.split(",")]
     except ValueError as error:
@@ -26,7 +22,6 @@ def numbers_in(text: str, kind: Callable[[str], _T], option: str) -> list[_T]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file; raises ConfigurationError if it cannot be."""
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -40,10 +35,6 @@ def write_json(path: Path | None, plain: Any) -> None:
 
 
 def progress(total: int | None, unit: str, command: str, extra: str, text: str = "") -> Any:
-    """Return a bar on the standard error, to be used as a context manager, with `update()`.
-
-    Raises:
-        MissingExtraError: If its library is not installed; names the command and its extra.
-    """
+    """Return a bar on the standard error, to be used as a context manager, with `update()`."""
     tqdm = need("tqdm", f"the command {command}", extra).tqdm
     return tqdm(total=total, unit=unit, desc=text or None, file=sys.stderr)

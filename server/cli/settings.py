@@ -45,11 +45,7 @@ class Settings:
 
 
 def read_settings(file: Path | None, environ: Mapping[str, str]) -> Settings:
-    """Read the file; keep the environment with it.
-
-    Raises:
-        ConfigurationError: If the file is missing or not valid.
-    """
+    """Read the file; keep the environment with it."""
     content = _read_file(file) if file else {}
     tables = {name: content.pop(name) for name in TABLES if name in content}
     if not all(isinstance(table, dict) for table in tables.values()):
@@ -59,11 +55,7 @@ def read_settings(file: Path | None, environ: Mapping[str, str]) -> Settings:
 
 
 def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
-    """Make the settings the parser's defaults.
-
-    Raises:
-        ConfigurationError: If a value is of the wrong type, or the file has an unknown setting.
-    """
+    """Make the settings the parser's defaults."""
     actions = {action.dest: action for action in parser._actions}  # there is no public list
     unknown = [name for name in settings.flags if name not in actions]
     if unknown:
@@ -83,11 +75,7 @@ def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
 
 
 def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
-    """Make a dataclass of numbers from a table of the file.
-
-    Raises:
-        ConfigurationError: If the table has an unknown setting, or a value that is not a number.
-    """
+    """Make a dataclass of numbers from a table of the file."""
     known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
     table = {key if key in known else _RENAMED.get(key, key): table[key] for key in table}
     for key, value in table.items():

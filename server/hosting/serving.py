@@ -25,11 +25,7 @@ _END_S = 1.5
 
 
 def open_socket(host: str, port: int) -> socket.socket:
-    """Listen on an address, with socket options for low latency.
-
-    Raises:
-        ConfigurationError: If the port is taken or the address is not this machine's.
-    """
+    """Listen on an address, with socket options for low latency."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     try:

@@ -81,9 +81,7 @@ class Session:
 class Sessions(Protocol):
     """Looks up sessions: `server.security.pairing.Pairing`."""
 
-    def find(self, secret: str) -> Session | None:
-        """Return the session that this is the secret of, or None."""
-        ...
+    def find(self, secret: str) -> Session | None: ...
 
 
 class Members(Protocol):
@@ -93,9 +91,7 @@ class Members(Protocol):
         """True if the header carries the secret of a teacher's session."""
         ...
 
-    def is_locked(self, path: str, method: str | None) -> bool:
-        """True if only the teacher may send this request."""
-        ...
+    def is_locked(self, path: str, method: str | None) -> bool: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,7 +189,6 @@ class Access:
         return Refusal(status=status, reason=reason, sentence=sentence)
 
     def check_lock(self, path: str, method: str | None, role: Role) -> Refusal | None:
-        """Refuse to change what the teacher has locked."""
         if self.members is None or role is Role.TEACHER:
             return None
         if not self.members.is_locked(path, method):

@@ -68,13 +68,7 @@ class Places:
         self.taken = self.evicted = 0
 
     def take(self, session: Session, now_s: float, close: Callable[[], None]) -> PlaceInUse | None:
-        """Take a place; None if there is none to be had.
-
-        Args:
-            session: Who takes it.
-            now_s: The time.
-            close: Ends what has the place, when another needs it more.
-        """
+        """Take a place, until `close` ends it for who needs it more; None if none is to be had."""
         own = self._of.get(session.name, [])
         if not session.is_crowd and len(own) >= self._each:
             self._evict(own)
@@ -107,7 +101,6 @@ class Places:
         return self.taken >= self._in_all
 
     def has(self, person: str) -> bool:
-        """True while this person has a place."""
         return person in self._of
 
     def __iter__(self) -> Iterator[PlaceInUse]:
@@ -155,7 +148,6 @@ class Door:
 
     @property
     def open(self) -> int:
-        """How many connections are open."""
         return len(self._connections)
 
     @property
@@ -226,7 +218,6 @@ class Door:
             place.used_s = float("inf")
 
     def left(self, peer: Peer) -> None:
-        """Remove a closed connection."""
         place = self._connections.pop(peer, None)
         if place is not None:
             self.pending.give_back(place)
@@ -239,7 +230,6 @@ class Door:
                 self.pending.end(place)
 
     def close_all(self) -> None:
-        """Close every connection: the server ends."""
         for place in list(self._connections.values()):
             place.close()
 

@@ -104,7 +104,6 @@ class DoorListener(socket.socket):
             (self._waiting.appendleft if is_stop else self._waiting.append)(connection)
 
     def close(self) -> None:
-        """Stop listening."""
         super().close()
         if self._spare is not None:
             os.close(self._spare)
@@ -145,7 +144,6 @@ class _Connection(socket.socket):
 
     @property
     def key(self) -> Peer:
-        """What the door knows it by."""
         return str(self.peer[0]), int(self.peer[1])
 
     def peek(self) -> bytes | None:
@@ -164,7 +162,6 @@ class _Connection(socket.socket):
             self.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
-        """Close it."""
         super().close()
         if self.door is not None:
             door, self.door = self.door, None

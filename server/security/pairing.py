@@ -167,7 +167,6 @@ class Pairing:
         return name in self._sessions and self._sessions[name].owner
 
     def forget(self, secret: str) -> None:
-        """End a session."""
         if self._sessions.pop(_hash(secret), None) is not None:
             self._save()
 

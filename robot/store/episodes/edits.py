@@ -34,7 +34,6 @@ class Edit:
             raise ConfigurationError("a range of frames must not end before it begins")
 
     def covers(self, frame_id: int) -> bool:
-        """True if the frame is in one of the ranges."""
         return any(first <= frame_id <= last for first, last in self.ranges)
 
 
@@ -49,31 +48,19 @@ class Notes:
     """Undone edits, the last one first: what redo applies again."""
 
     def with_edit(self, edit: Edit) -> Notes:
-        """Return the notes with one more edit."""
         return replace(self, edits=(*self.edits, edit), undone=())
 
     def without_last_edit(self) -> Notes:
-        """Return the notes without the last edit.
-
-        Raises:
-            ConfigurationError: If there is none.
-        """
         if not self.edits:
             raise ConfigurationError("there is nothing to undo")
         return replace(self, edits=self.edits[:-1], undone=(self.edits[-1], *self.undone))
 
     def with_last_undone(self) -> Notes:
-        """Return the notes with the edit that was undone last.
-
-        Raises:
-            ConfigurationError: If there is none.
-        """
         if not self.undone:
             raise ConfigurationError("there is nothing to redo")
         return replace(self, edits=(*self.edits, self.undone[0]), undone=self.undone[1:])
 
     def is_deleted(self, frame_id: int) -> bool:
-        """True if a person deleted this frame."""
         return any(edit.verb == "delete" and edit.covers(frame_id) for edit in self.edits)
 
     def relabel(self, frame_id: int) -> Action | None:
@@ -94,7 +81,6 @@ def trim(frame_ids: Iterable[int], first: int, last: int) -> Edit:
 
 
 def notes_path(episode: Path) -> Path:
-    """Return where the notes of a recording are: NAME.edits.json."""
     return episode.with_suffix(".edits.json")
 
 
@@ -116,7 +102,6 @@ def read_notes(episode: Path) -> Notes:
 
 
 def write_notes(episode: Path, notes: Notes) -> None:
-    """Write the notes of a recording, whole or not at all."""
     plain = {
         "format": FORMAT,
         "title": notes.title,

@@ -40,7 +40,6 @@ _FIELDS = {
 
 
 def camera_channel(frame: Frame) -> MessageChannel:
-    """Return the channel for pictures like this one."""
     size = (("width", str(frame.width)), ("height", str(frame.height)))
     return MessageChannel(CAMERA, "protobuf", _schema(_schema_name(frame)), size)
 
@@ -66,18 +65,7 @@ def encode_image(frame: Frame, stamp_ns: int) -> bytes:
 def decode_image(
     name: str, message: bytes, *, frame_id: int, captured_s: float, size: tuple[int, int]
 ) -> Frame:
-    """Read a frame back.
-
-    Args:
-        name: The schema's name.
-        message: The bytes.
-        frame_id: Its key, which the message does not carry.
-        captured_s: When it was taken, on the run's clock.
-        size: Width and height of a JPEG, which its message does not carry.
-
-    Raises:
-        RecordingError: If the message is neither of the two, or damaged.
-    """
+    """Read a frame back; the id, and the size of a JPEG, are not in its message."""
     if name not in _FIELDS:
         raise RecordingError(f"not an image message: {name}")
     from google.protobuf.message import DecodeError
@@ -112,7 +100,6 @@ def _schema(name: str) -> Schema:
 
 
 def _file(name: str) -> Any:
-    """Return the FileDescriptorProto of one message."""
     from google.protobuf import descriptor_pb2, timestamp_pb2
 
     package, _, message = name.partition(".")

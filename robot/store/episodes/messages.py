@@ -147,7 +147,6 @@ SCHEMAS: dict[str, Fields] = {
 
 @cache
 def json_channel(topic: str) -> MessageChannel:
-    """Return the channel of a topic."""
     schema = SCHEMAS[topic]
     return MessageChannel(topic, "json", Schema(schema["title"], "jsonschema", to_json(schema)))
 
@@ -158,7 +157,6 @@ def _finite(number: float) -> float:
 
 
 def describe_command(command: PilotCommand) -> Fields:
-    """Return the fields of a pilot command."""
     return {
         "held": command.held,
         "frame": command.frame_id,
@@ -168,7 +166,6 @@ def describe_command(command: PilotCommand) -> Fields:
 
 
 def describe_prediction(prediction: Prediction) -> Fields:
-    """Return the fields of a prediction."""
     return {
         "frame": prediction.frame_id,
         "action": prediction.action,
@@ -181,7 +178,6 @@ def describe_prediction(prediction: Prediction) -> Fields:
 
 
 def describe_sensors(sensors: Sensors) -> Fields:
-    """Return the fields of the sensor readings."""
     pose = sensors.pose
     return {
         "distance_m": None if sensors.distance_m is None else _finite(sensors.distance_m),

@@ -83,7 +83,6 @@ class RecordingQueue:
     # Called on the loop's thread ---------------------------------------------------------------
 
     def begin(self, run: Run, model: Model | None) -> None:
-        """Begin a recording, of a learner that knows `model`."""
         self._put(0, self._begin, run, model, self.lost, must_go=True)
 
     def end(self, model: Model | None) -> None:
@@ -91,7 +90,6 @@ class RecordingQueue:
         self._put(0, self._end, model, must_go=True)
 
     def keep(self) -> None:
-        """Keep the recording, whatever it has."""
         self._put(0, self._write, EpisodeWriter.keep, must_go=True)
 
     def write_frame(self, frame: Frame) -> bool:
@@ -102,7 +100,6 @@ class RecordingQueue:
         return is_kept
 
     def write_message(self, topic: str, now_s: float, fields: Fields) -> None:
-        """Write one message of a topic."""
         if not self._put(0, self._write, EpisodeWriter.write_message, topic, now_s, fields):
             self.lost = replace(self.lost, messages=self.lost.messages + 1)
 

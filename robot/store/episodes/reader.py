@@ -63,7 +63,6 @@ class Message:
 
     @property
     def topic(self) -> str:
-        """The topic of its channel."""
         return self.channel.topic
 
 
@@ -139,11 +138,7 @@ def scan(path: Path) -> Iterator[Record]:
 
 
 def read_chunk(path: Path, offset: int) -> list[bytes]:
-    """Return the messages' data of the chunk that begins at `offset`, in order.
-
-    Raises:
-        RecordingError: If there is none.
-    """
+    """Return the messages' data of the chunk that begins at `offset`, in order."""
     with path.open("rb") as file:
         file.seek(offset)
         _, opcode, body = next(_records(file))
@@ -221,22 +216,18 @@ class Body:
         return self.take(len(self.data) - self.at)
 
     def take(self, length: int) -> bytes:
-        """Take so many bytes."""
         at, self.at = self.at, self.at + length
         if length < 0 or self.at > len(self.data):
             raise RecordingError("a record that is longer than what holds it")
         return self.data[at : self.at]
 
     def number(self, length: int) -> int:
-        """Take a number of so many bytes."""
         return int.from_bytes(self.take(length), "little")
 
     def text(self) -> str:
-        """Take a text."""
         return self.take(self.number(4)).decode()
 
     def map(self) -> dict[str, str]:
-        """Take texts by name."""
         inside, values = Body(self.take(self.number(4))), {}
         while inside.at < len(inside.data):
             key = inside.text()

@@ -90,7 +90,6 @@ class Recorder:
 
     @property
     def episode_id(self) -> str | None:
-        """The recording that is being written."""
         return self._queue.episode_id
 
     @property
@@ -99,11 +98,9 @@ class Recorder:
         return self._queue.lost.frames
 
     def keep(self) -> None:
-        """Keep the recording that is being made, whatever it has; on the loop's thread."""
         self._queue.keep()
 
     def refuse(self, sentence: str) -> None:
-        """Record nothing; `fault` is this sentence."""
         self._queue.refuse(sentence)
 
     def start(self) -> None:
@@ -157,7 +154,6 @@ class Recorder:
         self._end_if_due(tick, events)
 
     def finish(self) -> None:
-        """End the recording, on the loop's thread."""
         if self._is_open:
             self._base = self._take()
             self._close(final=self._base)

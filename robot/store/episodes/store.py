@@ -62,17 +62,12 @@ class EpisodeStore:
             return self._index.summaries()
 
     def summary(self, episode_id: str) -> EpisodeSummary:
-        """Describe one episode."""
         path = self.path(episode_id)
         with self._lock:
             return self._index.get(path)
 
     def path(self, episode_id: str) -> Path:
-        """Return the file of an episode.
-
-        Raises:
-            NotFoundError: If there is none of this name.
-        """
+        """Return the file of an episode."""
         is_name = not episode_id.startswith(".") and not set(episode_id) & set("/\\\0")
         path = self._storage.episodes / f"{episode_id}.mcap"
         try:
@@ -83,39 +78,28 @@ class EpisodeStore:
         raise NotFoundError(f"unknown episode {episode_id[:80]!r}")
 
     def open(self, episode_id: str) -> Episode:
-        """Open an episode; the last two stay open.
-
-        Raises:
-            NotFoundError: If there is none of this name.
-            RecordingError: If nothing of it can be read.
-        """
+        """Open an episode; the last two stay open."""
         path = self.path(episode_id)
         status = path.stat()
         with self._lock:
             return self._open(path, status.st_size, status.st_mtime_ns)
 
     def notes(self, episode_id: str) -> Notes:
-        """Return the title, the protection and the edits of an episode."""
         return read_notes(self.path(episode_id))
 
     def edit(self, episode_id: str, edit: Edit) -> Notes:
-        """Add an edit to the list beside the episode."""
         return self._change(episode_id, lambda notes: notes.with_edit(edit))
 
     def undo_edit(self, episode_id: str) -> Notes:
-        """Undo the last edit."""
         return self._change(episode_id, Notes.without_last_edit)
 
     def redo_edit(self, episode_id: str) -> Notes:
-        """Redo the edit that was undone last."""
         return self._change(episode_id, Notes.with_last_undone)
 
     def set_title(self, episode_id: str, title: str) -> Notes:
-        """Give an episode a title."""
         return self._change(episode_id, lambda notes: replace(notes, title=title.strip()[:200]))
 
     def protect(self, episode_id: str, is_protected: bool) -> Notes:
-        """Protect an episode from deletion, or end the protection."""
         return self._change(episode_id, lambda notes: replace(notes, is_protected=is_protected))
 
     def _change(self, episode_id: str, change: Callable[[Notes], Notes]) -> Notes:
@@ -126,11 +110,7 @@ class EpisodeStore:
             return notes
 
     def delete(self, episode_id: str) -> str:
-        """Move an episode to the trash; return the key for `restore`.
-
-        Raises:
-            ConfigurationError: If it is protected, or being recorded.
-        """
+        """Move an episode to the trash; return the key for `restore`."""
         path = self._idle_path(episode_id)
         if read_notes(path).is_protected:
             raise ConfigurationError("this recording is protected; take the protection off first")
@@ -151,11 +131,7 @@ class EpisodeStore:
         return name
 
     def compact(self, episode_id: str) -> str:
-        """Apply the edits to the recording; the original goes to the trash.
-
-        Returns:
-            The key that restores the original.
-        """
+        """Apply the edits to the recording; the key that is returned restores the original."""
         with self._lock:
             path = self._idle_path(episode_id)
             notes = read_notes(path)
@@ -190,7 +166,6 @@ class EpisodeStore:
             return new.stem
 
     def new_path(self, name: str) -> Path:
-        """Return where a new episode of this name may be written."""
         free = free_name(check_name(name), set(self.ids()))
         return self._storage.episodes / f"{free}.mcap"
 

@@ -78,7 +78,6 @@ class SummaryIndex:
         return list(self._look())
 
     def _look(self) -> dict[str, State]:
-        """Find every recording and its state."""
         found = {
             path.stem: _state_of(path)
             for path in paths_in(self._folder)

@@ -80,7 +80,6 @@ class Autosave:
         return self._loop.history.changes != self._saved_changes
 
     def start(self) -> None:
-        """Start saving."""
         self._unsubscribe = self._loop.subscribe(self.note)
 
     def stop(self) -> None:
@@ -102,7 +101,6 @@ class Autosave:
             self._is_due = True
 
     def save_if_due(self) -> None:
-        """Take a turn of the disk's thread."""
         if self._is_due:
             self._is_due = False
             self.save_if_changed()
@@ -183,14 +181,7 @@ class Autosave:
             self.save_if_changed()
 
     def load(self, name: str) -> None:
-        """Save the model in use, and go on with another.
-
-        Raises:
-            NotFoundError: If there is none of this name.
-            RecordingError: If it cannot be read.
-            ConfigurationError: If the robot is not stopped.
-            OSError: If the model in use cannot be saved: it then stays in use.
-        """
+        """Save the model in use, and go on with another; refused unless the robot is stopped."""
         with self._lock:
             self._save_first()
             model = self.store.load(name)
@@ -209,12 +200,7 @@ class Autosave:
         place: str | None = None,
         moves: tuple[Action, ...] | None = None,
     ) -> str:
-        """Save the model in use, and begin an empty one; return its name.
-
-        Raises:
-            ConfigurationError: If the learner is unknown, or the robot is not stopped.
-            OSError: If the disk refuses: the model in use then stays in use.
-        """
+        """Save the model in use, and begin an empty one; return its name."""
         with self._lock:
             learner = learner or self._loop.state.learner
             place = self._place if place is None else _checked_place(place)
@@ -257,7 +243,6 @@ class Autosave:
         self.announce("model_loaded", model=name)
 
     def rename(self, name: str, new_name: str) -> str:
-        """Rename a model, also the one in use."""
         with self._lock:
             kept = self.store.rename(name, new_name)
             if self._name == name:
@@ -265,7 +250,6 @@ class Autosave:
             return kept
 
     def set_place(self, name: str, place: str) -> None:
-        """Set the place where a model was taught."""
         with self._lock:
             place = _checked_place(place)
             if self._name == name:
@@ -291,11 +275,6 @@ class Autosave:
 
 
 def _checked_place(place: str) -> str:
-    """Return a place in the form in which it can be written.
-
-    Raises:
-        ConfigurationError: If it cannot be encoded as UTF-8.
-    """
     try:
         place.encode()
     except UnicodeEncodeError as error:

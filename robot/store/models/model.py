@@ -59,7 +59,6 @@ class ModelSummary:
 
     @property
     def n_examples(self) -> int:
-        """How many frames were taught in all."""
         return sum(self.taught.values())
 
 
@@ -72,11 +71,7 @@ class Model:
     preview: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((1, 1), np.uint8))
 
     def to_policy(self) -> Policy:
-        """Build the policy with this state.
-
-        Raises:
-            RecordingError: If the learner is unknown, or the state does not match it.
-        """
+        """Build the policy with this state."""
         try:
             policy = make_policy(self.summary.learner, self.summary.moves)
             policy.set_state(self.state)

@@ -80,7 +80,6 @@ class ModelStore:
         self._marker = storage.models / "current.txt"
 
     def names(self) -> list[str]:
-        """List the models' names, sorted."""
         found = [path.name for path in paths_in(self._storage.models) if _is_folder(path)]
         return sorted(found, key=str.casefold)
 
@@ -114,12 +113,7 @@ class ModelStore:
         write_whole(self._marker, name.encode())
 
     def save(self, name: str, model: Model) -> Path:
-        """Write the model as the newest version under this name.
-
-        Raises:
-            ConfigurationError: If the name cannot be one.
-            OSError: If the disk refuses; the versions before are untouched.
-        """
+        """Write the model as the newest version under this name."""
         name = check_name(name)
         versions = self._versions(name)
         number = int(versions[-1].stem) + 1 if versions else 1
@@ -131,12 +125,7 @@ class ModelStore:
         return path
 
     def load(self, name: str) -> Model:
-        """Read the newest valid version; damaged ones are renamed and stay on disk.
-
-        Raises:
-            NotFoundError: If there is no such model.
-            RecordingError: If no version of it is valid.
-        """
+        """Read the newest valid version; damaged ones are renamed and stay on disk."""
         for version in reversed(self._versions(self._check(name))):
             try:
                 model = decode_model(_read(version))
@@ -195,25 +184,19 @@ class ModelStore:
                     yield other.name, self.load(other.name)
 
     def read_file(self, name: str) -> bytes:
-        """Return the newest version's bytes, for a download."""
         versions = self._versions(self._check(name))
         if not versions:
             raise RecordingError(f"the model {name!r} has no readable version")
         return _read(versions[-1])
 
     def add_file(self, name: str, data: bytes) -> str:
-        """Save an uploaded model under this name or one like it; return the name.
-
-        Raises:
-            RecordingError: If the bytes are not a model that this program can use.
-        """
+        """Save an uploaded model under this name or one like it; return the name."""
         try_model(decode_model(data, is_view=True))
         name = self.free_name(name)
         write_whole(self._storage.models / name / "00001.npz", data)
         return name
 
     def free_name(self, wanted: str) -> str:
-        """Return a name like `wanted` that no model has."""
         return free_name(check_name(wanted), {p.name for p in paths_in(self._storage.models)})
 
     def rename(self, name: str, new_name: str) -> str:
@@ -229,12 +212,10 @@ class ModelStore:
         return new_name
 
     def set_place(self, name: str, place: str) -> None:
-        """Set the place where a model was taught."""
         model = self.load(name)
         self.save(name, stamp(model, saved_at_s=model.summary.saved_at_s, place=place))
 
     def copy(self, name: str, new_name: str | None = None) -> str:
-        """Copy a model; return the copy's name."""
         data = self.read_file(name)
         return self.add_file(new_name or name, data)
 
@@ -286,11 +267,6 @@ def _is_folder(path: Path) -> bool:
 
 
 def _read(path: Path) -> bytes:
-    """Return a version's bytes.
-
-    Raises:
-        RecordingError: If the file cannot be read.
-    """
     try:
         return read_regular(path, MAX_BYTES)
     except OSError as error:

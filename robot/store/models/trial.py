@@ -33,15 +33,7 @@ _PREVIEW_PX = 512
 
 
 def try_model(model: Model, now_s: Callable[[], float] = _MACHINE.now_s) -> None:
-    """Refuse a model that cannot be used, whatever is wrong with it.
-
-    Args:
-        model: The model; it is not changed.
-        now_s: A clock, for the limit of time.
-
-    Raises:
-        RecordingError: If it is not what it says, or fails on a picture; says why.
-    """
+    """Refuse a model that cannot be used, whatever is wrong with it, by a RecordingError."""
     try:
         with np.errstate(all="ignore"):  # what comes of it is judged
             _check_summary(model)
