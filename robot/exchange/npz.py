@@ -67,7 +67,7 @@ def load_recording(path: Path | str) -> Recording:
     path = Path(path)
     try:
         with path.open("rb") as file:
-            arrays = read_arrays(file, max_bytes=MAX_BYTES)
+            arrays = read_arrays(file.read(MAX_BYTES + 1), max_bytes=MAX_BYTES)
     except FileNotFoundError as error:
         raise RecordingError(f"there is no recording {path}") from error
     except (OSError, RecordingError) as error:

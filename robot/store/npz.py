@@ -8,8 +8,8 @@ import math
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
-from typing import Any, BinaryIO
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,54 +22,26 @@ _LOCAL = struct.Struct("<4s22xHH")
 """Of a zip's local header: signature, and the lengths of name and extra field."""
 
 
-def read_arrays(
-    file: BinaryIO, *, max_bytes: int, only: str | None = None
-) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an `.npz`, by name.
+def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict[str, NDArray[Any]]:
+    """Return the arrays of an `.npz`, by name, to be read: what is not packed is not copied.
 
     Args:
-        file: The file, seekable.
+        data: The file.
         max_bytes: A file that would unpack to more is refused before anything is unpacked.
         only: Read this array alone.
 
     Raises:
         RecordingError: If it is none, damaged, too large, or holds pickles.
     """
-
-    def read(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
-        return _parse_array(memoryview(archive.read(member)), is_copied=True)
-
-    return _read_members(file, max_bytes, read, only)
-
-
-def view_arrays(data: bytes, *, max_bytes: int) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an unpacked `.npz` without copying them: they are views, to be read.
-
-    Raises:
-        RecordingError: If it is none, damaged, packed, too large, or holds pickles.
-    """
-
-    def view(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
-        return _view_array(data, member)
-
-    return _read_members(io.BytesIO(data), min(max_bytes, len(data)), view)
-
-
-def _read_members(
-    file: BinaryIO,
-    max_bytes: int,
-    read: Callable[[zipfile.ZipFile, zipfile.ZipInfo], NDArray[Any]],
-    only: str | None = None,
-) -> dict[str, NDArray[Any]]:
     try:
-        with zipfile.ZipFile(file) as archive:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()
             if len(members) > _MAX_MEMBERS or len({m.filename for m in members}) < len(members):
                 raise RecordingError("it has too many arrays, or two of one name")
             if sum(m.file_size for m in members) > max_bytes:
                 raise RecordingError(f"it unpacks to more than {max_bytes >> 20} MB")
             return {
-                member.filename.removesuffix(".npy"): read(archive, member)
+                member.filename.removesuffix(".npy"): _parse_array(_bytes_of(archive, member, data))
                 for member in members
                 if only is None or member.filename == f"{only}.npy"
             }
@@ -79,18 +51,17 @@ def _read_members(
         raise RecordingError(f"it is damaged: {error}") from error
 
 
-def _view_array(data: bytes, member: zipfile.ZipInfo) -> NDArray[Any]:
+def _bytes_of(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) -> memoryview:
     if member.compress_type != zipfile.ZIP_STORED or member.flag_bits & 1:
-        raise RecordingError("it is packed or encrypted; a model's file is neither")
-    start = member.header_offset + _LOCAL.size
+        return memoryview(archive.read(member))
     signature, name_length, extra_length = _LOCAL.unpack_from(data, member.header_offset)
-    start += name_length + extra_length
+    start = member.header_offset + _LOCAL.size + name_length + extra_length
     part = memoryview(data)[start : start + member.file_size]
     if signature != b"PK\x03\x04" or len(part) != member.file_size:
         raise RecordingError("it was cut short")
     if zlib.crc32(part) != member.CRC:
         raise RecordingError("a checksum does not fit")
-    return _parse_array(part, is_copied=False)
+    return part
 
 
 def write_arrays(arrays: Mapping[str, NDArray[Any]], *, is_packed: bool = False) -> bytes:
@@ -104,7 +75,7 @@ def write_arrays(arrays: Mapping[str, NDArray[Any]], *, is_packed: bool = False)
     return file.getvalue()
 
 
-def _parse_array(data: memoryview, *, is_copied: bool) -> NDArray[Any]:
+def _parse_array(data: memoryview) -> NDArray[Any]:
     """Read one `.npy`; its header is believed only where the bytes are really there."""
     width = 2 if data[6] == 1 else 4  # of the header's length, in formats 1 and 2
     start = 8 + width + int.from_bytes(data[8 : 8 + width], "little")
@@ -113,9 +84,7 @@ def _parse_array(data: memoryview, *, is_copied: bool) -> NDArray[Any]:
         raise RecordingError("it holds pickled objects, which are never opened")
     if math.prod(shape) * dtype.itemsize != len(data) - start or min(shape, default=0) < 0:
         raise ValueError(f"an array whose header says {shape} but whose bytes say otherwise")
-    array = np.frombuffer(data, dtype, offset=start)
-    array = array.copy() if is_copied else array
-    return array.reshape(shape, order="F" if fortran else "C")
+    return np.frombuffer(data, dtype, offset=start).reshape(shape, order="F" if fortran else "C")
 
 
 @functools.lru_cache(maxsize=256)

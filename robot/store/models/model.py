@@ -7,7 +7,6 @@ The file is a NumPy `.npz`: `meta.npy` is JSON text as bytes, `preview.npy` a sm
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from collections import Counter
 from collections.abc import Mapping
@@ -21,7 +20,7 @@ from robot.errors import RecordingError
 from robot.learner.base import State
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.store.npz import read_arrays, view_arrays, write_arrays
+from robot.store.npz import read_arrays, write_arrays
 from robot.types import Action
 
 FORMAT = 1
@@ -143,17 +142,13 @@ def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
     return write_arrays({"meta": np.frombuffer(text, np.uint8), **arrays}, is_packed=is_packed)
 
 
-def decode_model(data: bytes, *, is_view: bool = False) -> Model:
-    """Read a model from the bytes of its file.
-
-    Args:
-        data: The file.
-        is_view: Copy nothing: the arrays are read-only views of `data`.
+def decode_model(data: bytes, *, max_bytes: int = MAX_BYTES) -> Model:
+    """Read a model from the bytes of its file, whose arrays are read-only views of them.
 
     Raises:
-        RecordingError: If it is damaged, hostile, or of a newer format; says which.
+        RecordingError: If it is damaged, hostile, too large, or of a newer format; says which.
     """
-    arrays = _unpack(data, is_view=is_view)
+    arrays = _unpack(data, max_bytes)
     meta = _read_meta(arrays.pop("meta", None))
     if meta.get("sha256") != _checksum(meta, arrays):
         raise RecordingError("the model is damaged: its checksum does not match")
@@ -177,7 +172,7 @@ def decode_model(data: bytes, *, is_view: bool = False) -> Model:
 
 def decode_summary(data: bytes) -> ModelSummary:
     """Read only the summary; raises as `decode_model` does, but checks no arrays."""
-    return _summary(_read_meta(_unpack(data, only="meta").get("meta")))
+    return _summary(_read_meta(_unpack(data, MAX_BYTES, "meta").get("meta")))
 
 
 def stamp(model: Model, *, saved_at_s: float, place: str | None = None) -> Model:
@@ -237,13 +232,9 @@ def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> st
     return digest.hexdigest()
 
 
-def _unpack(
-    data: bytes, only: str | None = None, *, is_view: bool = False
-) -> dict[str, NDArray[Any]]:
+def _unpack(data: bytes, max_bytes: int, only: str | None = None) -> dict[str, NDArray[Any]]:
     try:
-        if is_view:
-            return view_arrays(data, max_bytes=MAX_BYTES)
-        return read_arrays(io.BytesIO(data), max_bytes=MAX_BYTES, only=only)
+        return read_arrays(data, max_bytes=max_bytes, only=only)
     except RecordingError as error:
         raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
 

@@ -60,13 +60,7 @@ class StoredModel:
 
 
 class ModelStore:
-    """Every file operation on models. Safe for one writer and any number of readers.
-
-    Args:
-        storage: The data folder.
-        wall_s: Seconds since 1970, for the time at which a model is saved.
-        on_set_aside: Called with a sentence about each file that was set aside.
-    """
+    """Every file operation on models. Safe for one writer and any number of readers."""
 
     def __init__(
         self,
@@ -191,7 +185,7 @@ class ModelStore:
 
     def add_file(self, name: str, data: bytes) -> str:
         """Save an uploaded model under this name or one like it; return the name."""
-        try_model(decode_model(data, is_view=True))
+        try_model(decode_model(data, max_bytes=len(data)))  # a packed one is larger than its file
         name = self.free_name(name)
         write_whole(self._storage.models / name / "00001.npz", data)
         return name

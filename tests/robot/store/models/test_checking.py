@@ -276,7 +276,7 @@ def test_what_is_refused_is_refused_before_it_is_unpacked(tmp_path: Path) -> Non
 def test_an_upload_takes_no_more_than_its_trial_needs(tmp_path: Path, learner: str) -> None:
     store = ModelStore(Storage(tmp_path))
     data = good(learner, 50)
-    try_model(decode_model(data, is_view=True))  # what all of this kind have in common
+    try_model(decode_model(data))  # what all of this kind have in common
     tracemalloc.start()
     store.add_file("x", data)
     peak = tracemalloc.get_traced_memory()[1]
