@@ -7,13 +7,15 @@ import contextlib
 import gc
 import socket
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robot.errors import ConfigurationError
 from server.config import Config
-from server.security.certificates import Certificates
 from server.security.listener import DoorListener
 from server.services import door_of
+
+if TYPE_CHECKING:
+    from server.security.certificates import Certificates
 
 MAX_MESSAGE_BYTES = 65_536
 """A larger websocket message closes the connection before it is read into memory."""

@@ -7,19 +7,20 @@ addresses: a browser that trusts it trusts it for no public site.
 from __future__ import annotations
 
 import datetime as dt
-import hashlib
 import ipaddress
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from robot.errors import ConfigurationError, need
+from robot.errors import ConfigurationError, MissingExtraError
 from robot.store.folder import write_whole
 
-if TYPE_CHECKING:
+try:
     from cryptography import x509
+    from cryptography.hazmat.primitives import hashes, serialization
     from cryptography.hazmat.primitives.asymmetric import ec
+except ImportError as error:
+    raise MissingExtraError("--tls", "tls") from error
 
 _PRIVATE_NETWORKS = (
     "10.0.0.0/8",
@@ -34,9 +35,6 @@ _PRIVATE_NETWORKS = (
 _AUTHORITY_DAYS, _SERVER_DAYS = 3650, 397  # phones reject a server certificate that is valid longer
 
 
-_PEM_END = "-----END CERTIFICATE-----"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificates:
     """Key and certificate files for uvicorn, and the authority's certificate for the phone."""
@@ -46,25 +44,14 @@ class Certificates:
     authority: Path
 
 
-def certificate_fingerprint(folder: Path) -> str:
-    """Return the SHA-256 of the certificate that `make_certificates` put into a folder."""
-    import ssl
-
-    first, end, _ = (folder / "server.crt").read_text("ascii").partition(_PEM_END)
-    der: bytes = ssl.PEM_cert_to_DER_cert(first + end + "\n")
-    return hashlib.sha256(der).hexdigest()
-
-
 def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> Certificates:
     """Make a server certificate for `names`, and the authority if there is none yet.
 
     Names with dots that do not end in `.local` are left out: the name constraints forbid them.
 
     Raises:
-        MissingExtraError: If `cryptography` is not installed.
         ConfigurationError: If the folder cannot be written, or has files that are not valid.
     """
-    need("cryptography", "--tls", "tls")
     names = [name for name in names if _is_private(name)]
     files = Certificates(
         key=folder / "server.key", chain=folder / "server.crt", authority=folder / "ca.crt"
@@ -85,10 +72,6 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
 def _load_or_make_authority(
     folder: Path, names: Sequence[str], now: dt.datetime
 ) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
-    from cryptography import x509
-    from cryptography.hazmat.primitives import serialization
-    from cryptography.hazmat.primitives.asymmetric import ec
-
     key_file, certificate_file = folder / "ca.key", folder / "ca.crt"
     if key_file.exists() and certificate_file.exists():
         key = serialization.load_pem_private_key(key_file.read_bytes(), None)
@@ -105,7 +88,7 @@ def _load_or_make_authority(
         .add_extension(_key_usage(signs_certificates=True), critical=True)
         .add_extension(_only_private(names), critical=True)
         .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
-        .sign(key, _sha256())
+        .sign(key, hashes.SHA256())
     )
     write_whole(key_file, _key_pem(key), mode=0o600)
     write_whole(certificate_file, _pem(certificate), mode=0o600)
@@ -118,9 +101,6 @@ def _make_server(
     names: Sequence[str],
     now: dt.datetime,
 ) -> tuple[bytes, bytes]:
-    from cryptography import x509
-    from cryptography.hazmat.primitives.asymmetric import ec
-
     key = ec.generate_private_key(ec.SECP256R1())
     certificate = (
         _builder(_named("Drivelesson"), _SERVER_DAYS, now)
@@ -139,14 +119,12 @@ def _make_server(
             x509.AuthorityKeyIdentifier.from_issuer_public_key(authority_key.public_key()),
             critical=False,
         )
-        .sign(authority_key, _sha256())
+        .sign(authority_key, hashes.SHA256())
     )
     return _key_pem(key), _pem(certificate)
 
 
 def _builder(subject: x509.Name, days: int, now: dt.datetime) -> x509.CertificateBuilder:
-    from cryptography import x509
-
     return (
         x509.CertificateBuilder()
         .subject_name(subject)
@@ -157,14 +135,10 @@ def _builder(subject: x509.Name, days: int, now: dt.datetime) -> x509.Certificat
 
 
 def _named(name: str) -> x509.Name:
-    from cryptography import x509
-
     return x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, name)])
 
 
 def _only_private(names: Sequence[str]) -> x509.NameConstraints:
-    from cryptography import x509
-
     domains = ["local", "localhost", *(n for n in names if "." not in n and ":" not in n)]
     networks = [ipaddress.ip_network(network) for network in _PRIVATE_NETWORKS]
     return x509.NameConstraints(
@@ -177,8 +151,6 @@ def _only_private(names: Sequence[str]) -> x509.NameConstraints:
 
 
 def _key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
-    from cryptography import x509
-
     return x509.KeyUsage(
         digital_signature=not signs_certificates,
         content_commitment=False,
@@ -193,8 +165,6 @@ def _key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
 
 
 def _general_name(name: str) -> x509.GeneralName:
-    from cryptography import x509
-
     try:
         return x509.IPAddress(ipaddress.ip_address(name))
     except ValueError:
@@ -205,21 +175,11 @@ def _is_private(name: str) -> bool:
     return "." not in name or name.endswith(".local") or name.replace(".", "").isdecimal()
 
 
-def _sha256() -> Any:
-    from cryptography.hazmat.primitives import hashes
-
-    return hashes.SHA256()
-
-
 def _pem(certificate: x509.Certificate) -> bytes:
-    from cryptography.hazmat.primitives import serialization
-
     return certificate.public_bytes(serialization.Encoding.PEM)
 
 
 def _key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
-    from cryptography.hazmat.primitives import serialization
-
     return key.private_bytes(
         serialization.Encoding.PEM,
         serialization.PrivateFormat.PKCS8,
