@@ -10,7 +10,7 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
 from robot.devices.options import options_of
 from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
-from robot.errors import ConfigurationError, MissingExtraError, RecordingError
+from robot.errors import ConfigurationError, RecordingError
 from robot.policy.registry import MOST_NODES
 from robot.store.folder import Storage, default_root
 from robot.store.prepare import Prepared, prepare
@@ -42,11 +42,16 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 DEFAULT_ROBOT = "sim"
-_CAMERA_HELP = "where pictures come from; as a rule the robot's own"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    _add_choice_of_robot(parser)
+    parser.add_argument(
+        "--robot",
+        default=DEFAULT_ROBOT,
+        help=f"one of {', '.join(driver_names())} (default: %(default)s)",
+    )
+    text = "where pictures come from; as a rule the robot's own; one of "
+    parser.add_argument("--camera", default=None, help=text + ", ".join(camera_names()))
     parser.add_argument("--learner", default=None, help="what learns (default: default)")
     parser.add_argument(
         "--max-nodes",
@@ -149,6 +154,7 @@ def run(args: argparse.Namespace) -> int:
     from robot.devices.rig import build_rig
     from server.app import create_app
     from server.events import EventBus
+    from server.hosting.discovery import announced
     from server.hosting.serving import open_socket, serve
     from server.identity import IdentityFile
     from server.persistence import Persistence
@@ -205,7 +211,9 @@ def run(args: argparse.Namespace) -> int:
     # NOTE: newer uvicorns raise a SIGTERM again once they have shut down; with the system's own
     # handler the process would then end before the motors are stopped and the model is saved.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    with rig, persistence, _announced(config, identity.now.name):
+    near, robot = lan_addresses(config), identity.now.name
+    is_announced = announced(config.hostname, config.port, near, robot, tls=config.tls)
+    with rig, persistence, is_announced if config.lan else contextlib.nullcontext():
         _choose_model(persistence.autosave, args, learner)
         if pairing is None:
             print(greet_here(addresses[0], with_eye=with_eye), flush=True)
@@ -311,32 +319,3 @@ def _open_pairing(config: Config, address: str, rig: Rig) -> Pairing:
             rig.driver.announce(pairing_address(address, token))
 
     return Pairing(config.limits.pairing_failures, file=config.data / "paired.json", on_token=show)
-
-
-@contextlib.contextmanager
-def _announced(config: Config, name: str) -> Iterator[None]:
-    """Answer to a name on the network; without zeroconf, print a hint and go on."""
-    if not config.lan:
-        yield
-        return
-    from server.hosting.discovery import announced
-
-    with contextlib.ExitStack() as stack:
-        try:
-            stack.enter_context(
-                announced(config.hostname, config.port, lan_addresses(config), name, tls=config.tls)
-            )
-        except MissingExtraError as error:
-            print(f"drivelesson: {error}", file=sys.stderr)
-        yield
-
-
-def _add_choice_of_robot(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--robot",
-        default=DEFAULT_ROBOT,
-        help=f"one of {', '.join(driver_names())} (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--camera", default=None, help=f"{_CAMERA_HELP}; one of {', '.join(camera_names())}"
-    )

@@ -24,15 +24,15 @@ def announced(
     Robots that share a host name would share their addresses too, so each says its own in a
     property, where the board of a class reads it.
 
-    Where the network allows no multicast, that is only logged, and the robot drives.
-
-    Raises:
-        MissingExtraError: If zeroconf is not installed.
+    Where the network allows no multicast, or zeroconf is not installed, that is only logged, and
+    the robot drives.
     """
     try:
         from zeroconf import Error, ServiceInfo, Zeroconf
-    except ImportError as error:
-        raise MissingExtraError(f"the name {hostname}.local", "lan") from error
+    except ImportError:
+        log.warning("%s", MissingExtraError(f"the name {hostname}.local", "lan"))
+        yield
+        return
     kind = "_https._tcp.local." if tls else "_http._tcp.local."
     service = ServiceInfo(
         kind,

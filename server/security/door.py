@@ -20,6 +20,7 @@ from server.config import Limits
 from server.security.access import Role, Session
 from server.security.pace import Pace
 
+Close = Callable[[], object]
 Peer = tuple[str, int]
 """Address and port of the remote side, as the socket reports them."""
 _READ_S = 0.25
@@ -48,7 +49,7 @@ class PlaceInUse:
 
     person: str
     used_s: float
-    close: Callable[[], None]
+    close: Close
     came_s: float = 0.0
     is_taken: bool = True
 
@@ -67,7 +68,7 @@ class Places:
         self._of: dict[str, list[PlaceInUse]] = {}
         self.taken = self.evicted = 0
 
-    def take(self, session: Session, now_s: float, close: Callable[[], None]) -> PlaceInUse | None:
+    def take(self, session: Session, now_s: float, close: Close) -> PlaceInUse | None:
         """Take a place, until `close` ends it for who needs it more; None if none is to be had."""
         own = self._of.get(session.name, [])
         if not session.is_crowd and len(own) >= self._each:
@@ -170,13 +171,7 @@ class Door:
         now_s: float,
         close: Callable[[], None],
     ) -> None:
-        """Add a new connection as pending.
-
-        Args:
-            peer: Its address and port.
-            now_s: The time.
-            close: Ends the connection; `left` need not have been called before it returns.
-        """
+        """Add a new connection as pending; `close` ends it, maybe before `left` is called."""
         self.expire(now_s)
         stranger = Session(role=Role.VIEWER, name=address_key(peer[0]))
         place = self.pending.take(stranger, now_s, lambda: self._close(peer, close))
@@ -194,14 +189,7 @@ class Door:
         return self._pace(f"door {session.name}", each / 2, each).allows(now_s)
 
     def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> None:
-        """Record a complete request; one of a session admits the connection.
-
-        Args:
-            peer: The connection.
-            session: Whose request it is; None for an unpaired client's.
-            now_s: The time.
-            lasts: It is the last one: a websocket or a stream, which is no idle connection.
-        """
+        """Record a complete request; one of a session admits the connection. A socket `lasts`."""
         place = self._connections.get(peer)
         if place is None:
             return

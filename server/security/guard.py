@@ -8,31 +8,24 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import logging
 import re
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterable, MutableMapping
-from functools import partial
-from typing import Any
+from collections.abc import Iterable
 
 from fastapi import Depends, HTTPException
+from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect, HTTPConnection, Request
+from starlette.responses import JSONResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from robot.clock import Clock
 from server.config import Limits
 from server.security.access import Access, Refusal, Role, Session
 from server.security.door import Door, PlaceInUse, address_key
-from server.security.pace import Pace
 from server.security.proxies import PEER, PREFIX, Proxies
 
 log = logging.getLogger(__name__)
-
-Scope = MutableMapping[str, Any]
-Message = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[Message]]
-Send = Callable[[Message], Awaitable[None]]
-App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 STOP_PATH = "/api/stop"
 """The emergency stop for a page without a websocket."""
@@ -92,7 +85,7 @@ class Guard:
 
     def __init__(
         self,
-        app: App,
+        app: ASGIApp,
         limits: Limits,
         access: Access,
         refused: Counter[str],
@@ -102,7 +95,6 @@ class Guard:
     ) -> None:
         self._app = app
         self._proxies = proxies
-        self._log_pace = Pace(per_second=1.0, burst=50.0)
         self._clock = clock
         self._door = door
         self._limits = limits
@@ -120,9 +112,8 @@ class Guard:
         verdict = seen if isinstance(seen, Refusal) else self._judge(scope, headers)
         if isinstance(verdict, Refusal):
             self._refused[verdict.reason] += 1
-            if self._log_pace.allows(self._clock.now_s()):  # the metrics count all
-                path, why = str(scope["path"])[:80], verdict.sentence
-                log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
+            path, why = str(scope["path"])[:80], verdict.sentence
+            log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
             if verdict.status == 429:  # who waits for the answer asks no more meanwhile
                 await self._clock.pause(_TOO_MANY_S)
             await _refuse(scope, receive, send, verdict)
@@ -149,7 +140,9 @@ class Guard:
         is_lasting = scope["type"] == "websocket" or scope["path"] == _LASTING
         refusal = access.check_host(headers) or access.check_origin(headers, scheme, method)
         session = None if refusal else access.session_of(headers, address_key(address))
-        line = session if PEER not in scope else _proxy(peer[0])
+        line = session
+        if PEER in scope:  # a proxy's connections may each carry many people's requests
+            line = Session(role=Role.VIEWER, name=f"proxy {peer[0]}", is_crowd=True)
         self._door.asked(peer, line, now_s, lasts=is_lasting)
         if refusal is not None:
             return refusal
@@ -182,7 +175,7 @@ class Guard:
         """Take a place for what lasts; it ends when it has to give the place up."""
         task = asyncio.current_task()
         assert task is not None
-        place = self._door.sockets.take(person, now_s, partial(_cancel, task))
+        place = self._door.sockets.take(person, now_s, task.cancel)
         if place is None:
             return Refusal(status=503, reason="clients", sentence="Too many pages are open.")
         scope[_PLACE] = place
@@ -233,14 +226,8 @@ def _limited(receive: Receive, most: int) -> Receive:
 
 def _headers(scope: Scope) -> dict[str, str]:
     """Return the request's headers; the first of a repeated one, except that cookies are joined."""
-    headers: dict[str, str] = {}
-    for raw_name, raw_value in scope["headers"]:
-        name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
-        if name == "cookie" and name in headers:
-            headers[name] += "; " + value
-        else:
-            headers.setdefault(name, value)
-    return headers
+    headers = Headers(scope=scope)
+    return {**headers, "cookie": "; ".join(headers.getlist("cookie"))}
 
 
 def _security_headers(scheme: str, host: str, path: str) -> list[tuple[bytes, bytes]]:
@@ -287,15 +274,6 @@ def content_policy(scheme: str, host: str, inline: Iterable[str] = ()) -> str:
     )
 
 
-def _proxy(address: str) -> Session:
-    """Return what a proxy's connections are counted by: each may carry many people's requests."""
-    return Session(role=Role.VIEWER, name=f"proxy {address}", is_crowd=True)
-
-
-def _cancel(task: asyncio.Task[Any]) -> None:
-    task.cancel()
-
-
 async def _close(scope: Scope, send: Send) -> None:
     """End what had to give up its place."""
     task = asyncio.current_task()
@@ -316,14 +294,11 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) 
         await send({"type": "websocket.close", "code": 1008})
         return
     prefix = "websocket.http.response" if kind == "websocket" else "http.response"
-    body = json.dumps({"error": refusal.reason, "detail": refusal.sentence}).encode()
-    headers = [
-        (b"content-type", b"application/json"),
-        (b"content-length", str(len(body)).encode()),
-        (b"cache-control", b"no-store"),
-        (b"x-content-type-options", b"nosniff"),
-    ]
+    headers = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
     if refusal.location is not None:
-        headers.append((b"location", (scope.get(PREFIX, "") + refusal.location).encode("ascii")))
-    await send({"type": f"{prefix}.start", "status": refusal.status, "headers": headers})
-    await send({"type": f"{prefix}.body", "body": body})
+        headers["location"] = scope.get(PREFIX, "") + refusal.location
+    told = {"error": refusal.reason, "detail": refusal.sentence}
+    answer = JSONResponse(told, refusal.status, headers)
+    start = {"status": answer.status_code, "headers": answer.raw_headers}
+    await send({"type": f"{prefix}.start", **start})
+    await send({"type": f"{prefix}.body", "body": answer.body})

@@ -7,10 +7,12 @@ headers choose among them and name the client; whoever is no proxy is not believ
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, MutableMapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
+
+from starlette.types import Scope
 
 from server.config import Network, PublicAddress, as_address
 from server.security.access import Refusal, host_name
@@ -21,8 +23,6 @@ PREFIX = "drivelesson.prefix"
 """In a scope: the path under which a proxy serves the page, such as /robot; or nothing."""
 SPOKEN = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto")
 _PAIR = re.compile(r'([a-z]+)\s*=\s*("(?:[^"\\]|\\.)*"|[^;,"\s]*)|(,)', re.I)
-
-Scope = MutableMapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)

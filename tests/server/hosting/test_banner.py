@@ -8,7 +8,6 @@ import threading
 
 import pytest
 
-from robot.errors import MissingExtraError
 from server.board.discovery import browsing
 from server.board.transport import RobotAddress
 from server.hosting.banner import draw_qr, greet_phones
@@ -31,13 +30,12 @@ def test_without_segno_a_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) -
     assert "drivelesson[lan]" in draw_qr("anything")
 
 
-def test_without_zeroconf_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_zeroconf_the_extra_is_named_and_the_robot_drives(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     monkeypatch.setitem(sys.modules, "zeroconf", None)
-    with (
-        pytest.raises(MissingExtraError, match="lan"),
-        announced("r", 1, ["127.0.0.1"], "Ada", tls=False),
-    ):
-        pass
+    with announced("r", 1, ["127.0.0.1"], "Ada", tls=False):
+        assert "the name r.local needs drivelesson[lan]" in caplog.text
 
 
 def test_two_robots_announce_themselves_and_the_board_finds_both() -> None:
