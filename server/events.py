@@ -20,11 +20,7 @@ class EventBus:
         self.lasting: tuple[tuple[str, dict[str, object]], ...] = ()
 
     def subscribe(self, subscriber: Subscriber) -> Callable[[], None]:
-        """Call `subscriber(name, fields)` for each event; return a function that unsubscribes.
-
-        Args:
-            subscriber: Called on any thread; must return at once and not raise.
-        """
+        """Have each event, on any thread; the subscriber returns at once and never raises."""
         self._subscribers = (*self._subscribers, subscriber)
 
         def unsubscribe() -> None:

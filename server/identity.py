@@ -44,12 +44,7 @@ class Identity:
 
 
 class IdentityFile:
-    """Saves the identity of one robot in `robot.json`.
-
-    Args:
-        folder: The data folder; None keeps it in memory only.
-        name: A name that replaces the saved one.
-    """
+    """Saves the identity of one robot in `robot.json`; with no folder in memory alone."""
 
     def __init__(self, folder: Path | None, name: str | None = None) -> None:
         self._path = folder / "robot.json" if folder is not None else None

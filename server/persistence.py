@@ -27,17 +27,7 @@ log = logging.getLogger(__name__)
 
 
 class Persistence(StartStop):
-    """Starts and stops autosave and recorder. A context manager, inside the rig's.
-
-    Args:
-        storage: The data folder.
-        rig: The robot.
-        name: The name of a new model.
-        options: The options of the run, written into recordings.
-        announce: Called with events that clients should know.
-        keeps_drives: Keep recordings in which nothing was taught.
-        fault: Why nothing can be saved, if so; the robot then drives without saving.
-    """
+    """Starts and stops autosave and recorder; a `fault` says why nothing can be saved, if so."""
 
     def __init__(
         self,
@@ -93,7 +83,7 @@ class Persistence(StartStop):
     @property
     def recording(self) -> str | None:
         """Id of the episode that is being recorded, if any is."""
-        return self.recorder.episode_id
+        return self.recorder.queue.episode_id
 
     def start(self) -> None:
         """Lock the folder, recover from a power cut, and start saving and recording.
@@ -105,7 +95,7 @@ class Persistence(StartStop):
             ConfigurationError: If another program uses the folder.
         """
         if self._fault is not None:
-            self.recorder.refuse(f"Nothing is recorded: {self._fault}")
+            self.recorder.queue.refuse(f"Nothing is recorded: {self._fault}")
             return
         try:
             self._lock.start()

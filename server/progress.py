@@ -24,7 +24,7 @@ from robot.types import StartStop
 
 MARK_EVERY = 10
 """Examples between two points of the curve."""
-_MARKS = 2000
+_MARKS, _POINTS = 2000, 200
 _REMEMBERED = 512
 """How many images are cached, including those that are gone."""
 _REFRESH_S = 0.4
@@ -109,10 +109,10 @@ class Progress(StartStop):
         )
         self._marks = [*self._marks[-_MARKS:], mark]
 
-    def history(self, points: int = 200) -> list[Mark]:
-        """Return at most `points` marks, spread over the whole training, oldest first."""
+    def history(self) -> list[Mark]:
+        """Return at most `_POINTS` marks, spread over the whole training, oldest first."""
         marks = self._marks
-        step = max(1, -(-len(marks) // points))
+        step = max(1, -(-len(marks) // _POINTS))
         return marks[::-1][::step][::-1]
 
     def mark_of(self, example: int) -> Mark | None:

@@ -35,19 +35,8 @@ _T = TypeVar("_T")
 class Services:
     """The parts of one server. Routes get them from `services_of(request)`.
 
-    Attributes:
-        config: The configuration.
-        robot: The robot, started and stopped by the caller.
-        events: The bus for events that clients should know.
-        identity: The robot's name and colour.
-        hub: The clients, and who of them drives.
-        progress: Learning curve and gallery of the model in use.
-        retraining: Training again from recordings.
-        persistence: Models and recordings; None where nothing is saved.
-        pairing: The paired browsers; None admits every client that can reach the port.
-        door: Limits on connections that are not admitted yet.
-        turned_away: How many requests the guard refused, by reason.
-        extensions: What the houses add, one of each kind.
+    Robot and persistence are started and stopped by the caller. Without persistence nothing is
+    saved; without pairing every client is admitted that can reach the port.
     """
 
     config: Config
@@ -61,6 +50,7 @@ class Services:
     pairing: Pairing | None = None
     door: Door
     turned_away: Counter[str] = field(default_factory=Counter)
+    """How many requests the guard refused, by reason."""
     extensions: dict[type[Extension], Extension] = field(default_factory=dict)
 
     def is_kept(self, person: str) -> bool:

@@ -69,7 +69,6 @@ def build_rig(
     *,
     camera: str | None = None,
     learner: str = "default-32",
-    moves: tuple[Any, ...] | None = None,
     options: Mapping[str, Any] | None = None,
     config: LoopConfig | None = None,
 ) -> Rig:
@@ -79,7 +78,6 @@ def build_rig(
         robot: Name of a driver.
         camera: Name of a camera; None for the one that the driver comes with.
         learner: Name of a policy, such as `default-32`.
-        moves: What the robot may learn to do; None for the driver's `first_moves`.
         options: Values for the options that driver and camera declare, by name.
         config: The loop's limits.
 
@@ -92,6 +90,6 @@ def build_rig(
     driver = driver_type(make_options(driver_type.options_type, given))
     camera_type = load_camera(camera or driver_type.default_camera)
     eye = camera_type.for_driver(driver, make_options(camera_type.options_type, given), clock)
-    policy = make_policy(learner, moves=moves or driver.first_moves)
+    policy = make_policy(learner, moves=driver.first_moves)
     body = DriverThread(driver, clock) if driver.is_remote else driver
     return Rig(body, eye, policy, clock, config)

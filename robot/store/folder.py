@@ -13,7 +13,6 @@ import shutil
 import time
 import unicodedata
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -169,17 +168,6 @@ def sync_folder(folder: Path) -> None:
             os.close(handle)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Usage:
-    """Bytes on disk: what is kept, what is in the trash, what the disk has left."""
-
-    models: int
-    episodes: int
-    exports: int
-    trash: int
-    free: int
-
-
 class Storage:
     """The data folder. Making one makes the folder and what belongs in it.
 
@@ -225,14 +213,10 @@ class Storage:
                     if time.time() - path.lstat().st_mtime > _HALF_DONE_S:
                         path.unlink()
 
-    def usage(self) -> Usage:
-        return Usage(
-            models=_size(self.models),
-            episodes=_size(self.episodes),
-            exports=_size(self.exports),
-            trash=_size(self.trash),
-            free=_free(self.root),
-        )
+    def usage(self) -> dict[str, int]:
+        """Return the bytes of what is kept and of the trash, and what the disk has left: `free`."""
+        folders = (self.models, self.episodes, self.exports, self.trash)
+        return {**{folder.name: _size(folder) for folder in folders}, "free": _free(self.root)}
 
     def discard(self, *paths: Path) -> str:
         """Move files or folders to the trash together; return the key for `discarded`."""

@@ -26,12 +26,7 @@ class FolderLock(StartStop):
         self._lock: Any = None
 
     def start(self) -> None:
-        """Take the folder.
-
-        Raises:
-            ConfigurationError: If another program has it (the sentence has that program's process
-                number), or nothing can be written there.
-        """
+        """Take the folder; who is refused is told which process has it, or what is wrong."""
         if self._lock is not None:
             return
         from filelock import FileLock, Timeout

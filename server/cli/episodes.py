@@ -230,12 +230,11 @@ def protect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> 
 def show_budget(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     if args.gigabytes is not None:
         store.budget_bytes = round(args.gigabytes * 1e9)
-    usage, budget = storage.usage(), store.budget()
     print(f"data folder  {storage.root}")
-    for name in ("models", "episodes", "exports", "trash", "free"):
-        print(f"{name:12} {getattr(usage, name) / 1e6:10.1f} MB")
-    print(f"{'budget':12} {budget.budget_bytes / 1e6:10.1f} MB for episodes")
-    for summary in budget.offered:
+    for name, size in storage.usage().items():
+        print(f"{name:12} {size / 1e6:10.1f} MB")
+    print(f"{'budget':12} {store.budget_bytes / 1e6:10.1f} MB for episodes")
+    for summary in store.offered():
         print(f"could go: {summary.id}  {summary.bytes / 1e6:.1f} MB  {summary.title}".rstrip())
 
 

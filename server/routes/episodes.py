@@ -21,11 +21,10 @@ from robot.store.episodes.summary import EpisodeSummary
 from robot.types import Encoding
 from server.routes.answers import IdAnswer, Of, Route, UndoAnswer, answer, media
 from server.routes.bodies import Key, do
-from server.security.guard import require_pilot, require_viewer
+from server.security.guard import PILOT, VIEWER
 from server.services import persistence_of
 
 router = APIRouter(prefix="/api", route_class=Route)
-VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
 _MOST_IN_A_STRIP = 400
 
 
@@ -176,12 +175,12 @@ def _describe(summary: EpisodeSummary, recording: str | None = None) -> EpisodeA
 def list_episodes(request: Request) -> Response:
     """List all episodes, the newest first."""
     persistence = persistence_of(request)
-    recorder = persistence.recorder
+    recorder = persistence.recorder.queue
     summaries = persistence.episodes.summaries()
     found = EpisodeList(
         recording=recorder.episode_id,
         fault=recorder.fault,
-        dropped_frames=recorder.dropped_frames,
+        dropped_frames=recorder.lost.frames,
         episodes=[_describe(summary, recorder.episode_id) for summary in summaries],
     )
     # NOTE: encoded here, because FastAPI takes a second for a list of 2,000.
@@ -193,9 +192,9 @@ def list_episodes(request: Request) -> Response:
 def show_storage(request: Request) -> StorageAnswer:
     """Return the disk usage, and which episodes could be deleted if it is too much."""
     persistence = persistence_of(request)
-    usage, budget = persistence.storage.usage(), persistence.episodes.budget()
-    offered = [_describe(summary) for summary in budget.offered]
-    return answer(StorageAnswer, usage, budget=budget.budget_bytes, offered=offered)
+    store, usage = persistence.episodes, persistence.storage.usage()
+    offered = [_describe(summary) for summary in store.offered()]
+    return StorageAnswer(**usage, budget=store.budget_bytes, offered=offered)
 
 
 @router.post("/episodes/restore", dependencies=[PILOT])

@@ -302,4 +302,4 @@ def finish_recording(world: World) -> None:
     """End the recording now; otherwise it ends when the robot has stood for a while."""
     recorder = world.persistence.recorder
     world.rig.loop.submit(recorder.finish).result(5)
-    wait_for(lambda: recorder.episode_id is None, "the recording ends")
+    wait_for(lambda: recorder.queue.episode_id is None, "the recording ends")

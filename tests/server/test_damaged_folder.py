@@ -167,11 +167,11 @@ def test_every_start_serves_drives_and_keeps(whole: Path, tmp_path: Path, seed: 
         assert lessons >= 5
         persistence.models.saved()
         persistence.episodes.summaries()
-        persistence.episodes.budget()
+        persistence.episodes.offered()
         persistence.storage.usage()
         name = persistence.autosave.save()
         assert persistence.models.load(name).summary.n_examples == lessons, done
-        assert persistence.recorder.fault is None, done
+        assert persistence.recorder.queue.fault is None, done
     for name, where in started.prepared.moved:
         assert os.path.lexists(root / where), (name, where, done)
         assert name in started.prepared.sentence and where in started.prepared.sentence
@@ -200,7 +200,7 @@ def test_where_nothing_can_be_kept_the_robot_drives_and_says_so(tmp_path: Path) 
     with started as (rig, persistence):
         assert started.prepared.fault and "/proc/drivelesson" in started.prepared.fault
         assert teach(rig) == 5
-        assert persistence.recorder.fault and "recording_off" in started.told
+        assert persistence.recorder.queue.fault and "recording_off" in started.told
         assert persistence.models.saved() == [] and persistence.episodes.summaries() == []
         with pytest.raises(OSError):
             persistence.autosave.save()

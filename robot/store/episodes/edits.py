@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,8 +43,8 @@ class Notes:
 
     title: str = ""
     is_protected: bool = False
-    edits: tuple[Edit, ...] = field(default=())
-    undone: tuple[Edit, ...] = field(default=())
+    edits: tuple[Edit, ...] = ()
+    undone: tuple[Edit, ...] = ()
     """Undone edits, the last one first: what redo applies again."""
 
     def with_edit(self, edit: Edit) -> Notes:
@@ -92,7 +92,15 @@ def read_notes(episode: Path) -> Notes:
     """
     path = notes_path(episode)
     try:
-        return _from_plain(json.loads(read_regular(path, _MOST_BYTES).decode()))
+        plain = json.loads(read_regular(path, _MOST_BYTES).decode())
+        if plain["format"] > FORMAT:
+            raise ValueError("it was written by a newer version of this program")
+        return Notes(
+            title=str(plain["title"]),
+            is_protected=bool(plain["protected"]),
+            edits=tuple(map(_edit_from_plain, plain["edits"])),
+            undone=tuple(map(_edit_from_plain, plain.get("undone", ()))),
+        )
     except FileNotFoundError:
         return Notes()
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
@@ -106,29 +114,10 @@ def write_notes(episode: Path, notes: Notes) -> None:
         "format": FORMAT,
         "title": notes.title,
         "protected": notes.is_protected,
-        "edits": [_to_plain(edit) for edit in notes.edits],
-        "undone": [_to_plain(edit) for edit in notes.undone],
+        "edits": [asdict(edit) for edit in notes.edits],
+        "undone": [asdict(edit) for edit in notes.undone],
     }
     write_whole(notes_path(episode), json.dumps(plain, indent=1, ensure_ascii=False).encode())
-
-
-def _from_plain(plain: Any) -> Notes:
-    if plain["format"] > FORMAT:
-        raise ValueError("it was written by a newer version of this program")
-    return Notes(
-        title=str(plain["title"]),
-        is_protected=bool(plain["protected"]),
-        edits=tuple(_edit_from_plain(edit) for edit in plain["edits"]),
-        undone=tuple(_edit_from_plain(edit) for edit in plain.get("undone", ())),
-    )
-
-
-def _to_plain(edit: Edit) -> dict[str, Any]:
-    return {
-        "verb": edit.verb,
-        "ranges": [list(between) for between in edit.ranges],
-        "label": edit.label,
-    }
 
 
 def _edit_from_plain(plain: Any) -> Edit:

@@ -48,7 +48,7 @@ class Recorder:
 
     `robot`, `declared_moves` and `options` are written into the file. `announce` is called when
     recording begins, ends, stops because of a fault, or loses pictures. `disk` is the thread that
-    writes, by default one of its own.
+    writes, by default one of its own. How it goes is in `queue`.
     """
 
     def __init__(
@@ -71,9 +71,9 @@ class Recorder:
         self._config = config or RecorderConfig()
         self._run_id = secrets.token_hex(8)
         self._folder = folder
-        self._queue = RecordingQueue(folder, self._config, open_file, announce, loop.clock)
+        self.queue = RecordingQueue(folder, self._config, open_file, announce, loop.clock)
         self._disk = disk or DiskThread(loop.clock)
-        self._disk.add(self._queue.write_waiting)
+        self._disk.add(self.queue.write_waiting)
         self._unsubscribe: Callable[[], None] = lambda: None
         self._base: Model | None = None
         self._is_open = False
@@ -83,34 +83,14 @@ class Recorder:
         self._kept: dict[int, None] = {}
         self._taught: set[int] = set()
 
-    @property
-    def fault(self) -> str | None:
-        """Why nothing is recorded at present, as a sentence; None if all is well."""
-        return self._queue.fault
-
-    @property
-    def episode_id(self) -> str | None:
-        return self._queue.episode_id
-
-    @property
-    def dropped_frames(self) -> int:
-        """Pictures that the disk was too slow for, since the start."""
-        return self._queue.lost.frames
-
-    def keep(self) -> None:
-        self._queue.keep()
-
-    def refuse(self, sentence: str) -> None:
-        self._queue.refuse(sentence)
-
     def start(self) -> None:
         """Start recording. Without the library `mcap` recording is off, and `fault` says so."""
         try:
             require_mcap()
         except MissingExtraError as error:
-            self._queue.refuse(str(error))
+            self.queue.refuse(str(error))
             return
-        self._queue.is_ending = False
+        self.queue.is_ending = False
         self._unsubscribe = self._loop.subscribe(self.note)
         self._disk.start()
         found = sorted(self._folder.glob("*.mcap"))
@@ -122,7 +102,7 @@ class Recorder:
             with contextlib.suppress(TimeoutError):
                 self._loop.clock.result(self._loop.submit(self._end), 2.0)
         self._unsubscribe()
-        self._queue.is_ending = True
+        self.queue.is_ending = True
         self._disk.stop()
 
     # On the loop's thread ----------------------------------------------------------------------
@@ -143,7 +123,7 @@ class Recorder:
         self._moved_s = now_s if is_moving else self._moved_s
         events = self._own_events(tick.history_events)
         if began:
-            self._queue.fault = None
+            self.queue.fault = None
         if not self._is_open and (is_moving or events):
             self._open(now_s)
         if self._is_open:
@@ -181,7 +161,7 @@ class Recorder:
             declared_moves=self._declared_moves,
             options=self._options,
         )
-        self._queue.begin(run, self._base)
+        self.queue.begin(run, self._base)
         self._is_open = True
         self._kept.clear()
         self._taught.clear()
@@ -189,25 +169,21 @@ class Recorder:
     def _record(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         now_s = tick.now_s
         if tick.decision.mode is not self._mode:
-            self._record_mode(tick)
+            now = {"mode": tick.decision.mode, "stop_reason": tick.decision.stop_reason}
+            self.queue.write_message(MODE, now_s, now)
         if tick.frame is not None:
             if now_s - self._moved_s <= self._config.trail_s:
-                self._record_lead()
+                while self._lead:  # a command may label what was seen just before
+                    self._keep(self._lead.popleft())
                 self._record_frame(tick)
             else:
                 self._remember(tick.frame)
         for command in tick.commands:
-            self._queue.write_message(COMMAND, now_s, describe_command(command))
+            self.queue.write_message(COMMAND, now_s, describe_command(command))
         if tick.decision.mode is not Mode.STOPPED:
             self._record_decision(tick)
         for event in events:
             self._record_event(event, now_s)
-
-    def _record_mode(self, tick: Tick) -> None:
-        reason = tick.decision.stop_reason
-        self._queue.write_message(
-            MODE, tick.now_s, {"mode": tick.decision.mode, "stop_reason": reason}
-        )
 
     def _record_decision(self, tick: Tick) -> None:
         decision = tick.decision
@@ -221,25 +197,20 @@ class Recorder:
             "asks_pilot": decision.asks_pilot,
             "cycle_ms": round(tick.cycle_s * 1000, 4),
         }
-        self._queue.write_message(DECISION, tick.now_s, fields)
+        self.queue.write_message(DECISION, tick.now_s, fields)
 
     def _record_frame(self, tick: Tick) -> None:
         assert tick.frame is not None
         self._keep(tick.frame)
-        self._queue.write_message(SENSORS, tick.now_s, describe_sensors(tick.sensors))
+        self.queue.write_message(SENSORS, tick.now_s, describe_sensors(tick.sensors))
         if tick.prediction is not None and tick.prediction.frame_id == tick.frame.frame_id:
-            self._queue.write_message(PREDICTION, tick.now_s, describe_prediction(tick.prediction))
+            self.queue.write_message(PREDICTION, tick.now_s, describe_prediction(tick.prediction))
 
     def _record_event(self, event: HistoryEvent, now_s: float) -> None:
         is_lost = isinstance(event, Taught) and event.example.frame_id not in self._kept
         if isinstance(event, Taught):
             self._taught.add(event.example.frame_id)
-        self._queue.write_message(LESSON, now_s, describe_event(event, with_vector=is_lost))
-
-    def _record_lead(self) -> None:
-        """Write the pictures from just before: a command may label what was seen then."""
-        while self._lead:
-            self._keep(self._lead.popleft())
+        self.queue.write_message(LESSON, now_s, describe_event(event, with_vector=is_lost))
 
     def _remember(self, frame: Frame) -> None:
         self._lead.append(frame)
@@ -247,7 +218,7 @@ class Recorder:
             self._lead.popleft()
 
     def _keep(self, frame: Frame) -> None:
-        if frame.frame_id not in self._kept and self._queue.write_frame(frame):
+        if frame.frame_id not in self._kept and self.queue.write_frame(frame):
             self._kept[frame.frame_id] = None
             while len(self._kept) > 512:
                 del self._kept[next(iter(self._kept))]
@@ -265,7 +236,7 @@ class Recorder:
             self.finish()
 
     def _close(self, final: Model | None) -> None:
-        self._queue.end(final)
+        self.queue.end(final)
         self._is_open = False
 
     def _take(self) -> Model:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -21,33 +21,18 @@ DEFAULT_BUDGET_BYTES = 8 * 2**30
 _OPEN_EPISODES = 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Budget:
-    """How the space is used, and which episodes would bring it back within the budget."""
-
-    budget_bytes: int
-    used_bytes: int
-    offered: tuple[EpisodeSummary, ...]
-
-
 class EpisodeStore:
-    """Every file operation on episodes. Safe for several threads.
-
-    Args:
-        storage: The data folder.
-        recording: Returns the episode that is being written; it cannot be changed.
-        budget_bytes: Beyond this the oldest unprotected episodes are offered for deletion.
-    """
+    """Every file operation on episodes, but for the one being recorded. Safe for threads."""
 
     def __init__(
         self,
         storage: Storage,
         recording: Callable[[], str | None] = lambda: None,
-        budget_bytes: int = DEFAULT_BUDGET_BYTES,
     ) -> None:
         self._storage = storage
         self._recording = recording
-        self.budget_bytes = budget_bytes
+        self.budget_bytes = DEFAULT_BUDGET_BYTES
+        """Beyond this the oldest unprotected episodes are offered for deletion."""
         self._lock = threading.RLock()
         self._open = lru_cache(_OPEN_EPISODES)(lambda path, *state: open_episode(path))
         self._index = SummaryIndex(storage.episodes, recording)
@@ -169,18 +154,17 @@ class EpisodeStore:
         free = free_name(check_name(name), set(self.ids()))
         return self._storage.episodes / f"{free}.mcap"
 
-    def budget(self) -> Budget:
-        """Return how much space is used; the program itself never deletes anything."""
-        summaries = self.summaries()
-        used = sum(summary.bytes for summary in summaries)
-        offered, excess = [], used - self.budget_bytes
+    def offered(self) -> list[EpisodeSummary]:
+        """List what would bring the space back within the budget; nothing is deleted unasked."""
+        summaries, offered = self.summaries(), []
+        excess = sum(summary.bytes for summary in summaries) - self.budget_bytes
         for summary in reversed(summaries):
             if excess <= 0:
                 break
             if not summary.is_protected and summary.id != self._recording():
                 offered.append(summary)
                 excess -= summary.bytes
-        return Budget(budget_bytes=self.budget_bytes, used_bytes=used, offered=tuple(offered))
+        return offered
 
     def _idle_path(self, episode_id: str) -> Path:
         if episode_id == self._recording():

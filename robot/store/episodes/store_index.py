@@ -43,34 +43,26 @@ class SummaryIndex:
     def summaries(self) -> list[EpisodeSummary]:
         """Describe all recordings, the newest by time first."""
         self._load()
-        states = self._look()
-        is_changed = len(self._known) != len(states)
-        known: dict[str, tuple[State, EpisodeSummary]] = {}
-        for episode_id, state in states.items():
-            found = self._known.get(episode_id)
-            if found is None or found[0] != state:
-                summary = self._describe(episode_id, state)
-                if summary is None:
-                    continue
-                found = state, summary
-                is_changed = is_changed or episode_id != self._recording()
-            known[episode_id] = found
-        self._known = known
-        if is_changed:
+        found = {name: self._described(name, state) for name, state in self._look().items()}
+        known = {name: one for name, one in found.items() if one is not None}
+        before, self._known = self._known, known
+        growing = self._recording()
+        if any(before.get(name) != known.get(name) for name in {*before, *known} - {growing}):
             self._save()
-        found_now = [summary for _, summary in known.values()]
-        return sorted(found_now, key=lambda s: (s.started_at_s, s.id), reverse=True)
+        return sorted(
+            (summary for _, summary in known.values()),
+            key=lambda summary: (summary.started_at_s, summary.id),
+            reverse=True,
+        )
 
     def get(self, path: Path) -> EpisodeSummary:
         """Describe one recording; raises OSError if it is not there."""
         self._load()
         state = _state_of(path)
-        found = self._known.get(path.stem)
-        if found is None or found[0] != state:
-            summary = self._describe(path.stem, state) if state is not None else None
-            if state is None or summary is None:
-                raise FileNotFoundError(path)
-            self._known[path.stem] = found = state, summary
+        found = self._described(path.stem, state) if state is not None else None
+        if found is None:
+            raise FileNotFoundError(path)
+        self._known[path.stem] = found
         return found[1]
 
     def ids(self) -> list[str]:
@@ -85,11 +77,14 @@ class SummaryIndex:
         }
         return {episode_id: state for episode_id, state in found.items() if state is not None}
 
-    def _describe(self, episode_id: str, state: State) -> EpisodeSummary | None:
+    def _described(self, episode_id: str, state: State) -> tuple[State, EpisodeSummary] | None:
+        known = self._known.get(episode_id)
+        if known is not None and known[0] == state:
+            return known
         path = self._folder / f"{episode_id}.mcap"
         is_growing = episode_id == self._recording() and state[0] > _READ_WHOLE_BYTES
         try:
-            return read_head(path) if is_growing else read_summary(path)
+            return state, read_head(path) if is_growing else read_summary(path)
         except OSError:
             return None
 

@@ -107,7 +107,6 @@ def learn_again(
     policy: Policy,
     episodes: Sequence[EditedEpisode],
     *,
-    skip: int = 0,
     only: Callable[[Step], bool] = lambda step: True,
     on_step: Callable[[], None] = lambda: None,
 ) -> Report:
@@ -116,13 +115,6 @@ def learn_again(
     Edits of learned images are repeated only where they apply to the same images: with the learner
     that was driven, and recordings without edits. Otherwise they are counted as left out.
 
-    Args:
-        policy: What learns.
-        episodes: Recordings, in order, each with its edits.
-        skip: How many of the first steps the policy knows already.
-        only: Returns True for a step that is to be learned.
-        on_step: Called after each step.
-
     Raises:
         ConfigurationError: If a label is not one of the policy's moves.
     """
@@ -130,7 +122,7 @@ def learn_again(
         episode.run.get("learner") == policy.name and not notes.edits for episode, notes in episodes
     )
     report = Report(taught=Counter())
-    for step in filter(only, plan(episodes)[skip:]):
+    for step in filter(only, plan(episodes)):
         if isinstance(step.event, Taught):
             event = _seen_by(policy, step.episode, step.event)
             if event is None:

@@ -50,7 +50,6 @@ class Autosave:
         *,
         name: str = "robot",
         moves: Collection[Action] = tuple(CLASSIC),
-        place: str = "",
         announce: Announce = no_announcement,
     ) -> None:
         self._loop = loop
@@ -58,7 +57,7 @@ class Autosave:
         self.store = store
         self._wanted_name = name
         self._moves = frozenset(moves)
-        self._place = place
+        self._place = ""
         self.announce = announce
         self._journal = journal
         self._name: str | None = None
@@ -133,15 +132,6 @@ class Autosave:
             self.announce("model_saved", model=name, lessons=model.summary.n_examples)
             return name
 
-    def _save_first(self) -> None:
-        """Save what is in the robot before it is replaced.
-
-        Raises:
-            OSError: If the disk refuses: then nothing may be replaced.
-        """
-        if self.has_unsaved:
-            self.save()
-
     def load_last(self, learner: str | None = None) -> str | None:
         """Load the model used last, or the newest good one; None if there is none.
 
@@ -183,7 +173,8 @@ class Autosave:
     def load(self, name: str) -> None:
         """Save the model in use, and go on with another; refused unless the robot is stopped."""
         with self._lock:
-            self._save_first()
+            if self.has_unsaved:
+                self.save()
             model = self.store.load(name)
             impossible = set(model.summary.moves) - self._moves
             if impossible:
@@ -213,7 +204,8 @@ class Autosave:
                 position=self._journal.position(self._loop.history.changes),
             )
             self._check_stopped()
-            self._save_first()
+            if self.has_unsaved:
+                self.save()
             new_name = self.store.free_name(name or self._wanted_name)
             self.store.save(new_name, model)
             self._use(new_name, model)
@@ -265,8 +257,8 @@ class Autosave:
     def delete(self, name: str) -> str:
         """Delete a model; of the one in use the robot keeps what it knows, under a new name."""
         with self._lock:
-            if self._name == name:
-                self._save_first()
+            if self._name == name and self.has_unsaved:
+                self.save()
             key = self.store.delete(name)
             if self._name == name:
                 self._name, self._saved_changes = None, self._loop.history.changes

@@ -93,13 +93,7 @@ def list_parts(folder: Path) -> list[Part]:
 
 
 class Journal:
-    """Writes the journal of one start of the program.
-
-    Args:
-        folder: Where its files go; made if it is not there.
-        on_fault: Called once with a sentence when the journal cannot be written any more.
-        open_file: Opens a new file; tests give full disks.
-    """
+    """Writes the journal of one start; `on_fault` is called once when it cannot be any more."""
 
     def __init__(
         self,

@@ -56,14 +56,7 @@ class _Run:
 
 
 def recover(folder: Path, store: ModelStore) -> Recovered | None:
-    """Return the last state of the last run; None if the journal does not hold it.
-
-    Never raises because of damaged files: damaged records are skipped and logged.
-
-    Args:
-        folder: Where the journal is.
-        store: The models; they are only read.
-    """
+    """Return the last state of the last run; None if the journal does not hold it."""
     parts = list_parts(folder)
     boots = sorted({part.boot for part in parts}, reverse=True)
     for boot in boots:
@@ -138,9 +131,7 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
     found = _newest_version(run, change, [store.current, name], store)
     is_file = found is not None
     if found is not None:
-        model, name = found
-        assert model.summary.position is not None
-        change = model.summary.position.change
+        change, model, name = found
     missing = [number for number in range(change + 1, run.last + 1) if number not in run.events]
     if missing:
         log.warning("%d records of the journal are missing", len(missing))
@@ -159,16 +150,16 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
 
 def _newest_version(
     run: _Run, change: int, names: list[str | None], store: ModelStore
-) -> tuple[Model, str] | None:
+) -> tuple[int, Model, str] | None:
     """Return the newest sound version of this run that is not older than the checkpoint."""
     found = []
     for name in dict.fromkeys(name for name in names if name is not None):
         for model in store.sound_versions(name):
             position = model.summary.position
             if position is not None and position.run == run.run and position.change >= change:
-                found.append((model, name))
+                found.append((position.change, model, name))
                 break
-    return max(found, key=lambda pair: _change_of(pair[0]), default=None)
+    return max(found, key=lambda one: one[0], default=None)
 
 
 def _is_saved(model: Model, name: str | None, store: ModelStore) -> bool:
@@ -176,10 +167,6 @@ def _is_saved(model: Model, name: str | None, store: ModelStore) -> bool:
     for version in store.sound_versions(name) if name is not None else ():
         return same_nodes(version.state, model.state)
     return False
-
-
-def _change_of(model: Model) -> int:
-    return model.summary.position.change if model.summary.position else -1
 
 
 def newest_boot(store: ModelStore) -> int:

@@ -7,7 +7,6 @@ that the model claims; then a copy of it is driven and taught on a few pictures.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cache
 from itertools import cycle
 
@@ -32,14 +31,14 @@ _MOST_MOVES = 32
 _PREVIEW_PX = 512
 
 
-def try_model(model: Model, now_s: Callable[[], float] = _MACHINE.now_s) -> None:
+def try_model(model: Model) -> None:
     """Refuse a model that cannot be used, whatever is wrong with it, by a RecordingError."""
     try:
         with np.errstate(all="ignore"):  # what comes of it is judged
             _check_summary(model)
             policy = model.to_policy()
             policy.check()
-            _drive(policy, now_s)
+            _drive(policy)
             policy.check()
     except RecordingError:
         raise
@@ -68,9 +67,9 @@ def _is_picture(preview: NDArray[np.uint8]) -> bool:
     )
 
 
-def _drive(policy: Policy, now_s: Callable[[], float]) -> None:
+def _drive(policy: Policy) -> None:
     """Show some pictures, each with another move under way, and teach each of them."""
-    until_s = now_s() + TRIAL_S
+    until_s = _MACHINE.now_s() + TRIAL_S
     moves = cycle((*policy.moves, None))
     for i, frame in enumerate(_pictures()):
         x, at_s = policy.extract(frame), i * _STEP_S
@@ -79,7 +78,7 @@ def _drive(policy: Policy, now_s: Callable[[], float]) -> None:
             values = [shown.confidence, shown.novelty, *shown.probabilities.values()]
             _demand(all(map(math.isfinite, values)), "what it makes of a picture is no number")
         policy.learn(x, policy.moves[i % len(policy.moves)], at_s)
-        if now_s() > until_s:
+        if _MACHINE.now_s() > until_s:
             break
     policy.gallery()
     policy.reset()

@@ -78,7 +78,7 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     clock.wall_s = lambda: wall_s  # type: ignore[method-assign]
     rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
     persistence = Persistence(Storage(folder), rig, name="bench")
-    persistence.recorder._queue._config = RecorderConfig(spare_bytes=0)
+    persistence.recorder.queue._config = RecorderConfig(spare_bytes=0)
     is_loaded = False
     rig.loop.subscribe(note)  # first: what is on the disk at any moment has been told before
     with rig:

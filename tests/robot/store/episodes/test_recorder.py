@@ -179,14 +179,14 @@ def test_a_disk_that_crawls_costs_pictures_and_neither_memory_nor_lessons(tmp_pa
     file = SlowFile()
     config = RecorderConfig(queue_bytes=1_000_000, spare_bytes=0)
     robot = RecordedBench(tmp_path, config=config, open_file=lambda path: file)
-    queue, file.clock = robot.recorder._queue, robot.clock
+    queue, file.clock = robot.recorder.queue, robot.clock
     robot.start(Mode.TRAIN)
     most = 0
     for scene in range(100):
         robot.step(scene, Action.LEFT)
         most = max(most, queue.waiting_bytes)
     assert most <= 1_000_000
-    assert robot.recorder.dropped_frames >= 80
+    assert robot.recorder.queue.lost.frames >= 80
     robot.recorder.finish()
     file.awake.set()
     robot.recorder.stop()
@@ -197,7 +197,7 @@ def test_a_disk_that_crawls_costs_pictures_and_neither_memory_nor_lessons(tmp_pa
         isinstance(event, Taught) and (event.x.size or event.example.frame_id in episode.frames)
         for _, event in episode.events
     )
-    assert ("recording_lossy", {"dropped_frames": robot.recorder.dropped_frames}) in robot.told
+    assert ("recording_lossy", {"dropped_frames": robot.recorder.queue.lost.frames}) in robot.told
 
 
 class FullFile(io.BytesIO):
@@ -222,18 +222,18 @@ def test_a_full_disk_stops_recording_with_a_word_and_the_robot_drives_on(tmp_pat
     robot = RecordedBench(tmp_path, config=config, open_file=open_file)
     robot.start(Mode.TRAIN)
     scene = 0
-    while robot.recorder.fault is None and scene < 5000:
+    while robot.recorder.queue.fault is None and scene < 5000:
         robot.step(scene, Action.LEFT)
         scene += 1
-    assert robot.recorder.fault is not None and "No space left" in robot.recorder.fault
-    assert ("recording_off", {"detail": robot.recorder.fault}) in robot.told
+    assert robot.recorder.queue.fault is not None and "No space left" in robot.recorder.queue.fault
+    assert ("recording_off", {"detail": robot.recorder.queue.fault}) in robot.told
     tick = robot.step(scene, Action.RIGHT)
     assert tick.sent is Action.RIGHT
 
     robot.stop()
     robot.stand(12)
     robot.drive(range(20))
-    assert robot.recorder.fault is None
+    assert robot.recorder.queue.fault is None
     assert len(taught_frames(open_episode(robot.finish()[0]))) == 20
 
 
@@ -243,7 +243,7 @@ def test_recording_keeps_room_on_the_disk_for_models(tmp_path: Path) -> None:
     robot.recorder.finish()
     robot.recorder.stop()
     assert list(tmp_path.iterdir()) == []
-    assert robot.recorder.fault is not None and "MB left" in robot.recorder.fault
+    assert robot.recorder.queue.fault is not None and "MB left" in robot.recorder.queue.fault
 
 
 def test_without_the_library_recording_is_off_with_a_word(
@@ -252,7 +252,10 @@ def test_without_the_library_recording_is_off_with_a_word(
     monkeypatch.setitem(__import__("sys").modules, "mcap.writer", None)
     robot = RecordedBench(tmp_path)
     robot.drive(range(5))
-    assert robot.recorder.fault is not None and "drivelesson[episodes]" in robot.recorder.fault
+    assert (
+        robot.recorder.queue.fault is not None
+        and "drivelesson[episodes]" in robot.recorder.queue.fault
+    )
     assert robot.finish() == []
 
 
@@ -280,7 +283,7 @@ def test_a_run_in_which_nothing_was_taught_is_dropped_unless_somebody_wants_it(
             robot.step(scene, None)
         assert robot.loop.state.decision.action is not Action.STOP, "it drives itself"
         if is_asked_for:
-            robot.recorder.keep()
+            robot.recorder.queue.keep()
         robot.stop()
         return [len(taught_frames(open_episode(path))) for path in robot.finish()]
 

@@ -186,11 +186,10 @@ def test_beyond_the_budget_the_oldest_unprotected_are_offered_and_none_is_delete
     store.protect(ids[0], True)
     size = store.summary(ids[0]).bytes
     store.budget_bytes = size * 5 // 2
-    offer = store.budget()
-    assert [summary.id for summary in offer.offered] == ids[1:3]
+    assert [summary.id for summary in store.offered()] == ids[1:3]
     assert len(store.ids()) == 4
     store.budget_bytes = size * 10
-    assert store.budget().offered == ()
+    assert store.offered() == []
 
 
 @pytest.mark.parametrize("name", ["../x", "..", "/etc/passwd", "", "a/../b"])
