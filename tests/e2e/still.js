@@ -1,7 +1,7 @@
 // Puts every state and every notice of the drive screen on it, one after the other, and lists what
 // does not hold still; see test_holds_still.py. What is said is the code's own list: the states are made
 // of its own words (`said` names each sentence that was shown), and MEASURE is boxes.js.
-async ({ stopReasons, links, phases, moves, seed }) => {
+async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   const measure = MEASURE;
   const { page } = document.querySelector('app-bar');
   const { store } = page;
@@ -14,10 +14,11 @@ async ({ stopReasons, links, phases, moves, seed }) => {
     ...store.state.robot, mode: 'stopped', driven_by: 'nobody', action: 'stop', stop_reason: null, emergency: false, fault: null,
     asks_pilot: false, link: 'good', busy: false, you_are_pilot: true, pilot: 'c1', lessons: 12345, agreement: 0.93, taught, battery: 0.1,
     distance_m: 1.23, bumped: true, camera: null, stopped_by_teacher: false,
-    prediction: { ...store.state.robot.prediction, action: moves[0], probabilities: Object.fromEntries(moves.map((move) => [move, 1 / moves.length])) },
+    point: hasStick ? { steering: -0.4, throttle: 0.5 } : null,
+    prediction: { ...store.state.robot.prediction, point: hasStick ? { steering: 0.9, throttle: 0.5 } : null, spread: hasStick ? 0.3 : null, action: moves[0], probabilities: Object.fromEntries(moves.map((move) => [move, 1 / moves.length])) },
   };
   const clean = {
-    ...store.state, isLocal: false, link: 'open', robot: calm, moves, held: null, role: 'pilot', localStop: null, notice: null, hint: null, toast: null,
+    ...store.state, takesPoints: hasStick, hasStick, isLocal: false, link: 'open', robot: calm, moves, held: null, role: 'pilot', localStop: null, notice: null, hint: null, toast: null,
     session: null, readiness: null, setback: null, wheelAsked: false, wheelWaiting: false, pictureAgeMs: 30, drawnAgeMs: 30, drawingMs: 3,
   };
   const ready = (stage, more = {}) => ({ stage, alone_s: 12, alone_needed_s: 45, unknown_share: 0, moves, missing: [], ...more });
@@ -76,7 +77,7 @@ async ({ stopReasons, links, phases, moves, seed }) => {
     return [left, top, width, height];
   };
   const places = () => {
-    const fixed = document.querySelectorAll('.picture, teach-panel, mode-bar, mode-bar button, .move, .undo, button.stop.shown, app-bar button, .like');
+    const fixed = document.querySelectorAll('.picture, teach-panel, mode-bar, mode-bar button, .move, .stick, .undo, button.stop.shown, app-bar button, .like');
     return [...fixed].map((e) => [name(e), boxOf(e)]);
   };
   const stopFaults = () => {

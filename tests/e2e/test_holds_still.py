@@ -42,6 +42,7 @@ ROOMY = {(360, 640), (390, 844), (844, 390), (768, 1024), (1024, 600), (1280, 80
 TEXT = (100, 130, 160, 200)
 MOVES = {
     "three": ["forward", "left", "right"],
+    "stick": ["forward", "left", "right"],
     "six": ["forward", "left", "right", "backward", "spin_left", "spin_right"],
 }
 SAID = re.compile(
@@ -61,7 +62,8 @@ def standing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
 
 @pytest.mark.timeout(3600 if IS_WHOLE else 600)
 @pytest.mark.parametrize(
-    ("moves", "language"), [("three", "en"), ("three", "es"), ("three", "zh"), ("six", "es")]
+    ("moves", "language"),
+    [("three", "en"), ("three", "es"), ("three", "zh"), ("six", "es"), ("stick", "es")],
 )
 def test_the_drive_screen_holds_still(
     chromium: Any, standing: World, language: str, moves: str
@@ -88,6 +90,7 @@ def test_the_drive_screen_holds_still(
                 "links": [key.split(".")[1] for key in words if key.startswith("link.")],
                 "phases": ["teach", "correct", "alone"],
                 "moves": MOVES[moves],
+                "hasStick": moves == "stick",
                 "seed": 1000 * seed + 7,
             },
         )

@@ -18,7 +18,7 @@ import pytest
 
 from robot.control.state import Tick
 from robot.testing import FakeCamera, FakePolicy, VirtualClock
-from robot.types import Action, Mode, StopReason
+from robot.types import Action, Mode, Point, StopReason
 from server.protocol import encode_acknowledgement, parse_picture
 from tests.robot.bench_robot import BenchRobot
 
@@ -35,6 +35,8 @@ CHUNKS = 20
 OLDEST_S = 0.3
 STANDS_WITHIN_S = 0.5
 _EPSILON_S = 1e-6
+BY = pytest.mark.parametrize("by", ["moves", "degrees"])
+POINTS = {"forward": Point(0.1, 0.5), "left": Point(-0.7, 0.4)}
 _PICTURE = bytes(5000)
 """As heavy as a JPEG of 160x120."""
 
@@ -127,7 +129,7 @@ class Page:
         if kind in ("drive", "mode"):
             self.seq += 1
             fields = {"seq": self.seq, **self.sight}
-            fields |= {"held": self.held} if kind == "drive" else {"mode": mode}
+            fields |= _hold(self.world, self.held) if kind == "drive" else {"mode": mode}
         elif kind == "ping":
             fields = {"client_ms": 1.0}
         self.sent.append(Sent(self.world.clock.now_s(), kind, fields.get("seq")))
@@ -176,6 +178,12 @@ class Watch:
             self.faults.append(f"{what} {1000 * age_s:.0f} ms before the robot acted upon it")
 
 
+def _hold(world: ServedWorld, move: str | None) -> dict[str, Any]:
+    """Return what a `drive` says of a move: by degrees, where the robot takes them."""
+    is_point = world.driver.takes_points and move is not None
+    return {"held": move, **(POINTS[move]._asdict() if is_point else {})}
+
+
 def _break(page: Page, fault: str, lasts_s: float) -> None:
     """Let the fault begin. A freeze is over at once, for all but the clock."""
     if fault == "freeze":
@@ -194,7 +202,8 @@ def _teach(world: ServedWorld) -> None:
     """Have the robot know a move for what it sees, so that it drives by itself when asked to."""
     frame, policy = world.camera.latest(), world.loop.history.policy
     assert frame is not None
-    policy.learn(policy.extract(frame), Action.FORWARD)
+    point = POINTS[Action.FORWARD] if world.driver.takes_points else None
+    policy.learn(policy.extract(frame), Action.FORWARD, None, point)
 
 
 async def play(world: ServedWorld, case: tuple[str, str, str, str]) -> list[str]:
@@ -240,7 +249,7 @@ async def play(world: ServedWorld, case: tuple[str, str, str, str]) -> list[str]
 
 
 def on_a_cheap_robot(
-    scenario: Callable[[ServedWorld], Coroutine[Any, Any, list[str]]], seed: int
+    scenario: Callable[[ServedWorld], Coroutine[Any, Any, list[str]]], seed: int, by: str
 ) -> list[str]:
     """Run a scenario where nobody looks at a pixel: neither pictures nor learning cost anything."""
     clock = VirtualClock(100.0)
@@ -248,16 +257,18 @@ def on_a_cheap_robot(
     async def main() -> list[str]:
         camera, policy = FakeCamera(clock, pictures=[_PICTURE]), FakePolicy()
         async with ServedWorld(clock, camera=camera, policy=policy, seed=seed) as world:
+            world.driver.takes_points = by == "degrees"
             return await scenario(world)
 
     return clock.run(main())
 
 
+@BY
 @pytest.mark.parametrize("chunk", range(CHUNKS))
-def test_nothing_moves_without_a_fresh_message(chunk: int) -> None:
+def test_nothing_moves_without_a_fresh_message(chunk: int, by: str) -> None:
     for number in range(chunk, RUNS, CHUNKS):
         case = CASES[number % len(CASES)]
-        faults = on_a_cheap_robot(lambda world, case=case: play(world, case), seed=number)
+        faults = on_a_cheap_robot(lambda world, case=case: play(world, case), number, by)
         assert faults == [], f"run {number}: {case}"
 
 
@@ -294,10 +305,12 @@ def test_a_stop_overtakes_what_is_queued_and_undoes_what_was_asked_before_it() -
     assert robot.loop.mode is Mode.STOPPED
 
 
+@BY
 @pytest.mark.parametrize("kind", ["drive", "mode"])
 @pytest.mark.parametrize("lie", ["no nonce", "another nonce", "no frame"])
-def test_what_proves_nothing_moves_nothing(kind: str, lie: str) -> None:
+def test_what_proves_nothing_moves_nothing(kind: str, lie: str, by: str) -> None:
     async def scenario(world: ServedWorld) -> None:
+        world.driver.takes_points = by == "degrees"
         pilot = await world.pilot(sees=True)
         if kind == "drive":
             pilot.mode("train")
@@ -311,7 +324,7 @@ def test_what_proves_nothing_moves_nothing(kind: str, lie: str) -> None:
             sight |= {"no nonce": {"nonce": None}, "no frame": {"frame": None}}.get(
                 lie, {"nonce": world.dice.randrange(1, 2**32)}
             )
-            what = {"held": "forward"} if kind == "drive" else {"mode": "autonomous"}
+            what = _hold(world, "forward") if kind == "drive" else {"mode": "autonomous"}
             pilot.send(type=kind, **what, **sight)
             await world.forward(0.05)
         assert world.driver.moved_s == moved_s, "it moved"
