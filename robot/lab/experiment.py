@@ -32,19 +32,18 @@ class ExperimentSettings:
         return 1 if self.quick else self.seeds
 
 
-Series = tuple[str, tuple[float | str, ...], tuple[float, ...]]
-"""Name, x values, y values."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plot:
-    """Lines or bars over common x values, for matplotlib."""
+    """Lines over numbers, or points beside names, for matplotlib.
+
+    Attributes:
+        series: Name, x values or names, y values; None where there is none.
+    """
 
     title: str
     x_label: str = ""
-    y_label: str
-    series: Sequence[Series]
-    log_y: bool = False
+    y_label: str = ""
+    series: Sequence[tuple[str, Sequence[Any], Sequence[Any]]]
 
 
 Runs = Sequence[tuple[Task, Result]]
@@ -57,7 +56,8 @@ class Experiment:
     Attributes:
         plan: Makes the tasks to run.
         tables: Makes the tables of what was run.
-        plots: Makes the plots, where the tables are not enough.
+        drawn: Columns of each table that are plotted over its rows.
+        plots: Makes further plots.
         times_machine: Its runs are made one after the other, here.
     """
 
@@ -66,6 +66,7 @@ class Experiment:
     text: str
     plan: Callable[[ExperimentSettings], Iterable[Task]]
     tables: Callable[[Runs], list[Table]]
+    drawn: tuple[str, ...] = ()
     plots: Callable[[Runs], list[Plot]] = lambda runs: []
     times_machine: bool = False
 

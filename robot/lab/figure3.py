@@ -8,7 +8,7 @@ from pathlib import Path
 
 from robot.control.state import Tick
 from robot.lab.evaluation import Pair, evaluate, recorded_pairs, scores
-from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.lessons import TRIALS
 from robot.lab.published import FIGURE_3
@@ -70,20 +70,6 @@ def _row(learner: str, results: Sequence[Result]) -> tuple[Cell, ...]:
         for name in ("accuracy", "balanced_accuracy")
     )
     return (learner, correct.n, correct.mean, correct.sd, *shares, *paper)
-
-
-def _plots(runs: Runs) -> list[Plot]:
-    """Return mean correct by learner, beside the paper's."""
-    ours = {
-        learner: spread([result["correct"] for result in results]).mean
-        for (learner,), results in group(runs, "learner").items()
-    }
-    paper = {learner: FIGURE_3[learner][0] for learner in ours if learner in FIGURE_3}
-    series = [
-        (name, tuple(means), tuple(means.values()))
-        for name, means in (("here", ours), ("paper", paper))
-    ]
-    return [Plot(title="Correct of 700", y_label="frames", series=series)]
 
 
 def run_simulated_footage(params: Params) -> Result:
@@ -148,5 +134,5 @@ FIGURE3 = Experiment(
     "cars driven by people, where a folder of recordings is given.",
     plan=_plan,
     tables=_tables,
-    plots=_plots,
+    drawn=("mean", "paper mean"),
 )

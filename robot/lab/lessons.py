@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from robot.control.profile import Profile, compare
-from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, Series, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.metrics import driving
 from robot.lab.metrics.log import DriveLog
 from robot.lab.published import FIGURE_6, FIGURE_7, FIGURE_8
-from robot.lab.tables import SSD_COLUMNS, spread, ssd_cells
+from robot.lab.tables import SSD_COLUMNS, ssd_cells
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Place, Trial
 from robot.store.table import Cell, Table
@@ -134,14 +134,6 @@ class SsdTables:
         return [Table(title=t, columns=columns, rows=tuple(lines)) for t, lines in rows.items()]
 
 
-def _mean(results: Sequence[Result]) -> float:
-    return spread([result["before"]["ssd"] for result in results]).mean
-
-
-def _median(results: Sequence[Result], phase: str) -> float:
-    return spread([result[phase]["ssd"] for result in results]).median
-
-
 # Figure 6 -----------------------------------------------------------------------------------------
 
 NODES, KINDS = tuple(FIGURE_6), ("published", "default")
@@ -154,17 +146,6 @@ def _by_nodes(settings: ExperimentSettings) -> Iterable[Params]:
     for learner, kind, nodes in [(name, name, 0) for name in settings.learners] or own:
         case = {**_SONAR, "teacher": teacher, "learner": learner, "kind": kind, "nodes": nodes}
         yield {**case, "teach_s": 90.0}
-
-
-def _plot_nodes(runs: Runs) -> list[Plot]:
-    groups = group(runs, "kind", "nodes")
-    series: list[Series] = [
-        (kind, NODES, tuple(_mean(groups[kind, nodes]) for nodes in NODES))
-        for kind in dict.fromkeys(kind for kind, _ in groups if kind in KINDS)
-    ]
-    series.append(("paper", NODES, tuple(mean for mean, _ in FIGURE_6.values())))
-    axes = {"x_label": "nodes", "y_label": "mean SSD"}
-    return [Plot(title="SSD, self-trained", **axes, series=series, log_y=True)]
 
 
 FIGURE6 = Experiment(
@@ -183,7 +164,7 @@ FIGURE6 = Experiment(
             ]
         },
     ),
-    plots=_plot_nodes,
+    drawn=("mean",),
 )
 
 # Figure 7 -----------------------------------------------------------------------------------------
@@ -207,17 +188,6 @@ def _trials(settings: ExperimentSettings) -> Iterable[Params]:
 
 def _title_of_trial(trial: int, *_: object) -> str:
     return f"Trial {trial}: {TRIALS[trial]['world']}, {', '.join(TRIALS[trial]['moves'])}"
-
-
-def _plot_trials(runs: Runs) -> list[Plot]:
-    by_learner: dict[str, dict[str, float]] = {}
-    for (trial, learner), results in group(runs, "trial", "learner").items():
-        by_learner.setdefault(learner, {})[f"trial {trial}"] = _median(results, "after")
-    by_learner["paper (mean)"] = {
-        f"trial {trial}": figures["after"][0] for trial, figures in FIGURE_7.items()
-    }
-    series = [(name, tuple(ssds), tuple(ssds.values())) for name, ssds in by_learner.items()]
-    return [Plot(title="After retraining", y_label="median SSD", series=series, log_y=True)]
 
 
 FIGURE7 = Experiment(
@@ -244,7 +214,7 @@ FIGURE7 = Experiment(
         phases=("before", "after"),
         with_teacher=True,
     ),
-    plots=_plot_trials,
+    drawn=("median", "mean"),
 )
 
 # Figure 8 -----------------------------------------------------------------------------------------
@@ -258,17 +228,6 @@ def _by_time(settings: ExperimentSettings) -> Iterable[Params]:
         for who, place in places:
             for seconds in SECONDS:
                 yield {**place, "who": who, "learner": learner, "teach_s": float(seconds)}
-
-
-def _plot_times(runs: Runs) -> list[Plot]:
-    groups = group(runs, "learner", "who", "teach_s")
-    names = tuple(f"{who} {seconds} s" for who, seconds in FIGURE_8)
-    series: list[Series] = [
-        (learner, names, tuple(_mean(groups[learner, who, float(s)]) for who, s in FIGURE_8))
-        for learner in dict.fromkeys(learner for learner, *_ in groups)
-    ]
-    series.append(("paper", names, tuple(FIGURE_8.values())))
-    return [Plot(title="Training time", y_label="mean SSD", series=series)]
 
 
 FIGURE8 = Experiment(
@@ -287,5 +246,5 @@ FIGURE8 = Experiment(
             ]
         },
     ),
-    plots=_plot_times,
+    drawn=("mean",),
 )

@@ -104,16 +104,25 @@ def _section(section: Section) -> Iterator[str]:
 
 def make_section(experiment: Experiment, runs: Runs) -> Section:
     """Make tables and plots of an experiment's results."""
+    tables = experiment.tables(runs)
+    plots = [_of_columns(table, experiment.drawn) for table in tables if experiment.drawn]
     return Section(
         title=experiment.title,
         text=experiment.text,
-        tables=experiment.tables(runs),
-        svgs=[draw_svg(plot) for plot in experiment.plots(runs)],
+        tables=tables,
+        svgs=[draw_svg(plot) for plot in [*plots, *experiment.plots(runs)]],
     )
 
 
+def _of_columns(table: Table, columns: Sequence[str]) -> Plot:
+    names = [str(row[0]) for row in table.rows]
+    places = [table.columns.index(column) for column in columns]
+    series = [(table.columns[i], names, [row[i] for row in table.rows]) for i in places]
+    return Plot(title=table.title, series=series)
+
+
 def draw_svg(plot: Plot) -> str:
-    """Return one plot as an SVG element; lines over numbers, points over names.
+    """Return one plot as an SVG element; lines over numbers, points beside names.
 
     Raises:
         MissingExtraError: If matplotlib is not installed.
@@ -123,14 +132,17 @@ def draw_svg(plot: Plot) -> str:
     matplotlib.rcParams["svg.hashsalt"] = "drivelesson"  # the same plot, the same bytes
     from matplotlib.figure import Figure
 
-    figure: Any = Figure(figsize=(6.4, 3.2), layout="constrained")
+    has_names = isinstance(plot.series[0][1][0], str)
+    height = 1.0 + 0.25 * len(plot.series[0][1]) if has_names else 3.2
+    figure: Any = Figure(figsize=(6.4, height), layout="constrained")
     axes = figure.add_subplot()
     for name, xs, ys in plot.series:
-        is_named = any(isinstance(x, str) for x in xs)
-        axes.plot(xs, ys, "o" if is_named else "o-", label=name, markersize=5)
+        known = [(x, y) for x, y in zip(xs, ys, strict=True) if y is not None]
+        if has_names:
+            axes.plot([y for _, y in known], [x for x, _ in known], "o", label=name)
+        else:
+            axes.plot(*zip(*known, strict=True), "o-", label=name)
     axes.set(title=plot.title, xlabel=plot.x_label, ylabel=plot.y_label)
-    if plot.log_y and all(y > 0 for _, _, ys in plot.series for y in ys):
-        axes.set_yscale("log")
     axes.grid(alpha=0.3)
     axes.legend(fontsize="small")
     text = io.StringIO()

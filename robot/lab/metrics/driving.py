@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
+
+import numpy as np
 
 from robot.control.profile import compare, move_shares, rare_moves
 from robot.lab.metrics.log import DriveLog, DriveSample
@@ -59,24 +60,10 @@ def covered_m2(log: DriveLog) -> float:
 def longest_stay_s(log: DriveLog) -> float:
     """Return the longest time for which the robot's centre stayed within a square of `STAY_M`."""
     longest_s, start = 0.0, 0
-    xs = [moment.pose.x_m for moment in log.moments]
-    ys = [moment.pose.y_m for moment in log.moments]
-    low_x, high_x, low_y, high_y = (deque[int]() for _ in range(4))
+    places = np.array([(moment.pose.x_m, moment.pose.y_m) for moment in log.moments])
     for i, moment in enumerate(log.moments):
-        for ends, values, sign in (
-            (low_x, xs, 1),
-            (high_x, xs, -1),
-            (low_y, ys, 1),
-            (high_y, ys, -1),
-        ):
-            while ends and sign * values[ends[-1]] >= sign * values[i]:
-                ends.pop()
-            ends.append(i)
-        while xs[high_x[0]] - xs[low_x[0]] > STAY_M or ys[high_y[0]] - ys[low_y[0]] > STAY_M:
+        while np.ptp(places[start : i + 1], axis=0).max() > STAY_M:
             start += 1
-            for ends in (low_x, high_x, low_y, high_y):
-                if ends[0] < start:
-                    ends.popleft()
         longest_s = max(longest_s, moment.now_s - log.moments[start].now_s)
     return longest_s
 

@@ -16,7 +16,6 @@ from robot.store.table import Table
 from server.lab.bench.report import add_json, report
 
 N_BYTES = 2400
-YOUNG, OLD = 1_000, 100_000
 _BLOCK = 50
 
 
@@ -33,7 +32,6 @@ def run(args: argparse.Namespace) -> int:
         "learner": args.learner,
         "policies": policies,
         "cluster": {"bytes": N_BYTES, "sizes": [_cluster(size) for size in autosize.SIZES]},
-        "ageing": _ageing(),
     }
     return report(args, result, *_tables(result))
 
@@ -78,28 +76,6 @@ def _cluster(max_nodes: int) -> dict[str, float]:
     }
 
 
-def _ageing(max_nodes: int = 32, window: int = 5_000) -> dict[str, float]:
-    """Compare a learner at frame 1,000 with one at frame 100,000, step by step in turn."""
-    frames = _frames(1_000)
-    young, old = BSOC(max_nodes), BSOC(max_nodes)
-    for i in range(OLD):
-        old.train(frames[i % len(frames)])
-    for i in range(YOUNG):
-        young.train(frames[i % len(frames)])
-    times: tuple[list[float], list[float]] = ([], [])
-    for start in range(0, window, _BLOCK):
-        block = [frames[(start + i) % len(frames)] for i in range(_BLOCK)]
-        for learner, own in zip((young, old), times, strict=True):
-            own += _times(learner.train, block)
-    first, second = (float(np.percentile(own, 99)) for own in times)
-    return {
-        "max_nodes": max_nodes,
-        "p99_at_1000_us": first,
-        "p99_at_100000_us": second,
-        "ratio": second / first,
-    }
-
-
 def _frames(count: int) -> list[NDArray[np.uint8]]:
     """Return vectors of bytes around forty scenes, as a drive through one place gives them."""
     rng = np.random.default_rng(0)
@@ -126,13 +102,9 @@ def _tables(result: dict[str, Any]) -> tuple[Table, Table]:
         columns=("nodes", "extract", "predict", "p99", "learn", "p99", "frames/s"),
         rows=tuple(tuple(f"{value:.0f}" for value in row.values()) for row in result["policies"]),
     )
-    age = result["ageing"]
     cluster = Table(
         title=f"the cluster alone, vectors of {N_BYTES} bytes, microseconds",
         columns=("nodes", "train", "p99", "lookup", "product", "train/product"),
         rows=tuple(tuple(row.values()) for row in result["cluster"]["sizes"]),
-        note=f"\n99th percentile of a training step with {age['max_nodes']} nodes: "
-        f"{age['p99_at_1000_us']:.1f} at frame 1,000, {age['p99_at_100000_us']:.1f} at frame "
-        f"100,000 ({age['ratio']:.2f} times)",
     )
     return policies, cluster

@@ -6,14 +6,11 @@ import pytest
 
 from robot.policy import autosize
 from server.__main__ import main
-from server.lab.bench import learner
 
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     monkeypatch.setattr(autosize, "SIZES", (2, 8))
-    monkeypatch.setattr(learner, "YOUNG", 50)
-    monkeypatch.setattr(learner, "OLD", 200)
 
 
 def test_writes_figures_for_every_size(tmp_path, capsys):
@@ -24,7 +21,6 @@ def test_writes_figures_for_every_size(tmp_path, capsys):
     assert all(row["learn_p99_us"] >= row["learn_us"] > 0 for row in result["policies"])
     for row in result["cluster"]["sizes"]:
         assert row["train_per_product"] == pytest.approx(row["train_us"] / row["product_us"])
-    assert result["ageing"]["ratio"] > 0
     assert "frames/s" in capsys.readouterr().out
 
 
