@@ -142,6 +142,9 @@ def draw_svg(plot: Plot) -> str:
             axes.plot([y for _, y in known], [x for x, _ in known], "o", label=name)
         else:
             axes.plot(*zip(*known, strict=True), "o-", label=name)
+    values = [y for _, _, ys in plot.series for y in ys if y is not None]
+    if has_names and 0.0 < 30.0 * min(values) < max(values):
+        axes.set_xscale("log")
     axes.set(title=plot.title, xlabel=plot.x_label, ylabel=plot.y_label)
     axes.grid(alpha=0.3)
     axes.legend(fontsize="small")

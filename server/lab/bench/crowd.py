@@ -102,7 +102,7 @@ async def _measure_watched(count: int, seconds: float, rate_hz: float) -> dict[s
     with ServerUnderTest("drivelesson", rate_hz) as subject:
         async with (
             _held_forward(subject),
-            link.watching("drivelesson", [subject.port] * count) as viewers,
+            link.watching(subject, count) as viewers,
         ):
             await asyncio.sleep(2.0)
             before, start_s = subject.ask(), time.monotonic()

@@ -1,4 +1,4 @@
-"""Frames and commands over loopback, beside servers as one writes them first."""
+"""Frames and commands over loopback, to viewers without a screen."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import json
 import sys
 import time
 from collections.abc import AsyncIterator, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from robot.store.table import Cell, Table
@@ -17,8 +18,7 @@ from server.cli.output import numbers_in
 from server.cli.parser import number
 from server.lab.bench.process import ServerUnderTest
 from server.lab.bench.report import add_json, percentile, report
-from server.lab.bench.subject import KINDS
-from server.lab.bench.viewers import Watched, watch
+from server.protocol import encode_acknowledgement, parse_picture
 
 _SETTLE_S = 0.7
 _COMMANDS, _COMMAND_EVERY_S = 100, 0.047
@@ -42,11 +42,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 async def _measure_all(counts: Sequence[int], seconds: float, rate_hz: float) -> dict[str, Any]:
-    result: dict[str, Any] = {"rate_hz": rate_hz, "servers": []}
+    result: dict[str, Any] = {"rate_hz": rate_hz, "viewers": []}
     for count in counts:
-        for kind in KINDS:
-            _progress(f"{kind}, {count} viewers")
-            result["servers"].append(await _measure_viewers(kind, count, seconds, rate_hz))
+        _progress(f"{count} viewers")
+        result["viewers"].append(await _measure_viewers(count, seconds, rate_hz))
     _progress("commands")
     result["commands"] = await _measure_commands(max(counts), rate_hz)
     return result
@@ -60,11 +59,11 @@ async def _cpu_share(subject: ServerUnderTest, seconds: float) -> float:
     return float(used_s / (time.monotonic() - start_s))
 
 
-async def _measure_viewers(kind: str, count: int, seconds: float, rate_hz: float) -> dict[str, Any]:
-    with ServerUnderTest(kind, rate_hz) as subject:
+async def _measure_viewers(count: int, seconds: float, rate_hz: float) -> dict[str, Any]:
+    with ServerUnderTest("drivelesson", rate_hz) as subject:
         await asyncio.sleep(_SETTLE_S)
         idle = await _cpu_share(subject, min(seconds, 2.0))
-        async with watching(kind, [subject.port] * count) as viewers:
+        async with watching(subject, count) as viewers:
             await asyncio.sleep(_SETTLE_S)
             before, start_s = subject.ask(), time.monotonic()
             await asyncio.sleep(seconds)
@@ -74,8 +73,7 @@ async def _measure_viewers(kind: str, count: int, seconds: float, rate_hz: float
         idle_after = await _cpu_share(subject, min(seconds, 2.0))
     serving_s = after["serving_s"] - before["serving_s"]
     process_s = after["process_s"] - before["process_s"]
-    measured = {
-        "server": kind,
+    return {
         "viewers": count,
         "frames_per_second": round(len(ages_s) / lasted_s / count, 2),
         "latency_ms": percentiles(ages_s),
@@ -86,14 +84,6 @@ async def _measure_viewers(kind: str, count: int, seconds: float, rate_hz: float
         "serving_cpu_share": round(serving_s / lasted_s, 4),
         "serving_cpu_share_idle_before": round(idle, 4),
         "serving_cpu_share_idle_after": round(idle_after, 4),
-    }
-    return measured | _loop_figures(before, after, lasted_s)
-
-
-def _loop_figures(before: dict[str, Any], after: dict[str, Any], lasted_s: float) -> dict[str, Any]:
-    if "frames" not in after:
-        return {}
-    return {
         "loop_hz": round((after["frames"] - before["frames"]) / lasted_s, 2),
         "late_cycles": after["late_cycles"] - before["late_cycles"],
     }
@@ -104,7 +94,7 @@ async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
 
     with ServerUnderTest("drivelesson", rate_hz) as subject:
         async with (
-            watching("drivelesson", [subject.port] * count),
+            watching(subject, count),
             driving(subject) as (pilot, seen, seqs),
         ):
             sent: list[tuple[float, str]] = []
@@ -169,14 +159,36 @@ async def _read_all(pilot: Any, seen: dict[str, int]) -> None:
             seen.update(frame=message["frame"], nonce=message["nonce"])
 
 
+@dataclass(slots=True)
+class Watched:
+    """What one viewer saw: when each frame came, and how old it then was, in seconds."""
+
+    frames: list[tuple[float, float]] = field(default_factory=list)
+
+    def since(self, start_s: float) -> list[float]:
+        """Return the ages of the frames that came after `start_s`."""
+        return [age_s for at_s, age_s in self.frames if at_s >= start_s]
+
+    async def watch(self, port: int) -> None:
+        """Take frames and acknowledge them until cancelled."""
+        from websockets.asyncio.client import connect
+
+        url = f"ws://127.0.0.1:{port}/ws/video"
+        # Browsers always offer to compress; whether they are taken up on it is the server's choice.
+        async with connect(url, compression="deflate", max_size=None, ping_interval=None) as socket:
+            async for message in socket:
+                assert isinstance(message, bytes)
+                picture, now_s = parse_picture(message), time.monotonic()
+                self.frames.append((now_s, now_s - picture.captured_ms / 1000))
+                if not picture.quiet:
+                    await socket.send(encode_acknowledgement(picture.frame_id))
+
+
 @contextlib.asynccontextmanager
-async def watching(kind: str, ports: Sequence[int]) -> AsyncIterator[list[Watched]]:
-    """Watch inside the block; yields what each viewer saw."""
-    viewers = [Watched() for _ in ports]
-    tasks = [
-        asyncio.create_task(watch(kind, port, watched))
-        for port, watched in zip(ports, viewers, strict=True)
-    ]
+async def watching(subject: ServerUnderTest, count: int) -> AsyncIterator[list[Watched]]:
+    """Have so many viewers watch inside the block; yields what each saw."""
+    viewers = [Watched() for _ in range(count)]
+    tasks = [asyncio.create_task(viewer.watch(subject.port)) for viewer in viewers]
     try:
         yield viewers
     finally:
@@ -196,23 +208,21 @@ def _progress(what: str) -> None:
 
 
 def _table(result: dict[str, Any]) -> Table:
-    rows: list[tuple[Cell, ...]] = [
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
-            row["server"],
             row["viewers"],
             row["frames_per_second"],
             *row["latency_ms"].values(),
             row["cpu_us_per_frame"],
             row["process_cpu_us_per_frame"],
-            row.get("loop_hz"),
-            row.get("late_cycles"),
+            row["loop_hz"],
+            row["late_cycles"],
         )
-        for row in result["servers"]
-    ]
-    note = f"\ncommand to drive, ms: {result['commands']['wire_to_drive_ms']}"
+        for row in result["viewers"]
+    )
     columns = (
-        *("server", "viewers", "frames/s", "p50 ms", "p95", "p99", "CPU us/frame", "process"),
+        *("viewers", "frames/s", "p50 ms", "p95", "p99", "CPU us/frame", "process"),
         *("loop Hz", "late"),
     )
-    title = "Pictures over loopback"
-    return Table(title=title, columns=columns, rows=tuple(rows), note=note)
+    note = f"\ncommand to drive, ms: {result['commands']['wire_to_drive_ms']}"
+    return Table(title="Pictures over loopback", columns=columns, rows=rows, note=note)

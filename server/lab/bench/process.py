@@ -1,5 +1,4 @@
-"""One of the servers in `subject`, in a process of its own: a line to it is answered with one of
-JSON."""
+"""The server of `subject` in a process of its own: a line to it is answered with one of JSON."""
 
 from __future__ import annotations
 
@@ -14,12 +13,11 @@ from robot.errors import ConfigurationError
 
 
 class ServerUnderTest:
-    """A server of one of the kinds in `subject`."""
+    """A server of the kind `drivelesson`, or `paired`: with pairing, its limits and a folder."""
 
-    def __init__(self, kind: str, rate_hz: float, width: int = 160, height: int = 120) -> None:
-        words = [kind, rate_hz, width, height]
+    def __init__(self, kind: str, rate_hz: float) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "server.lab.bench.subject", *map(str, words)],
+            [sys.executable, "-m", "server.lab.bench.subject", kind, str(rate_hz)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

@@ -1,4 +1,4 @@
-"""One server to be measured, as a process: `python -m server.lab.bench.subject KIND HZ W H`.
+"""A server to be measured, as a process: `python -m server.lab.bench.subject KIND HZ`.
 
 It prints its port, then answers each line on standard input with one line of JSON: the CPU time
 that the process and its serving thread have used, and for ours what loop and body have noted. The
@@ -23,15 +23,12 @@ from typing import Any
 from robot.clock import RealClock
 from robot.testing import FakeCamera, FakeDriver
 
-KINDS = ("drivelesson", "naive-websocket", "plain-websocket")
-"""`plain` is `naive` without uvicorn's default, which compresses each picture once more. There is
-also `paired`: ours, with pairing, its limits and a data folder."""
-
 
 def main() -> None:
-    kind, rate_hz, width, height = sys.argv[1:]
-    camera = FakeCamera(RealClock(), float(rate_hz), int(width), int(height))
-    with _serving(kind, camera) as (port, notes):
+    kind, rate_hz = sys.argv[1:]
+    camera = FakeCamera(RealClock(), float(rate_hz))
+    with tempfile.TemporaryDirectory() as folder, _serving(kind, camera, Path(folder)) as served:
+        port, notes = served
         print(port, flush=True)
         for line in sys.stdin:
             used = {"process_s": time.process_time(), "serving_s": _serving_cpu_s()}
@@ -46,20 +43,7 @@ def _serving_cpu_s() -> float:
 
 
 @contextlib.contextmanager
-def _serving(kind: str, camera: FakeCamera) -> Iterator[tuple[int, Any]]:
-    if kind in ("drivelesson", "paired"):
-        with tempfile.TemporaryDirectory() as folder, _ours(kind, camera, Path(folder)) as served:
-            yield served
-    else:
-        from server.lab.bench.naive import naive_websocket
-
-        with camera:
-            port = _serve_plainly(naive_websocket(camera), deflate=kind == "naive-websocket")
-            yield port, lambda forget: {}
-
-
-@contextlib.contextmanager
-def _ours(kind: str, camera: FakeCamera, folder: Path) -> Iterator[tuple[int, Any]]:
+def _serving(kind: str, camera: FakeCamera, folder: Path) -> Iterator[tuple[int, Any]]:
     from robot.devices.rig import Rig
     from robot.policy.registry import make_policy
     from robot.store.folder import Storage
@@ -127,25 +111,6 @@ def _memory() -> dict[str, int]:
     with Path("/proc/self/statm").open(encoding="ascii") as file:
         pages = int(file.read().split()[1])
     return {"blocks": blocks, "resident_bytes": pages * os.sysconf("SC_PAGE_SIZE")}
-
-
-def _serve_plainly(app: Any, *, deflate: bool) -> int:
-    """Serve as `uvicorn app:app` would."""
-    import asyncio
-
-    import uvicorn
-
-    from server.hosting.serving import open_socket
-
-    listener = open_socket("127.0.0.1", 0)
-    settings = uvicorn.Config(app, log_level="error", ws_per_message_deflate=deflate)
-    server = uvicorn.Server(settings)
-    threading.Thread(
-        target=lambda: asyncio.run(server.serve(sockets=[listener])), name="server", daemon=True
-    ).start()
-    while not server.started:
-        time.sleep(0.01)
-    return int(listener.getsockname()[1])
 
 
 if __name__ == "__main__":
