@@ -7,7 +7,7 @@ Source: FLAIRS-30 (2017), experiment with human teachers: trials 1 to 3; 90 s of
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 from robot.errors import ConfigurationError
 from robot.study.plan import MOST_PARTICIPANTS
@@ -77,16 +77,12 @@ def trial_plan(trial: int, teach_s: int, learner: str = "default-32") -> str:
     Raises:
         ConfigurationError: If the trial or the teaching time is unknown.
     """
-    if not _is_one_of(trial, TRIALS):
+    if repr(trial) not in map(repr, TRIALS):  # True is no trial, though it equals 1
         raise ConfigurationError(f"there is no trial {trial!r}; choose 1, 2 or 3")
-    if not _is_one_of(teach_s, TIMES_S):
+    if repr(teach_s) not in map(repr, TIMES_S):
         raise ConfigurationError(f"teaching takes 90 or 180 s, not {teach_s!r}")
-    times = {teach_s: TIMES_S[teach_s]}
-    return _write(trial, times, MOST_PARTICIPANTS, ("closing",), "shown", learner)
-
-
-def _is_one_of(number: object, known: Collection[int]) -> bool:
-    return isinstance(number, int) and not isinstance(number, bool) and number in known
+    times_s = {teach_s: TIMES_S[teach_s]}
+    return _write(trial, times_s, MOST_PARTICIPANTS, ("closing",), "shown", learner)
 
 
 def _write(
@@ -97,23 +93,18 @@ def _write(
     result: str,
     learner: str,
 ) -> str:
-    world, moves = TRIALS[trial]
-    teach, correct = next(iter(times.items()))
+    (world, moves), (teach, correct) = TRIALS[trial], next(iter(times.items()))
     return _PLAN.format(
         trial=trial,
         seconds=" or ".join(map(str, times)),
         participants=participants,
         world=world,
-        moves=_list(moves),
-        questionnaires=_list(questionnaires),
+        moves=json.dumps(moves),  # texts are written alike in TOML
+        questionnaires=json.dumps(questionnaires),
         result=result,
-        learner=json.dumps(learner),  # a text is written alike in TOML
+        learner=json.dumps(learner),
         teach=teach,
         correct=correct,
         alone=ALONE_S,
         conditions="".join(_CONDITION.format(teach=t, correct=c) for t, c in times.items()),
     )
-
-
-def _list(names: tuple[str, ...]) -> str:
-    return "[" + ", ".join(f'"{name}"' for name in names) + "]"
