@@ -36,11 +36,7 @@ class Option:
         return "--" + self.name.replace("_", "-")
 
     def read(self, value: Any) -> Any:
-        """Return the value, converted from text that a person typed, as this option's type.
-
-        Raises:
-            ConfigurationError: If it is not valid; says what was expected.
-        """
+        """Return the value, converted from text that a person typed, as this option's type."""
         least, most = self.range or (None, None)
         if self.choices is not None and value not in self.choices:
             raise ConfigurationError(

@@ -79,11 +79,7 @@ def must_be(wanted: str, default: Any = ...) -> Any:
 
 
 def read(kind: type[_M], plain: Any, where: str = "") -> _M:
-    """Read an object that was JSON or TOML.
-
-    Raises:
-        ConfigurationError: If it is not one; says where, and what it must be.
-    """
+    """Read an object that was JSON or TOML."""
     try:
         return kind.validate(plain) if IS_OLD else kind.model_validate(plain)
     except (ValidationError, TypeError) as error:

@@ -99,11 +99,7 @@ def _size(data: bytes) -> tuple[int, int] | None:
 
 
 def jpeg_size(data: bytes) -> tuple[int, int]:
-    """Return width and height of a JPEG, from its header; nothing is decoded.
-
-    Raises:
-        RecordingError: If it is none.
-    """
+    """Return width and height of a JPEG, from its header; nothing is decoded."""
     size = _size(data) if data.startswith(_JPEG) else None
     if size is None:
         raise RecordingError("not a JPEG")

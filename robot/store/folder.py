@@ -229,11 +229,7 @@ class Storage:
         return key
 
     def discarded(self, key: str) -> Path:
-        """Return the trash folder of this key.
-
-        Raises:
-            NotFoundError: If there is none: it was restored, or the trash was emptied.
-        """
+        """Return the trash folder of this key; NotFoundError if it was restored or emptied."""
         if not re.fullmatch(r"\d{20}", key) or not (self.trash / key).is_dir():
             raise NotFoundError("that is no longer in the trash")
         return self.trash / key

@@ -23,16 +23,7 @@ _LOCAL = struct.Struct("<4s22xHH")
 
 
 def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an `.npz`, by name, to be read: what is not packed is not copied.
-
-    Args:
-        data: The file.
-        max_bytes: A file that would unpack to more is refused before anything is unpacked.
-        only: Read this array alone.
-
-    Raises:
-        RecordingError: If it is none, damaged, too large, or holds pickles.
-    """
+    """Return the arrays of an `.npz`, to be read; one that unpacks to more is refused before."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()

@@ -97,11 +97,7 @@ class RecordWriter:
 
 
 def read_records(path: Path) -> Iterator[bytes]:
-    """Yield every sound record of a file, in order; nothing of what is no regular file.
-
-    Raises:
-        OSError: If the file cannot be opened or read.
-    """
+    """Yield every sound record of a file, in order; nothing of what is no regular file."""
     data = read_regular(path, MAX_FILE_BYTES)
     at = data.find(MAGIC)
     while at >= 0:
@@ -115,11 +111,7 @@ def read_records(path: Path) -> Iterator[bytes]:
 
 
 def read_regular(path: Path, max_bytes: int) -> bytes:
-    """Return the bytes of a regular file, never waiting for a pipe and following no link.
-
-    Raises:
-        OSError: If it is another kind of file, too large, or cannot be read.
-    """
+    """Return the bytes of a regular file, never waiting for a pipe and following no link."""
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     handle = os.open(path, flags | getattr(os, "O_BINARY", 0))
     with os.fdopen(handle, "rb") as file:

@@ -148,12 +148,7 @@ class Access:
         return _cross_site(f"Sec-Fetch-Site is {_short(site)}.")
 
     def session_of(self, headers: Mapping[str, str], address: str) -> Session | None:
-        """Return the session of a request; None for an unpaired browser.
-
-        Args:
-            headers: Those of the request.
-            address: What the client is counted by where pairing is off.
-        """
+        """Return the session of a request; None for an unpaired browser."""
         if self.members is not None and self.members.knows(headers.get("authorization", "")):
             return Session(role=Role.TEACHER, name=TEACHER)
         if self.sessions is None:

@@ -125,12 +125,7 @@ class Places:
 
 
 class Door:
-    """All that is counted: connections, websockets and requests.
-
-    Args:
-        limits: How many of each.
-        capacity: Connections in all, as the process's file descriptors allow.
-    """
+    """All that is counted: connections, websockets and requests."""
 
     def __init__(self, limits: Limits, capacity: int) -> None:
         self.limits = limits

@@ -35,13 +35,7 @@ class _Hop:
 
 
 class Proxies:
-    """The proxies before one server.
-
-    Args:
-        public: The addresses that people open; none without a proxy.
-        trusted: Where the proxies' connections come from.
-        admits_all: The server needs no pairing: it must not be asked for others unawares.
-    """
+    """The proxies before one server; one that `admits_all` must not be asked unawares."""
 
     def __init__(
         self, public: Sequence[PublicAddress], trusted: Iterable[Network], *, admits_all: bool

@@ -31,15 +31,7 @@ _CYLINDER_SIDES = 16
 
 
 class Renderer:
-    """Renders one world from any pose.
-
-    Args:
-        world: What to show.
-        seed: Decides the floor's pattern.
-
-    Raises:
-        MissingExtraError: If Panda3D is not installed.
-    """
+    """Renders one world from any pose; the seed decides the floor's pattern."""
 
     def __init__(self, world: World, seed: int = 0) -> None:
         core = need("panda3d.core", "the simulator", "sim")
@@ -58,12 +50,7 @@ class Renderer:
         self._engine.renderFrame()  # the first frame of a new window is empty
 
     def render(self, pose: Pose, obstacles: Sequence[Obstacle] = ()) -> NDArray[np.uint8]:
-        """Return what the camera sees from `pose`, shape (120, 160, 3), RGB, rows from the top.
-
-        Args:
-            pose: Where the robot stands.
-            obstacles: Where things stand now, if anything can move.
-        """
+        """Return what the camera sees from `pose`, shape (120, 160, 3), RGB, rows from the top."""
         for obstacle in obstacles:
             if obstacle.is_movable or obstacle.path:
                 self._place_thing(obstacle)

@@ -128,11 +128,7 @@ class Simulation:
         return bool(self._contacts)
 
     def render(self) -> NDArray[np.uint8]:
-        """Return the camera's picture, shape (120, 160, 3), RGB; call it always on the same thread.
-
-        Raises:
-            MissingExtraError: If Panda3D is not installed.
-        """
+        """Return the camera's picture, shape (120, 160, 3), RGB; always on the same thread."""
         if self._renderer is None:
             self._renderer = Renderer(self.world, self._seed)
         picture = self._renderer.render(self.pose, self.world.obstacles)

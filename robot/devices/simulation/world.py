@@ -73,11 +73,7 @@ def world_names() -> list[str]:
 
 
 def load_world(name: str) -> World:
-    """Load a built-in world by name, or another one by the path of its TOML file.
-
-    Raises:
-        ConfigurationError: If it is unknown, or the file is not a world; says where and why.
-    """
+    """Load a built-in world by name, or another one by the path of its TOML file."""
     path = _FOLDER / f"{name}.toml" if name in world_names() else Path(name)
     if not path.is_file():
         raise ConfigurationError(

@@ -37,15 +37,7 @@ class JudgedFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """Accuracy of each learner on the held-out frames, and where they differ.
-
-    Attributes:
-        frames: How many frames were held out.
-        before: Accuracy of the learner without the edits.
-        after: Accuracy of the learner with the edits.
-        mended: Up to ten frames that only the learner with the edits gets right, evenly spread.
-        broken: Up to ten frames that only the learner without the edits gets right.
-    """
+    """Accuracy of each learner on held-out frames, and up to ten of those where they differ."""
 
     frames: int
     before: float

@@ -85,11 +85,7 @@ def notes_path(episode: Path) -> Path:
 
 
 def read_notes(episode: Path) -> Notes:
-    """Read the notes of a recording; there may be none.
-
-    Raises:
-        RecordingError: If they are damaged.
-    """
+    """Read the notes of a recording; there may be none. RecordingError if they are damaged."""
     path = notes_path(episode)
     try:
         plain = json.loads(read_regular(path, _MOST_BYTES).decode())

@@ -113,12 +113,7 @@ def require_mcap() -> None:
 
 
 def scan(path: Path) -> Iterator[Record]:
-    """Yield what the file holds, in its order; a `Cut` comes last if the file is not whole.
-
-    Raises:
-        RecordingError: If it is not an MCAP file.
-        MissingExtraError: If the library `mcap` is not installed.
-    """
+    """Yield what an MCAP file holds, in its order; a `Cut` comes last if the file is not whole."""
     require_mcap()
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
@@ -148,12 +143,7 @@ def read_chunk(path: Path, offset: int) -> list[bytes]:
 
 
 def read_metadata(path: Path) -> dict[str, dict[str, str]]:
-    """Return the metadata that a whole file's summary lists, by name, from a few short reads.
-
-    Raises:
-        RecordingError: If the file is not whole, or its end makes no sense.
-        OSError: If it cannot be read.
-    """
+    """Return the metadata that a whole file's summary lists, by name, from a few short reads."""
     with path.open("rb", buffering=_BUFFER_BYTES) as file:
         return metadata_of(file)
 

@@ -79,17 +79,7 @@ class Run:
 
 
 class EpisodeWriter:
-    """Writes one MCAP file. For one thread; raises OSError when the disk refuses.
-
-    Args:
-        file: The target; seekable or not, opened for binary writing. Closed by `close`.
-        run: What the recording says of itself: `Run.describe`, or what another one says.
-        model_before: A model's file, or None for a learner that knows nothing.
-        keeps_drives: What nothing was taught in has content, too, if the robot moved.
-
-    Raises:
-        MissingExtraError: If the library `mcap` is not installed.
-    """
+    """Writes one MCAP file. For one thread; raises OSError when the disk refuses."""
 
     def __init__(
         self,

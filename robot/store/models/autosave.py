@@ -60,18 +60,14 @@ class Autosave:
         self._place = ""
         self.announce = announce
         self._journal = journal
-        self._name: str | None = None
+        self.name: str | None = None
+        """Name of the model in use; None until there is something to save."""
         self._lock = self._clock.lock()
         self._is_due = False
         self._unsubscribe: Callable[[], None] | None = None
         self._mode = Mode.STOPPED
         self._saved_changes = loop.history.changes
         self._saved_s = 0.0
-
-    @property
-    def name(self) -> str | None:
-        """Name of the model in use; None until there is something to save."""
-        return self._name
 
     @property
     def has_unsaved(self) -> bool:
@@ -90,7 +86,7 @@ class Autosave:
 
     def note(self, tick: Tick) -> None:
         """Process one tick, on the loop's thread."""
-        self._journal.note(tick, self._loop.history, self._name, self._place)
+        self._journal.note(tick, self._loop.history, self.name, self._place)
         mode_changed = tick.decision.mode is not self._mode
         self._mode = tick.decision.mode
         is_more_than_teaching = not all(isinstance(e, Taught) for e in tick.history_events)
@@ -122,9 +118,9 @@ class Autosave:
         with self._lock:
             copied = self._loop.submit(lambda: self._journal.copy(self._loop.history, self._place))
             model = with_preview(self._clock.result(copied, 10.0))
-            name = self._name or self.store.free_name(self._wanted_name)
+            name = self.name or self.store.free_name(self._wanted_name)
             self.store.save(name, model)
-            self._name = name
+            self.name = name
             assert model.summary.position is not None
             self._saved_changes = model.summary.position.change
             if self.store.current != name:
@@ -133,17 +129,11 @@ class Autosave:
             return name
 
     def load_last(self, learner: str | None = None) -> str | None:
-        """Load the model used last, or the newest good one; None if there is none.
-
-        What is in the robot and could not be saved stays there.
-
-        Args:
-            learner: Load only a model of this learner; None for any.
-        """
+        """Load the model used last, or the newest good one; None if there is none."""
         if self.has_unsaved:
             self.save_if_changed()
             if self.has_unsaved:
-                return self._name
+                return self.name
         for name, model in self.store.good_models():
             fits = learner in (None, model.summary.learner) and self._moves >= set(
                 model.summary.moves
@@ -223,7 +213,7 @@ class Autosave:
             self._check_stopped()
             self._loop.history.replace_policy(policy, taught)
             # On the loop's thread, so that the journal names the model that it has from here on.
-            self._name, self._place = name, model.summary.place
+            self.name, self._place = name, model.summary.place
             return self._loop.history.changes
 
         self._saved_changes = self._clock.result(self._loop.submit(replace), 10.0)
@@ -237,14 +227,14 @@ class Autosave:
     def rename(self, name: str, new_name: str) -> str:
         with self._lock:
             kept = self.store.rename(name, new_name)
-            if self._name == name:
-                self._name = kept
+            if self.name == name:
+                self.name = kept
             return kept
 
     def set_place(self, name: str, place: str) -> None:
         with self._lock:
             place = _checked_place(place)
-            if self._name == name:
+            if self.name == name:
                 before, self._place = self._place, place
                 try:
                     self.save()
@@ -257,11 +247,11 @@ class Autosave:
     def delete(self, name: str) -> str:
         """Delete a model; of the one in use the robot keeps what it knows, under a new name."""
         with self._lock:
-            if self._name == name and self.has_unsaved:
+            if self.name == name and self.has_unsaved:
                 self.save()
             key = self.store.delete(name)
-            if self._name == name:
-                self._name, self._saved_changes = None, self._loop.history.changes
+            if self.name == name:
+                self.name, self._saved_changes = None, self._loop.history.changes
                 self._journal.note_saved(self._saved_changes)
             return key
 

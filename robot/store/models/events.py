@@ -46,11 +46,7 @@ def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEve
 
 
 def read_event(plain: PlainEvent) -> HistoryEvent:
-    """Read a change of the learner back; a vector that was not recorded is empty.
-
-    Raises:
-        RecordingError: If the values have another form.
-    """
+    """Read a change of the learner back; a vector that was not recorded is empty."""
     try:
         kind = plain["event"]
         if kind == "taught":

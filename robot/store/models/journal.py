@@ -119,13 +119,9 @@ class Journal:
         self._needs_checkpoint = True
         self._begins_part = True
         self._try_again_s = 0.0
-        self._fault: str | None = None
-        self._drives = 0
-
-    @property
-    def fault(self) -> str | None:
+        self.fault: str | None = None
         """Why nothing is written at present; None if all is well."""
-        return self._fault
+        self._drives = 0
 
     def position(self, change: int) -> JournalPosition:
         return JournalPosition(run=self.run, boot=self.boot, change=change)
@@ -218,7 +214,7 @@ class Journal:
         """
         until_s = self._clock.now_s() + _LONGEST_WAIT_S
         while self._thread is not None and self._written < change and self._clock.now_s() < until_s:
-            if self._fault is not None:
+            if self.fault is not None:
                 return
             await self._clock.pause(0.005)
 
@@ -249,9 +245,9 @@ class Journal:
         except Exception as error:  # top of the thread: whatever it is, the robot drives on
             self._give_up(error)
         else:
-            if self._fault is not None:
+            if self.fault is not None:
                 log.info("the journal is written again")
-                self._fault = None
+                self.fault = None
 
     def _write(self, items: list[_Item]) -> None:
         waiting: list[bytes] = []
@@ -296,11 +292,11 @@ class Journal:
             self._writer.close()
             self._writer = None
         self._needs_checkpoint = self._begins_part = True
-        if self._fault is None:
+        if self.fault is None:
             sentence = getattr(error, "strerror", None) or str(error) or type(error).__name__
-            self._fault = str(sentence)
+            self.fault = str(sentence)
             log.warning("the journal is not written: %s", error)
-            self._on_fault(self._fault)
+            self._on_fault(self.fault)
 
 
 def _encode(item: _Item) -> bytes:
