@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run install test test-brick test-browsers test-oldest test-stalls check conformance house mutate docs site dist format screenshots clean \
+.PHONY: help run install test test-brick test-browsers test-oldest test-stalls test-windows check conformance house mutate docs site dist format screenshots clean \
   lint types suite
 
 help: ## Say what there is
@@ -22,7 +22,7 @@ install: ## Put the command `drivelesson` on your PATH
 JOBS ?= 3
 NPM := $(if $(shell command -v npm),tests/web/node_modules/.made)
 
-test test-brick test-oldest test-stalls: export OMP_NUM_THREADS := 1  # see tests/conftest.py
+test test-brick test-oldest test-stalls test-windows: export OMP_NUM_THREADS := 1  # see tests/conftest.py
 # Tests start many processes: each would compile the program again.
 test test-brick test-oldest test-stalls check: export PYTHONDONTWRITEBYTECODE :=
 
@@ -41,6 +41,9 @@ test-browsers: $(VENV)/.dev ## Drive the whole loop in Firefox and WebKit (says 
 test-stalls: $(VENV)/.dev ## Test what waits for real on a computer that stands still now and then
 	$(BIN)/python -m tests.stalls -m realtime --numprocesses $(JOBS) --dist loadfile \
 	  --deselect tests/robot/bodies/ev3/test_server_on_brick.py $(ARGS)
+
+test-windows: $(VENV)/.dev ## Test it on Windows' Python under Wine, and teach a robot there (installs what it needs)
+	$(BIN)/python -m tests.windows $(ARGS)
 
 # What may differ there: routes and models of requests, sockets, the start, arrays and pictures. What
 # runs in virtual time past the framework is the same code as in `make test`, and runs there alone.

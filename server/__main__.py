@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -24,6 +25,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     from server.cli.main import main as run
 
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a pipe on Windows knows few letters
+            stream.reconfigure(errors="replace")
     try:
         return run(argv)
     except BrokenPipeError:  # the reader of our output, such as `head`, has ended

@@ -99,7 +99,8 @@ def _off_the_wall_clock(
     connect = socket.socket.connect
 
     def connect_nowhere(own: socket.socket, address: Any) -> None:
-        if own.family in _ALL_SOCKETS:
+        by = sys._getframe(1).f_code.co_name  # Windows makes a pair by connecting it
+        if own.family in _ALL_SOCKETS and not by.endswith("socketpair"):
             refuse("a socket")
         connect(own, address)
 

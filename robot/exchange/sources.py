@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, Any
 
 from robot.errors import RecordingError
@@ -146,7 +146,7 @@ def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> Non
         parts = PurePosixPath(name.replace("\\", "/")).parts
         if count >= _MOST_FILES or left_bytes <= 0:
             raise RecordingError("the archive unpacks to more than 16 GB, or to too many files")
-        if ".." in parts or parts[:1] == ("/",):
+        if ".." in parts or parts[:1] == ("/",) or any(PureWindowsPath(p).drive for p in parts):
             report.skip(name[:80], "leads out of the archive")
             continue
         target = folder.joinpath(*parts)

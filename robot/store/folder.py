@@ -34,7 +34,10 @@ All of it can be copied and moved while the program does not run.
 
 _HALF_DONE_S = 60.0
 _NAME = re.compile(r"[^\W_][\w .()+,-]{0,63}", re.UNICODE)
-_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+_RESERVED = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³]) *(\..*)?", re.IGNORECASE)
+_BUSY = (5, 32)
+"""Windows' numbers for a file that another program has open."""
+_PAUSES_S = (0.01, 0.03, 0.1, 0.3, 1.0)
 
 
 def default_root() -> Path:
@@ -56,7 +59,7 @@ def check_name(name: str) -> str:
     Raises:
         ConfigurationError: If it could lead elsewhere, or some system could not store it.
     """
-    tidy = unicodedata.normalize("NFC", name).strip().rstrip(".")
+    tidy = unicodedata.normalize("NFC", name).strip().rstrip(". ")
     if not _NAME.fullmatch(tidy) or _RESERVED.fullmatch(tidy) or len(tidy.encode()) > 200:
         raise ConfigurationError(
             f"{name[:80]!r} cannot be a name: use up to 64 letters, digits, spaces and ( ) - + , . "
@@ -104,16 +107,32 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
             if not file.closed:
                 file.flush()
                 os.fsync(file.fileno())
-        try:
-            temporary.replace(path)
-        except IsADirectoryError:  # somebody's folder stands where the file belongs
+        if (
+            path.is_dir() and not path.is_symlink()
+        ):  # somebody's folder stands where the file belongs
             set_aside(path)
-            temporary.replace(path)
+        move(temporary, path)
     except BaseException:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
+
+
+def move(path: Path, target: Path) -> None:
+    """Rename in one step, over a file that may be there; raises OSError.
+
+    On Windows another program that reads either, as virus scanners do, holds that up for a moment.
+    """
+    for pause_s in _PAUSES_S:
+        try:
+            path.replace(target)
+            return
+        except OSError as error:
+            if getattr(error, "winerror", None) not in _BUSY:
+                raise
+            time.sleep(pause_s)
+    path.replace(target)
 
 
 def set_aside(path: Path, ending: str = ".set-aside") -> str:
@@ -225,7 +244,7 @@ class Storage:
         place.mkdir()
         for path in paths:
             if path.exists():
-                path.rename(place / path.name)
+                move(path, place / path.name)
         return key
 
     def discarded(self, key: str) -> Path:

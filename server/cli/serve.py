@@ -8,7 +8,6 @@ import dataclasses
 import datetime as dt
 import logging
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,6 +27,7 @@ from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config, Limits, PublicAddress, read_networks
 from server.extension import installed
 from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address
+from server.hosting.browser import show_page
 from server.hosting.logs import start_logging
 from server.hosting.network import host_names, lan_addresses, page_addresses
 from server.security.access import Role
@@ -90,6 +90,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--keep-drives",
         action="store_true",
         help="keep recordings in which nothing was taught, too: for research",
+    )
+    parser.add_argument(
+        "--no-page", action="store_true", help="open no page in this machine's browser"
     )
     parser.add_argument("--config", type=Path, default=None, help="TOML file of settings")
     for extension in installed():
@@ -155,7 +158,7 @@ def run(args: argparse.Namespace) -> int:
     from server.app import create_app
     from server.events import EventBus
     from server.hosting.discovery import announced
-    from server.hosting.serving import open_socket, serve
+    from server.hosting.serving import end_by_signals, open_socket, serve
     from server.identity import IdentityFile
     from server.persistence import Persistence
     from server.services import make_services
@@ -208,15 +211,15 @@ def run(args: argparse.Namespace) -> int:
         rig.driver.announce(addresses[0])
     else:
         rig.driver.announce(pairing_address(addresses[0], pairing.tokens[Role.PILOT]))
-    # NOTE: newer uvicorns raise a SIGTERM again once they have shut down; with the system's own
-    # handler the process would then end before the motors are stopped and the model is saved.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    end_by_signals()
     near, robot = lan_addresses(config), identity.now.name
     is_announced = announced(config.hostname, config.port, near, robot, tls=config.tls)
     with rig, persistence, is_announced if config.lan else contextlib.nullcontext():
         _choose_model(persistence.autosave, args, learner)
         if pairing is None:
             print(greet_here(addresses[0], with_eye=with_eye), flush=True)
+            if not args.no_page and sys.stdout.isatty():
+                show_page(addresses[0])
         else:
             tokens = {r: t for r, t in pairing.tokens.items() if with_eye or r is not Role.EYE}
             print(greet_phones(addresses, tokens), flush=True)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
+import signal
 import socket
-from collections.abc import Iterator
+import sys
+from collections.abc import Coroutine, Iterator
 from typing import TYPE_CHECKING, Any
 
 from robot.errors import ConfigurationError
@@ -31,7 +33,9 @@ def open_socket(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     try:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        # By Windows' SO_REUSEADDR two programs would share the port.
+        alone = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
+        listener.setsockopt(socket.SOL_SOCKET, alone, 1)
         # Connections inherit these on Linux: small messages are sent at once, and the
         # connection to a peer that acknowledges nothing is closed.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -84,6 +88,19 @@ def leave_out_of_collections() -> None:
     gc.freeze()
 
 
+def end_by_signals() -> None:
+    """Have SIGTERM, and a terminal that is closed, end the program as Ctrl-C does.
+
+    Newer uvicorns raise a signal again once they have shut down; by the system's own handler the
+    process would end before the motors are stopped and the model is saved.
+    """
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    for name in ("SIGHUP", "SIGBREAK"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # no nohup
+            signal.signal(number, lambda *_: signal.raise_signal(signal.SIGTERM))
+
+
 def serve(app: Any, listener: socket.socket, certificates: Certificates | None = None) -> None:
     """Serve until SIGINT or SIGTERM."""
     import uvicorn
@@ -91,7 +108,13 @@ def serve(app: Any, listener: socket.socket, certificates: Certificates | None =
     server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(certificates)))
     leave_out_of_collections()
     with contextlib.closing(_behind_door(app, listener)) as guarded:
-        asyncio.run(_serve(server, guarded))
+        _run(_serve(server, guarded))
+
+
+def _run(served: Coroutine[Any, Any, None]) -> None:
+    """Run on the loop that asks a listener to accept: Windows' own goes past the door."""
+    with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
+        runner.run(served)
 
 
 async def _serve(server: Any, guarded: DoorListener) -> None:
@@ -121,9 +144,7 @@ def served(app: Any, config: Config, certificates: Certificates | None = None) -
 
     listener = _behind_door(app, open_socket(config.host, config.port))
     server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(certificates)))
-    thread = threading.Thread(
-        target=lambda: asyncio.run(server.serve(sockets=[listener])), name="server"
-    )
+    thread = threading.Thread(target=lambda: _run(server.serve(sockets=[listener])), name="server")
     thread.start()
     try:
         while not server.started and thread.is_alive():

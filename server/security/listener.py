@@ -25,6 +25,8 @@ _HANDED_ON = 64
 _KEPT_BACK = 128
 """File descriptors reserved for files, cameras and the brick."""
 _MOST_CONNECTIONS = 1024
+_MOST_IN_SELECT = 512
+"""So many sockets can be waited for on Windows."""
 _SWEEP_S = 1.0
 _HEAD = 4096
 STOP = b"POST /api/stop "
@@ -37,8 +39,8 @@ def connection_capacity() -> int:
     """Return how many connections this process may have, by its limit of file descriptors."""
     try:
         import resource
-    except ImportError:  # Windows counts handles, and allows many
-        return _MOST_CONNECTIONS
+    except ImportError:
+        return _MOST_IN_SELECT - _KEPT_BACK
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return max(32, min(_MOST_CONNECTIONS, soft - _KEPT_BACK))
 
@@ -94,6 +96,7 @@ class DoorListener(socket.socket):
                 continue
             connection = _Connection(plain.family, plain.type, plain.proto, fileno=plain.detach())
             connection.peer = address
+            connection.setblocking(False)
             head = connection.peek()
             is_stop = head is not None and head.startswith(STOP)
             if head == b"" or not (is_stop or self.door.may_come(head or b"", address[0], now_s)):
@@ -149,7 +152,7 @@ class _Connection(socket.socket):
     def peek(self) -> bytes | None:
         """Return what waits to be read: empty if the client has left, None if nothing waits."""
         try:
-            return self.recv(_HEAD, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+            return self.recv(_HEAD, socket.MSG_PEEK)
         except BlockingIOError:
             return None
         except OSError:

@@ -25,7 +25,8 @@ PATIENCE_S = 180
 
 def main(folder: Path) -> None:
     (wheel,) = folder.resolve().glob("drivelesson-*.whl")
-    with tempfile.TemporaryDirectory() as name:
+    # Windows may still hold a file of a program that has ended.
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         place = Path(name)
         venv.create(place / "venv", with_pip=True)
         programs = place / "venv" / ("Scripts" if sys.platform == "win32" else "bin")

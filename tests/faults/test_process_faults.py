@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import signal
 import time
 from pathlib import Path
@@ -54,6 +53,8 @@ def a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:
 
 def a_full_disk_does_not_keep_the_robot_from_driving_or_standing(tmp_path: Path) -> None:
     with own_process(tmp_path) as server:
+        import resource  # not on Windows
+
         # From here on no file can grow by a single byte.
         resource.prlimit(server.process.pid, resource.RLIMIT_FSIZE, (0, 0))
         with _pilot(server.port) as pilot:

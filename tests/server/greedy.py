@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import resource
 import sys
 
 SOCKETS, IDLE = 62, 510
@@ -49,6 +48,8 @@ class Greedy:
 
 
 if __name__ == "__main__":
+    import resource  # not on Windows
+
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     asyncio.run(Greedy(int(sys.argv[1]), sys.argv[2]).run())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import resource
 import subprocess
 import sys
 import threading
@@ -75,6 +74,8 @@ def lan_process(log: Path) -> Iterator[Process]:
 
 def main(web: str) -> None:
     """Serve until standard input ends; each line of it is answered by one of notes."""
+    import resource  # not on Windows
+
     resource.setrlimit(resource.RLIMIT_NOFILE, (DESCRIPTORS, DESCRIPTORS))
     start_logging(verbose=False)
     config = Config(port=0, web=Path(web), lan=True, host="127.0.0.1")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import resource
 import sys
 
 import httpx
@@ -56,6 +55,8 @@ async def _attack(server_address: str) -> int:
 
 
 if __name__ == "__main__":
+    import resource  # not on Windows
+
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     print(asyncio.run(_attack(sys.argv[1])))

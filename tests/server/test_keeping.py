@@ -60,7 +60,7 @@ def test_what_it_was_taught_is_there_again_however_it_ended(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     a_second_server_leaves_the_folder_of_the_first_alone(tmp_path / "shared")
-    for end in (signal.SIGTERM, signal.SIGINT):
+    for end in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):  # the last: a window was closed
         it_ends_with_everything_saved_and_goes_on_from_there(tmp_path / end.name, end)
     it_starts_on_a_ruin_and_says_what_it_moved(tmp_path / "ruin")
     (tmp_path / "hung").mkdir()

@@ -3,7 +3,7 @@
 Written for Python 3.5 and the standard library, since the agent on a brick carries it along.
 """
 
-import fcntl
+import glob
 import mmap
 import os
 import struct
@@ -11,6 +11,11 @@ import time
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 from robot.bodies.v4l2.shrink import plan_shrinking, shrink_yuyv
+
+try:
+    import fcntl
+except ImportError:  # Windows: such a camera can be named there, not opened
+    fcntl = None  # type: ignore[assignment]
 
 FMT = struct.Struct("@I0L200s")
 PIX = struct.Struct("=IIIIII")
@@ -80,6 +85,8 @@ class Video:
 
     @staticmethod
     def _open_device(path: str) -> int:
+        if fcntl is None:
+            raise CaptureError("only Linux opens {}; take --camera opencv".format(path))
         try:
             return os.open(path, os.O_RDWR | os.O_NONBLOCK)
         except OSError as error:
@@ -194,8 +201,8 @@ class Video:
 
 def list_cameras() -> List[str]:
     """Return the video devices that there are, by number."""
-    names = [name for name in os.listdir("/dev") if name.startswith("video")]
-    numbers = sorted(int(name[5:]) for name in names if name[5:].isdigit())
+    ends = [path[len("/dev/video") :] for path in glob.glob("/dev/video*")]
+    numbers = sorted(int(end) for end in ends if end.isdigit())
     return ["/dev/video{}".format(number) for number in numbers]
 
 

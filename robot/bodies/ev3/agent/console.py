@@ -1,9 +1,13 @@
 """The brick's buttons, lights and screen. A robot without them drives as well: nothing raises."""
 
-import fcntl
 import os
 import struct
 from typing import Optional
+
+try:
+    import fcntl
+except ImportError:  # Windows has no such buttons
+    fcntl = None  # type: ignore[assignment]
 
 LIGHTS = {"starting": (1, 1), "stopped": (0, 1), "train": (1, 1), "autonomous": (1, 0)}
 """Mode to how much red and green; starting shows on the left light only."""
@@ -28,6 +32,8 @@ class Console:
 
     def open(self) -> None:
         """Take the buttons: while they are grabbed the brick's menu does not receive them."""
+        if fcntl is None:
+            return
         path = os.path.join(self._root, "dev/input/by-path/platform-gpio_keys-event")
         try:
             if self._keys < 0:

@@ -1,0 +1,147 @@
+"""What Windows does differently about sockets, loops, clocks, streams and modules, faked here."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import socket
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+
+from robot.devices.rig import Rig
+from robot.policy.registry import make_policy
+from robot.testing import FakeCamera, FakeDriver, VirtualClock
+from robot.types import Action
+from server.__main__ import main
+from server.hosting import serving
+from server.hosting.banner import draw_qr
+from server.hosting.browser import has_screen
+from server.security.listener import connection_capacity
+from tests.server.virtual_server import VirtualServer
+
+_WITHOUT_LINUX = """
+import asyncio, multiprocessing, subprocess, sys, numpy  # they ask for what is gone below
+for name in ("fcntl", "resource", "termios", "pwd", "grp", "pty"):
+    sys.modules[name] = None
+import os
+for name in ("uname", "O_NONBLOCK", "O_NOFOLLOW", "O_DIRECTORY", "getuid", "fork"):
+    vars(os).pop(name, None)
+from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
+from robot.errors import CameraError, MissingExtraError
+from server.cli.main import main
+for load, names in ((load_driver, driver_names), (load_camera, camera_names)):
+    for name in names(own_only=True):
+        load(name)
+from robot.bodies.v4l2.device import CaptureError, describe_camera, list_cameras
+try:
+    describe_camera("/dev/video0")
+except CaptureError as error:
+    assert "--camera opencv" in str(error)
+assert main(["completion", "bash"]) == 0
+"""
+
+
+def test_every_robot_and_camera_has_a_name_where_linux_is_not() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", _WITHOUT_LINUX], capture_output=True, text=True, encoding="utf-8"
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert "drivelesson" in done.stdout
+
+
+def test_no_other_program_shares_the_port(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+
+    class Noting:
+        def __init__(self, *_: Any) -> None: ...
+
+        def setsockopt(self, level: int, option: int, _: int) -> None:
+            if level == socket.SOL_SOCKET:
+                asked.append(option)
+
+        def bind(self, _: Any) -> None: ...
+
+        def listen(self, _: int) -> None: ...
+
+    monkeypatch.setattr(serving.socket, "SO_EXCLUSIVEADDRUSE", -5, raising=False)
+    monkeypatch.setattr(serving.socket, "socket", Noting)
+    serving.open_socket("127.0.0.1", 8000)
+    assert asked == [-5]
+
+
+def test_the_loop_asks_the_door_who_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Windows' own loop accepts by the system, past the limits of the listener."""
+
+    def refuse() -> None:
+        raise AssertionError("that is the system's own loop")
+
+    monkeypatch.setattr(asyncio.events, "new_event_loop", refuse)
+    seen = []
+
+    async def look() -> None:
+        seen.append(asyncio.get_running_loop())
+
+    serving._run(look())
+    assert isinstance(seen[0], asyncio.SelectorEventLoop)
+
+
+def test_there_are_no_more_connections_than_windows_can_wait_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "resource", None)
+    assert 32 < connection_capacity() < 512
+
+
+class CoarseClock(VirtualClock):
+    """A clock that moves 64 times a second, as Windows' does, and waits that end on its steps."""
+
+    def now_s(self) -> float:
+        return int(super().now_s() * 64) / 64
+
+
+@pytest.mark.parametrize("rate_hz", [5, 15, 30])
+def test_a_clock_of_16_ms_drives_and_stops_as_any_other(rate_hz: int) -> None:
+    clock = CoarseClock(100.0)
+    rig = Rig(FakeDriver(clock=clock), FakeCamera(clock), make_policy("published-8"), clock)
+    with VirtualServer(rig=rig) as server, server.pilot() as pilot:
+        pilot.mode("train")
+        pilot.hold("forward")
+        server.wait_until(lambda: server.driver.now is Action.FORWARD)
+        for _ in range(20):
+            server.forward(1 / rate_hz)
+            assert server.driver.now is Action.FORWARD
+        pilot.vanish()
+        assert server.wait_until(lambda: server.driver.now is Action.STOP) < 0.5 + 1 / 64
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp437", "cp1252", "gbk", "utf-8"])
+def test_a_terminal_with_few_letters_shows_what_it_can(
+    encoding: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raw = io.BytesIO()
+    stream = io.TextIOWrapper(raw, encoding=encoding)
+    monkeypatch.setattr(sys, "stdout", stream)
+    assert main(["--version"]) == 0
+    print(draw_qr("http://192.0.2.1:8000/pair#PPPP-PPPP"), "Zoë 机器人", flush=True)
+    assert raw.getvalue().startswith(b"drivelesson ")
+
+
+@pytest.mark.parametrize(
+    ("system", "environment", "is_shown"),
+    [
+        ("win32", {}, True),
+        ("darwin", {}, True),
+        ("linux", {"DISPLAY": ":0"}, True),
+        ("linux", {"WAYLAND_DISPLAY": "wayland-0"}, True),
+        ("linux", {}, False),
+        ("linux", {"DISPLAY": ":10", "SSH_CONNECTION": "192.0.2.1"}, False),
+        ("darwin", {"SSH_CONNECTION": "192.0.2.1"}, False),
+    ],
+)
+def test_the_page_opens_where_somebody_sees_it(
+    system: str, environment: dict[str, str], is_shown: bool
+) -> None:
+    assert has_screen(system, environment) is is_shown

@@ -1,0 +1,1 @@
+"""Drivelesson on Windows' own Python, under Wine: `make test-windows`."""
