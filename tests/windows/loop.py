@@ -55,7 +55,9 @@ def run(folder: Path) -> None:
 def _recordings_are_the_same(folder: Path, data: Path) -> None:
     paths = sorted(data.glob("episodes/*.mcap"))
     assert paths and read_summary(paths[0]).damage is None
-    paths.append(drive_in_simulator(folder / "here", "default-32").path)
+    here_made = folder / "here"
+    here_made.mkdir()
+    paths.append(drive_in_simulator(here_made, "default-32").path)
     command = python("-m", "tests.windows.readings", *map(windows_path, paths))
     there = subprocess.run(command, capture_output=True, text=True, env=environment(), cwd=ROOT)
     here = [digest(path) for path in paths]
