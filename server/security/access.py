@@ -8,7 +8,7 @@ DNS rebinding. On a local network only paired browsers are admitted.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
@@ -78,12 +78,6 @@ class Session:
     """The address of a server without pairing, or of a proxy: many people may be behind it."""
 
 
-class Sessions(Protocol):
-    """Looks up sessions: `server.security.pairing.Pairing`."""
-
-    def find(self, secret: str) -> Session | None: ...
-
-
 class Members(Protocol):
     """Teachers and locks: `server.board.classroom.Classroom`."""
 
@@ -101,7 +95,7 @@ class Access:
     Args:
         names: Names that the robot answers to.
         allows_addresses: Accept any IP address as Host too: DNS rebinding needs a name.
-        sessions: The paired browsers; None where every client is admitted.
+        find_session: Returns the session of a secret; None where every client is admitted.
         cookie: Name of the cookie that carries the session.
         members: The class that the robot belongs to; None for a robot in no class.
         public: Where people open the page that a proxy serves.
@@ -109,7 +103,7 @@ class Access:
 
     names: frozenset[str]
     allows_addresses: bool = False
-    sessions: Sessions | None = None
+    find_session: Callable[[str], Session | None] | None = None
     cookie: str = ""
     members: Members | None = None
     public: tuple[PublicAddress, ...] = ()
@@ -151,16 +145,16 @@ class Access:
         """Return the session of a request; None for an unpaired browser."""
         if self.members is not None and self.members.knows(headers.get("authorization", "")):
             return Session(role=Role.TEACHER, name=TEACHER)
-        if self.sessions is None:
+        if self.find_session is None:
             return Session(role=Role.PILOT, name=address, is_crowd=True)
-        return self.sessions.find(session_of(headers, self.cookie))
+        return self.find_session(session_of(headers, self.cookie))
 
     def session_in(self, head: bytes) -> Session | None:
         """Return the session in the first bytes of a request; None if none is to be seen there."""
         found = _COOKIES.search(head)
-        if self.sessions is None or found is None:
+        if self.find_session is None or found is None:
             return None
-        return self.sessions.find(session_of({"cookie": found[1].decode("latin-1")}, self.cookie))
+        return self.find_session(session_of({"cookie": found[1].decode("latin-1")}, self.cookie))
 
     def admit(
         self, path: str, headers: Mapping[str, str], session: Session | None

@@ -133,7 +133,8 @@ class RecordingQueue:
                     self.waiting_bytes -= size
             if self._writer is not None and waiting:
                 self._writer.flush()
-                self._check_room_if_due()
+                if self._clock.now_s() - self._checked_s > 2.0:
+                    self._check_room()
             if self.is_ending and not self._jobs:
                 self._end(None)
         except Exception as error:  # whatever it is, the thread must go on
@@ -173,13 +174,8 @@ class RecordingQueue:
             return replace(run, episode_id=episode_id), file
         raise OSError("there are too many recordings of the same moment")
 
-    def _check_room_if_due(self) -> None:
-        now_s = self._clock.now_s()
-        if now_s - self._checked_s > 2.0:
-            self._checked_s = now_s
-            self._check_room()
-
     def _check_room(self) -> None:
+        self._checked_s = self._clock.now_s()
         free = shutil.disk_usage(self._folder).free
         if free < self._config.spare_bytes:
             self._end(None)

@@ -92,7 +92,10 @@ class EpisodeWriter:
         self._file = file
         self._origin_ns = int(run["origin_ns"])
         self._began_ns = round(float(run.get("started_at_s", "0")) * 1e9)
-        self._writer = _make_writer(file)
+        require_mcap()
+        from mcap.writer import CompressionType, Writer
+
+        self._writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._schemas: dict[Schema, int] = {}
         self._channels: dict[MessageChannel, int] = {}
         self._tally = Tally()
@@ -204,10 +207,3 @@ def _sync(file: BinaryIO) -> None:
     except io.UnsupportedOperation:
         return
     os.fsync(descriptor)
-
-
-def _make_writer(file: BinaryIO) -> Any:
-    require_mcap()
-    from mcap.writer import CompressionType, Writer
-
-    return Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)

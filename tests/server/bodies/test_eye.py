@@ -146,11 +146,8 @@ def test_a_robot_with_another_camera_says_so() -> None:
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 4004
 
 
-class Everybody:
-    """Sessions in which everybody is the eye."""
-
-    def find(self, secret: str) -> Session | None:
-        return Session(role=Role.EYE, name="eye")
+def find_an_eye(secret: str) -> Session:
+    return Session(role=Role.EYE, name="eye")
 
 
 @pytest.mark.parametrize(
@@ -172,7 +169,7 @@ class Everybody:
     ],
 )
 def test_a_phone_paired_as_the_eye_reaches_that_page_alone(path: str, may: bool) -> None:
-    access = Access(names=frozenset({"robot"}), sessions=Everybody(), cookie="c")
+    access = Access(names=frozenset({"robot"}), find_session=find_an_eye, cookie="c")
     for accept in ("text/html", "*/*"):
         headers = {"accept": accept}
         verdict = access.admit(path, headers, access.session_of(headers, "10.0.0.7"))
