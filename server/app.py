@@ -66,7 +66,7 @@ def create_app(services: Services) -> FastAPI:
     access = Access(
         names=frozenset([*host_names(config), *(public.name for public in config.public)]),
         allows_addresses=config.needs_pairing,
-        find_session=services.pairing and services.pairing.find,
+        find_session=services.pairing.find if services.pairing else None,
         cookie=cookie_name(config),
         public=config.public,
         members=next((each.members for each in extensions if each.members), None),
