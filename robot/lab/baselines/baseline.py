@@ -97,6 +97,8 @@ class Baseline(Stateful, BaseLearner):
         self._ys = list(map(str, state.labels))
         self.load(state.params, state.arrays)
         self._xs = [] if self._xs is None else list(self._xs)
+        if len(self._xs) != len(self._ys):
+            raise ValueError("the array xs is missing, of which there are labels")
         self._model, self._n_fitted = None, 0
 
 
