@@ -6,7 +6,7 @@ Every constant is a time or a share of votes, never a number of frames.
 2. Without contexts, a move under way goes on until another exceeds it clearly.
 3. A straight move without effect is given up (`stall_detector.py`).
 4. Turning for longer than the pilot's own longest loses votes (`ProgressClock`).
-5. A robot that turns to and fro keeps to one side for a while.
+5. A robot that turns to and fro more quickly than its pilot keeps to one side for a while.
 6. If none of this helps, the robot stops and asks for help.
 """
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import PolicyPart, Seen
-from robot.policy.pilot_pace import PilotPace
+from robot.policy.pilot_pace import PilotPace, SideChanges
 from robot.policy.stall_detector import ProgressClock, StallDetector
 from robot.types import Action
 
@@ -99,10 +99,6 @@ People begin a turn late and end it late: between the two, the same view means g
 Votes alone cannot tell, and a robot without inertia ends its turns too early. A turn begun too late
 costs more than one ended too late, so a turn has more of it (docs/explanation/learner.md).
 """
-STRAIGHT_S = 0.3
-"""Turns are paid back after driving straight for so long, and as long as the clock wants."""
-TO_AND_FRO_S = 2.0
-"""Who changes sides twice within so long turns to and fro."""
 ALLOWANCE = 1.3
 """The robot may come to so many times the pilot's longest debt before its turns lose votes."""
 HELPLESS_S = 10.0
@@ -155,8 +151,7 @@ class ActionFilter(PolicyPart):
         self.pace = PilotPace(kinds)
         self._now_s = 0.0
         self._asks_until_s = 0.0
-        self._side: int | None = None
-        self._changes_s: list[float] = []
+        self._sides = SideChanges(kinds)
 
     @classmethod
     def none(cls, kinds: MoveKinds) -> Self:
@@ -208,7 +203,7 @@ class ActionFilter(PolicyPart):
             )
             urge = self._watch(under_way, view.at_s, ALLOWANCE * pace.longest_debt_s)
         turns = self._kinds.turns
-        barred = self._barred_side(view.at_s)
+        barred = self._barred_side(view.at_s, pace.to_and_fro_s)
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action is not futile and shares[action] > 0.0]
         if futile is not None and not fruitful:
@@ -222,21 +217,15 @@ class ActionFilter(PolicyPart):
                 - (urge if action in turns else 0.0)
             ),
         )
-        if self._gives_up and chosen in turns:
-            if self._side == -turns[chosen]:
-                self._changes_s = [*self._changes_s[-1:], view.at_s]
-            self._side = turns[chosen]
+        if self._gives_up:
+            self._sides.note(chosen, view.at_s)
         return chosen
 
-    def _barred_side(self, at_s: float) -> int | None:
+    def _barred_side(self, at_s: float, within_s: float) -> float | None:
         """Return the side to which it must not turn, for it has just come from there twice."""
-        changes_s = self._changes_s
-        is_restless = len(changes_s) == 2 and at_s - changes_s[0] <= TO_AND_FRO_S
-        return -self._side if is_restless and self._side is not None else None
-
-    def _free(self) -> None:
-        """Allow every turn again: the last ones are paid back."""
-        self._side, self._changes_s = None, []
+        sides = self._sides
+        is_restless = len(sides.at_s) == 2 and at_s - sides.at_s[0] <= within_s
+        return -sides.side if is_restless and sides.side is not None else None
 
     def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
         """Update the clock and `needs_help`; return what to subtract from the votes of turns."""
@@ -244,12 +233,12 @@ class ActionFilter(PolicyPart):
         if under_way is None:  # the pilot drives, and knows the way out
             clock.reset()
         clock.note(under_way, at_s, is_stalled=self._stall_detector.is_stalled)
-        if under_way is None or (clock.debt_s == 0.0 and clock.straight_s >= STRAIGHT_S):
-            self._free()
+        if under_way is None or clock.is_paid:
+            self._sides.free()
         if under_way is None or (self.needs_help and at_s >= self._asks_until_s):
             self.needs_help = False
             clock.reset()
-            self._free()
+            self._sides.free()
         elif clock.debt_s > allowed_s + HELPLESS_S:
             self._ask(at_s)
         return min(max((clock.debt_s - allowed_s) / (0.5 * allowed_s), 0.0), 2.0)
@@ -268,5 +257,5 @@ class ActionFilter(PolicyPart):
         self._average.reset()
         self._stall_detector.reset()
         self._clock.reset()
-        self._free()
+        self._sides.free()
         self.needs_help = False

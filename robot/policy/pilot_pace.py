@@ -28,8 +28,38 @@ _MEANT = 3
 """A pilot who pushed so often for so long meant it: once may be a slip."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
 _RUNS, _FEWEST_RUNS = 64, 8
+TO_AND_FRO_S, _QUICKER = 2.0, 0.75
+"""Who changes sides twice within so long turns to and fro, or for a pilot who does that himself
+within so much of the time that it takes him."""
 PAUSE_S = 0.45
 """A longer gap of teaching time between two examples ends a manoeuvre."""
+
+
+class SideChanges:
+    """When a body changed from one side to the other, the last two times since it was freed.
+
+    Args:
+        kinds: Which moves are turns, and to which side.
+    """
+
+    def __init__(self, kinds: MoveKinds) -> None:
+        self._kinds = kinds
+        self.side: float | None = None
+        self.at_s: list[float] = []
+
+    def note(self, action: Action, at_s: float) -> float | None:
+        """Take note of a move; return how long two changes took if this is the second."""
+        side = self._kinds.turns.get(action)
+        if side is None:
+            return None
+        is_change, self.side = self.side == -side, side
+        if is_change:
+            self.at_s = [*self.at_s[-1:], at_s]
+        return self.at_s[1] - self.at_s[0] if is_change and len(self.at_s) == 2 else None
+
+    def free(self) -> None:
+        """Forget them: the turns are paid back."""
+        self.side, self.at_s = None, []
 
 
 class PilotPace(PolicyPart):
@@ -50,6 +80,13 @@ class PilotPace(PolicyPart):
         Value("runs_s", many(number(0.0), _RUNS), older=((),)),
         Value("run_s", number(0.0), older=(0.0,)),
         Value("label", optional(name), older=(None,)),
+        Value("side", optional(number(-1.0, 1.0)), "_sides.side", older=(None,)),
+        Value("sides_s", many(number(), 2), "_sides.at_s", older=((),)),
+        Value(
+            "changes_s",
+            many(number(0.0), _MEANT, _MEANT),
+            older=((TO_AND_FRO_S / _QUICKER,) * _MEANT,),
+        ),
         Value("last_s", number()),
         Value("clock", row(number(0.0), number(0.0), optional(number())), "_clock.values"),
         Value("before_s", number(), "_meter.before_s", older=(0.0,)),
@@ -67,6 +104,8 @@ class PilotPace(PolicyPart):
         self._run_s = 0.0
         self._label: Action | None = None
         self._last_s = 0.0
+        self._sides = SideChanges(self.kinds)
+        self._changes_s: list[float] = []
         self._clock = ProgressClock(self.kinds)
         self._meter = ChangeMeter()
 
@@ -79,6 +118,12 @@ class PilotPace(PolicyPart):
     def usual_run_s(self) -> float | None:
         """How long he usually keeps to a move; None before he has changed it often enough."""
         return statistics.median(self._runs_s) if len(self._runs_s) >= _FEWEST_RUNS else None
+
+    @property
+    def to_and_fro_s(self) -> float:
+        """Within how long a robot that changes sides twice turns to and fro."""
+        is_his_way = len(self._changes_s) == _MEANT
+        return min(TO_AND_FRO_S, _QUICKER * self._changes_s[-1]) if is_his_way else TO_AND_FRO_S
 
     def on_example(self, lesson: Lesson) -> None:
         if lesson.at_s is not None:
@@ -98,6 +143,7 @@ class PilotPace(PolicyPart):
             step_s = 0.0
             self._end_push()
             self._clock.reset()
+            self._sides.free()
             self._meter.reset()
         change = self._meter.note(picture, at_s)
         is_still = None if change is None else self.scale.is_still(change)
@@ -113,6 +159,11 @@ class PilotPace(PolicyPart):
                 self._runs_s.append(self._run_s)
             self._label, self._run_s = label, 0.0
         self._clock.note(label, at_s, is_stalled=self._push_s > 0.0)
+        if self._clock.is_paid:
+            self._sides.free()
+        took_s = self._sides.note(label, at_s)
+        if took_s is not None:
+            self._changes_s = sorted([*self._changes_s, took_s])[:_MEANT]
         debt_s = min(self._clock.debt_s, LONGEST_DEBT_S)
         self.longest_debt_s = max(self.longest_debt_s, debt_s)
 
@@ -128,3 +179,4 @@ class PilotPace(PolicyPart):
     def restored(self) -> None:
         self._runs_s = deque(self._runs_s, maxlen=_RUNS)
         self.scale.changes = deque(self.scale.changes, maxlen=MEMORY)
+        self._sides.at_s, self._changes_s = list(self._sides.at_s), list(self._changes_s)

@@ -149,6 +149,8 @@ PAYS_BACK = 4.0
 """A second of driving straight pays for so many seconds of turning."""
 EFFECT_S = 0.2
 """A straight move pays from here on: sooner nobody can tell if it has an effect."""
+STRAIGHT_S = 0.3
+"""Turns are paid back after driving straight for so long, and as long as the clock wants."""
 _LONGEST_STEP_S = 0.25
 
 
@@ -193,6 +195,11 @@ class ProgressClock:
             self.straight_s += step_s
             if self.straight_s > EFFECT_S:
                 self.debt_s = max(0.0, self.debt_s - PAYS_BACK * step_s)
+
+    @property
+    def is_paid(self) -> bool:
+        """True if the turns are paid back."""
+        return self.debt_s == 0.0 and self.straight_s >= STRAIGHT_S
 
     def reset(self) -> None:
         """Forget the debt: a new drive begins."""

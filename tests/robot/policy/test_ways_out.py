@@ -11,12 +11,11 @@ from robot.policy.action_filter import (
     ALLOWANCE,
     ASKING_S,
     HELPLESS_S,
-    TO_AND_FRO_S,
     ActionFilter,
     View,
 )
 from robot.policy.move_kinds import MoveKinds
-from robot.policy.pilot_pace import LONGEST_DEBT_S, PilotPace
+from robot.policy.pilot_pace import LONGEST_DEBT_S, TO_AND_FRO_S, PilotPace
 from robot.policy.stall_detector import AWAY_S, STUCK_S
 from robot.types import Action
 
@@ -137,6 +136,28 @@ def test_it_does_not_turn_to_and_fro(rate_hz, period_s):
     changes = [i for i in range(1, len(sent)) if {sent[i - 1], sent[i]} == {L, R}]
     for first, third in zip(changes, changes[2:], strict=False):
         assert (third - first) / rate_hz > TO_AND_FRO_S - 2 / rate_hz
+
+
+@pytest.mark.parametrize("rate_hz", [10, 15, 30])
+@pytest.mark.parametrize("period_s", [0.3, 0.5, 0.8])
+def test_it_turns_to_and_fro_as_quickly_as_its_pilot(rate_hz, period_s):
+    body = Body(rate_hz)
+    for frame in range(int(6 * rate_hz)):
+        at_s = frame / rate_hz
+        label = L if at_s % (2 * period_s) < period_s else R
+        body.pace.learn(label, np.zeros(400, np.uint8), at_s)
+    body.pace.longest_debt_s = LONGEST_DEBT_S
+    assert body.pace.to_and_fro_s < 2 * period_s
+    sent = body.run(4.0, lambda t: voted(L if t % (2 * period_s) < period_s else R))
+    changes = [i for i in range(1, len(sent)) if {sent[i - 1], sent[i]} == {L, R}]
+    assert len(changes) >= 4.0 / period_s - 2
+
+
+def test_a_slip_of_the_pilot_allows_nothing():
+    pace = PilotPace(KINDS)
+    for frame, label in enumerate([*[L] * 8, *[R] * 2, *[L] * 2, *[F] * 40] * 2):
+        pace.learn(label, np.zeros(400, np.uint8), frame / 10)
+    assert pace.to_and_fro_s == TO_AND_FRO_S
 
 
 def test_a_car_steers_from_one_side_to_the_other():
