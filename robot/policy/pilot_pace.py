@@ -82,11 +82,7 @@ class PilotPace(PolicyPart):
         Value("label", optional(name), older=(None,)),
         Value("side", optional(number(-1.0, 1.0)), "_sides.side", older=(None,)),
         Value("sides_s", many(number(), 2), "_sides.at_s", older=((),)),
-        Value(
-            "changes_s",
-            many(number(0.0), _MEANT, _MEANT),
-            older=((TO_AND_FRO_S / _QUICKER,) * _MEANT,),
-        ),
+        Value("changes_s", many(number(0.0), _MEANT), older=((),)),
         Value("last_s", number()),
         Value("clock", row(number(0.0), number(0.0), optional(number())), "_clock.values"),
         Value("before_s", number(), "_meter.before_s", older=(0.0,)),
