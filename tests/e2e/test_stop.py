@@ -10,7 +10,7 @@ import pytest
 from robot.types import Mode
 from server.config import Config
 
-from .hand import Fingers, choose, pad
+from .hand import Fingers, choose, hold_left, steer_by
 from .world import DESKTOP, LANDSCAPE, PHONE, World, new_context, open_page, running_world, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -147,15 +147,18 @@ def test_no_dialog_makes_the_rest_of_the_page_inert() -> None:
     assert [file.name for file in sources if "showModal" in file.read_text()] == []
 
 
+@pytest.mark.parametrize("by", ["moves", "stick"])
 def test_a_finger_that_holds_a_direction_and_slides_onto_stop_stops(
-    phone: Any, world: World
+    phone: Any, world: World, by: str
 ) -> None:
+    steer_by(phone, by)
     fingers = Fingers(phone)
     choose(phone, world, Mode.TRAIN)
-    fingers.press(pad("right"))
+    hold_left(fingers, by)
     fingers.slide("drive-pad .stop")
     wait_for(lambda: world.rig.loop.state.emergency, "a finger that slides onto STOP stops")
     fingers.lift()
+    steer_by(phone, "moves")
 
 
 def test_a_tap_counts_where_it_begins(phone: Any, world: World) -> None:

@@ -1,7 +1,9 @@
 import assert from 'node:assert/strict';
-import { beforeEach, test } from 'node:test';
+import { beforeEach, mock, test } from 'node:test';
 
 import { Helm } from '../../web/js/helm.js';
+import { listenToGamepads } from '../../web/js/inputs/gamepad.js';
+import { declare } from '../../web/js/moves.js';
 
 const MOVES = ['forward', 'left', 'right'];
 let helm;
@@ -91,4 +93,96 @@ test('a heartbeat is sent when it is due, whoever asks, and lateness is noticed'
   assert.ok(helm.lateMs < 5);
   for (let ms = 1100; ms <= 4000; ms += 180) helm.beatIfDue(ms);
   assert.ok(helm.lateMs > 15, 'a phone whose timers come late is slow');
+});
+
+const points = () => said.map(({ held: move, steering, throttle }) => (steering === undefined ? move : [move, steering, throttle]));
+const byDegrees = () => declare([['forward', 0], ['left', -1], ['right', 1]].map(([name, steering]) => ({ name, label: {}, icon: '', does: '', steering, throttle: 0.5 })));
+
+test('a stick is grasped, steered and let go of; a rest is told, and holds on', () => {
+  byDegrees();
+  let nowMs = 0;
+  helm.beatMs = -1000;
+  mock.method(performance, 'now', () => (nowMs += 100));
+  helm.grasp('stick');
+  helm.steer('stick', { steering: -0.3, throttle: 0.4 });
+  helm.steer('stick', { steering: 0.1, throttle: 0.4 });
+  helm.steer('stick', null);
+  helm.steer('stick', { steering: 0.9, throttle: 0.4 });
+  helm.release('stick');
+  mock.restoreAll();
+  assert.deepEqual(points(), [['left', -0.3, 0.4], ['forward', 0.1, 0.4], null, ['right', 0.9, 0.4], null]);
+});
+
+test('a stick that turns fast is told twenty times a second, and let go of at once', () => {
+  byDegrees();
+  let nowMs = 1000;
+  mock.method(performance, 'now', () => nowMs);
+  helm.grasp('stick');
+  for (; nowMs < 2000; nowMs += 4) {
+    helm.steer('stick', { steering: Math.sin(nowMs / 100), throttle: 0.5 });
+    if (nowMs % 50 === 0) helm.beatIfDue(nowMs);
+  }
+  const told = said.length;
+  helm.release('stick');
+  mock.restoreAll();
+  assert.ok(told >= 15 && told <= 30, `${told} messages in a second`);
+  assert.equal(said.length, told + 1);
+  assert.equal(said.at(-1).held, null);
+  assert.equal(said.at(-1).steering, undefined);
+});
+
+test('what was let go of must be grasped anew, whatever the thumb does', () => {
+  byDegrees();
+  helm.grasp('stick');
+  helm.steer('stick', { steering: 0, throttle: 0.5 });
+  helm.releaseAll();
+  const before = said.length;
+  helm.steer('stick', { steering: 0.5, throttle: 0.5 });
+  assert.equal(helm.held, null);
+  assert.equal(said.length, before);
+  helm.follow({ mode: 'stopped', you_are_pilot: true }, MOVES);
+  helm.grasp('stick');
+  helm.steer('stick', { steering: 0.5, throttle: 0.5 });
+  assert.equal(helm.held, null, 'nor is it grasped while the robot is stopped');
+});
+
+test('a thumb that rests lets an older finger count', () => {
+  byDegrees();
+  helm.press('finger 1', 'forward');
+  helm.grasp('stick');
+  assert.equal(helm.held, 'forward');
+  helm.steer('stick', { steering: -1, throttle: 0.5 });
+  assert.equal(helm.held, 'left');
+  helm.steer('stick', null);
+  assert.equal(helm.held, 'forward');
+});
+
+test('a controller is a stick; what a stop took from it must come back to its middle first', () => {
+  byDegrees();
+  const pad = { index: 0, connected: true, axes: [0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })) };
+  const frames = [];
+  let pads = [pad];
+  Object.defineProperty(globalThis, 'navigator', { value: { getGamepads: () => pads }, configurable: true });
+  const listeners = {};
+  Object.assign(globalThis, { addEventListener: (type, act) => (listeners[type] = act), requestAnimationFrame: (act) => frames.push(act) });
+  helm.takesPoints = true;
+  listenToGamepads(helm, { stop: () => helm.releaseAll(), isDriving: () => true });
+  listeners.gamepadconnected();
+  const look = (x, y) => {
+    pad.axes = [x, y];
+    frames.pop()();
+  };
+  look(0, -1);
+  assert.deepEqual(helm.newest, { move: 'forward', point: { steering: 0, throttle: 0.5 } });
+  pad.buttons[1].pressed = true;
+  look(0, -1);
+  pad.buttons[1].pressed = false;
+  look(0.3, -1);
+  assert.equal(helm.held, null, 'it is held no more');
+  look(0, 0);
+  look(1, 0);
+  assert.equal(helm.held, 'right');
+  pads = [];
+  frames.pop()();
+  assert.equal(helm.held, null, 'a controller that is gone drives nothing');
 });
