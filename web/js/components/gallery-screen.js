@@ -5,10 +5,11 @@ import { append, fill, h, icon, say } from '../dom.js';
 import { count, language, t } from '../i18n.js';
 import { Screen, segments } from './screen.js';
 import { byPlace } from '../moves.js';
+import { makeNeedle, turnNeedle } from '../needle.js';
 
 /**
  * @typedef {{node: number, votes: Record<string, number>, frames: number, last_used: number,
- *   last_taught: number, taught_at_s: number | null, pinned: boolean, episode?: string | null}} LearnedImage
+ *   last_taught: number, taught_at_s: number | null, pinned: boolean, episode?: string | null, angle?: number | null}} LearnedImage
  */
 
 const REFRESH_MS = 1000;
@@ -75,7 +76,7 @@ export class GalleryScreen extends Screen {
     fill(card, h('button', {
       type: 'button', class: 'card', onclick: () => this.show(image.node),
       'aria-label': t('gallery.card', { move: t(`move.${main}`), n: image.frames }),
-    }, picture(image), this.bar(image),
+    }, picture(image), needleOf(image), this.bar(image),
     h('span', { class: 'caption' }, icon(main), count(image.frames), image.pinned ? icon('pin') : null)));
     return card;
   }
@@ -134,6 +135,7 @@ export class GalleryScreen extends Screen {
       h('li', {}, t('gallery.frames', { n: count(image.frames) })),
       ...(this.moves ?? []).filter((move) => image.votes[move])
         .map((move) => h('li', {}, `${t(`move.${move}`)}: ${count(image.votes[move])}`)),
+      image.angle == null ? null : h('li', {}, `${t('needle')}: ${t('needle.taught', { n: Math.round(100 * image.angle) })}`),
       image.last_taught ? h('li', {}, t(at ? 'gallery.taught_at' : 'gallery.taught', { at: at ?? '', n: count(image.last_taught) })) : null,
       image.episode ? h('li', {}, t('gallery.episode', { name: image.episode })) : null,
     ].filter((fact) => fact !== null);
@@ -169,6 +171,14 @@ export class GalleryScreen extends Screen {
 /** @param {Pick<LearnedImage, 'votes'>} image */
 export function mainMove({ votes }) {
   return Object.entries(votes).reduce((a, b) => (b[1] > a[1] ? b : a), ['stop', 0])[0];
+}
+
+/** How its frames were steered, on the mean; null if by moves. @param {LearnedImage} image */
+function needleOf({ angle }) {
+  if (angle == null) return null;
+  const needle = makeNeedle();
+  turnNeedle(needle, { taught: angle });
+  return needle;
 }
 
 /** @param {LearnedImage} image */
