@@ -32,21 +32,13 @@ def add_data(parser: argparse.ArgumentParser) -> None:
 def find_id(store: EpisodeStore, name: str) -> str:
     """Return the id of the episode with this name, or the only one that begins with it."""
     ids = store.ids()
-    if name == "last" and name not in ids:
-        return find_last(store)
+    if name == "last" and name not in ids and ids:
+        return store.summaries()[0].id  # by its time, and never by its name
     found = [i for i in ids if i == name] or [i for i in ids if i.startswith(name)]
     if len(found) != 1:
         what = "no episode" if not found else f"{len(found)} episodes"
         raise NotFoundError(f"{what} of this name: {name!r}; see: drivelesson episodes list")
     return found[0]
-
-
-def find_last(store: EpisodeStore) -> str:
-    """Return the episode that was recorded last, by its time and never by its name."""
-    summaries = store.summaries()
-    if not summaries:
-        raise NotFoundError("there is no episode yet")
-    return summaries[0].id
 
 
 def find_episodes(store: EpisodeStore, names: list[str]) -> list[EditedEpisode]:
