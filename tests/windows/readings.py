@@ -9,21 +9,22 @@ import hashlib
 import sys
 from pathlib import Path
 
-from robot.store.episodes.edits import read_notes
+from robot.policy.history import Taught
 from robot.store.episodes.episode import open_episode
-from robot.store.episodes.teaching import plan
 
 
 def digest(path: Path) -> str:
-    """Return a line on a recording: its name, its examples, and what stands in them."""
+    """Return a line on a recording: its name, its examples, and what stands in it."""
     episode, found = open_episode(path), hashlib.sha256(path.read_bytes())
-    steps = plan([(episode, read_notes(path))])
-    for step in steps:
-        picture = episode.frame(step.frame_id) if step.edit is None else None
-        found.update(repr((step.frame_id, step.label, step.at_s, step.is_correction)).encode())
-        found.update(b"" if picture is None else bytes(picture.data))
-        found.update(b"" if step.x is None else step.x.tobytes())
-    return f"{path.name}: {len(steps)} examples, {found.hexdigest()[:32]}"
+    for frame_id in episode.frames:
+        picture = episode.frame(frame_id)
+        found.update(repr((frame_id, picture.width, picture.height, picture.captured_s)).encode())
+        found.update(picture.data)
+    taught = [(at, event) for at, event in episode.events if isinstance(event, Taught)]
+    for at, event in taught:
+        found.update(repr((at, event.example, event.at_s)).encode() + event.x.tobytes())
+    frames = len(list(episode.frames))
+    return f"{path.name}: {frames} pictures, {len(taught)} examples, {found.hexdigest()[:32]}"
 
 
 if __name__ == "__main__":

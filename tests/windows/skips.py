@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,8 @@ SKIPPED = {
         NO_EXTRA,
     ),
 }
+ABSENT = {"mkfifo": KERNEL + "named pipes, which a stand-in for a brick has"}
+"""Functions of `os`: a test that calls one is skipped there."""
 TESTS = Path(__file__).parents[1]
 
 
@@ -49,6 +52,11 @@ def pytest_pycollect_makemodule(
     module = _Skipped.from_parent(parent, path=module_path)
     module.reason = reason
     return module
+
+
+def pytest_configure() -> None:
+    for name, reason in ABSENT.items():
+        setattr(os, name, lambda *_, reason=reason: pytest.skip(reason))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
