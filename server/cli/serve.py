@@ -158,7 +158,8 @@ def run(args: argparse.Namespace) -> int:
     from server.app import create_app
     from server.events import EventBus
     from server.hosting.discovery import announced
-    from server.hosting.serving import end_by_signals, open_socket, serve
+    from server.hosting.ending import end_by_signals
+    from server.hosting.serving import open_socket, serve
     from server.identity import IdentityFile
     from server.persistence import Persistence
     from server.services import make_services

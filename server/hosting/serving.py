@@ -5,9 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
-import signal
 import socket
-import sys
 from collections.abc import Coroutine, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -86,19 +84,6 @@ def leave_out_of_collections() -> None:
     """
     gc.collect()
     gc.freeze()
-
-
-def end_by_signals() -> None:
-    """Have SIGTERM, and a terminal that is closed, end the program as Ctrl-C does.
-
-    Newer uvicorns raise a signal again once they have shut down; by the system's own handler the
-    process would end before the motors are stopped and the model is saved.
-    """
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    for name in ("SIGHUP", "SIGBREAK"):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # no nohup
-            signal.signal(number, lambda *_: signal.raise_signal(signal.SIGTERM))
 
 
 def serve(app: Any, listener: socket.socket, certificates: Certificates | None = None) -> None:
