@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import logging
+import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from robot.errors import ConfigurationError
 from robot.store.folder import default_root
 from server.cli.parser import whole
 
+log = logging.getLogger(__name__)
 MOST = 60
+RATE_HZ, PER_CORE_HZ = 30, 150
+"""Pictures a second of a robot at most, and of all of them for each of the computer's cores."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -96,11 +102,19 @@ def _simulated(count: int, args: argparse.Namespace, key: Path) -> Iterator[list
     ]
     for robot in robots:  # before any of them starts: is the port free?
         open_socket(args.host, robot.port).close()
+    cores = os.cpu_count() or 1
+    rate_hz = min(RATE_HZ, max(1, PER_CORE_HZ * cores // max(1, count)))
+    if rate_hz < RATE_HZ:
+        log.warning("%d robots on %d cores: %d pictures a second each", count, cores, rate_hz)
+    starting = ThreadPoolExecutor(cores)  # all at once would keep the board from answering
     try:
         for robot in robots:
-            robot.start(args.host, args.world, key)
+            starting.submit(robot.start, args.host, args.world, key, rate_hz)
         yield [robot.port for robot in robots]
     finally:
+        for robot in robots:
+            robot.end()
+        starting.shutdown(cancel_futures=True)
         for robot in robots:
             robot.end()
         for robot in robots:

@@ -11,6 +11,7 @@ import contextlib
 import logging
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -21,11 +22,17 @@ from server.identity import NAMES, IdentityFile
 
 log = logging.getLogger(__name__)
 _END_S = 15.0
+_ASK_S, _ASKS = 0.2, 150
+_BELOW = 5
+"""So much the board and the browsers go before: the machine gives them its time first."""
 _GOLDEN_DEG = 137.508
 """Hues so far apart are distinct, however many there are."""
 _HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
 """Of the colours that the board shows: a robot gets that which its walls are next to."""
-_NEW_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)  # Windows
+_FLAGS = sum(  # of Windows
+    getattr(subprocess, name, 0)
+    for name in ("CREATE_NEW_PROCESS_GROUP", "BELOW_NORMAL_PRIORITY_CLASS")
+)
 
 
 class SimulatedRobot:
@@ -41,17 +48,19 @@ class SimulatedRobot:
         self.number, self.port, self.folder = number, port, folder
         self._hue_deg = round(number * _GOLDEN_DEG) % 360
         self._process: subprocess.Popen[bytes] | None = None
-        self._is_ending = False
+        self._ending = threading.Event()
         if not (folder / "robot.json").exists():
             again, place = divmod(number - 1, len(NAMES))
             name = f"{NAMES[place]} {again + 1}" if again else NAMES[place]
             IdentityFile(folder, name).change(colour=min(_HUES_DEG, key=self._is_off_by))
 
-    def start(self, host: str, world: str, key: Path) -> None:
-        """Start its process; what it says is in `log.txt`."""
+    def start(self, host: str, world: str, key: Path, rate_hz: float) -> None:
+        """Start its process, and return when it serves; what it says is in `log.txt`."""
+        if self._ending.is_set():
+            return
         words = ["--lan", "--host", host, "--port", self.port, "--hostname", f"robot-{self.number}"]
         words += ["--data", self.folder, "--class-key", key, "--world", world]
-        words += ["--seed", self.number, "--hue", self._hue_deg]
+        words += ["--seed", self.number, "--hue", self._hue_deg, "--frame-rate-hz", rate_hz]
         with (self.folder / "log.txt").open("wb") as log:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", __name__, *map(str, words)],
@@ -59,13 +68,20 @@ class SimulatedRobot:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
-                creationflags=_NEW_GROUP,
+                creationflags=_FLAGS,
             )
         threading.Thread(target=self._report, args=(self._process,), daemon=True).start()
+        here = "127.0.0.1" if host == "0.0.0.0" else host
+        for _ in range(_ASKS):
+            if self._ending.wait(_ASK_S) or self._process.poll() is not None:
+                return
+            with contextlib.suppress(OSError):
+                socket.create_connection((here, self.port), _ASK_S).close()
+                return
 
     def end(self) -> None:
         """Tell it to end."""
-        self._is_ending = True
+        self._ending.set()
         if self._process is not None and self._process.stdin is not None:
             self._process.stdin.close()
 
@@ -82,7 +98,7 @@ class SimulatedRobot:
 
     def _report(self, process: subprocess.Popen[bytes]) -> None:
         process.wait()
-        if not self._is_ending:
+        if not self._ending.is_set():
             log.error("robot %d has ended: see %s", self.number, self.folder / "log.txt")
 
 
@@ -94,5 +110,7 @@ def _end_with_input() -> None:
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
+    if hasattr(os, "nice"):
+        os.nice(_BELOW)
     threading.Thread(target=_end_with_input, daemon=True).start()
     sys.exit(main(["serve", *sys.argv[1:]]))
