@@ -88,3 +88,22 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
         for phone in phones:
             phone.close()
         context.close()
+
+
+@pytest.mark.parametrize("language", ["en", "es", "zh"])
+def test_on_every_tablet_stop_all_stands_in_the_first_row(
+    chromium: Any, tmp_path: Path, language: str
+) -> None:
+    with running_class(tmp_path) as here:
+        context = chromium.new_context(locale=language, has_touch=True)
+        page = context.new_page()
+        page.goto(here.address)
+        page.locator("#bar .stop.shown").wait_for()
+        for width in range(600, 1300, 20):
+            page.set_viewport_size({"width": width, "height": 900})
+            page.wait_for_function(
+                "() => new Promise((done) => requestAnimationFrame(() => done(1)))"
+            )
+            top = page.locator("#bar .stop.shown").bounding_box()["y"]
+            assert top < 20, f"{width} wide: {top}"
+        context.close()
