@@ -94,6 +94,8 @@ class Labeller:
 
 log = logging.getLogger(__name__)
 
+CORRECTS_BEYOND = 0.1
+"""Who steers by degrees while the robot drives corrects it if he steers otherwise by more."""
 MEMORY_FRAMES = 64
 """How many of the newest frames can still be labelled: two seconds at 30 frames a second."""
 
@@ -118,6 +120,13 @@ class _Seen:
     captured_s: float
     delivered_s: float
     predicted: Action | None
+    point: Point | None
+
+    def differs(self, label: Action, point: Point | None) -> bool:
+        """Return whether it corrects the robot to hold this; a move does, even the same."""
+        if point is None or self.point is None or label is not self.predicted:
+            return True
+        return abs(point.steering - self.point.steering) > CORRECTS_BEYOND
 
 
 class OnlineLearning:
@@ -179,6 +188,7 @@ class OnlineLearning:
             captured_s=frame.captured_s,
             delivered_s=frame.captured_s if delivered_s is None else delivered_s,
             predicted=self.prediction.action,
+            point=self.prediction.point,
         )
         while len(self._seen) > MEMORY_FRAMES:
             del self._seen[next(iter(self._seen))]
@@ -220,14 +230,14 @@ class OnlineLearning:
         for command in commands:
             for frame_id, label, point in list(self._labeller.label(command, self._seen)):
                 if may_learn:
-                    self._learn_one(
-                        Example(
-                            frame_id=frame_id,
-                            label=label,
-                            is_intervention=is_intervention,
-                            point=point,
-                        )
+                    differs = self._seen[frame_id].differs(label, point)
+                    example = Example(
+                        frame_id=frame_id,
+                        label=label,
+                        is_intervention=is_intervention and differs,
+                        point=point,
                     )
+                    self._learn_one(example)
 
     def reset(self) -> None:
         """Forget whatever belongs to the drive that ends here."""

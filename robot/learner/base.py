@@ -50,6 +50,8 @@ class Evidence:
     `novelty` is 0 for a familiar view; 1 or more means: unlike all that was learned. It is always 0
     if the learner's abilities lack novelty.
     `node` is the id of the nearest learned image (None where the learner keeps none).
+    `angle`, about from -1 to 1, and its standard deviation `spread` are there as soon as angles
+    were learned.
     """
 
     label: Label
@@ -58,6 +60,8 @@ class Evidence:
     novelty: float = 0.0
     node: int | None = None
     distance: float = 0.0
+    angle: float | None = None
+    spread: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,23 +73,29 @@ class Abilities:
         pinning: An image can be kept from being merged.
         novelty: `Evidence.novelty` shows how unlike all that was learned a view is.
         contexts: What it predicts can depend on what is under way: it is a `ContextualLearner`.
+        angles: It learns an angle beside the label: it is an `AngularLearner`.
     """
 
     images: bool = False
     pinning: bool = False
     novelty: bool = False
     contexts: bool = False
+    angles: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Node:
-    """One learned image. `id` follows it through merges; `frames` is how many it sums up."""
+    """One learned image. `id` follows it through merges; `frames` is how many it sums up.
+
+    `angle` is their mean angle, if angles were learned.
+    """
 
     id: int
     image: Vector
     votes: Mapping[Label, int]
     frames: int
     is_pinned: bool = False
+    angle: float | None = None
 
 
 @dataclass(slots=True)
@@ -192,6 +202,26 @@ class ContextualLearner(Learner, Protocol):
 
     def explain_in(self, x: Vector, context: int | None) -> Evidence:
         """Return the prediction in one context; None: in any, as `explain_one`."""
+        ...
+
+
+@runtime_checkable
+class AngularLearner(Learner, Protocol):
+    """Protocol of a learner that learns an angle from -1 to 1 beside each label.
+
+    It costs nothing before `begin_angles`; from then on each example and each change has one.
+    """
+
+    def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
+        """Learn angles from now on; each frame so far had the angle of its label, or 0."""
+        ...
+
+    def learn_in(self, x: Vector, y: Label, contexts: Collection[int], angle: float = 0.0) -> None:
+        """Add one labelled vector with its angle; refuses as `learn_one`."""
+        ...
+
+    def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
+        """Let one image vote for `y` alone, and steer so."""
         ...
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Self
 
 import numpy as np
@@ -12,8 +12,9 @@ from robot.learner import votes
 from robot.learner.base import Abilities, Evidence, Label, Node, NotFittedError, State, Vector
 from robot.learner.bsoc import BSOC
 from robot.learner.change_of_mind import ChangeOfMind
-from robot.learner.clusters import MOST_FRAMES, Merge
+from robot.learner.clusters import MOST_FRAMES
 from robot.learner.context_ridge import N_CONTEXTS, ContextRidge
+from robot.learner.node_angles import NodeAngles
 from robot.learner.novelty import MARGIN, Novelty
 from robot.learner.part import Array, Arrays, Params, Stateful, Value
 from robot.learner.published import PublishedBSOC
@@ -91,6 +92,7 @@ class BSOCClassifier(Stateful):
         self.novelty_ = Novelty(margin=novelty_margin)
         self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
+        self._angles = NodeAngles(max_nodes)
 
     @classmethod
     def published(cls, max_nodes: int = 32, *, integer: bool = False) -> Self:
@@ -111,6 +113,7 @@ class BSOCClassifier(Stateful):
             pinning=True,
             novelty=self.cluster.measures_novelty,
             contexts=self._contextual is not None,
+            angles=True,
         )
 
     @property
@@ -131,7 +134,15 @@ class BSOCClassifier(Stateful):
         """
         self.learn_in(x, y, range(N_CONTEXTS))
 
-    def learn_in(self, x: Vector, y: Label, contexts: Collection[int]) -> None:
+    def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
+        """Learn angles from now on; each frame so far had the angle of its label, or 0."""
+        if self._angles.sums is None:
+            angles = np.array([of_labels.get(label, 0.0) for label in self.labels_])
+            self._angles.begin(self._histograms, angles)
+            if self.linear is not None:
+                self.linear.begin_angles(angles)
+
+    def learn_in(self, x: Vector, y: Label, contexts: Collection[int], angle: float = 0.0) -> None:
         """Add one labelled frame that counts in these contexts; raises as `learn_one`."""
         if not isinstance(y, str) or not y:
             raise ValueError(f"a label must be a string, not {y!r}")
@@ -139,17 +150,21 @@ class BSOCClassifier(Stateful):
         node = self.cluster.train(x, column)
         self._know(y)
         self._compare(column)
-        if self.cluster.last_merge_ is not None:
-            self._follow(self.cluster.last_merge_)
+        merge = self.cluster.last_merge_
+        if merge is not None:
+            self._histograms[merge.kept] += self._histograms[merge.removed]
+            self._histograms[merge.removed] = 0
+            self._angles.merge(merge)
         self._histograms[node, column] += 1
+        self._angles.add(node, angle)
         self.n_seen_ += 1
         self.last_node_ = self.cluster.node_id(node)
         if self.cluster.last_distance_ is not None:
             self.novelty_.learn(self.cluster.last_distance_)
         if self._contextual is not None:
-            self._contextual.learn_in(x, column, contexts)
+            self._contextual.learn_in(x, column, contexts, angle)
         elif self.linear is not None:
-            self.linear.learn(x, np.eye(len(self.labels_))[column])
+            self.linear.learn(x, np.eye(len(self.labels_))[column], angle=angle)
 
     def _compare(self, column: int) -> None:
         """Compare the example with the images of its view, before any merge."""
@@ -193,6 +208,7 @@ class BSOCClassifier(Stateful):
         distances, shares = self._votes(x, context)
         node = int(distances.argmin())
         listed, best = shares.tolist(), int(shares.argmax())
+        angle, spread = self._angle(x, distances)
         return Evidence(
             label=self.labels_[best],
             probabilities=dict(zip(self.labels_, listed, strict=True)),
@@ -200,7 +216,20 @@ class BSOCClassifier(Stateful):
             novelty=self.novelty_.score(float(distances[node])),
             node=self.cluster.node_id(node),
             distance=float(distances[node]),
+            angle=angle,
+            spread=spread,
         )
+
+    def _angle(self, x: Vector, distances: votes.Distances) -> tuple[float | None, float | None]:
+        """Return the angle and its spread, mixed as the votes are; None if none was learned."""
+        if self._angles.sums is None:
+            return None, None
+        frames = self._histograms[: distances.size].sum(axis=1)
+        angle, spread = self._angles.near(*votes.weighed(distances, self.n_voters), frames)
+        linear = None if self.linear is None else self.linear.angle(x)
+        if linear is not None:
+            angle += self.linear_share * (linear - angle)
+        return angle, spread
 
     def _votes(self, x: Vector, context: int | None = None) -> tuple[votes.Distances, votes.Floats]:
         """Return the distances to the nodes, and each label's share."""
@@ -226,10 +255,6 @@ class BSOCClassifier(Stateful):
             shares = self._mind.applied(shares, distances, owners, taught)
         return distances, votes.shares(shares)
 
-    def _follow(self, merge: Merge) -> None:
-        self._histograms[merge.kept] += self._histograms[merge.removed]
-        self._histograms[merge.removed] = 0
-
     def reset(self) -> None:
         """Do nothing: all that it learned is kept between drives."""
 
@@ -251,14 +276,15 @@ class BSOCClassifier(Stateful):
                 votes=dict(zip(self.labels_, counts, strict=True)),
                 frames=frames,
                 is_pinned=is_pinned,
+                angle=self._angles.mean(index, sum(counts)),
             )
-            for node_id, image, counts, frames, is_pinned in rows
+            for index, (node_id, image, counts, frames, is_pinned) in enumerate(rows)
         ]
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
         others = (self.novelty_, self.linear, self._mind)
         own = [("", part) for part in others if isinstance(part, Stateful)]
-        return [("cluster", self.cluster), *own]
+        return [("cluster", self.cluster), ("", self._angles), *own]
 
     def upgrade(self, params: Params, arrays: Arrays) -> None:
         """Leave out what earlier versions counted."""
@@ -289,16 +315,17 @@ class BSOCClassifier(Stateful):
     def _kind(self) -> str:
         return f"classifier{'+linear' if self.linear else ''}:{self.cluster.kind}"
 
-    def relabel_node(self, node_id: int, y: Label) -> None:
+    def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
         """Let the node of this id vote for `y` alone; raises LookupError if there is none."""
         index = self._index(node_id)
         column = self._know(y)
         before = self._histograms[index].copy()
         self._histograms[index] = 0
-        self._histograms[index, column] = max(int(before.sum()), 1)
+        n = self._histograms[index, column] = max(int(before.sum()), 1)
+        turned = self._angles.turn(index, n, angle)
         if self.linear is not None:
-            image = self.cluster.nodes_[index]
-            self.linear.retarget(image, (self._histograms[index] - before).astype(np.float64))
+            change = (self._histograms[index] - before).astype(np.float64)
+            self.linear.retarget(self.cluster.nodes_[index], change, turned)
         self.cluster.set_group(index, column)
 
     def delete_node(self, node_id: int) -> None:
@@ -306,8 +333,9 @@ class BSOCClassifier(Stateful):
         index = self._index(node_id)
         image, frames = self.cluster.nodes_[index], float(self.cluster.counts_[index])
         last = self.cluster.delete(index)
+        angle = self._angles.delete(index, last) / frames
         if self.linear is not None:
-            self.linear.learn(image, self._histograms[index] / frames, -frames)
+            self.linear.learn(image, self._histograms[index] / frames, -frames, angle)
         self._histograms[index] = self._histograms[last]
         self._histograms[last] = 0
 

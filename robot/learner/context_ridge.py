@@ -149,30 +149,42 @@ class ContextRidge(Stateful):
         """Return one score a label in one context, shape (n_labels,)."""
         return (self._ridges[context] if self._ridges else self._any).scores(x)
 
-    def learn_in(self, x: NDArray[Any], column: int, contexts: Collection[int]) -> None:
+    def begin_angles(self, of_labels: Floats) -> None:
+        """Learn an angle, too, as `RecursiveRidge`: one for every view, whatever is under way."""
+        self._any.begin_angles(of_labels)
+
+    def angle(self, x: NDArray[Any]) -> float:
+        """Return the angle, which is not bounded."""
+        return self._any.angle(x)
+
+    def learn_in(
+        self, x: NDArray[Any], column: int, contexts: Collection[int], angle: float = 0.0
+    ) -> None:
         """Add a frame of one label to the ridge for every view, and to those of `contexts`."""
         if not self._ridges and len(contexts) < N_CONTEXTS:
             self._part()
         targets = np.eye(self._counts.shape[1])[column]
         z = self._any.scaled(x)
-        self._any.learn_scaled(z, targets)
+        self._any.learn_scaled(z, targets, angle=angle)
         self._counts[0, column] += 1
         for context in contexts:
             self._counts[1 + context, column] += 1
             if self._ridges:
                 self._ridges[context].learn_scaled(z, targets)
 
-    def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:
+    def learn(
+        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: float = 0.0
+    ) -> None:
         """Add a frame `weight` times, or take it back; each context gets its share of the label."""
-        self._any.learn(x, targets, weight)
+        self._any.learn(x, targets, weight, angle)
         for ridge, shares in zip(self._ridges, self._shares(), strict=False):
             part = float((targets * shares).sum())
             if part > 0.0:
                 ridge.learn(x, targets * shares / part, weight * part)
 
-    def retarget(self, x: NDArray[Any], change: Floats) -> None:
+    def retarget(self, x: NDArray[Any], change: Floats, angle: float = 0.0) -> None:
         """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
-        self._any.retarget(x, change)
+        self._any.retarget(x, change, angle)
         lost = np.minimum(change, 0.0)
         for ridge, shares in zip(self._ridges, self._shares(), strict=False):
             part = float((lost * shares).sum()) / (float(lost.sum()) or 1.0)
@@ -187,7 +199,12 @@ class ContextRidge(Stateful):
         """Give each context a copy of what all have in common so far."""
         self._ridges = [BlockRidge(self._make()) for _ in range(N_CONTEXTS)]
         for ridge in self._ridges:
-            ridge.load(*self._any.save())
+            self._copy_to(ridge)
+
+    def _copy_to(self, ridge: BlockRidge) -> None:
+        params, arrays = self._any.save()
+        arrays.pop("angles", None)
+        ridge.load(params, arrays)
 
     @property
     def _context_counts(self) -> NDArray[np.int64] | None:
@@ -209,7 +226,7 @@ class ContextRidge(Stateful):
                 for field in part.fields:  # else what is out of its bounds would be mended away
                     field.check(part)
             if ridge.is_indefinite:  # frames of the other context were once taken back from it
-                ridge.load(*self._any.save())
+                self._copy_to(ridge)
 
     def upgrade(self, params: Params, arrays: Arrays) -> None:
         """Make as many ridges as were saved."""

@@ -39,15 +39,25 @@ class LinearPart(Protocol):
         """Add a label, which no frame so far had."""
         ...
 
+    def begin_angles(self, of_labels: Floats) -> None:
+        """Learn an angle, too, from now on; each frame so far had the angle of its label."""
+        ...
+
     def scores(self, x: NDArray[Any]) -> Floats:
         """Return one score a label, about its probability but not bounded, shape (n_labels,)."""
         ...
 
-    def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:
+    def angle(self, x: NDArray[Any]) -> float | None:
+        """Return the angle, which is not bounded; None from a part that learns none."""
+        ...
+
+    def learn(
+        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: float = 0.0
+    ) -> None:
         """Add a frame with its target scores `weight` times; a negative weight takes it back."""
         ...
 
-    def retarget(self, x: NDArray[Any], change: Floats) -> None:
+    def retarget(self, x: NDArray[Any], change: Floats, angle: float = 0.0) -> None:
         """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
         ...
 
@@ -67,6 +77,7 @@ class RecursiveRidge(Stateful):
         Array("triangle", np.float64, ("n_triangle",), -_MOST_INVERSE, _MOST_INVERSE),
         Array("linear", np.float64, ("size", "n_labels"), -1e9, 1e9, attribute="_weights"),
         Array("waiting", np.float64, (_WAITING, "size"), -MOST_VALUES, MOST_VALUES),
+        Array("angles", np.float64, ("size",), -1e9, 1e9, may_miss=True),
     )
 
     def __init__(self, n_features: int, *, penalty: float = 3.0, scale: float = 255.0) -> None:
@@ -79,6 +90,7 @@ class RecursiveRidge(Stateful):
         self._inverse = np.eye(size) / penalty
         self._most = 2.0 / penalty
         self._weights = np.zeros((size, 0))
+        self._angles: Floats | None = None
         self._work = np.zeros((size, size))
         self._waiting = np.zeros((_WAITING, size))
         self._n_waiting = 0
@@ -97,11 +109,27 @@ class RecursiveRidge(Stateful):
         scores: Floats = self.scaled(x) @ self._weights
         return scores
 
-    def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:
-        """Add a frame with its target scores `weight` times; a negative weight takes it back."""
-        self.learn_scaled(self.scaled(x), targets, weight)
+    def begin_angles(self, of_labels: Floats) -> None:
+        """Learn an angle, too, from now on; each frame so far had the angle of its label.
 
-    def learn_scaled(self, z: Floats, targets: Floats, weight: float = 1.0) -> None:
+        Weights are linear in their targets, so it is as if it had been learned from the first.
+        """
+        self._angles = self._weights @ of_labels
+
+    def angle(self, x: NDArray[Any]) -> float:
+        """Return the angle, which is not bounded."""
+        assert self._angles is not None
+        return float(self.scaled(x) @ self._angles)
+
+    def learn(
+        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: float = 0.0
+    ) -> None:
+        """Add a frame with its target scores `weight` times; a negative weight takes it back."""
+        self.learn_scaled(self.scaled(x), targets, weight, angle)
+
+    def learn_scaled(
+        self, z: Floats, targets: Floats, weight: float = 1.0, angle: float = 0.0
+    ) -> None:
         """Do as `learn` with what `scaled` returned: ridges of one kind need it once."""
         direction = self._solve(z)
         rest = 1.0 + weight * float(z @ direction)
@@ -110,6 +138,8 @@ class RecursiveRidge(Stateful):
         gain = weight / rest
         error = targets - z @ self._weights
         self._weights += (gain * direction)[:, None] * error
+        if self._angles is not None:
+            self._angles += gain * (angle - float(z @ self._angles)) * direction
         if gain < 0.0:  # a frame taken back is rare
             self._write()
             self._inverse -= gain * np.outer(direction, direction)
@@ -157,9 +187,12 @@ class RecursiveRidge(Stateful):
         directions = z @ self._inverse - (z @ waiting.T) @ waiting
         return directions, np.eye(len(z)) + directions @ z.T
 
-    def retarget(self, x: NDArray[Any], change: Floats) -> None:
+    def retarget(self, x: NDArray[Any], change: Floats, angle: float = 0.0) -> None:
         """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
-        self._weights += np.outer(self._solve(self.scaled(x)), change)
+        direction = self._solve(self.scaled(x))
+        self._weights += np.outer(direction, change)
+        if self._angles is not None:
+            self._angles += angle * direction
 
     def _solve(self, z: Floats) -> Floats:
         """Return the inverse times `z`, with the changes that wait."""

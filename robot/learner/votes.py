@@ -28,15 +28,20 @@ def nearest_nodes(distances: Distances, histograms: NDArray[np.int64], n_voters:
     Returns:
         Shares that sum to 1, shape (n_labels,).
     """
+    voters, weights = weighed(distances, n_voters)
+    counts = histograms[voters]
+    totals = np.maximum(counts.sum(axis=1), 1)
+    return shares((weights / totals) @ counts)
+
+
+def weighed(distances: Distances, n_voters: int) -> tuple[NDArray[np.intp], Floats]:
+    """Return the `n_voters` nearest nodes, and how heavy each is: the nearer the heavier."""
     if distances.size > n_voters:
         voters = np.argpartition(distances, n_voters - 1)[:n_voters]
     else:
         voters = np.arange(distances.size)
     near = distances[voters]
-    weights = 1.0 / (near.astype(np.float64) + 1e-3 * float(near.max()) + 1e-12)
-    counts = histograms[voters]
-    totals = np.maximum(counts.sum(axis=1), 1)
-    return shares((weights / totals) @ counts)
+    return voters, 1.0 / (near.astype(np.float64) + 1e-3 * float(near.max()) + 1e-12)
 
 
 def chance(votes: Sequence[float], best: int, sharpness: float) -> float:

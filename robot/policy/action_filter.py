@@ -40,12 +40,16 @@ class RunningVotes:
 
     Args:
         keep: Share of the old average that is left after a tenth of a second, in [0, 1).
+
+    Attributes:
+        kept: The share that was left at the last frame.
     """
 
     def __init__(self, keep: float) -> None:
         if not 0.0 <= keep < 1.0:
             raise ValueError(f"keep must be in [0, 1), not {keep}")
         self.keep = keep
+        self.kept = 0.0
         self._average: dict[Action, float] = {}
         self._at_s: float | None = None
 
@@ -62,7 +66,7 @@ class RunningVotes:
             at_s: When the frame was taken; None: a tenth of a second after the last.
             usual_run_s: How long the pilot keeps to a move; None if it is not known.
         """
-        keep = self._kept(self._step_s(at_s), usual_run_s)
+        keep = self.kept = self._kept(self._step_s(at_s), usual_run_s)
         old = self._average or shares
         mixed = {
             action: keep * old.get(action, 0.0) + (1.0 - keep) * share
@@ -160,6 +164,7 @@ class ActionFilter(PolicyPart):
 
     def on_frame(self, seen: Seen) -> None:
         seen.shares = self.average(seen.shares, seen.at_s, self.pace.usual_run_s)
+        seen.kept = self._average.kept
         self._now_s = self._now_s + USUAL_STEP_S if seen.at_s is None else seen.at_s
         view = View(picture=seen.picture, at_s=self._now_s, bumped=seen.bumped)
         seen.action = self.choose(

@@ -22,6 +22,7 @@ class LearnedImage:
 
     `node_id` follows the node through merges, `index` is its present place. `last_used` and
     `last_taught` are the numbers of the latest proposal and example that matched it (0: none).
+    `angle` is how its frames were steered, on the mean, if by degrees.
     """
 
     node_id: int
@@ -32,6 +33,7 @@ class LearnedImage:
     last_used: int
     last_taught: int
     is_pinned: bool = False
+    angle: float | None = None
 
 
 def _node_id(plain: Any, names: Names) -> int:
@@ -91,6 +93,7 @@ class Gallery(PolicyPart):
                 last_used=self._last_used.get(node.id, 0),
                 last_taught=self._last_taught.get(node.id, 0),
                 is_pinned=node.is_pinned,
+                angle=node.angle,
             )
             for index, node in enumerate(self._learner.nodes())
         ]

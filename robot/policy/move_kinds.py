@@ -23,6 +23,7 @@ class MoveKinds(Stateful):
     Attributes:
         turns: The moves that steer to one side, and which: -1 for left, 1 for right.
         straight: The moves that drive ahead or back without steering.
+        points: Steering and throttle of the moves that have them; told by the body, never kept.
     """
 
     fields = tuple(Value(kind, many(name, 64)) for kind in ("left", "right", "straight"))
@@ -34,7 +35,7 @@ class MoveKinds(Stateful):
     def describe(self, declared: Iterable[Move]) -> None:
         """Sort the moves by their declared steering and throttle (`robot.driver.Move`)."""
         known = [(move.name, move.point) for move in describe(self._moves, declared)]
-        points = {name: point for name, point in known if point is not None}
+        points = self.points = {name: point for name, point in known if point is not None}
         sides = {name: side_of(point.steering) for name, point in points.items()}
         self._left = sorted(name for name, side in sides.items() if side < 0)
         self._right = sorted(name for name, side in sides.items() if side > 0)

@@ -34,6 +34,7 @@ class Seen:
         evidence: What the learner says.
         shares: The votes for each move; the filter makes them steady.
         action: The move to make.
+        kept: How much of the average before it is left in that of the votes.
         point: What the action means by degrees, if the pilot taught by degrees.
         spread: By how much its steering is off.
         certainty: What to multiply the power of the votes by (`calibration.py`).
@@ -53,6 +54,7 @@ class Seen:
     certainty: float = 1.0
     is_stalled: bool = False
     needs_help: bool = False
+    kept: float = 0.0
     point: Point | None = None
     spread: float | None = None
 

@@ -14,6 +14,7 @@ from robot.learner.part import Stateful, Value
 from robot.learner.values import count
 from robot.policy.action_filter import ActionFilter
 from robot.policy.calibration import Calibration
+from robot.policy.degrees import Degrees
 from robot.policy.features import Features
 from robot.policy.gallery import Gallery, LearnedImage
 from robot.policy.light import LightAdaptation
@@ -82,6 +83,7 @@ class Policy(Stateful):
         pace, smoothing = PilotPace(self.kinds), action_filter(self.kinds)
         smoothing.pace = pace
         self._smoothing = smoothing
+        self._degrees = degrees = Degrees(learner, moves, self.kinds)
         parts: list[tuple[str, PolicyPart]] = [("", ExampleRate())] if thins else []
         if calibrates:
             parts.append(("calibration", Calibration(partial(_votes_on, learner))))
@@ -89,10 +91,10 @@ class Policy(Stateful):
             parts.append(("light", LightAdaptation(brighten)))
         if learner.abilities.contexts and isinstance(learner, ContextualLearner):
             parts.append(("context", MoveContext(self.kinds)))
-            parts.append(("", ContextualRecognition(learner, moves)))
+            parts.append(("", ContextualRecognition(learner, moves, degrees)))
         else:
-            parts.append(("", Recognition(learner, moves)))
-        parts += [("pace", pace), ("", smoothing), ("", self._gallery)]
+            parts.append(("", Recognition(learner, moves, degrees)))
+        parts += [("pace", pace), ("", smoothing), ("degrees", degrees), ("", self._gallery)]
         self._parts = parts
         self._on_frame = _overridden(parts, "on_frame")
         self._on_example = _overridden(parts, "on_example")
@@ -111,6 +113,10 @@ class Policy(Stateful):
     def n_seen(self) -> int:
         """How many examples were learned."""
         return self._n_examples
+
+    def usual_point(self, move: Action) -> Point | None:
+        """Return what a move means by degrees, whatever the view; None before any such lesson."""
+        return self._degrees.usual(move)
 
     def extract(self, frame: Frame) -> Vector:
         """Return the frame's vector; pure. Raises CameraError for bytes that are not an image."""
@@ -272,7 +278,8 @@ class Policy(Stateful):
             ValueError: If `label` is none of `moves`.
         """
         self._check_move(label)
-        self.learner.relabel_node(node_id, Action(label))
+        if not self._degrees.relabel(node_id, Action(label)):
+            self.learner.relabel_node(node_id, Action(label))
 
     def delete_node(self, node_id: int) -> None:
         """Forget one learned image; raises LookupError if there is none."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from robot.learner.base import ContextualLearner, Learner
+from robot.policy.degrees import Degrees
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.types import Action
 
@@ -13,8 +14,9 @@ _LEAST = 1e-6
 class Recognition(PolicyPart):
     """The learner among the parts of a policy."""
 
-    def __init__(self, learner: Learner, moves: tuple[Action, ...]) -> None:
+    def __init__(self, learner: Learner, moves: tuple[Action, ...], degrees: Degrees) -> None:
         self._learner = learner
+        self._degrees = degrees
         self._moves = moves
 
     def on_frame(self, seen: Seen) -> None:
@@ -22,8 +24,11 @@ class Recognition(PolicyPart):
         self._share_out(seen)
 
     def on_example(self, lesson: Lesson) -> None:
-        if lesson.is_learned:
-            self._learner.learn_one(lesson.x, lesson.label)
+        if lesson.is_learned and not self._degrees.learn(lesson):
+            self._learn(lesson)
+
+    def _learn(self, lesson: Lesson) -> None:
+        self._learner.learn_one(lesson.x, lesson.label)
 
     def reset(self) -> None:
         self._learner.reset()
@@ -44,6 +49,5 @@ class ContextualRecognition(Recognition):
         seen.evidence = self._learner.explain_in(seen.x, seen.context)
         self._share_out(seen)
 
-    def on_example(self, lesson: Lesson) -> None:
-        if lesson.is_learned:
-            self._learner.learn_in(lesson.x, lesson.label, lesson.contexts)
+    def _learn(self, lesson: Lesson) -> None:
+        self._learner.learn_in(lesson.x, lesson.label, lesson.contexts)

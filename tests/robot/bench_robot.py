@@ -126,12 +126,18 @@ class BenchRobot:
     def tick(self) -> Tick:
         return self.loop.tick(self.clock.now_s())
 
-    def step(self, scene: int, held: Action | None, seconds: float = 0.05) -> Tick:
+    def step(
+        self,
+        scene: int,
+        held: Action | None,
+        seconds: float = 0.05,
+        point: Point | None = None,
+    ) -> Tick:
         """Time passes, a new picture comes, the pilot holds something, the loop turns."""
         self.clock.sleep(seconds)
         self.camera.show(scene)
         self.tick()
-        self.hold(held)
+        self.hold(held, point=point)
         return self.tick()
 
 

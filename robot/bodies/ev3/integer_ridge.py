@@ -80,7 +80,15 @@ class IntegerRidge(Stateful):
         scores: Floats = self._weights.dot(self._input(x)) / _ONE
         return scores
 
-    def learn(self, x: NDArray[Any], targets: Floats, weight: float = 1.0) -> None:
+    def begin_angles(self, of_labels: Floats) -> None:
+        """Do nothing: on a brick the images steer alone."""
+
+    def angle(self, x: NDArray[Any]) -> None:
+        """Return no angle."""
+
+    def learn(
+        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: float = 0.0
+    ) -> None:
         """Add a frame with its target scores `weight` times; a negative weight takes it back.
 
         A weight other than 1 is for the mean of so many frames: no vector of whole numbers.
@@ -106,7 +114,7 @@ class IntegerRidge(Stateful):
         self._residual += np.rint(weight * _ONE * np.outer(targets, z)).astype(np.int64)
         self._residual -= self._weights.dot(added)
 
-    def retarget(self, x: NDArray[Any], change: Floats) -> None:
+    def retarget(self, x: NDArray[Any], change: Floats, angle: float = 0.0) -> None:
         z = np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
         self._residual += np.rint(_ONE / (1 << self._halvings) * np.outer(change, z)).astype(
             np.int64

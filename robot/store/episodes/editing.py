@@ -23,23 +23,30 @@ from robot.store.episodes.reader import Message, scan
 from robot.store.episodes.teaching import plan
 from robot.store.episodes.writer import FORMAT, EpisodeWriter
 from robot.store.models.events import describe_event
-from robot.types import Action
+from robot.store.points import read_point
+from robot.types import Action, Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeFrame:
-    """One picture with what belongs to it. `at_s` counts from the recording's beginning."""
+    """One picture with what belongs to it. `at_s` counts from the recording's beginning.
+
+    The points are there where the pilot taught, or the robot drove, by degrees.
+    """
 
     frame_id: int
     at_s: float
     label: Action | None
     is_relabelled: bool
     is_deleted: bool
+    point: Point | None = None
     is_intervention: bool = False
     predicted: str | None = None
+    predicted_point: Point | None = None
     confidence: float | None = None
     driven_by: str | None = None
     sent: str | None = None
+    sent_point: Point | None = None
     asks_pilot: bool = False
     distance_m: float | None = None
     bumped: bool = False
@@ -51,12 +58,7 @@ class EpisodeFrame:
 
 def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
     """List the recording's pictures in order, each with label, prediction and driver."""
-    labels = taught_frames(episode)
-    corrected = {
-        event.example.frame_id
-        for _, event in episode.events
-        if isinstance(event, Taught) and event.example.is_intervention
-    }
+    examples = taught_frames(episode)
     predictions = {fields["frame"]: fields for _, fields in episode.messages.get(PREDICTION, [])}
     decisions = episode.messages.get(DECISION, [])
     sensed = episode.messages.get(SENSORS, [])
@@ -71,19 +73,23 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
         senses = sensed[felt][1] if felt < len(sensed) else {}
         pose = senses.get("pose")
         proposed = predictions.get(entry.frame_id, {})
-        relabel = notes.relabel(entry.frame_id)
+        relabel, example = notes.relabel(entry.frame_id), examples.get(entry.frame_id)
+        label = relabel or (example.label if example else None)
         found.append(
             EpisodeFrame(
                 frame_id=entry.frame_id,
                 at_s=entry.captured_s - start_s,
-                label=relabel or labels.get(entry.frame_id),
+                label=label,
+                point=example.point if example and example.label is label else None,
                 is_relabelled=relabel is not None,
                 is_deleted=notes.is_deleted(entry.frame_id),
-                is_intervention=entry.frame_id in corrected and entry.frame_id in labels,
+                is_intervention=example is not None and example.is_intervention,
                 predicted=proposed.get("action"),
+                predicted_point=read_point(proposed),
                 confidence=proposed.get("confidence"),
                 driven_by=decision.get("driven_by"),
                 sent=decision.get("sent"),
+                sent_point=read_point(decision),
                 asks_pilot=bool(decision.get("asks_pilot")),
                 distance_m=senses.get("distance_m"),
                 bumped=bool(senses.get("bumped")),

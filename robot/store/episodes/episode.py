@@ -31,7 +31,7 @@ from robot.store.episodes.tally import note_taught
 from robot.store.episodes.writer import FORMAT
 from robot.store.models.events import read_event
 from robot.store.models.model import Model, decode_model
-from robot.types import Action, Frame
+from robot.types import Action, Example, Frame
 
 _CHUNKS_KEPT = 4
 
@@ -198,9 +198,9 @@ def _frame(entry: FrameEntry, data: bytes) -> Frame:
     )
 
 
-def taught_frames(episode: Episode) -> dict[int, Action]:
-    """Return the frames that were taught and not undone, with the label each was given last."""
-    taught: dict[int, Action] = {}
+def taught_frames(episode: Episode) -> dict[int, Example]:
+    """Return the frames that were taught and not undone, with the last example of each."""
+    taught: dict[int, Example] = {}
     for _, event in episode.events:
         note_taught(taught, event)
     return taught

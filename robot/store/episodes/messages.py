@@ -13,7 +13,8 @@ from typing import Any
 
 from robot.store.episodes.reader import MessageChannel, Schema
 from robot.store.models.events import to_json
-from robot.types import PilotCommand, Prediction, Sensors
+from robot.store.points import describe_point
+from robot.types import PilotCommand, Point, Prediction, Sensors
 
 CAMERA = "/camera"
 COMMAND = "/command"
@@ -38,6 +39,8 @@ _COUNT = {"type": "integer", "minimum": 0}
 _MAYBE_COUNT = {"type": ["integer", "null"], "minimum": 0}
 _TRUTH = {"type": "boolean"}
 _MAYBE_TRUTH = {"type": ["boolean", "null"]}
+_SHARE = {"type": "number", "minimum": -1, "maximum": 1}
+_POINT = dict.fromkeys(Point._fields, _SHARE)
 
 
 def _schema(title: str, required: Mapping[str, Any], **optional: Any) -> Fields:
@@ -57,6 +60,7 @@ SCHEMAS: dict[str, Fields] = {
     COMMAND: _schema(
         "Command",
         {"held": _MAYBE_TEXT, "frame": _MAYBE_COUNT, "seq": _COUNT, "pilot": _TEXT},
+        **_POINT,
     ),
     DECISION: _schema(
         "Decision",
@@ -70,6 +74,7 @@ SCHEMAS: dict[str, Fields] = {
             "asks_pilot": _TRUTH,
             "cycle_ms": _NUMBER,
         },
+        **_POINT,
     ),
     PREDICTION: _schema(
         "Prediction",
@@ -82,6 +87,8 @@ SCHEMAS: dict[str, Fields] = {
             "node": _MAYBE_COUNT,
             "distance": _NUMBER,
         },
+        spread=_NUMBER,
+        **_POINT,
     ),
     SENSORS: _schema(
         "Sensors",
@@ -117,6 +124,7 @@ SCHEMAS: dict[str, Fields] = {
         label=_TEXT,
         intervention=_TRUTH,
         at_s=_NUMBER,
+        **_POINT,
         x={"type": ["object", "null"]},
         verb=_TEXT,
         node=_COUNT,
@@ -162,6 +170,7 @@ def describe_command(command: PilotCommand) -> Fields:
         "frame": command.frame_id,
         "seq": command.seq,
         "pilot": command.pilot,
+        **describe_point(command.point),
     }
 
 
@@ -174,6 +183,8 @@ def describe_prediction(prediction: Prediction) -> Fields:
         "probabilities": {a: _finite(p) for a, p in prediction.probabilities.items()},
         "node": prediction.node,
         "distance": _finite(prediction.distance),
+        **({} if prediction.spread is None else {"spread": _finite(prediction.spread)}),
+        **describe_point(prediction.point),
     }
 
 

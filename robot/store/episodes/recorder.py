@@ -40,6 +40,7 @@ from robot.store.episodes.writer import Run
 from robot.store.models.autosave import Announce, no_announcement
 from robot.store.models.events import describe_event
 from robot.store.models.model import Model, take_model
+from robot.store.points import describe_point
 from robot.types import Frame, Mode
 
 
@@ -196,6 +197,7 @@ class Recorder:
             "stop_reason": decision.stop_reason,
             "asks_pilot": decision.asks_pilot,
             "cycle_ms": round(tick.cycle_s * 1000, 4),
+            **describe_point(decision.point),
         }
         self.queue.write_message(DECISION, tick.now_s, fields)
 

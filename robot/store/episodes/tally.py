@@ -9,24 +9,24 @@ from dataclasses import dataclass, field
 from robot.policy.history import HistoryEvent, Taught, Undone
 from robot.store.episodes.messages import CAMERA, LESSON
 from robot.store.models.events import PlainEvent, read_event
-from robot.types import Action
+from robot.types import Example
 
 
-def note_taught(labels: dict[int, Action], event: HistoryEvent) -> None:
+def note_taught(examples: dict[int, Example], event: HistoryEvent) -> None:
     """Note by its frame what an event teaches, or takes back."""
     if isinstance(event, Taught):
-        labels[event.example.frame_id] = event.example.label
+        examples[event.example.frame_id] = event.example
     elif isinstance(event, Undone):
         for frame_id in event.frame_ids:
-            labels.pop(frame_id, None)
+            examples.pop(frame_id, None)
 
 
 @dataclass(slots=True)
 class Tally:
-    """Counts pictures, time and examples; `labels` are those that were not undone, by frame."""
+    """Counts pictures, time and examples; `taught` are those that were not undone, by frame."""
 
     frames: set[int] = field(default_factory=set)
-    labels: dict[int, Action] = field(default_factory=dict)
+    taught: dict[int, Example] = field(default_factory=dict)
     first_ns: int | None = None
     last_ns: int = 0
 
@@ -37,13 +37,13 @@ class Tally:
         if topic == CAMERA:
             self.frames.add(sequence)
         elif topic == LESSON and lesson is not None:
-            note_taught(self.labels, read_event(lesson))
+            note_taught(self.taught, read_event(lesson))
 
     def describe(self) -> dict[str, str]:
         """Return it as the summary at the end of a recording has it."""
         duration_ns = 0 if self.first_ns is None else self.last_ns - self.first_ns
         return {
             "frames": str(len(self.frames)),
-            "taught": json.dumps(Counter(self.labels.values())),
+            "taught": json.dumps(Counter(example.label for example in self.taught.values())),
             "duration_s": f"{duration_ns / 1e9:.6f}",
         }

@@ -64,7 +64,9 @@ def plan(episodes: Sequence[EditedEpisode]) -> list[Step]:
                     steps.append(Step(episode, late.pop(0)))
                 if not notes.is_deleted(frame_id):
                     label = notes.relabel(frame_id) or event.example.label
-                    example = replace(event.example, label=label)
+                    example = event.example
+                    if label is not example.label:
+                        example = replace(example, label=label, point=None)
                     at_s = event.at_s if "timed" in episode.run else -1.0
                     steps.append(Step(episode, replace(event, example=example, at_s=at_s)))
         steps += [Step(episode, event) for event in late]

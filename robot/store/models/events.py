@@ -12,6 +12,7 @@ import numpy as np
 from robot.errors import RecordingError
 from robot.learner.base import Vector
 from robot.policy.history import Edited, HistoryEvent, Replaced, Taught, Undone
+from robot.store.points import describe_point, read_point
 from robot.types import Action, Example
 
 PlainEvent = dict[str, Any]
@@ -29,6 +30,7 @@ def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEve
             "frame": example.frame_id,
             "label": example.label,
             "intervention": example.is_intervention,
+            **describe_point(example.point),
             "at_s": event.at_s,
             "x": _describe_vector(event.x) if with_vector and event.x.size else None,
         }
@@ -55,6 +57,7 @@ def read_event(plain: PlainEvent) -> HistoryEvent:
                 frame_id=int(plain["frame"]),
                 label=Action(plain["label"]),
                 is_intervention=bool(plain["intervention"]),
+                point=read_point(plain),
             )
             at_s = float(plain["at_s"])
             return Taught(example=example, x=x, at_s=at_s)

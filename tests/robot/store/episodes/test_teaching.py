@@ -13,7 +13,7 @@ from robot.store.episodes.edits import Edit, Notes, trim
 from robot.store.episodes.episode import Episode, open_episode
 from robot.store.episodes.teaching import learn_again, plan, same_nodes
 from robot.store.models.model import Model
-from robot.types import Action, Example, Mode
+from robot.types import Action, Example, Mode, Point
 
 from .drives import MOVES, RecordedBench, record_drive
 
@@ -41,7 +41,8 @@ def test_a_drive_with_corrections_and_undo_is_learned_again_bit_for_bit(
     robot.tick()
     robot.start(Mode.AUTONOMOUS)
     for scene in range(200, 240):
-        robot.step(scene, Action.RIGHT if scene % 9 < 3 else None)
+        point = Point(0.3 + scene % 7 / 10, 0.3) if scene > 210 else None
+        robot.step(scene, Action.RIGHT if scene % 9 < 3 else None, point=point)
     node = history.policy.gallery()[0].node_id
     robot.loop.submit(lambda: history.edit("relabel", node, Action.LEFT))
     robot.step(300, None)
@@ -58,6 +59,8 @@ def test_a_drive_with_corrections_and_undo_is_learned_again_bit_for_bit(
     assert same_nodes(again.get_state(), live)
     assert report.taught == history.taught
     assert report.missing_frames == 0
+    usual = again.usual_point(Action.RIGHT)
+    assert usual is not None and usual == history.policy.usual_point(Action.RIGHT)
     after = episode.model_after()
     assert after is not None and same_nodes(after.state, live)
 

@@ -6,6 +6,7 @@ waiting are left out. It remembers what the learner was at each moment that must
 
 from __future__ import annotations
 
+import math
 import random
 from concurrent.futures import Future
 from pathlib import Path
@@ -23,7 +24,7 @@ from robot.store.models.journal import Journal
 from robot.store.models.replay import newest_boot, recover
 from robot.store.models.store import ModelStore
 from robot.store.records import open_new
-from robot.types import Action, Example
+from robot.types import Action, Example, Point
 from tests.robot.bench_robot import BenchRobot
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
@@ -139,7 +140,8 @@ class Life(BenchRobot):
             x = np.random.default_rng(self.rng.getrandbits(32)).integers(0, 256, self._dim)
             x = x.astype(np.uint8)
             label = self.rng.choice(MOVES)
-            example = Example(frame_id=self.frame, label=label, is_intervention=False)
+            point = Point(math.sin(self.frame), 0.5) if self.frame % 3 == 0 else None
+            example = Example(frame_id=self.frame, label=label, is_intervention=False, point=point)
             self.clock.advance(0.2)
             now_s = self.clock.now_s()
             self.loop.submit(lambda e=example, v=x, s=now_s: history.teach(e, v, s)).result(0)

@@ -19,7 +19,7 @@ from robot.policy.history import TrainingHistory
 from robot.policy.registry import make_policy
 from robot.store.models.model import Model, decode_model, encode_model, take_model
 from robot.store.models.trial import try_model
-from robot.types import Action, Example
+from robot.types import Action, Example, Point
 from tests.learners import installed
 from tests.robot.store.models.test_checking import FRAME
 
@@ -32,6 +32,7 @@ LEARNERS = installed(
     "integer-4",
     "multi-place-3",
 )
+BY_DEGREES = ("default-9", "integer-4")
 EXTREMES = (0, -1, 1, 2, 31, 32, 255, 256, 1e-300, 1e3, -1e3, 1e6, 1e11, 1e12, -1e12, 2**31, 2**53)
 NO_NUMBERS = (float("nan"), float("inf"), -float("inf"), 1e300, 2**63 - 1)
 
@@ -52,7 +53,8 @@ def real(learner: str, n_examples: int, n_views: int = 120) -> Model:
     taught: Counter[Action] = Counter()
     for i in range(n_examples):
         label = policy.moves[i // 8 % 3]
-        policy.learn(xs[i % n_views], label, 0.11 * i)
+        point = Point(i % 9 / 4.0 - 1.0, 0.5) if learner in BY_DEGREES else None
+        policy.learn(xs[i % n_views], label, 0.11 * i, point)
         taught[label] += 1
         if i == n_examples // 2:
             policy.reset()

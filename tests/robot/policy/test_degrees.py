@@ -1,0 +1,259 @@
+"""Steering by degrees: learned beside the moves, and answered as this pilot steers."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+
+from robot.control.online_learning import CORRECTS_BEYOND
+from robot.driver import CLASSIC, move_at, point_of
+from robot.learner.base import State
+from robot.learner.classifier import BSOCClassifier
+from robot.learner.context_ridge import ContextRidge
+from robot.learner.ridge import RecursiveRidge
+from robot.policy.degrees import BAND
+from robot.policy.history import Taught, TrainingHistory
+from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
+from robot.store.models.events import describe_event, read_event
+from robot.types import Action, Encoding, Example, Frame, Mode, Point
+from tests.robot.bench_robot import BenchRobot
+from tests.robot.policy.test_history import same
+
+LEARNERS = ("default-8", "published-8", "integer-8")
+OF_POINTS = {"degrees_sums", "node_angles", "angles"}
+"""Arrays that a model has only if something was taught by degrees."""
+
+
+@cache
+def view(bend: float, noise: int) -> Frame:
+    """A picture of a bright stripe that lies further right the more the way bends."""
+    columns = np.abs(np.arange(160) - 80 - 60 * bend) < 12
+    dice = np.random.default_rng((noise, 1 + round(bend * 1e6) % 2**31))
+    pixels = 40 + 150 * columns[None, :, None] + dice.integers(0, 12, (120, 160, 3))
+    data = pixels.astype(np.uint8).tobytes()
+    return Frame(
+        frame_id=1, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=data
+    )
+
+
+def way(seed: int, frames: int) -> list[float]:
+    """Return how a way bends, frame by frame."""
+    dice = random.Random(seed)
+    waves = [(dice.uniform(0.02, 0.2), dice.uniform(0.0, math.tau)) for _ in range(3)]
+    return [sum(math.sin(f * i + phase) for f, phase in waves) / 3 for i in range(frames)]
+
+
+def by_degrees(bend: float) -> Point:
+    return Point(bend, 0.6 - 0.2 * abs(bend))
+
+
+def all_or_nothing(bend: float) -> Point:
+    return Point((bend > 0.2) - (bend < -0.2), 0.5)
+
+
+def move_of(point: Point) -> Action:
+    return move_at(point, CLASSIC.values()) or Action.FORWARD
+
+
+def teach(
+    history: TrainingHistory,
+    seed: int,
+    frames: int,
+    *,
+    pilot: Callable[[float], Point] = by_degrees,
+    has_point: Callable[[int], bool] = lambda i: True,
+    first: int = 0,
+) -> None:
+    for i, bend in enumerate(way(seed, frames), start=first):
+        point = pilot(bend)
+        example = Example(
+            frame_id=i,
+            label=move_of(point),
+            is_intervention=False,
+            point=point if has_point(i) else None,
+        )
+        history.teach(example, history.policy.extract(view(bend, i)), 0.1 * i)
+
+
+def answers(policy: Policy, seed: int, frames: int = 60) -> list[tuple[float, Action, Point]]:
+    policy.reset()
+    found = []
+    for i, bend in enumerate(way(seed, frames)):
+        said = policy.propose(i + 1, policy.extract(view(bend, 1000 + i)))
+        assert said.point is not None and said.action is not None
+        assert all(-1.0 <= number <= 1.0 for number in said.point)
+        found.append((bend, said.action, said.point))
+    return found
+
+
+def without_points(state: State) -> State:
+    arrays = {key: array for key, array in state.arrays.items() if key not in OF_POINTS}
+    return State(kind=state.kind, params=state.params, arrays=arrays, labels=state.labels)
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+@pytest.mark.parametrize("seed", range(3))
+def test_the_moves_are_learned_bit_for_bit_as_without_degrees(learner: str, seed: int) -> None:
+    histories = [TrainingHistory(make_policy(learner)) for _ in range(2)]
+    alone, beside = histories
+    teach(alone, seed, 90, has_point=lambda i: False)
+    teach(beside, seed, 90, has_point=lambda i: i % 7 > 1)
+    assert not OF_POINTS & alone.policy.get_state().arrays.keys()
+    assert OF_POINTS & beside.policy.get_state().arrays.keys()
+    assert same(alone.policy.get_state(), without_points(beside.policy.get_state()))
+    for i, bend in enumerate(way(seed + 10, 40)):
+        one, two = (h.policy.propose(i, h.policy.extract(view(bend, i))) for h in histories)
+        assert one.point is None and one.spread is None and two.point is not None
+        assert (one.action, one.probabilities) == (two.action, two.probabilities)
+        assert (one.confidence, one.novelty) == (two.confidence, two.novelty)
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+@pytest.mark.parametrize("seed", range(3))
+def test_points_are_undone_as_if_they_had_never_been(learner: str, seed: int) -> None:
+    history = TrainingHistory(make_policy(learner))
+    n_alone = random.Random(seed).randrange(20, 120)
+    teach(history, seed, n_alone, has_point=lambda i: False)
+    alone = history.policy.get_state()
+    teach(history, seed + 1, 60, first=n_alone)
+    assert history.policy.usual_point(Action.LEFT) is not None
+    assert len(history.undo(5.95)) == 60
+    assert same(history.policy.get_state(), alone)
+    assert history.policy.get_state().params == alone.params
+    assert history.policy.propose(1, history.policy.extract(view(0.0, 0))).point is None
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_policy_that_is_restored_goes_on_as_the_first(learner: str, seed: int) -> None:
+    dice, first, second = random.Random(seed), make_policy(learner), make_policy(learner)
+    policies = [first]
+    for i, bend in enumerate(way(seed, 160)):
+        point = by_degrees(bend) if dice.random() < 0.6 else None
+        for policy in policies:
+            x = policy.extract(view(bend, i))
+            policy.learn(x, move_of(by_degrees(bend)), 0.1 * i, point)
+        if i == 80:
+            node = dice.choice(first.gallery())
+            first.relabel_node(node.node_id, dice.choice(list(node.votes)))
+            second.restore(first.get_state())
+            policies.append(second)
+        if i == 120:
+            gone = dice.choice(first.gallery()).node_id
+            for policy in policies:
+                policy.delete_node(gone)
+                policy.check()
+    assert same(first.get_state(), second.get_state())
+    assert first.get_state().params == second.get_state().params
+    assert answers(first, seed + 50) == answers(second, seed + 50)
+
+
+def test_the_linear_angle_is_that_of_all_examples_whenever_degrees_began() -> None:
+    """A move that was taught as such counts as the angle that the body declares of it."""
+    dice = np.random.default_rng(4)
+    xs = dice.integers(0, 256, (70, 12)).astype(np.uint8)
+    labels = dice.integers(0, 3, 70)
+    angles = np.where(np.arange(70) < 30, labels - 1.0, dice.uniform(-1.0, 1.0, 70))
+    ridge = ContextRidge(lambda: RecursiveRidge(12))
+    for _ in range(3):
+        ridge.add_label()
+    for i, x in enumerate(xs):
+        if i == 30:
+            ridge.begin_angles(np.array([-1.0, 0.0, 1.0]))
+        ridge.learn_in(x, int(labels[i]), (i % 2,), float(angles[i]))
+    z = np.hstack([xs / 255.0, np.ones((70, 1))])
+    batch = np.linalg.solve(z.T @ z + 3.0 * np.eye(13), z.T @ angles)
+    for x, row in zip(xs, z, strict=True):
+        assert ridge.angle(x) == pytest.approx(float(row @ batch), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_images_keep_the_angles_of_their_frames_through_merges_and_edits(seed: int) -> None:
+    dice = random.Random(seed)
+    learner, total, frames = BSOCClassifier(5), 0.0, 60
+    learner.begin_angles({})
+    for _ in range(frames):
+        angle = dice.uniform(-1.0, 1.0)
+        x = np.array([angle, dice.random()], np.float32)
+        learner.learn_in(x, str(move_of(Point(angle, 0.5))), (0, 1), angle)
+        total += angle
+    nodes = learner.nodes()
+    assert sum(sum(n.votes.values()) * (n.angle or 0.0) for n in nodes) == pytest.approx(total)
+    chosen = dice.choice(nodes)
+    learner.relabel_node(chosen.id, "left", -0.6)
+    assert next(n for n in learner.nodes() if n.id == chosen.id).angle == pytest.approx(-0.6)
+    learner.delete_node(chosen.id)
+    rest = {n.id: n.angle for n in nodes if n.id != chosen.id}
+    assert {n.id: n.angle for n in learner.nodes()} == pytest.approx(rest)
+    learner.check()
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+@pytest.mark.parametrize("seed", range(2))
+def test_who_steers_all_or_nothing_is_answered_so(learner: str, seed: int) -> None:
+    history = TrainingHistory(make_policy(learner))
+    teach(history, seed, 200, pilot=all_or_nothing)
+    for _, action, point in answers(history.policy, seed + 30):
+        assert point == point_of(action)
+
+
+@pytest.mark.parametrize("learner", ["default-32", "published-32"])
+@pytest.mark.parametrize("seed", range(2))
+def test_who_steers_by_degrees_is_met_closer_than_by_moves(learner: str, seed: int) -> None:
+    history = TrainingHistory(make_policy(learner))
+    teach(history, seed, 250)
+    said = answers(history.policy, seed + 30, 150)
+    means = {move: history.policy.usual_point(move) or Point(0.0, 0.0) for _, move, _ in said}
+    off = np.mean([abs(point.steering - bend) for bend, _, point in said])
+    by_moves = np.mean([abs(means[move].steering - bend) for bend, move, _ in said])
+    assert off < 0.8 * by_moves
+    for _, move, point in said:  # never far from what the move means to this pilot
+        assert abs(point.steering - means[move].steering) < BAND
+
+
+def test_a_stick_that_agrees_with_the_robot_corrects_nothing() -> None:
+    robot = BenchRobot("default-8")
+    robot.driver.takes_points = True
+    taught: list[Taught] = []
+    robot.loop.subscribe(
+        lambda tick: taught.extend(e for e in tick.history_events if isinstance(e, Taught))
+    )
+    robot.start(Mode.TRAIN)
+    point = Point(-0.5, 0.4)
+    for scene in range(1, 12):
+        robot.camera.show(scene % 3)
+        robot.clock.sleep(0.1)
+        robot.hold(Action.LEFT, point=point)
+        robot.tick()
+    robot.start(Mode.AUTONOMOUS, scene=1)
+    said = robot.loop.state.prediction
+    assert said is not None and said.point is not None
+    assert said.point.steering == pytest.approx(-0.5)
+    for off, is_correction in ((0.5, False), (1.5, True), (-1.5, True)):
+        robot.clock.sleep(0.1)
+        robot.camera.show(1)
+        robot.tick()
+        steering = -0.5 + off * CORRECTS_BEYOND
+        robot.hold(Action.LEFT, point=Point(steering, 0.4))
+        robot.tick()
+        assert taught[-1].example.is_intervention is is_correction
+    robot.hold(None)
+    tick = robot.tick()
+    assert tick.decision.point == tick.prediction.point is not None
+    assert robot.driver.point == tick.decision.point
+
+
+def test_an_example_by_degrees_is_kept_to_the_last_bit() -> None:
+    dice = random.Random(2)
+    for _ in range(50):
+        point = Point(dice.uniform(-1.0, 1.0), dice.uniform(-1.0, 1.0))
+        example = Example(frame_id=3, label=Action.LEFT, is_intervention=True, point=point)
+        plain = describe_event(Taught(example=example, x=np.zeros(0), at_s=1.0))
+        event = read_event(plain)
+        assert isinstance(event, Taught) and event.example == example
