@@ -102,10 +102,9 @@ class Unpacker:
         end = HEAD.size + size + (MAC_SIZE if self._seal is not None else 0)
         if len(self._waiting) < end:
             return None
-        head = bytes(self._waiting[: HEAD.size])
-        body = bytes(self._waiting[HEAD.size : HEAD.size + size])
-        mac = bytes(self._waiting[HEAD.size + size : end])
+        whole, rest = bytes(self._waiting[:end]), HEAD.size + size
         del self._waiting[:end]
+        head, body, mac = whole[: HEAD.size], whole[HEAD.size : rest], whole[rest:]
         if self._seal is not None and not hmac.compare_digest(mac, self._seal.mac(head, body)):
             raise ValueError("a message that was changed, repeated or sent by somebody else")
         return kind, body
