@@ -27,7 +27,10 @@ class ImageEdit(Outside):
 
 @dataclass
 class ImageAnswer:
-    """One learned image; `taught_at_s` and `episode` if its last example is remembered."""
+    """One learned image; `taught_at_s` and `episode` if its last example is remembered.
+
+    `angle` is how its frames were steered, on the mean, if by degrees.
+    """
 
     taught_at_s: float | None
     episode: str | None
@@ -37,6 +40,7 @@ class ImageAnswer:
     last_used: int
     last_taught: int
     pinned: Annotated[bool, Of("is_pinned")]
+    angle: float | None
 
 
 @dataclass

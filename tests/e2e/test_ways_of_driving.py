@@ -217,6 +217,28 @@ def test_a_stick_steers_by_degrees_to_both_sides(phone: Any, world: World) -> No
     wait_until_standing(world)
 
 
+def test_what_is_taught_by_degrees_is_seen_over_the_picture_and_in_the_gallery(
+    phone: Any, world: World
+) -> None:
+    steer_by(phone, "stick")
+    choose(phone, world, Mode.TRAIN)
+    fingers, wanted = Fingers(phone), world.lessons + 10
+    press_until(
+        phone,
+        world,
+        lambda: fingers.press(stick(), at=(-0.5, 0.7)),
+        fingers.lift,
+        lambda: world.lessons > wanted,
+    )
+    needle = phone.locator("video-view .needle[aria-label*='taught -4']")
+    needle.wait_for()
+    assert phone.locator("video-view .needle [class^=at-]:visible").count() >= 2
+    fingers.lift()
+    wait_until_standing(world)
+    phone.evaluate("location.hash = 'gallery'")
+    phone.locator(".card .needle[aria-label*='taught -']").first.wait_for()
+
+
 def near(world: World, steering: float) -> bool:
     """True if the robot is driven about so far to one side."""
     point = world.rig.loop.state.decision.point

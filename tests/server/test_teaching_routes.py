@@ -60,6 +60,7 @@ def test_the_gallery_lists_every_image_with_its_picture(taught: VirtualServer) -
     images = gallery(taught)
     assert len(images) == 8
     assert sum(image["frames"] for image in images.values()) == 40
+    assert {image["angle"] for image in images.values()} == {None}, "taught by moves"
     picture = ask(taught, "GET", f"/api/gallery/{next(iter(images))}.png")
     assert picture.headers["content-type"] == "image/png"
     assert picture.content.startswith(b"\x89PNG")
