@@ -18,16 +18,20 @@ from robot.store.episodes.messages import COMMAND, LESSON, describe_command
 from robot.store.episodes.writer import EpisodeWriter, Run
 from robot.store.folder import whole_file
 from robot.store.models.events import describe_event
-from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand
+from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shot:
-    """One picture of a drive, with its label if it has one. `t_s` counts from the beginning."""
+    """One picture of a drive, with its label if it has one. `t_s` counts from the beginning.
+
+    `point` is the label by degrees, if it was meant so.
+    """
 
     t_s: float
     picture: Picture
     label: Action | None
+    point: Point | None = None
     is_intervention: bool = False
 
 
@@ -88,9 +92,20 @@ def _write_shot(writer: EpisodeWriter, frame_id: int, shot: Shot) -> None:
     writer.write_frame(frame)
     if shot.label is None:
         return
-    command = PilotCommand(held=shot.label, frame_id=frame_id, seq=frame_id, received_s=shot.t_s)
+    command = PilotCommand(
+        held=shot.label,
+        frame_id=frame_id,
+        seq=frame_id,
+        received_s=shot.t_s,
+        point=shot.point,
+    )
     writer.write_message(COMMAND, shot.t_s, describe_command(command))
-    example = Example(frame_id=frame_id, label=shot.label, is_intervention=shot.is_intervention)
+    example = Example(
+        frame_id=frame_id,
+        label=shot.label,
+        is_intervention=shot.is_intervention,
+        point=shot.point,
+    )
     taught = Taught(example=example, x=np.zeros(0), at_s=shot.t_s)
     writer.write_message(LESSON, shot.t_s, describe_event(taught))
 

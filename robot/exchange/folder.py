@@ -9,12 +9,12 @@ from functools import partial
 from pathlib import Path
 
 from robot.devices.pictures import read_picture_file, write_picture
-from robot.driver import CLASSIC, Move, describe, from_text, names, point_of, to_text
+from robot.driver import CLASSIC, Move, describe, from_text, names, to_text
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, read_label
 from robot.exchange.report import ImportReport
 from robot.exchange.rows import Row, drive_of, whole_rows
-from robot.exchange.steering import DEFAULT_THRESHOLD, read_share, to_move
+from robot.exchange.steering import DEFAULT_THRESHOLD, Meant, done_at, read_meant, read_point
 from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
@@ -27,6 +27,8 @@ COLUMNS = (
     "time_s",
     "label",
     "angle",
+    "throttle",
+    "degrees",
     "predicted",
     "confidence",
     "driven_by",
@@ -66,7 +68,7 @@ def write_folder(
             if moment.is_deleted or (taught_only and moment.label is None):
                 continue
             frame = episode.frame(moment.frame_id)
-            point = point_of(moment.label, episode.declared_moves) if moment.label else None
+            point = done_at(moment, episode.declared_moves)[1] if moment.label else None
             name = write_picture(frame, folder / "images", f"{moment.frame_id:08d}")
             table.writerow(
                 (
@@ -74,7 +76,8 @@ def write_folder(
                     moment.frame_id,
                     f"{moment.at_s:.6f}",
                     moment.label or "",
-                    "" if point is None else point[0],
+                    *(point or ("", "")),
+                    "" if moment.point is None else "yes",
                     moment.predicted or "",
                     "" if moment.confidence is None else f"{moment.confidence:.4f}",
                     moment.driven_by or "",
@@ -96,8 +99,9 @@ def read_folder(
 
     The table has a column for the file (`file`, `image`, `filename`, `path`), one for the label
     (`label`, `move`, `action`) or the steering angle (`angle`, `steering`), and may have one for
-    the seconds (`time_s`, `t`, `timestamp`), and one that says `yes` where the pilot corrected
-    the robot (`correction`). A row that cannot be used is skipped.
+    the seconds (`time_s`, `t`, `timestamp`), and ones that say `yes` where the pilot corrected
+    the robot (`correction`) or steered by degrees (`degrees`). A row that cannot be used is
+    skipped.
 
     Raises:
         RecordingError: If there is no such table, or more than one, or none of its rows can be
@@ -110,10 +114,12 @@ def read_folder(
     known = {*CLASSIC, *names(declared)}
 
     def read(place: str, cells: Cells) -> Row:
+        label, point = _meant(cells, threshold, known)
         return Row(
             place=place,
             stamp_s=_seconds(_find(cells, _TIME)),
-            label=_label(cells, threshold, known),
+            label=label,
+            point=point,
             picture=partial(read_picture_file, folder, _find(cells, _FILE) or ""),
             is_intervention=cells.get("correction") == "yes",
         )
@@ -190,16 +196,14 @@ def _find(row: Cells, names: tuple[str, ...]) -> str | None:
     return next((row[name] for name in names if name in row), None)
 
 
-def _label(row: Cells, threshold: float, known: Collection[Action]) -> Action | None:
+def _meant(row: Cells, threshold: float, known: Collection[Action]) -> Meant:
     """Return the label of a row; raises ValueError if it has none that can be believed."""
-    text = _find(row, _LABEL)
+    text, angle, throttle = (_find(row, names) for names in (_LABEL, _ANGLE, _THROTTLE))
     if text is not None and not text.strip():
-        return None
+        return None, None
     label = read_label(text, known)
     if label is not None:
-        return label
-    angle_text, throttle = _find(row, _ANGLE), _find(row, _THROTTLE)
-    if text is not None and not angle_text:
+        return label, read_point([angle, throttle]) if row.get("degrees") == "yes" else None
+    if text is not None and not angle:
         raise ValueError(f"the label {text[:40]!r} is not a move")
-    angle = read_share(angle_text, "the angle")
-    return to_move(angle, read_share(throttle, "the throttle") if throttle else None, threshold)
+    return read_meant([angle, throttle] if throttle else [angle], threshold)

@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.driver import point_of
 from robot.errors import RecordingError
 from robot.exchange.film import frame_rate, require_av, write_film
 from robot.exchange.lerobot_stats import Brightness, Columns, Stats, column_stats
 from robot.exchange.lerobot_tables import (
+    DEGREES,
     PILOT,
     require_pyarrow,
     write_data,
@@ -35,13 +35,14 @@ from robot.exchange.lerobot_tables import (
     write_json,
     write_tasks,
 )
+from robot.exchange.steering import done_at
 from robot.exchange.timeline import make_timeline
 from robot.policy.image import Pixels, to_rgb
 from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
 from robot.store.episodes.messages import SENSORS
-from robot.types import Action
+from robot.types import Action, Point
 
 CAMERA = "observation.images.front"
 TASK = "Drive as the pilot taught."
@@ -163,10 +164,13 @@ class _Form:
         labels = {moment.label for part in parts for moment in part.moments}
         self._moves = sorted(str(label) for label in labels if label is not None)
         self._sensors = [n for n in _SENSORS if any(len(_readings(p.episode, n)) for p in parts)]
-        done = {(_done(m), part.episode.declared_moves) for part in parts for m in part.moments}
+        done = {_done(part, moment) for part in parts for moment in part.moments}
         self._actions = [*_STEERED]
-        if any(point_of(action, declared) is None for action, declared in done):
+        if any(point is None for _, point in done):
             self._actions = sorted({str(action) for action, _ in done if action is not Action.STOP})
+        self._is_by_degrees = self._actions == [*_STEERED] and any(
+            moment.point is not None for part in parts for moment in part.moments
+        )
 
     def columns(self, part: DatasetPart, index: int, start: int) -> Columns:
         """Return the values of one episode, whose first frame has the number `start` of all."""
@@ -182,6 +186,8 @@ class _Form:
             "index": np.arange(start, start + count, dtype=np.int64),
             "task_index": np.zeros(count, np.int64),
         }
+        if self._is_by_degrees:
+            columns[DEGREES] = np.array([m.point is not None for m in part.moments], bool)
         if self._sensors:
             sensed = [_sensed(part, name) for name in self._sensors]
             columns["observation.state"] = np.stack(sensed, axis=1).astype(np.float32)
@@ -203,15 +209,14 @@ class _Form:
 
     def _action(self, part: DatasetPart, moment: EpisodeFrame) -> tuple[float, ...]:
         """Return angle and throttle, or else a number for each move; all zero: it stands."""
-        done = _done(moment)
+        done, point = _done(part, moment)
         if self._actions == [*_STEERED]:
-            return point_of(done, part.episode.declared_moves) or (0.0, 0.0)
+            return point or (0.0, 0.0)
         return tuple(float(done == name) for name in self._actions)
 
 
-def _done(moment: EpisodeFrame) -> Action:
-    """Return what was right at this picture: the pilot's label, or else what was sent."""
-    return moment.label or Action(moment.sent or Action.STOP)
+def _done(part: DatasetPart, moment: EpisodeFrame) -> tuple[Action, Point | None]:
+    return done_at(moment, part.episode.declared_moves)
 
 
 def _readings(episode: Episode, name: str) -> NDArray[np.float64]:

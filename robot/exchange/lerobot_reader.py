@@ -20,10 +20,10 @@ from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.drive import Drive
 from robot.exchange.film import FilmReader
-from robot.exchange.lerobot_tables import PILOT, read_table
+from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
 from robot.exchange.report import ImportReport
 from robot.exchange.rows import Row, drive_of, whole_rows
-from robot.exchange.steering import DEFAULT_THRESHOLD, read_share, to_move
+from robot.exchange.steering import DEFAULT_THRESHOLD, Meant, read_meant, read_point
 from robot.types import Action
 
 _ANGLES = ("angle", "steering", "steering_angle", "user/angle")
@@ -91,6 +91,7 @@ class LerobotDataset:
         is_film = self._info.features[camera].get("dtype") == "video"
         wanted = [
             PILOT,
+            DEGREES,
             "action",
             "timestamp",
             "frame_index",
@@ -101,7 +102,7 @@ class LerobotDataset:
         picture_of = (
             self._film(camera, episode, row) if is_film else partial(_stored, self.folder, camera)
         )
-        read_label = self._labels(threshold, report)
+        meant = self._meant(threshold, report)
         said_by = next((n for n in (PILOT, *_INTERVENTIONS) if n in self._info.features), None)
         if said_by in _INTERVENTIONS:
             report.remark(f"only {said_by} says who drove: the rest is no example")
@@ -110,10 +111,12 @@ class LerobotDataset:
             is_pilots = said_by is None or _flat(record.get(said_by))[:1] not in ([-1], [0], [])
             if said_by == PILOT:
                 is_pilots = _flat(record[PILOT]) != [-1]
+            label, point = meant(record) if is_pilots else (None, None)
             return Row(
                 place=place,
                 stamp_s=self._seconds(record),
-                label=read_label(record) if is_pilots else None,
+                label=label,
+                point=point,
                 picture=picture_of(record),
                 is_intervention=any(_flat(record.get(n))[:1] == [1] for n in _INTERVENTIONS),
                 is_others=not is_pilots,
@@ -198,22 +201,33 @@ class LerobotDataset:
             return stamp_s
         return index / self._info.fps if isinstance(index, int) and 0 <= index < _MOST_S else None
 
-    def _labels(self, threshold: float, report: ImportReport) -> Callable[[Record], Action | None]:
+    def _meant(self, threshold: float, report: ImportReport) -> Callable[[Record], Meant]:
         """Return what tells a frame's label, by what the action's elements are called."""
         features = self._info.features
-        own = (features.get(PILOT, {}).get("info") or {}).get("moves")
-        if isinstance(own, list) and all(isinstance(move, str) for move in own):
-            return lambda record: Action(own[_one(record[PILOT], range(len(own)))])
         names = _names(features.get("action", {}).get("names"))
         angle = next((i for i, n in enumerate(names) if n in _ANGLES), None)
         throttle = next((i for i, n in enumerate(names) if n in _THROTTLES), None)
+
+        def steered(record: Record) -> list[Any]:
+            values = _action(record, len(names))
+            return [values[i] for i in (angle, throttle) if i is not None]
+
+        own = (features.get(PILOT, {}).get("info") or {}).get("moves")
+        if isinstance(own, list) and all(isinstance(move, str) for move in own):
+
+            def own_meant(record: Record) -> Meant:
+                label = Action(own[_one(record[PILOT], range(len(own)))])
+                is_by_degrees = _flat(record.get(DEGREES))[:1] == [True]
+                return label, read_point(steered(record)) if is_by_degrees else None
+
+            return own_meant
         if angle is not None:
-            return lambda record: _steered(record, angle, throttle, len(names), threshold)
+            return lambda record: read_meant(steered(record), threshold)
         if names and set(names) <= {str(move) for move in CLASSIC}:
-            return lambda record: _one_hot(record, names)
+            return lambda record: (_one_hot(record, names), None)
         told = ", ".join(names)[:80] or "without names"
         report.skip("action", f"is neither steering nor moves ({told}): nothing is an example")
-        return lambda record: None
+        return lambda record: (None, None)
 
     def _fill(self, template: str, episode: int, **values: Any) -> Path:
         """Return a path of the dataset, within it."""
@@ -293,15 +307,6 @@ def _action(record: Record, count: int) -> list[Any]:
     if len(values) != count:
         raise ValueError(f"the action has {len(values)} elements, not {count}")
     return values
-
-
-def _steered(
-    record: Record, angle: int, throttle: int | None, count: int, threshold: float
-) -> Action | None:
-    values = _action(record, count)
-    share = read_share(values[angle], "the angle")
-    gas = None if throttle is None else read_share(values[throttle], "the throttle")
-    return to_move(share, gas, threshold)
 
 
 def _one_hot(record: Record, names: list[str]) -> Action | None:

@@ -13,6 +13,8 @@ from robot.exchange.lerobot_stats import Columns
 
 PILOT = "pilot"
 """A column: which move the pilot taught, by its place among the feature's moves; -1 for none."""
+DEGREES = "degrees"
+"""A column: whether the pilot meant the action by degrees, and not the move as it is."""
 _MOST_TABLE_BYTES = 2**30
 
 

@@ -1,8 +1,13 @@
-"""`.npz` recordings for the evaluation: JPEG frames in time order, a label for each."""
+"""`.npz` recordings for the evaluation: JPEG frames in time order, a label for each.
+
+They may have the steering (`angle`) and the `throttle` for each, too; where they are no numbers
+(NaN) the label was meant as it is.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -25,9 +30,11 @@ from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
 from robot.store.npz import read_arrays
-from robot.types import DEFAULT_MOVES, Action, Encoding, Frame
+from robot.types import DEFAULT_MOVES, Action, Encoding, Frame, Point
 
 WIDTH, HEIGHT = 160, 120
+_STEERED = "angle", "throttle"
+_UNKNOWN = Point(math.nan, math.nan)
 MAX_BYTES = 512 * 2**20
 """A recording that unpacks to more is refused."""
 
@@ -40,6 +47,7 @@ class Recording:
     place: str
     frames: tuple[bytes, ...]
     labels: tuple[Action, ...]
+    points: tuple[Point | None, ...]
     t_s: NDArray[np.float32]
     meta: dict[str, Any]
 
@@ -83,6 +91,7 @@ def read_npz(path: Path, report: ImportReport | None = None) -> Drive:
             place=f"frame {index}",
             stamp_s=float(recording.t_s[index]),
             label=label,
+            point=recording.points[index],
             picture=partial(read_picture, recording.frames[index], "the picture"),
         )
         for index, label in enumerate(recording.labels)
@@ -102,18 +111,21 @@ def write_npz(
         RecordingError: If no picture was taught one of the three.
         MissingExtraError: If OpenCV is not installed.
     """
-    files, labels, times_s = [], [], []
+    files, labels, times_s, points = [], [], [], []
     for moment in moments(episode, notes):
         on_frame()
         if not moment.is_deleted and moment.label in DEFAULT_MOVES:
             files.append(_small_jpeg(episode.frame(moment.frame_id)))
             labels.append(DEFAULT_MOVES.index(moment.label))
             times_s.append(moment.at_s)
+            points.append(moment.point or _UNKNOWN)
     if not files:
         raise RecordingError("there are no pictures to export: none was taught one of the 3 moves")
+    steered = np.array(points, np.float32).T
     with path.open("xb") as file:
         np.savez(
             file,
+            **{} if np.isnan(steered).all() else dict(zip(_STEERED, steered, strict=True)),
             jpeg=np.frombuffer(b"".join(files), np.uint8),
             offsets=np.cumsum([0, *map(len, files)], dtype=np.int64),
             labels=np.array(labels, np.uint8),
@@ -167,9 +179,22 @@ def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:
         place=path.stem.rpartition("_")[0] or path.stem,
         frames=tuple(data[a:b] for a, b in pairwise(bounds)),
         labels=tuple(DEFAULT_MOVES[int(label)] for label in labels),
+        points=_points(path, arrays, n_frames),
         t_s=t.astype(np.float32),
         meta=_meta(path, arrays.get("meta")),
     )
+
+
+def _points(path: Path, arrays: dict[str, NDArray[Any]], n_frames: int) -> tuple[Point | None, ...]:
+    if not set(_STEERED) <= set(arrays):
+        return (None,) * n_frames
+    steered = [arrays[name] for name in _STEERED]
+    if any(of.shape != (n_frames,) or of.dtype.kind != "f" for of in steered):
+        raise RecordingError(f"the recording {path} has an angle or throttle of another form")
+    if any((np.abs(of) > 1.0).any() for of in steered):
+        raise RecordingError(f"the recording {path} has an angle or throttle beyond -1 and 1")
+    found = zip(*(of.tolist() for of in steered), strict=True)
+    return tuple(None if math.isnan(sum(pair)) else Point(*pair) for pair in found)
 
 
 def _meta(path: Path, text: NDArray[Any] | None) -> dict[str, Any]:

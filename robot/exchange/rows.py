@@ -15,7 +15,7 @@ from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, moves_with
 from robot.exchange.report import ImportReport
 from robot.exchange.timeline import make_timeline
-from robot.types import Action
+from robot.types import Action, Point
 
 _T = TypeVar("_T")
 
@@ -29,6 +29,8 @@ class Row:
     stamp_s: object
     """Seconds of any clock; anything else counts as missing."""
     label: Action | None
+    point: Point | None = None
+    """The label by degrees, if it was meant so."""
     picture: Callable[[], Picture]
     """Raises RecordingError if it is damaged."""
     is_intervention: bool = False
@@ -80,4 +82,10 @@ def _shots(rows: list[Row], times_s: list[float], report: ImportReport) -> Itera
         except RecordingError as error:
             report.skip(row.place, str(error))
             continue
-        yield Shot(t_s=t_s, picture=picture, label=row.label, is_intervention=row.is_intervention)
+        yield Shot(
+            t_s=t_s,
+            picture=picture,
+            label=row.label,
+            point=row.point,
+            is_intervention=row.is_intervention,
+        )

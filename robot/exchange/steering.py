@@ -2,29 +2,62 @@
 
 from __future__ import annotations
 
-from robot.driver import TURNS_BEYOND, describe, move_at
+from collections.abc import Iterable, Sequence
+
+from robot.driver import TURNS_BEYOND, Move, describe, move_at, point_of
 from robot.errors import ConfigurationError
+from robot.store.episodes.editing import EpisodeFrame
 from robot.types import DEFAULT_MOVES, Action, Point
 
 DEFAULT_THRESHOLD = TURNS_BEYOND
 """Share of full lock from which on a car is said to turn."""
 
 
-def to_move(
-    angle: float, throttle: float | None = None, threshold: float = DEFAULT_THRESHOLD
-) -> Action | None:
-    """Return the move of a steering angle.
+_STEERED = "the angle", "the throttle"
+Meant = tuple[Action | None, Point | None]
+"""A label, and the same by degrees where it is known."""
+
+
+def read_meant(
+    written: Sequence[object],
+    threshold: float = DEFAULT_THRESHOLD,
+    names: Sequence[str] = _STEERED,
+) -> Meant:
+    """Return what a car's driver meant.
 
     Args:
-        angle: From -1 (full left) to 1 (full right).
-        throttle: From -1 to 1; None if it is not known.
+        written: Angle (-1: full left) and throttle as a program wrote them, or the angle alone.
         threshold: An angle beyond it is a turn.
+        names: What they are called.
 
     Returns:
-        FORWARD, LEFT or RIGHT; None for a car that stands or drives backward.
+        FORWARD, LEFT or RIGHT with its point, or without if the throttle is not known; None for a
+        car that stands or drives backward.
+
+    Raises:
+        ValueError: If one of them is no number from -1 to 1.
     """
-    point = Point(angle, 1.0 if throttle is None else throttle)
-    return move_at(point, describe(DEFAULT_MOVES), threshold)
+    is_whole = len(written) == 2
+    point = read_point(written if is_whole else [*written, 1.0], names)
+    move = move_at(point, describe(DEFAULT_MOVES), threshold)
+    return move, point if move and is_whole else None
+
+
+def read_point(written: Sequence[object], names: Sequence[str] = _STEERED) -> Point:
+    """Return steering and throttle as a program wrote them; raises as `read_meant` does."""
+    if len(written) != len(names):
+        raise ValueError(f"{names[0]} is there without {names[1]}")
+    return Point(*map(read_share, written, names))
+
+
+def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:
+    """Return what was right at a picture, the pilot's label or else what was sent, and its point.
+
+    The point is what was meant by degrees, or the move's own; None if the move has none.
+    """
+    by_degrees = moment.point if moment.label else moment.sent_point
+    done = moment.label or Action(moment.sent or Action.STOP)
+    return done, by_degrees or point_of(done, declared)
 
 
 def read_share(value: object, name: str) -> float:

@@ -20,7 +20,7 @@ from robot.driver import CLASSIC, Move, point_of
 from robot.exchange.drive import Drive
 from robot.exchange.report import ImportReport
 from robot.exchange.rows import Row, drive_of, whole_rows
-from robot.exchange.steering import DEFAULT_THRESHOLD, read_share, to_move
+from robot.exchange.steering import DEFAULT_THRESHOLD, Meant, done_at, read_meant, read_point
 from robot.exchange.tub_records import (
     IMAGE,
     MOVES,
@@ -35,9 +35,10 @@ from robot.store.episodes.episode import Episode
 from robot.types import Action, Point
 
 _ANGLE, _THROTTLE, _MODE = "user/angle", "user/throttle", "user/mode"
+_STEERED = _ANGLE, _THROTTLE
 _PILOT = "pilot/angle", "pilot/throttle"
 _LABEL, _FRAME = "drivelesson/label", "drivelesson/frame"
-_CORRECTION = "drivelesson/correction"
+_CORRECTION, _DEGREES = "drivelesson/correction", "drivelesson/degrees"
 _INPUTS = {
     IMAGE: "image_array",
     _ANGLE: "float",
@@ -46,7 +47,7 @@ _INPUTS = {
     _MODE: "str",
     _LABEL: "str",
     _FRAME: "int",
-    _CORRECTION: "boolean",
+    **dict.fromkeys((_CORRECTION, _DEGREES), "boolean"),
 }
 _CATALOG_RECORDS = 1000
 
@@ -68,12 +69,14 @@ def read_tub(
     pictures = folder if is_first else folder / "images"
 
     def read(place: str, record: Record) -> Row:
-        label, stamp_ms = _label(record, threshold, moves), record.get("_timestamp_ms")
+        label, point = _meant(record, threshold, moves)
+        stamp_ms = record.get("_timestamp_ms")
         _declare(record, label, declared)
         return Row(
             place=place,
             stamp_s=_seconds(record.get("milliseconds") if stamp_ms is None else stamp_ms),
             label=label,
+            point=point,
             picture=partial(read_picture_file, pictures, own_name(record[IMAGE])),
             is_intervention=record.get(_CORRECTION) is True,
             is_others=_LABEL not in record and not _is_by_pilot(record),
@@ -96,23 +99,29 @@ def _is_by_pilot(record: Record) -> bool:
     return isinstance(mode, str) and mode.strip().lower() == "user"
 
 
-def _label(record: Record, threshold: float, moves: Sequence[str] | None) -> Action | None:
+def _meant(record: Record, threshold: float, moves: Sequence[str] | None) -> Meant:
     """Return the label of a record; raises ValueError if it has none that can be believed."""
     if _LABEL in record:  # a tub of ours
         text = record[_LABEL]
         if not isinstance(text, str) or (text and moves is not None and text not in moves):
             raise ValueError(f"{_LABEL} is {str(text)[:40]!r}")
-        return Action(text) if text else None
-    angle = read_share(record.get(_ANGLE), _ANGLE)
-    throttle = read_share(record[_THROTTLE], _THROTTLE) if _THROTTLE in record else None
-    return to_move(angle, throttle, threshold) if _is_by_pilot(record) else None
+        label = Action(text) if text else None
+        return label, _point(record) if label and record.get(_DEGREES) is True else None
+    written = [record.get(name) for name in _STEERED if name in record or name == _ANGLE]
+    meant = read_meant(written, threshold, _STEERED)
+    return meant if _is_by_pilot(record) else (None, None)
+
+
+def _point(record: Record) -> Point:
+    return read_point([record.get(name) for name in _STEERED], _STEERED)
 
 
 def _declare(record: Record, label: Action | None, declared: dict[Action, Move]) -> None:
     """Note steering and throttle of a move of the driver's own, as in a tub that we wrote."""
-    if _LABEL in record and label is not None and label not in CLASSIC | declared:
+    is_moves = _LABEL in record and record.get(_DEGREES) is not True
+    if is_moves and label is not None and label not in CLASSIC | declared:
         with contextlib.suppress(ValueError):
-            steering, throttle = (read_share(record.get(n), n) for n in (_ANGLE, _THROTTLE))
+            steering, throttle = _point(record)
             declared[label] = Move(label, steering=steering, throttle=throttle)
 
 
@@ -133,9 +142,10 @@ def write_tub(
 
     Pictures keep their bytes (JPEG) or their pixels (PNG). Each record also has the label, the
     frame id and whether the label corrected the robot, so that reading the tub again gives the
-    same examples, whatever the threshold. Angle and throttle are what the driver declared of each
-    move; where a move has none, as `push`, the tub has no such columns: a zero would teach a car
-    to stand. What the robot would have done is in `pilot/angle` and `pilot/throttle`.
+    same examples, whatever the threshold. Angle and throttle are what the pilot meant by degrees
+    (the record says so), or what the driver declared of the move; where a move has none, as `push`,
+    the tub has no such columns: a zero would teach a car to stand. What the robot would have done
+    is in `pilot/angle` and `pilot/throttle`.
 
     Args:
         episode: What is exported.
@@ -148,13 +158,14 @@ def write_tub(
     origin_ms = episode.origin_ns // 10**6
     records: list[Record] = []
     points: list[Point | None] = []
+    by_degrees: list[bool] = []
     for moment in moments(episode, notes):
         on_frame()
         if moment.is_deleted or (taught_only and moment.label is None):
             continue
         frame = episode.frame(moment.frame_id)
-        done = moment.label or Action(moment.sent or Action.STOP)
-        points.append(point_of(done, episode.declared_moves))
+        points.append(done_at(moment, episode.declared_moves)[1])
+        by_degrees.append(moment.point is not None)
         index = len(records)
         records.append(
             {
@@ -168,16 +179,18 @@ def write_tub(
                 "_timestamp_ms": origin_ms + round(frame.captured_s * 1000),
             }
         )
-        proposed = moment.predicted and point_of(Action(moment.predicted), episode.declared_moves)
+        proposed = moment.predicted_point
+        if proposed is None and moment.predicted:
+            proposed = point_of(Action(moment.predicted), episode.declared_moves)
         if proposed:
             records[-1].update(zip(_PILOT, proposed, strict=True))
     is_steered = None not in points
     if is_steered:
-        for record, point in zip(records, points, strict=True):
-            assert point is not None
-            record[_ANGLE], record[_THROTTLE] = point
-    missing = {*(() if is_steered else (_ANGLE, _THROTTLE))}
-    missing |= {name for name in _PILOT if not any(name in record for record in records)}
+        for record, point, is_meant in zip(records, points, by_degrees, strict=True):
+            record.update(zip(_STEERED, point or (), strict=True))
+            record.update({_DEGREES: True} if is_meant else {})
+    missing = {*(() if is_steered else _STEERED)}
+    missing |= {n for n in (*_PILOT, _DEGREES) if not any(n in record for record in records)}
     inputs = {name: kind for name, kind in _INPUTS.items() if name not in missing}
     _write_catalogs(folder, records, episode, inputs)
     return len(records)

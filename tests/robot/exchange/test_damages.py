@@ -20,8 +20,9 @@ from robot.errors import RecordingError
 from robot.exchange.drive import write_episode
 from robot.exchange.report import ImportReport
 from robot.exchange.sources import Source, find_drives, unpacked
-from robot.store.episodes.episode import open_episode, taught_frames
+from robot.store.episodes.episode import open_episode
 from robot.types import Action
+from tests.robot.exchange.labels import taught_labels
 
 TUBS = int(os.environ.get("DRIVELESSON_TUBS", "40"))
 LABELS = {-0.7: Action.LEFT, 0.0: Action.FORWARD, 0.6: Action.RIGHT}
@@ -218,7 +219,7 @@ def test_of_any_damaged_tub_what_is_whole_is_taken_and_nothing_wrong(tmp_path: P
                 assert not (home / "got.mcap").exists() and "skipped" in str(error)
             else:
                 episode = open_episode(home / "got.mcap")
-                labels = taught_frames(episode)
+                labels = taught_labels(episode)
                 found = {numbers[episode.frame(i).data]: labels.get(i) for i in episode.frames}
                 times_s = [entry.captured_s for entry in episode.frames.values()]
                 assert times_s == sorted(set(times_s)) and episode.duration_s < 100

@@ -20,11 +20,12 @@ from robot.errors import RecordingError
 from robot.exchange.drive import write_episode
 from robot.exchange.report import ImportReport
 from robot.exchange.sources import Source
-from robot.exchange.steering import to_move
+from robot.exchange.steering import read_meant
 from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import open_episode, taught_frames
+from robot.store.episodes.episode import open_episode
 from robot.store.episodes.teaching import plan
 from robot.types import Action, Encoding
+from tests.robot.exchange.labels import taught_labels
 
 RECORDINGS = Path(
     os.environ.get(
@@ -71,7 +72,7 @@ def imported(path: Path, folder: Path, **options: Any) -> list[Action | None]:
     target = folder / "imported.mcap"
     write_episode(Source(path).read(**options), target)
     episode = open_episode(target)
-    taught = taught_frames(episode)
+    taught = taught_labels(episode)
     return [taught.get(frame_id) for frame_id in episode.frames]
 
 
@@ -107,7 +108,7 @@ def test_a_car_that_stands_teaches_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize("action", [Action.FORWARD, Action.LEFT, Action.RIGHT])
 def test_moves_come_back_from_their_angles(action: Action) -> None:
     point = point_of(action)
-    assert point is not None and to_move(*point) is action
+    assert point is not None and read_meant(point) == (action, point)
     assert all(move.point is not None for move in CLASSIC.values())
 
 

@@ -25,9 +25,10 @@ from robot.exchange.report import ImportReport
 from robot.exchange.sources import find_drives
 from robot.policy.image import to_rgb
 from robot.store.episodes.edits import Edit, Notes
-from robot.store.episodes.episode import Episode, open_episode, taught_frames
+from robot.store.episodes.episode import Episode, open_episode
 from robot.types import Action
 
+from .labels import taught_labels
 from .sim_drive import drive_in_simulator
 
 DATASETS = int(os.environ.get("DRIVELESSON_TUBS", "40"))
@@ -272,7 +273,7 @@ def test_damaged_datasets_keep_what_is_whole_and_teach_nothing_wrong(tmp_path: P
             dice.choice(AFTER)(root, made)
         found: dict[int, Action | None] = {}
         for episode, _ in imported(root, scratch):
-            labels = taught_frames(episode)
+            labels = taught_labels(episode)
             for frame_id in episode.frames:
                 found[number_in(to_rgb(episode.frame(frame_id)))] = labels.get(frame_id)
         total += len(made.truth)
@@ -298,7 +299,7 @@ def test_an_export_comes_back_with_its_labels_and_corrections(
     backward = Edit(verb="relabel", ranges=((ids[20], ids[29]),), label=Action.BACKWARD)
     write_lerobot([(episode, Notes(edits=(backward,)))], tmp_path / "set")
     [(back, report)] = imported(tmp_path / "set", tmp_path)
-    given, got = taught_frames(episode), taught_frames(back)
+    given, got = taught_labels(episode), taught_labels(back)
     wanted = [given.get(frame_id) for frame_id in ids]
     wanted[20:30] = [Action.BACKWARD] * 10
     assert [got.get(frame_id) for frame_id in back.frames] == wanted

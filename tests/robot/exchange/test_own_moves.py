@@ -18,8 +18,9 @@ from robot.exchange.lerobot import write_lerobot
 from robot.exchange.sources import Source
 from robot.exchange.tub import write_tub
 from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import Episode, open_episode, taught_frames
+from robot.store.episodes.episode import Episode, open_episode
 from robot.types import Action, Encoding
+from tests.robot.exchange.labels import taught_labels
 
 STEERED = tuple(
     Move(Action(f"steer_{place}"), steering=(place - 2) / 2, throttle=0.3) for place in range(5)
@@ -63,7 +64,7 @@ def test_labels_come_back_by_name(tmp_path: Path, declared: tuple[Move, ...], wr
     write(episode, Notes(), tmp_path / "out", taught_only=True)
     write_episode(Source(tmp_path / "out").read(), tmp_path / "back.mcap")
     back = open_episode(tmp_path / "back.mcap")
-    assert list(taught_frames(back).values()) == list(taught_frames(episode).values())
+    assert list(taught_labels(back).values()) == list(taught_labels(episode).values())
     assert set(back.moves) == set(names(declared))
 
 

@@ -37,7 +37,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 def opened_as(path: Path) -> tuple[int, dict[str, int], str | None]:
     """Say how many pictures it has, what was taught, and what is wrong, from all of it."""
     episode = open_episode(path)
-    taught = Counter(label.value for label in taught_frames(episode).values())
+    taught = Counter(str(example.label) for example in taught_frames(episode).values())
     return len(episode.frames), dict(taught), episode.damage
 
 

@@ -1,0 +1,11 @@
+"""The labels of a recording's examples, by frame."""
+
+from __future__ import annotations
+
+from robot.store.episodes.episode import Episode, taught_frames
+from robot.types import Action
+
+
+def taught_labels(episode: Episode) -> dict[int, Action]:
+    """Return the label of each frame that was taught."""
+    return {frame_id: example.label for frame_id, example in taught_frames(episode).items()}
