@@ -19,13 +19,6 @@ class PinMotor(Protocol):
     """From -1 (full speed backward, or one end) to 1; 0 stands."""
 
 
-class Build(Protocol):
-    """What the two motors, or the motor and its servo, are set to for a point: 1 at most."""
-
-    def values(self, point: Point, speed: float) -> Pair:
-        """Return the two values; `speed` is a share of full speed."""
-
-
 @dataclass(frozen=True, slots=True)
 class Tracked:
     """Two wheels that steer by their difference; speeds are shares of the motors' full speed."""
@@ -57,6 +50,10 @@ class Steered:
         full = (1.0 - steer) * self.straight_speed + steer * self.turn_speed
         throttle = max(-1.0, min(1.0, point.throttle / USUAL_THROTTLE * full))
         return throttle * speed, (left + right + point.steering * (right - left)) / 2
+
+
+Build = Tracked | Steered
+"""What tells the two values, 1 at most, for a point and a share of full speed."""
 
 
 class TimedMotors:
