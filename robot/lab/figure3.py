@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import product
 from pathlib import Path
@@ -12,7 +13,7 @@ from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.lessons import TRIALS
 from robot.lab.published import FIGURE_3
-from robot.lab.tables import spread
+from robot.lab.tables import deviation
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import FRAME_RATE_HZ, Place, Trial
 from robot.policy.registry import make_policy
@@ -63,13 +64,13 @@ def _tables(runs: Runs) -> list[Table]:
 
 
 def _row(learner: str, results: Sequence[Result]) -> tuple[Cell, ...]:
-    correct = spread([700 * result["accuracy"] for result in results])
+    correct = [700 * result["accuracy"] for result in results]
     paper: tuple[Cell, ...] = FIGURE_3.get(learner, (None, None))
     shares = (
-        spread([result[name] for result in results]).mean
+        statistics.fmean(result[name] for result in results)
         for name in ("accuracy", "balanced_accuracy")
     )
-    return (learner, correct.n, correct.mean, correct.sd, *shares, *paper)
+    return (learner, len(correct), statistics.fmean(correct), deviation(correct), *shares, *paper)
 
 
 def run_simulated_footage(params: Params) -> Result:

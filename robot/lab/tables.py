@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,26 +14,9 @@ _DRAWS = 2000
 """Of the bootstrap that the intervals come from."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
-    """A summary of some numbers."""
-
-    mean: float
-    sd: float
-    median: float
-    max: float
-    n: int
-
-
-def spread(values: Sequence[float]) -> Spread:
-    """Return mean, standard deviation (of a sample; 0 for one), median and maximum."""
-    return Spread(
-        mean=statistics.fmean(values),
-        sd=statistics.stdev(values) if len(values) > 1 else 0.0,
-        median=statistics.median(values),
-        max=max(values),
-        n=len(values),
-    )
+def deviation(values: Sequence[float]) -> float:
+    """Return the standard deviation of a sample; 0 for one."""
+    return statistics.stdev(values) if len(values) > 1 else 0.0
 
 
 def interval(values: Sequence[float]) -> tuple[float, float]:
@@ -69,9 +51,9 @@ def ssd_cells(drives: Sequence[Result]) -> tuple[Cell, ...]:
     def values(name: str) -> list[float]:
         return [drive[name] for drive in drives]
 
-    total = spread(values("ssd"))
+    ssds = values("ssd")
     return (
-        *(total.n, total.mean, total.sd, total.median, total.max),
+        *(len(ssds), statistics.fmean(ssds), deviation(ssds), statistics.median(ssds), max(ssds)),
         sum(bool(drive["never"]) for drive in drives),
         statistics.median(values("ssd_of_moves_made")),
         statistics.median(values("ssd_frequent")),
