@@ -20,8 +20,6 @@ from robot.learner.base import (
 from robot.learner.part import Array, Stateful, Value
 from robot.learner.values import count
 
-_DTYPES = (np.uint8, np.float32, np.float64)
-
 
 class Baseline(Stateful, BaseLearner):
     """A learner of another library, for comparison and for teaching.
@@ -37,8 +35,9 @@ class Baseline(Stateful, BaseLearner):
         is_eager: It is fitted to every example; else with each tenth part more of them.
     """
 
+    _dtypes = (np.uint8, np.float32, np.float64)
     fields = (
-        Array("xs", _DTYPES, ("n_examples", "d"), -1e6, 1e6, may_miss=True),
+        Array("xs", _dtypes, ("n_examples", "d"), -1e6, 1e6, may_miss=True),
         Value("n_neighbours", count(), "number", is_fixed=True),
     )
 
@@ -64,7 +63,11 @@ class Baseline(Stateful, BaseLearner):
         if not self._xs:
             raise NotFittedError("nothing was learned yet")
         array = checked_vector(x, self._xs[0].size)
-        self._fit(len(self._xs) if self._is_eager else _tenth_parts(len(self._xs)))
+        wanted = len(self._xs) if self._is_eager else _tenth_parts(len(self._xs))
+        if self._n_fitted != wanted:
+            model = self._make(wanted)
+            model.fit(np.stack(self._xs[:wanted]).astype(np.float32), self._ys[:wanted])
+            self._model, self._n_fitted = model, wanted
         shares = self._model.predict_proba(array.astype(np.float32)[None, :])[0]
         labels = [str(label) for label in self._model.classes_]
         best = int(shares.argmax())
@@ -73,13 +76,6 @@ class Baseline(Stateful, BaseLearner):
             probabilities=dict(zip(labels, shares.tolist(), strict=True)),
             confidence=float(shares[best]),
         )
-
-    def _fit(self, n_examples: int) -> None:
-        if self._n_fitted != n_examples:
-            self._model = self._make(n_examples)
-            xs = np.stack(self._xs[:n_examples]).astype(np.float32)
-            self._model.fit(xs, self._ys[:n_examples])
-            self._n_fitted = n_examples
 
     @property
     def n_examples(self) -> int:
