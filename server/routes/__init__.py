@@ -25,6 +25,7 @@ MODULES = (
     "teaching",
     "retraining",
     "world",
+    "path",
     "settings",
 )
 """Modules of this package; a new one is registered here only. Houses add theirs as extensions."""

@@ -1,4 +1,4 @@
-"""`/api/world`: the simulated world from above, and the way that any robot went, for drawing."""
+"""`/api/world`: the simulated world from above, for drawing, and another one for the robot."""
 
 from __future__ import annotations
 
@@ -58,17 +58,6 @@ class WorldChange(Outside):
     name: str = text()
 
 
-@dataclass
-class PathAnswer:
-    """Points of a way, as columns."""
-
-    first: int
-    pose: list[list[float]]
-    driven_by: list[str]
-    events: dict[str, list[str]]
-    is_estimate: bool
-
-
 @router.get("/api/world", dependencies=[VIEWER])
 def show_world(request: Request) -> WorldAnswer:
     """Return the world as it is now, in metres and radians; null for a real robot."""
@@ -102,26 +91,3 @@ async def change_world(request: Request, body: WorldChange) -> WorldAnswer:
 
     await asyncio.wrap_future(loop.submit(carry))
     return show_world(request)
-
-
-@router.get("/api/path", dependencies=[VIEWER])
-def show_path(request: Request, since: int = 0) -> PathAnswer:
-    """Return the points of the way from the one numbered `since` on, as columns.
-
-    `first` is the number of the first of them: ask again with `first` and the points that came.
-    """
-    first, points = services_of(request).progress.trail.since(since)
-    return PathAnswer(
-        first=first,
-        pose=[
-            [round(p.pose.x_m, 3), round(p.pose.y_m, 3), round(p.pose.heading_rad, 2)]
-            for p in points
-        ],
-        driven_by=[point.driven_by.value for point in points],
-        events={
-            str(i): [event.value for event in point.events]
-            for i, point in enumerate(points)
-            if point.events
-        },
-        is_estimate=any(point.pose.is_estimate for point in points),
-    )
