@@ -52,6 +52,7 @@ class PageFiles(CompressedFiles):
 
     async def get_response(self, path: str, scope: Scope) -> Response:
         """Answer with the document, a joined file, or another file of the folder."""
+        path = path.replace("\\", "/")  # starlette gives a path of the system's own
         is_document = path in (".", "index.html")
         if is_document or self._page is None:
             self._page = await run_in_threadpool(join_page, self._folder)

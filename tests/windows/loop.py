@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import socket
 import subprocess
 import time
@@ -85,7 +86,11 @@ def _served(data: Path) -> Iterator[tuple[Console, str]]:
                 break
             assert console.process.poll() is None and time.monotonic() < end_s, console.said
             time.sleep(0.5)
-        assert "<html" in httpx.get(address + "/", timeout=60).text
+        page = httpx.get(address + "/", timeout=60).text
+        files = re.findall(r"[\w/-]+\.(?:js|css)\b", page)
+        assert "<html" in page and len(files) > 3
+        for file in files:
+            assert httpx.get(f"{address}/{file}", timeout=60).status_code == 200, file
         yield console, address
 
 
