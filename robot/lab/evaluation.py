@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from robot.policy.image import to_rgb
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.store.table import Cell, Table
-from robot.types import Action, Encoding, Frame
+from robot.types import Action, Encoding, Frame, Point
 
 if TYPE_CHECKING:
     from robot.exchange.npz import Recording
@@ -30,8 +30,10 @@ class PairResult:
     """How one learner did on one pair of recordings; shares between 0 and 1.
 
     `calibration_error` is the expected difference between confidence and accuracy in ten equal
-    bins of confidence (Guo et al. 2017); `novel` the share of views unlike all examples;
-    `learn_ms` and `predict_ms` are the times of a frame on this machine, without the features.
+    bins of confidence (Guo et al. 2017); `novel` the share of views unlike all examples.
+    Where the drives have angles: their mean error, the correlation, and by how much the answer
+    changes from frame to frame (root mean square: the smoother, the less). `learn_ms` and
+    `predict_ms` are the times of a frame on this machine, without the features.
     """
 
     place: str
@@ -44,6 +46,9 @@ class PairResult:
     frames: int
     calibration_error: float
     novel: float
+    angle_error: float | None = None
+    angle_correlation: float | None = None
+    angle_step: float | None = None
     learn_ms: float = 0.0
     predict_ms: float = 0.0
 
@@ -156,10 +161,10 @@ def teach(
     Returns how many were.
     """
     policy.reset()
-    xs, labels = _vectors(policy, recording, vectors), recording.labels
+    xs, labels, points = _vectors(policy, recording, vectors), recording.labels, recording.points
     n_taught = min(examples or len(xs), len(xs))
     for i in np.linspace(0, len(xs) - 1, n_taught).round().astype(int):
-        policy.learn(xs[i], labels[i])
+        policy.learn(xs[i], labels[i], None, points[i])
     return n_taught
 
 
@@ -171,6 +176,7 @@ def examine(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
     proposed = [policy.propose(i + 1, x) for i, x in enumerate(test)]
     predicted_s = time.perf_counter() - started_s
     accuracy, balanced = scores(pair.test.labels, [p.action for p in proposed])
+    error, correlation, step = _angles(pair.test.points, [p.point for p in proposed])
     return PairResult(
         place=pair.train.place,
         train=pair.train.path.stem,
@@ -185,7 +191,26 @@ def examine(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
             [p.action is label for p, label in zip(proposed, pair.test.labels, strict=True)],
         ),
         novel=float(np.mean([p.is_novel for p in proposed])),
+        angle_error=error,
+        angle_correlation=correlation,
+        angle_step=step,
         predict_ms=1000 * predicted_s / max(len(test), 1),
+    )
+
+
+def _angles(
+    truth: Sequence[Point | None], proposed: Sequence[Point | None]
+) -> tuple[float | None, float | None, float | None]:
+    """Return mean error, correlation and step of the angle; None where it is not known."""
+    known = [(t.steering, p.steering) for t, p in zip(truth, proposed, strict=True) if t and p]
+    if not known:
+        return None, None, None
+    true, said = np.array(known).T
+    is_flat = min(true.std(), said.std()) == 0.0
+    return (
+        float(np.abs(said - true).mean()),
+        None if is_flat else float(np.corrcoef(said, true)[0, 1]),
+        float(np.sqrt((np.diff(said) ** 2).mean())) if len(said) > 1 else 0.0,
     )
 
 
@@ -218,17 +243,21 @@ def table(results: Sequence[PairResult]) -> Table:
         rows.append(("mean", "", "", name, "", *_figures(own)))
     columns = (
         *("place", "train", "test", "learner", "right", "acc.", "bal.", "calib."),
+        *("angle", "corr.", "step"),
         *("learn ms", "predict ms"),
     )
     return Table(title="Taught on one drive, tested on another", columns=columns, rows=tuple(rows))
 
 
 def _figures(results: Sequence[PairResult]) -> tuple[str, ...]:
-    means = (
-        np.mean([getattr(r, name) for r in results])
-        for name in ("accuracy", "balanced_accuracy", "calibration_error")
-    )
-    medians = (
-        np.median([getattr(r, name) for r in results]) for name in ("learn_ms", "predict_ms")
-    )
-    return tuple(f"{value:.3f}" for value in (*means, *medians))
+    shares = ("accuracy", "balanced_accuracy", "calibration_error")
+    angles = ("angle_error", "angle_correlation", "angle_step")
+    means = (_joined(results, name, np.mean) for name in (*shares, *angles))
+    medians = (_joined(results, name, np.median) for name in ("learn_ms", "predict_ms"))
+    return (*means, *medians)
+
+
+def _joined(results: Sequence[PairResult], name: str, join: Callable[[list[float]], Any]) -> str:
+    """Return one figure of some results as text; empty where none has it."""
+    known = [value for r in results if (value := getattr(r, name)) is not None]
+    return f"{float(join(known)):.3f}" if known else ""

@@ -171,7 +171,7 @@ def test_few_examples_are_spread_over_the_drive(tmp_path, examples):
     pair = evaluation.load_pairs(tmp_path, examples=examples)[1]
     policy = make_policy("published-8")
     learned: list[np.ndarray] = []
-    with mock.patch.object(policy, "learn", lambda x, label: learned.append(x)):
+    with mock.patch.object(policy, "learn", lambda x, label, *how: learned.append(x)):
         n_taught = evaluation.teach(policy, pair.train, {}, pair.examples)
     every = [policy.extract(pair.train.frame(i)) for i in range(len(pair.train))]
     places = [next(i for i, x in enumerate(every) if np.array_equal(x, y)) for y in learned]
@@ -186,3 +186,22 @@ def test_no_light_and_too_much_are_refused(tmp_path, capsys, light):
     with pytest.raises(SystemExit):
         main(["evaluate", str(tmp_path), "--light", light])
     assert "must be a number above 0 up to 1" in capsys.readouterr().err
+
+
+def test_angles_are_judged_where_the_drives_have_them(tmp_path):
+    steered = np.linspace(-1.0, 1.0, 3)[np.array([1, 0, 2])]  # forward, left, right
+    for name, seed in (("A", 1), ("B", 2)):
+        angle = (steered[np.arange(60) % 3]).astype(np.float32)
+        write_recording(
+            tmp_path / f"hall_{name}.npz", 60, seed, angle=angle, throttle=np.full(60, 0.5, "f4")
+        )
+        write_recording(tmp_path / f"yard_{name}.npz", 60, seed)
+    results = list(evaluation.evaluate(evaluation.load_pairs(tmp_path), ["default-8", "knn-3"]))
+    for result in results:
+        if result.place == "yard":
+            assert result.angle_error is result.angle_correlation is result.angle_step is None
+            continue
+        wrong = 1.0 - result.accuracy
+        assert wrong - 1e-6 <= result.angle_error <= 2.0 * wrong + 1e-6  # all or nothing
+        assert 0.2 < result.angle_correlation <= 1.0 and result.angle_step > 0.5
+    assert "corr." in evaluation.table(results).columns
