@@ -1,7 +1,8 @@
 """`.npz` recordings for the evaluation: JPEG frames in time order, a label for each.
 
 They may have the steering (`angle`) and the `throttle` for each, too; where they are no numbers
-(NaN) the label was meant as it is.
+(NaN) the label was meant as it is. People steer by tapping: where a recording has the mean of the
+angle over a moment (`angle_mean`), of which its labels are made, that is what was meant.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from robot.types import DEFAULT_MOVES, Action, Encoding, Frame, Point
 
 WIDTH, HEIGHT = 160, 120
 _STEERED = "angle", "throttle"
+_MEAN = "angle_mean"
 _UNKNOWN = Point(math.nan, math.nan)
 MAX_BYTES = 512 * 2**20
 """A recording that unpacks to more is refused."""
@@ -186,9 +188,10 @@ def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:
 
 
 def _points(path: Path, arrays: dict[str, NDArray[Any]], n_frames: int) -> tuple[Point | None, ...]:
-    if not set(_STEERED) <= set(arrays):
+    names = (_MEAN if _MEAN in arrays else _STEERED[0], _STEERED[1])
+    if not set(names) <= set(arrays):
         return (None,) * n_frames
-    steered = [arrays[name] for name in _STEERED]
+    steered = [arrays[name] for name in names]
     if any(of.shape != (n_frames,) or of.dtype.kind != "f" for of in steered):
         raise RecordingError(f"the recording {path} has an angle or throttle of another form")
     if any((np.abs(of) > 1.0).any() for of in steered):

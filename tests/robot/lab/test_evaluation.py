@@ -188,6 +188,13 @@ def test_no_light_and_too_much_are_refused(tmp_path, capsys, light):
     assert "must be a number above 0 up to 1" in capsys.readouterr().err
 
 
+def test_the_mean_of_a_tapped_angle_is_what_was_meant(tmp_path):
+    tapped, mean = np.tile([0.0, 1.0], 6).astype("f4"), np.full(12, 0.5, "f4")
+    changes = {"angle": tapped, "angle_mean": mean, "throttle": mean}
+    write_recording(tmp_path / "hall_A.npz", **changes)
+    assert {point.steering for point in load_recording(tmp_path / "hall_A.npz").points} == {0.5}
+
+
 def test_angles_are_judged_where_the_drives_have_them(tmp_path):
     steered = np.linspace(-1.0, 1.0, 3)[np.array([1, 0, 2])]  # forward, left, right
     for name, seed in (("A", 1), ("B", 2)):
