@@ -306,8 +306,8 @@ class BSOCClassifier(Stateful):
     def faults(self) -> Iterator[str]:
         if len(set(self.labels_)) < len(self.labels_):
             yield "a label is there twice"
-        if (self.n_nodes_ > 0) != bool(self.labels_):
-            yield "it has images without labels, or labels alone"
+        if self.n_nodes_ > 0 and not self.labels_:  # its last image may have been deleted
+            yield "it has images without labels"
         if self.cluster.groups_.max(initial=-1) >= len(self.labels_):
             yield "an image has no such label"
 

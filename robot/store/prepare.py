@@ -16,7 +16,10 @@ from robot.store.folder import is_text, write_whole
 
 ASIDE = "set-aside"
 _FOLDERS = ("models", "episodes", "exports", "trash", "journal", "lessons", "tls", ASIDE)
-_FILES = (".lock", ".lock.pid", "README.txt", "robot.json", "paired.json", "models/current.txt")
+_FILES = (
+    *(".lock", ".lock.pid", "README.txt", "robot.json", "paired.json"),
+    *("models/current.txt", "models/current.twin.txt"),
+)
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _PROBE = b"x" * 4096
 

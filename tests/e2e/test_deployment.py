@@ -36,7 +36,7 @@ LIBRARY = '"$ROOT"/opt/drivelesson/lib/python*/site-packages'
 HERE = f"{sys.base_prefix}/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 # What the machine has in place of the image below: programs and libraries, Python, and what pip
 # would fetch.
-LENT = ["/usr", "/etc", "/proc", "/dev", sys.base_prefix, sysconfig.get_path("purelib")]
+LENT = ["/usr", "/etc", "/proc", "/dev", sys.base_prefix]
 BEGIN = """
 set -eu
 mount --make-rprivate /
@@ -68,7 +68,7 @@ def image_script(asked: list[str]) -> str:
     script, environment, user, command = [BEGIN], ["LANG=C.UTF-8"], "0:0", []
     script += [f"lend {shlex.quote(place)} {shlex.quote(place)}" for place in LENT]
     script.append(f"lend {shlex.quote(str(ROOT))} /clone")
-    known = sysconfig.get_path("purelib")
+    script.append(f"lend {shlex.quote(sysconfig.get_path('purelib'))} /packages")
     # pip takes what is lent, and fetches nothing.
     pip = (
         "PIP_NO_DEPS=1 PIP_NO_BUILD_ISOLATION=false PIP_NO_INDEX=1 PIP_DISABLE_PIP_VERSION_CHECK=1"
@@ -77,7 +77,7 @@ def image_script(asked: list[str]) -> str:
         if word == "RUN" and "apt-get" not in rest:
             script.append(f"inside {pip} sh -ec {shlex.quote(rest)}")
             if "-m venv" in rest:
-                script.append(f"for p in {LIBRARY}; do echo {known} > $p/lent.pth; done")
+                script.append(f"for p in {LIBRARY}; do echo /packages > $p/lent.pth; done")
         elif word == "COPY" and not rest.startswith("--from"):
             *sources, target = shlex.split(rest)
             taken = " ".join(f"/clone/{source}" for source in sources)

@@ -92,7 +92,9 @@ PATIENT = LoopConfig(
         frame_timeout_s=4.0,
         start_patience_s=6.0,
     ),
-    governor=LinkGovernorConfig(warn_s=2.7, cap_speed_s=3.3, stop_learning_s=4.2, stop_s=5.0),
+    governor=LinkGovernorConfig(
+        warn_s=2.7, cap_speed_s=3.3, stop_learning_s=4.2, stop_s=5.0, busy_s=3.0
+    ),
     camera=CameraTimingConfig(longest_timeout_s=6.6, full_speed_s=5.0),
     stall_s=4.0,
 )

@@ -7,6 +7,7 @@ import logging
 import re
 import shutil
 import stat
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,7 +72,7 @@ class ModelStore:
         self._storage = storage
         self._on_set_aside = on_set_aside
         self._wall_s = wall_s
-        self._marker = storage.models / "current.txt"
+        self._markers = [storage.models / file for file in ("current.txt", "current.twin.txt")]
 
     def names(self) -> list[str]:
         found = [path.name for path in paths_in(self._storage.models) if _is_folder(path)]
@@ -96,15 +97,16 @@ class ModelStore:
     @property
     def current(self) -> str | None:
         """Name of the model that the robot used last, and uses at the next start."""
-        with contextlib.suppress(OSError, UnicodeDecodeError):
-            name = read_regular(self._marker, 4096).decode().strip()
-            if self._has(name):
-                return name
-        return None
+        said = [_marked(marker) for marker in self._markers]
+        sound = [name for name, checksum in said if checksum == _checksum(name)]
+        if not sound and not self._markers[1].exists():  # version 0.2 wrote the name alone
+            sound = [said[0][0]]
+        return next((name for name in sound if self._has(name)), None)
 
     @current.setter
     def current(self, name: str) -> None:
-        write_whole(self._marker, name.encode())
+        for marker in self._markers:
+            write_whole(marker, f"{name}\n{_checksum(name)}\n".encode())
 
     def save(self, name: str, model: Model) -> Path:
         """Write the model as the newest version under this name."""
@@ -251,6 +253,18 @@ def _age_of(stored: StoredModel) -> tuple[int, int, float]:
         return -1, 0, 0.0
     position = summary.position or JournalPosition(run="", boot=0, change=0)
     return position.boot, position.change, summary.saved_at_s
+
+
+def _marked(marker: Path) -> tuple[str, str]:
+    """Return the name in a marker, and its checksum: half of a name may be another model's."""
+    with contextlib.suppress(OSError, UnicodeDecodeError):
+        name, _, checksum = read_regular(marker, 4096).decode().strip().partition("\n")
+        return name, checksum
+    return "", ""
+
+
+def _checksum(name: str) -> str:
+    return f"{zlib.crc32(name.encode()):08x}"
 
 
 def _is_folder(path: Path) -> bool:

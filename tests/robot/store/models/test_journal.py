@@ -118,6 +118,20 @@ def test_every_learner_comes_back_as_it_was(tmp_path: Path, learner: str, seed: 
         life.die()
 
 
+@pytest.mark.parametrize("learner", ["published-4", "default-6"])
+def test_who_deleted_the_last_image_starts_again_with_none(tmp_path: Path, learner: str) -> None:
+    rng = random.Random(1)
+    first = Life(tmp_path, [0.0], rng, learner)
+    first.teach()
+    for image in first.policy.gallery():
+        first.loop.submit(lambda n=image.node_id: first.loop.history.edit("delete", n)).result(0)
+    first.save()
+    first.policy.reset()
+    kept = first.state()
+    first.die()
+    assert same(Life(tmp_path, [0.0], rng, learner).state(), kept)
+
+
 def test_a_position_rests_on_no_clock(tmp_path: Path) -> None:
     """Thirty days back, the case of an EV3 without a clock of its own."""
     wall_s = [1.7e9]

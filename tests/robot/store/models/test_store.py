@@ -72,6 +72,28 @@ def test_the_next_best_model_serves_where_the_last_one_is_lost(store: ModelStore
     assert only.with_name(only.name + ".damaged").exists()
 
 
+@pytest.mark.parametrize("kept", [*range(8), None])
+@pytest.mark.parametrize("hurt", [0, 1])
+def test_one_damaged_note_of_the_model_in_use_costs_nothing(
+    store: ModelStore, tmp_path: Path, hurt: int, kept: int | None
+) -> None:
+    for name in ("robot", "robot (2)"):
+        store.save(name, some_model())
+    store.current = "robot (2)"
+    marker = sorted((tmp_path / "models").glob("current*.txt"))[hurt]
+    if kept is None:
+        marker.unlink()
+    else:
+        marker.write_bytes(marker.read_bytes()[:kept])
+    assert store.current == "robot (2)"
+
+
+def test_version_0_2_noted_the_name_alone(store: ModelStore, tmp_path: Path) -> None:
+    store.save("robot", some_model())
+    (tmp_path / "models/current.txt").write_text("robot")
+    assert store.current == "robot"
+
+
 def test_rename_copy_delete_and_restore(store: ModelStore) -> None:
     store.save("kitchen", some_model())
     store.current = "kitchen"
