@@ -164,7 +164,7 @@ async def _store_of(request: Request) -> EpisodeStore:
     return persistence_of(request).episodes
 
 
-Store = Annotated[EpisodeStore, Depends(_store_of)]
+STORE: Any = Depends(_store_of)
 
 
 def _describe(summary: EpisodeSummary, recording: str | None = None) -> EpisodeAnswer:
@@ -198,13 +198,13 @@ def show_storage(request: Request) -> StorageAnswer:
 
 
 @router.post("/episodes/restore", dependencies=[PILOT])
-async def restore_episode(store: Store, body: Key) -> IdAnswer:
+async def restore_episode(body: Key, store: EpisodeStore = STORE) -> IdAnswer:
     """Restore a deleted episode."""
     return IdAnswer(id=await do(store.restore, body.undo))
 
 
 @router.get("/episodes/{episode_id}", dependencies=[VIEWER])
-def show_episode(request: Request, store: Store, episode_id: str) -> EpisodeDetails:
+def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE) -> EpisodeDetails:
     """Describe one episode, with its edits and the run's metadata."""
     episode, notes = store.open(episode_id), store.notes(episode_id)
     summary = store.summary(episode_id)
@@ -227,11 +227,11 @@ def show_episode(request: Request, store: Store, episode_id: str) -> EpisodeDeta
 
 @router.get("/episodes/{episode_id}/strip", dependencies=[VIEWER])
 def show_strip(
-    store: Store,
     episode_id: str,
     count: int = 24,
     first: int | None = None,
     last: int | None = None,
+    store: EpisodeStore = STORE,
 ) -> Strip:
     """Return evenly spaced pictures, each with label, prediction and driver."""
     episode, notes = store.open(episode_id), store.notes(episode_id)
@@ -245,7 +245,7 @@ def show_strip(
 
 
 @router.get("/episodes/{episode_id}/timeline", dependencies=[VIEWER])
-def show_timeline(store: Store, episode_id: str) -> EpisodeTimeline:
+def show_timeline(episode_id: str, store: EpisodeStore = STORE) -> EpisodeTimeline:
     """Return every picture's label, prediction and driver, as columns for drawing."""
     found = moments(store.open(episode_id), store.notes(episode_id))
     rows = [vars(answer(FrameAnswer, moment)) for moment in found]
@@ -261,7 +261,7 @@ def show_timeline(store: Store, episode_id: str) -> EpisodeTimeline:
     responses={200: {"content": {"image/jpeg": {}, "image/png": {}}}},
     response_class=Response,
 )
-def show_frame(store: Store, episode_id: str, frame_id: int) -> Response:
+def show_frame(episode_id: str, frame_id: int, store: EpisodeStore = STORE) -> Response:
     """Return one picture: JPEG as recorded, or PNG."""
     frame = store.open(episode_id).frame(frame_id)
     is_jpeg = frame.encoding is Encoding.JPEG
@@ -278,14 +278,16 @@ def show_frame(store: Store, episode_id: str, frame_id: int) -> Response:
     responses=media("application/octet-stream"),
     response_class=Response,
 )
-def download_episode(store: Store, episode_id: str) -> Response:
+def download_episode(episode_id: str, store: EpisodeStore = STORE) -> Response:
     """Download the recording without its edits."""
     path = store.path(episode_id)
     return FileResponse(path, media_type="application/octet-stream", filename=path.name)
 
 
 @router.patch("/episodes/{episode_id}", dependencies=[PILOT])
-async def change_episode(store: Store, episode_id: str, body: EpisodeChange) -> EpisodeAnswer:
+async def change_episode(
+    episode_id: str, body: EpisodeChange, store: EpisodeStore = STORE
+) -> EpisodeAnswer:
     """Set the title of an episode, or protect it."""
     if body.title is not None:
         await do(store.set_title, episode_id, body.title)
@@ -295,7 +297,7 @@ async def change_episode(store: Store, episode_id: str, body: EpisodeChange) -> 
 
 
 @router.post("/episodes/{episode_id}/edits", dependencies=[PILOT], status_code=201)
-async def edit_episode(store: Store, episode_id: str, body: EpisodeEdit) -> EditList:
+async def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE) -> EditList:
     """Delete or relabel frames, or all others."""
 
     def edit() -> Notes:
@@ -305,31 +307,33 @@ async def edit_episode(store: Store, episode_id: str, body: EpisodeEdit) -> Edit
 
 
 @router.delete("/episodes/{episode_id}/edits/last", dependencies=[PILOT])
-async def undo_edit(store: Store, episode_id: str) -> EditList:
+async def undo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
     """Undo the last edit."""
     return _edits(await do(store.undo_edit, episode_id))
 
 
 @router.post("/episodes/{episode_id}/edits/redo", dependencies=[PILOT])
-async def redo_edit(store: Store, episode_id: str) -> EditList:
+async def redo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
     """Redo the edit that was undone last."""
     return _edits(await do(store.redo_edit, episode_id))
 
 
 @router.post("/episodes/{episode_id}/split", dependencies=[PILOT], status_code=201)
-async def split_episode(store: Store, episode_id: str, body: EpisodeSplit) -> IdAnswer:
+async def split_episode(
+    episode_id: str, body: EpisodeSplit, store: EpisodeStore = STORE
+) -> IdAnswer:
     """Split a recording in two."""
     return IdAnswer(id=await do(store.split, episode_id, body.frame))
 
 
 @router.post("/episodes/{episode_id}/compact", dependencies=[PILOT])
-async def compact_episode(store: Store, episode_id: str) -> UndoAnswer:
+async def compact_episode(episode_id: str, store: EpisodeStore = STORE) -> UndoAnswer:
     """Apply the edits to the recording; `undo` restores the original."""
     return UndoAnswer(undo=await do(store.compact, episode_id))
 
 
 @router.delete("/episodes/{episode_id}", dependencies=[PILOT])
-async def delete_episode(store: Store, episode_id: str) -> UndoAnswer:
+async def delete_episode(episode_id: str, store: EpisodeStore = STORE) -> UndoAnswer:
     """Move an episode to the trash; `undo` is the key that restores it."""
     return UndoAnswer(undo=await do(store.delete, episode_id))
 

@@ -24,7 +24,7 @@ server {
         proxy_pass http://127.0.0.1:ROBOT;
         proxy_http_version 1.1;
         proxy_set_header Upgrade $http_upgrade;
-        proxy_set_header Connection upgrade;
+        proxy_set_header Connection CONNECTION;
     }
 }
 """
@@ -57,9 +57,10 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def plain_site(port: int, robot: int) -> str:
+def plain_site(port: int, robot: int, connection: str = "upgrade") -> str:
     """Return the form that passes on nothing but the request."""
-    return _PLAIN.replace("PORT", str(port)).replace("ROBOT", str(robot))
+    site = _PLAIN.replace("PORT", str(port)).replace("ROBOT", str(robot))
+    return site.replace("CONNECTION", connection)
 
 
 def site_of_the_docs(port: int, robots: Sequence[int], folder: Path, *, tls: bool = True) -> str:

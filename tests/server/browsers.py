@@ -161,7 +161,8 @@ def _serving(way: str, folder: Path, certificates: Certificates) -> Iterator[Any
             site = (
                 site_of_the_docs(port, [server.port], folder, tls=True)
                 if "TLS" in way
-                else plain_site(port, server.port)
+                # The uvicorn of Debian 12 refuses what is called an upgrade and is none.
+                else plain_site(port, server.port, connection="$http_connection")
             )
             stack.enter_context(running_nginx(folder / "nginx", site, port))
         else:
