@@ -33,7 +33,8 @@ export function urgentAdvice(page) {
   if (robot.fault) return { key: 'fault', values: { fault: robot.fault }, level: 'stop' };
   // Nothing is left to be driven: why the robot stands matters no more.
   if (page.session?.step === 'questions') return sessionAdvice(page);
-  if (page.localStop === 'wheel' && robot.mode === 'stopped') return { key: 'local.wheel', level: 'ask' };
+  // In a study its own words say what to choose.
+  if (page.localStop === 'wheel' && robot.mode === 'stopped' && !page.session) return { key: 'local.wheel', level: 'ask' };
   if (page.localStop && page.localStop !== 'wheel') return { key: `local.${page.localStop}`, level: 'stop' };
   if (page.notice === 'start_stale') return { key: page.notice, level: 'stop' };
   if (robot.mode === 'stopped' && robot.stop_reason && robot.stop_reason !== 'pilot_asked') {
