@@ -8,7 +8,7 @@ from typing import Any
 from robot.errors import need
 from robot.lab.baselines.baseline import Baseline
 from robot.policy.action_filter import ActionFilter
-from robot.policy.features import GradientFeatures, GreyFeatures
+from robot.policy.features import Features, GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
 from robot.policy.registry import split_name
 from robot.types import Action
@@ -16,14 +16,7 @@ from robot.types import Action
 
 def make_baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
     """Return a baseline on the paper's pictures; a `Maker`. The number is of neighbours."""
-    return Policy(
-        name,
-        number,
-        _make(name, number),
-        GreyFeatures(),
-        moves=moves,
-        action_filter=ActionFilter.none,
-    )
+    return _unfiltered(number, name, moves, GreyFeatures())
 
 
 def make_rival(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
@@ -35,14 +28,12 @@ def make_network(number: int, name: str, moves: tuple[Action, ...], integer: boo
     """Return a network on small colour pictures; a `Maker`. The number is of hidden units."""
     from robot.lab.baselines.networks import ColourFeatures
 
-    return Policy(
-        name,
-        number,
-        _make(name, number),
-        ColourFeatures(),
-        moves=moves,
-        action_filter=ActionFilter.none,
-    )
+    return _unfiltered(number, name, moves, ColourFeatures())
+
+
+def _unfiltered(number: int, name: str, moves: tuple[Action, ...], features: Features) -> Policy:
+    learner = _make(name, number)
+    return Policy(name, number, learner, features, moves=moves, action_filter=ActionFilter.none)
 
 
 def _make(name: str, number: int) -> Baseline:

@@ -3,7 +3,7 @@ fitted anew when asked after an example."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -96,10 +96,6 @@ class Baseline(Stateful, BaseLearner):
         if len(self._xs) != len(self._ys):
             raise ValueError("the array xs is missing, of which there are labels")
         self._model, self._n_fitted = None, 0
-
-    def faults(self) -> Iterator[str]:
-        if len(self._xs) != len(self._ys):
-            yield "the array xs is missing"
 
 
 def _tenth_parts(n_examples: int) -> int:
