@@ -27,6 +27,7 @@ class DriverCase:
             if it cannot.
         drives: How the body turns and drives now, as a point of any scale; None if that is
             unknown. It must ask the body, not the driver.
+        ramp_s: How long the body may take from one point to any other; 0: it does so at once.
     """
 
     driver: Driver
@@ -37,6 +38,7 @@ class DriverCase:
     budget_s: float | None = None
     mend_link: Callable[[], None] | None = None
     drives: Callable[[], Point] | None = None
+    ramp_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

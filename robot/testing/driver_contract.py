@@ -32,6 +32,9 @@ BACK_WITHIN_S = 5.0
 POINTS = [
     Point(steering, throttle) for steering in (-1.0, -0.5, 0.0, 0.4, 1.0) for throttle in (0.3, 0.8)
 ]
+CORNERS = [
+    Point(steering, throttle) for steering in (-1.0, 0.0, 1.0) for throttle in (-1.0, 0.5, 1.0)
+]
 _REAL = RealClock()
 _REQUESTS = 20
 _PATIENCE_S = 5.0
@@ -185,6 +188,29 @@ class DriverContract:
                     as_move = drives()
                     driver.send_point(move.point)
                     assert drives() == pytest.approx(as_move, abs=1e-6), move.name
+
+    def test_a_point_that_changes_quickly_is_driven_within_the_ramp(
+        self, driver_case: DriverCase
+    ) -> None:
+        """After `ramp_s` the last point counts alone; until then nothing is beyond the limits."""
+        driver, drives = driver_case.driver, driver_case.drives
+        with driver:
+            if not driver.takes_points or drives is None:
+                pytest.skip("it takes no points, or nobody can tell how it drives")
+            reached: dict[Point, Point] = {}
+            for point in CORNERS:
+                driver.send_point(point)
+                driver_case.forward(driver_case.ramp_s)
+                reached[point] = drives()
+                driver.stop()
+            limits = [(min(of), max(of)) for of in zip(*reached.values(), strict=True)]
+            for point in CORNERS[::-1] * 2:
+                for passing in (Point(-point.steering, -point.throttle), point):
+                    driver.send_point(passing)
+                    for part, (least, most) in zip(drives(), limits, strict=True):
+                        assert least - 1e-6 <= part <= most + 1e-6, passing
+                driver_case.forward(driver_case.ramp_s)
+                assert drives() == pytest.approx(reached[point], abs=1e-6), point
 
     def test_it_senses(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:

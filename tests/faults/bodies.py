@@ -33,6 +33,7 @@ from robot.clock import ManualClock
 from robot.driver import Driver
 from robot.errors import DriveError
 from robot.testing import VirtualClock
+from robot.types import Action, Point
 from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
 from tests.standins.double_motor import DoubleMotor
 from tests.standins.ev3_stock import StockFirmware
@@ -275,8 +276,10 @@ OTHERS = (
 """Bodies that are not driven here: what is said of all three faults, and what stops them."""
 
 
-def stood_after_s(name: str, fault: str, seed: int) -> float:
+def stood_after_s(name: str, fault: str, seed: int, *, by_degrees: bool = False) -> float:
     """Drive a body, let one fault happen at a random moment, and return when it stood.
+
+    By degrees a body that takes none drives the moves that they count as.
 
     Raises:
         AssertionError: If it never moved before, or moves again afterwards.
@@ -285,18 +288,30 @@ def stood_after_s(name: str, fault: str, seed: int) -> float:
     with BODIES[name][0](seed) as body:
         driver = body.driver
         driver.connect()
+
+        def choose() -> Action | Point:
+            if not by_degrees:
+                return chance.choice(driver.moves)
+            throttle = chance.choice((-1, 1)) * chance.uniform(0.2, 1.0)
+            return Point(chance.uniform(-1.0, 1.0), throttle)
+
+        def send(meant: Action | Point, speed_scale: float = 1.0) -> None:
+            with contextlib.suppress(DriveError):
+                if isinstance(meant, Point):
+                    driver.send_point(meant, speed_scale=speed_scale)
+                else:
+                    driver.send_action(meant, speed_scale=speed_scale)
+
         end_s = body.clock.now_s() + chance.uniform(0.3, 1.5)
-        move, has_moved = chance.choice(driver.moves), False
+        meant, has_moved = choose(), False
         while body.clock.now_s() < end_s:
             if chance.random() < 0.1:
-                move = chance.choice(driver.moves)
-            with contextlib.suppress(DriveError):
-                driver.send_action(move, speed_scale=chance.uniform(0.2, 1.0))
+                meant = choose()
+            send(meant, chance.uniform(0.2, 1.0))
             has_moved = _pass(body, chance.uniform(0.0, 0.1)) or has_moved
         assert has_moved, "it never moved"
         body.slow_down(chance.uniform(0.08, 1.2))
-        with contextlib.suppress(DriveError):
-            driver.send_action(move)
+        send(meant)
         if fault == "link lost":
             body.lose()
         elif fault == "server killed":
@@ -307,8 +322,7 @@ def stood_after_s(name: str, fault: str, seed: int) -> float:
         last_s = 0.0
         for _ in range(400):
             if fault == "link lost" and chance.random() < 0.04:  # the server goes on, in vain
-                with contextlib.suppress(DriveError):
-                    driver.send_action(move)
+                send(meant)
             if _pass(body, _STEP_S):
                 last_s = body.clock.now_s() - began_s
         return last_s

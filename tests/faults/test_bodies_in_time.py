@@ -10,14 +10,15 @@ from .table import SEEDS
 N_DRIVES = min(max(SEEDS // 5, 3), DRIVES)
 
 
+@pytest.mark.parametrize("by_degrees", [False, True], ids=["by moves", "by degrees"])
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("name", BODIES)
-def test_a_body_stands_when_its_server_is_gone(name: str, fault: str) -> None:
+def test_a_body_stands_when_its_server_is_gone(name: str, fault: str, by_degrees: bool) -> None:
     if name == "gpio":
         pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
     late = {
         seed: stood
         for seed in range(N_DRIVES)
-        if (stood := stood_after_s(name, fault, seed)) >= STANDS_S
+        if (stood := stood_after_s(name, fault, seed, by_degrees=by_degrees)) >= STANDS_S
     }
     assert not late, f"moves on, by seed: {late}"
