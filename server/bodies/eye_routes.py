@@ -103,7 +103,7 @@ class _Eye:
         if said["type"] == "pong":
             self._eye_clock.note(said["server_ms"], said["eye_ms"], self._heard_s * 1000)
         else:
-            self._hub.emergency.latch("eye", Role.EYE)
+            self._hub.latch_emergency("eye", Role.EYE)
 
     async def _see(self, data: bytes) -> None:
         try:

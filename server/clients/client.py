@@ -5,9 +5,8 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 
-from server.clients.flow_control import Order
 from server.config import Config
-from server.protocol import ProtocolError, encode_error
+from server.protocol import ErrorCode, ProtocolError, encode_error
 from server.security.access import Role
 from server.security.pace import Pace
 
@@ -32,7 +31,7 @@ class Client:
         self.id = client_id
         self.role = role
         self.person = person
-        self.order = Order()
+        self._last_seq = 0
         self.pace = Pace(per_second=limits.messages_per_second, burst=limits.messages_burst)
         self.refused = 0
         self._most_refused = limits.refused_before_closing
@@ -44,6 +43,13 @@ class Client:
         self._answers: deque[str] = deque(maxlen=_OUTBOX)
         self._state: str | None = None
         self._waiting = asyncio.Event()
+
+    def require_newer(self, seq: int) -> None:
+        """Refuse a message that arrives out of order: `seq` must grow."""
+        if seq <= self._last_seq:
+            wanted = f"'seq' must be greater than {self._last_seq}, the last one"
+            raise ProtocolError(ErrorCode.OUT_OF_ORDER, wanted, seq)
+        self._last_seq = seq
 
     def send(self, text: str) -> None:
         """Queue an answer or an event."""

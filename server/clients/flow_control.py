@@ -1,4 +1,4 @@
-"""The sequence check of a client's messages, the window of frames in flight to it, and their size.
+"""The window of frames in flight to a viewer, and their size.
 
 Pure: nothing here uses sockets or clocks; the time is an argument.
 """
@@ -10,27 +10,6 @@ from collections import OrderedDict
 from typing import NamedTuple
 
 from server.protocol import ErrorCode, ProtocolError
-
-
-class Order:
-    """Refuses messages that arrive out of order: the `seq` of one connection must grow."""
-
-    def __init__(self) -> None:
-        self._last = 0
-
-    def check(self, seq: int) -> None:
-        """Accept `seq` as the newest.
-
-        Raises:
-            ProtocolError: If it is not greater than all before it.
-        """
-        if seq <= self._last:
-            raise ProtocolError(
-                ErrorCode.OUT_OF_ORDER,
-                f"'seq' must be greater than {self._last}, the last one",
-                seq,
-            )
-        self._last = seq
 
 
 class _Sent(NamedTuple):

@@ -17,11 +17,10 @@ from concurrent.futures import Future
 
 from robot.control.state import Tick
 from robot.devices.rig import Rig
+from robot.driver import describe, move_at
 from robot.types import Frame, Mode, PilotCommand
 from server import protocol
 from server.clients.client import Client
-from server.clients.command import command_of
-from server.clients.emergency import EmergencyStop
 from server.clients.freshness import NonceLedger, why_refused
 from server.clients.lease import Lease
 from server.clients.telemetry import STATE_EVERY_S, describe_body, describe_state, state_every_s
@@ -37,16 +36,17 @@ log = logging.getLogger(__name__)
 class Hub:
     """The server's side of one robot."""
 
+    event_loop: asyncio.AbstractEventLoop
+
     def __init__(self, config: Config, robot: Rig, name: str, events: EventBus) -> None:
         self.config = config
         self.robot = robot
         self.clock = robot.clock
         self.name = name
-        eye = robot.camera.for_the_eye
-        self.video = VideoHub(Encoder(config.jpeg_quality), robot.clock, eye)
+        self.video = VideoHub(Encoder(config.jpeg_quality), robot.clock, robot.camera.for_the_eye)
         self.lease = Lease(config.lease_lapse_s)
         self.nonces = NonceLedger()
-        self.emergency = EmergencyStop(robot.loop)
+        self.stopped_by_teacher = False  # the board of the class, which has not released it yet
         self.refused: Counter[ErrorCode] = Counter()
         self.clients: dict[str, Client] = {}
         self._limit_s = robot.loop.config.gate.command_timeout_s
@@ -58,46 +58,37 @@ class Hub:
         self._is_tick_due = False
         self._events = events
         self._unsubscribe: list[Callable[[], None]] = []
-        self._tasks: list[asyncio.Task[None]] = []
-        self._event_loop: asyncio.AbstractEventLoop | None = None
+        self._timer: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
         """Subscribe to the control loop and the event bus."""
-        self._event_loop = asyncio.get_running_loop()
+        self.event_loop = asyncio.get_running_loop()
 
         def on_tick(tick: Tick) -> None:  # on the control loop's thread
-            if tick.frame is not None:
-                self._frame = tick.frame
+            self._frame = tick.frame or self._frame
             if tick.refused:
                 self._soon(self._tell_refused, tick.refused)
             if not self._is_tick_due and (self.clients or self.video.viewers):
                 self._is_tick_due = True
                 self._soon(self._note_tick)
 
-        def on_event(name: str, fields: dict[str, object]) -> None:  # on any thread
-            self._soon(functools.partial(self.publish_event, name, **fields))
-
+        on_event = functools.partial(self._soon, self._publish_event)  # on any thread
         self._unsubscribe = [self.robot.loop.subscribe(on_tick), self._events.subscribe(on_event)]
-        self._tasks = [asyncio.create_task(self._run_timer())]
+        self._timer = asyncio.create_task(self._run_timer())
 
     async def stop(self) -> None:
         """Unsubscribe, and stop the robot if a client drove it."""
         for unsubscribe in self._unsubscribe:
             unsubscribe()
         self.robot.loop.empty_command()
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        if self._timer is not None:
+            self._timer.cancel()
+            await asyncio.gather(self._timer, return_exceptions=True)
 
     def _soon(self, call: Callable[..., None], *args: object) -> None:
         """Have something called on the event loop; may be called on any thread."""
         with contextlib.suppress(RuntimeError):  # the server has just ended
-            if self._event_loop is not None:
-                self._event_loop.call_soon_threadsafe(call, *args)
-
-    def tasks(self) -> int:
-        """Return how many tasks the event loop has; no client may leave one behind."""
-        return len(asyncio.all_tasks(self._event_loop)) if self._event_loop else 0
+            self.event_loop.call_soon_threadsafe(call, *args)
 
     # Clients -----------------------------------------------------------------------------------
 
@@ -132,12 +123,10 @@ class Hub:
         self._show_newest()
         self.video.add(viewer)
 
-    async def stream(self) -> AsyncGenerator[bytes, None]:
+    def stream(self) -> AsyncGenerator[bytes, None]:
         """Yield the newest frames as JPEG until the caller closes the generator."""
         self._show_newest()
-        async with contextlib.aclosing(self.video.stream()) as frames:
-            async for jpeg in frames:
-                yield jpeg
+        return self.video.stream()
 
     def leave(self, client: Client) -> None:
         """Remove a client that disconnected; if it had the wheel, the robot stops now."""
@@ -187,10 +176,9 @@ class Hub:
                 encode_message("pong", client_ms=message.client_ms, server_ms=self.now_ms())
             )
         elif message is BareMessage.STOP:
-            self.emergency.latch(client.id, client.role)
+            self.latch_emergency(client.id, client.role)
         elif message is BareMessage.RELEASE:
-            has_wheel = self.lease.owner == client.id
-            self.emergency.release(client.id, client.role, has_wheel=has_wheel)
+            self._release_emergency(client)
         elif message is BareMessage.TAKE:
             self._handle_take(client, now_s)
         elif message in (BareMessage.IDLE, BareMessage.WATCH):
@@ -200,8 +188,25 @@ class Hub:
         elif self.lease.give_up(client.id, now_s):
             self._pilot_changed()
 
+    def latch_emergency(self, source: str, role: Role) -> None:
+        """Stop the robot, whoever asks; what the teacher stops, only the teacher releases."""
+        self.stopped_by_teacher |= role is Role.TEACHER
+        self.robot.loop.latch_emergency()
+        log.warning("emergency client=%s", source)
+
+    def _release_emergency(self, client: Client) -> None:
+        """Allow modes to be chosen again; the robot stays stopped until one is."""
+        if client.role is Role.TEACHER:
+            self.stopped_by_teacher = False
+        elif self.stopped_by_teacher:
+            raise ProtocolError(ErrorCode.TEACHER_STOP, "only the board of the class releases this")
+        else:
+            self._require_wheel(client)
+        self.robot.loop.release_emergency()
+        log.info("release client=%s", client.id)
+
     def _handle_mode(self, client: Client, message: protocol.ModeMessage, now_s: float) -> None:
-        client.order.check(message.seq)
+        client.require_newer(message.seq)
         self._require_wheel(client, message.seq)
         self.lease.renew(client.id, now_s)
         if message.mode is not Mode.STOPPED:
@@ -215,10 +220,9 @@ class Hub:
         log.info("mode client=%s mode=%s", client.id, message.mode.value)
 
     def _require_known_frame(self, frame: int | None, seq: int) -> None:
-        if frame is not None and frame > (self.robot.loop.state.frame_id or 0):
-            raise ProtocolError(
-                ErrorCode.UNKNOWN_FRAME, f"frame {frame} has not been taken yet", seq
-            )
+        if (frame or 0) > (self.robot.loop.state.frame_id or 0):
+            sentence = f"frame {frame} has not been taken yet"
+            raise ProtocolError(ErrorCode.UNKNOWN_FRAME, sentence, seq)
 
     def _note_asked(
         self, client: Client, message: protocol.ModeMessage, asked: Future[bool]
@@ -229,14 +233,21 @@ class Hub:
             self._soon(self.refuse, client, why_refused(message.frame, message.seq, self._limit_s))
 
     def _handle_drive(self, client: Client, message: protocol.DriveMessage, now_s: float) -> None:
-        client.order.check(message.seq)
+        client.require_newer(message.seq)
         self._require_wheel(client, message.seq)
         self._require_known_frame(message.frame, message.seq)
         self.lease.renew(client.id, now_s)
-        self.robot.loop.command(
-            command_of(
-                message,
-                self.robot,
+        held, point, loop = message.held, message.point, self.robot.loop
+        if point is not None:
+            held = move_at(point, describe(loop.state.moves, self.robot.driver.declared_moves))
+        loop.command(
+            PilotCommand(
+                held=held,
+                point=point if held else None,
+                frame_id=message.frame,
+                seq=message.seq,
+                frame_age_s=message.frame_age_ms and message.frame_age_ms / 1000,
+                phone_s=message.phone_ms and message.phone_ms / 1000,
                 received_s=self.clock.now_s(),
                 pilot=client.id,
                 proven_s=self.nonces.issued_s(message.nonce),
@@ -249,8 +260,7 @@ class Hub:
             raise ProtocolError(ErrorCode.NOT_PILOT, "this browser was paired as a viewer")
         before = self.lease.owner
         if not self.lease.take(client.id, now_s):
-            owner = self.clients.get(before or "")
-            if owner is not None:
+            if owner := self.clients.get(before or ""):
                 owner.send(encode_message("event", name="wheel_asked", client=client.id))
             client.send(encode_message("event", name="wheel_waiting", pilot=before))
         elif before != client.id:
@@ -270,7 +280,7 @@ class Hub:
 
     # Publishing --------------------------------------------------------------------------------
 
-    def publish_event(self, name: str, **fields: object) -> None:
+    def _publish_event(self, name: str, fields: dict[str, object]) -> None:
         """Send one event to all clients."""
         text = encode_message("event", name=name, **fields)
         for client in self.clients.values():
@@ -282,24 +292,24 @@ class Hub:
 
     def publish_state(self) -> None:
         """Send the present state to all clients."""
-        self._sent = self._urgent()
-        self._sent_s = self.clock.now_s()
+        self._sent, self._sent_s = self._urgent(), self.clock.now_s()
         if not self.clients:
             return
         owner = self.lease.owner
-        state = describe_state(self.robot.loop.state, self.now_ms())
-        state["nonce"] = self.nonces.issue(self.robot.clock.now_s())
-        state["pilot"] = owner
-        state["stopped_by_teacher"] = self.emergency.by_teacher
-        state["viewers"] = len(self.clients) - (owner in self.clients)
-        texts: dict[bool, str] = {}
+        state = {
+            **describe_state(self.robot.loop.state, self.now_ms()),
+            "nonce": self.nonces.issue(self._sent_s),
+            "pilot": owner,
+            "stopped_by_teacher": self.stopped_by_teacher,
+            "viewers": len(self.clients) - (owner in self.clients),
+        }
+        texts: dict[bool, str] = {}  # encoded once for all viewers
         for client in self.clients.values():
-            if not client.is_state_due(self._sent, self._sent_s):
-                continue
-            is_pilot = client.id == owner
-            if is_pilot not in texts:
-                texts[is_pilot] = encode_message("state", you_are_pilot=is_pilot, **state)
-            client.send_state(texts[is_pilot])
+            if client.is_state_due(self._sent, self._sent_s):
+                is_pilot = client.id == owner
+                if is_pilot not in texts:
+                    texts[is_pilot] = encode_message("state", you_are_pilot=is_pilot, **state)
+                client.send_state(texts[is_pilot])
 
     def _urgent(self) -> object:
         """What is published at once when it changes."""
@@ -307,33 +317,26 @@ class Hub:
         decision = state.decision
         return (
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
-            *(state.link, state.emergency, state.fault),
-            self.emergency.by_teacher,
-            self.lease.owner,
+            *(state.link, state.emergency, state.fault, self.stopped_by_teacher, self.lease.owner),
         )
-
-    # Ticks -------------------------------------------------------------------------------------
 
     def _tell_refused(self, refused: Sequence[PilotCommand]) -> None:
         """Tell clients what the gate has refused, and why."""
         for command in refused:
-            client = self.clients.get(command.pilot)
-            if client is not None:
+            if client := self.clients.get(command.pilot):
                 self.refuse(client, why_refused(command.frame_id, command.seq, self._limit_s))
 
     def _note_tick(self) -> None:
         """Publish the newest tick: on the event loop, at most once per wake-up."""
         self._is_tick_due = False
         self._show_newest()
-        if self.clients and (
-            self.clock.now_s() - self._sent_s >= state_every_s(self.robot.loop.state)
-            or self._urgent() != self._sent
-        ):
+        since_s = self.clock.now_s() - self._sent_s
+        if since_s >= state_every_s(self.robot.loop.state) or self._urgent() != self._sent:
             self.publish_state()
 
     def _show_newest(self) -> None:
         if self._frame is not None and self._frame is not self.video.newest:
-            self.video.show(self._frame, self.nonces.issue(self.robot.clock.now_s()))
+            self.video.show(self._frame, self.nonces.issue(self.clock.now_s()))
 
     async def _run_timer(self) -> None:
         """Pass on a lapsed wheel, and publish the state even if the control loop stalls."""
@@ -341,8 +344,6 @@ class Hub:
             due_s = self.clock.now_s() + STATE_EVERY_S
             await self.clock.pause(STATE_EVERY_S)
             self.robot.loop.note_lateness(self.clock.now_s() - due_s)
-            if not self.clients:
-                continue
             if self.lease.pass_on_if_lapsed(self.clock.now_s()):
                 self._pilot_changed()
             if self.clock.now_s() - self._sent_s >= STATE_EVERY_S:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass, replace
@@ -15,13 +16,27 @@ from robot.clock import Clock
 from robot.errors import MissingExtraError
 from robot.types import Encoding, Frame
 from server.clients.flow_control import PictureSize, VideoWindow
-from server.clients.metrics import AGE_BUCKETS_S, Histogram
 from server.protocol import VideoFrame, encode_picture
 
 _REMEMBERED_FRAMES = 256
 """How many frames' capture times are remembered."""
 _FREQUENT_S = 0.06
 """Frames that come less often are all acknowledged: a pilot who sees nothing is noticed soon."""
+
+
+class FrameAges:
+    """How old frames were when a viewer had drawn them: how many up to each bound, in seconds."""
+
+    bounds = (0.025, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
+
+    def __init__(self) -> None:
+        self.counts = [0] * (len(self.bounds) + 1)
+        self.total = 0.0
+
+    def note(self, age_s: float) -> None:
+        """Count one age."""
+        self.counts[bisect_left(self.bounds, age_s)] += 1
+        self.total += age_s
 
 
 class Encoder:
@@ -160,7 +175,7 @@ class VideoHub:
         self._captured_s: OrderedDict[int, float] = OrderedDict()
         self.frames_encoded = 0
         self.frames_sent = 0
-        self.frame_ages = Histogram(AGE_BUCKETS_S)
+        self.frame_ages = FrameAges()
 
     @property
     def viewers(self) -> int:

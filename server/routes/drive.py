@@ -17,7 +17,7 @@ router = APIRouter(route_class=Route)
 @router.post(STOP_PATH, dependencies=[VIEWER])
 async def stop(request: Request) -> dict[str, bool]:
     """Latch the emergency stop, for a page without a websocket. Any admitted client may."""
-    services_of(request).hub.emergency.latch("http", role_of(request))
+    services_of(request).hub.latch_emergency("http", role_of(request))
     return {"emergency": True}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from robot.exchange.drive import write_episode
@@ -14,10 +14,9 @@ from robot.exchange.sources import find_drives
 from robot.exchange.tub import write_tub
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import open_episode, taught_frames
-from robot.testing import VirtualClock
-from robot.testing.world import VirtualRobot
-from server.clients.metrics import AGE_BUCKETS_S, Histogram, Measured, render
+from server.routes.health import render_metrics
 from tests.robot.exchange.sim_drive import drive_in_simulator
+from tests.server.virtual import ServedWorld, virtually
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,24 +49,16 @@ def make_samples(folder: Path) -> Samples:
 
 def metrics_of_a_robot() -> str:
     """Return `/metrics` of a robot that does everything."""
-    clock = VirtualClock()
 
-    async def measure() -> str:
-        async with VirtualRobot(clock) as world:
-            await world.forward(1.0)
-            measured = Measured(
-                state=replace(world.loop.state, pilot_frame_age_s=0.1),
-                now_s=clock.now_s(),
-                clients=1,
-                viewers=1,
-                frames_sent=1,
-                frames_encoded=1,
-                frame_ages=Histogram(AGE_BUCKETS_S),
-                turned_away={"rate": 1},
-            )
-        return render(measured).decode()
+    async def scenario(world: ServedWorld) -> str:
+        pilot = await world.pilot(sees=True)
+        pilot.mode("train")
+        pilot.hold("forward")
+        await world.forward(1.0)
+        world.services.turned_away["rate"] += 1
+        return render_metrics(world.services).decode()
 
-    return clock.run(measure())
+    return virtually(scenario)
 
 
 def imports_of(folder: Path) -> str:

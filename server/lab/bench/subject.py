@@ -7,6 +7,7 @@ that the process and its serving thread have used, and what loop and body have n
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import ctypes
 import gc
@@ -68,7 +69,7 @@ def main() -> None:
                 "late_cycles": state.late_cycles,
                 "changes": [(at_s, action.value) for at_s, action in driver.changes],
                 "threads": threading.active_count(),
-                "tasks": services.hub.tasks(),
+                "tasks": len(asyncio.all_tasks(services.hub.event_loop)),
                 "moved_s": driver.moved_s,
                 "mode": state.decision.mode.value,
                 "stop_reason": state.decision.stop_reason,

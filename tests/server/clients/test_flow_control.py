@@ -1,4 +1,4 @@
-"""The order of messages, the window of frames in flight and their size; time is an argument."""
+"""The window of frames in flight and their size; time is an argument."""
 
 from __future__ import annotations
 
@@ -7,17 +7,8 @@ from itertools import count
 
 import pytest
 
-from server.clients.flow_control import Order, PictureSize, VideoWindow
+from server.clients.flow_control import PictureSize, VideoWindow
 from server.protocol import ProtocolError
-
-
-def test_order_must_grow() -> None:
-    order = Order()
-    order.check(1)
-    order.check(7)
-    for late in (7, 3):
-        with pytest.raises(ProtocolError, match="greater than 7"):
-            order.check(late)
 
 
 class _Link:
