@@ -16,12 +16,14 @@ import json
 import posixpath
 import re
 from base64 import b64encode
-from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 ENTRY = "js/main.js"
+_ICONS = (".png", ".svg", ".webmanifest")
+_APART = "-study.js"
+"""Not fetched by every visitor: the study is kept once it was opened."""
 STYLES = ("base.css", "drive.css", "screens.css")
 _BLOCK = r"/\*(?:[^*]|\*(?!/))*\*/"
 _COMMENT = re.compile(
@@ -49,63 +51,63 @@ class JoinedPage:
         html: The document. Its inline script and style are allowed by `inline`, their hashes.
         files: The content of each joined file, by its address below the page's own.
         pair: The script of the page that pairs a browser, with its sentences: it may load no more.
+        shell: The addresses of all that the service worker keeps after the first visit.
     """
 
     html: bytes
     inline: tuple[str, ...]
     files: dict[str, bytes]
     pair: bytes
+    shell: list[str]
 
 
 def join_page(folder: Path) -> JoinedPage:
     """Return the page of a folder as it is now; joined anew when a file has changed."""
-    sources = [path for path in folder.rglob("*") if path.suffix in (".js", ".css", ".html")]
+    sources = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     newest = max(path.stat().st_mtime_ns for path in sources)
-    return _join(folder, (newest, len(sources)))
+    icons = (path.relative_to(folder).as_posix() for path in sources if path.suffix in _ICONS)
+    return _join(folder, (newest, len(sources)), tuple(icons))
 
 
 @lru_cache(maxsize=4)
-def _join(folder: Path, _version: tuple[int, int]) -> JoinedPage:
+def _join(folder: Path, _version: tuple[int, int], icons: tuple[str, ...]) -> JoinedPage:
     joiner = _Joiner(folder)
+    style = "\n".join((folder / "css" / name).read_text("utf-8") for name in STYLES)
+    style = _INDENT.sub("", _CSS_COMMENT.sub("", style)).strip() + "\n"
+    first: dict[str, dict[str, str]] = {}
+    pair: dict[str, dict[str, str]] = {}
+    languages: dict[str, str] = {}
+    for path in sorted((folder / "js" / "messages").glob("*.js")):
+        text, code = path.read_text("utf-8"), path.stem
+        languages[code] = joiner.add(f"js/{path.name}", shrink(text))
+        said = {key: words.replace("\\'", "'") for key, words in _SENTENCE.findall(text)}
+        stop = {"emergency_stop": said.get("emergency_stop", "STOP")}
+        first[code], pair[code] = _part(said, "first.") | stop, _part(said, "pair.")
     html = (folder / "index.html").read_text("utf-8")
-    style = joiner.add("css", "page.css", _shrink_css(folder / "css" / name for name in STYLES))
-    languages = joiner.languages()
-    html = html.replace("'css/page.css'", f"'{style}'")
-    html = html.replace(f"'{ENTRY}'", f"'{joiner.entry(languages)}'")
-    first = _words(folder, "first.")
-    for path in folder.glob("js/messages/*.js"):
-        said = dict(_SENTENCE.findall(path.read_text("utf-8")))
-        first[path.stem]["emergency_stop"] = said.get("emergency_stop", "STOP")
-    html = html.replace("{/* words */}", _literal(first))
-    pair = (folder / "js" / "pair.js").read_text("utf-8")
-    pair = pair.replace("{/* pair. */}", _literal(_words(folder, "pair.")))
-    html = html.replace("{/* messages */}", json.dumps(languages))
+    for place, put in {
+        "'css/page.css'": f"'{joiner.add('css/page.css', style)}'",
+        f"'{ENTRY}'": f"'{joiner.entry(languages)}'",
+        "{/* words */}": _literal(first),
+        "{/* messages */}": json.dumps(languages),
+    }.items():
+        html = html.replace(place, put)
     inline = tuple(
         f"'sha256-{b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
         for text in re.findall(r"<(?:script|style)>(.*?)</(?:script|style)>", html, re.S)
     )
-    return JoinedPage(html.encode(), inline, joiner.files, pair.encode())
+    script = (folder / "js" / "pair.js").read_text("utf-8")
+    script = script.replace("{/* pair. */}", _literal(pair))
+    shell = ["./", *(name for name in joiner.files if not name.endswith(_APART)), *icons]
+    return JoinedPage(html.encode(), inline, joiner.files, script.encode(), shell)
 
 
-def _words(folder: Path, part: str) -> dict[str, dict[str, str]]:
-    """Return the sentences of one part of the messages in every language, without its prefix."""
-    return {
-        path.stem: {
-            key.removeprefix(part): text.replace("\\'", "'")
-            for key, text in _SENTENCE.findall(path.read_text("utf-8"))
-            if key.startswith(part)
-        }
-        for path in sorted((folder / "js" / "messages").glob("*.js"))
-    }
+def _part(said: dict[str, str], prefix: str) -> dict[str, str]:
+    """Return the sentences whose keys begin so, by the rest of their keys."""
+    return {key.removeprefix(prefix): text for key, text in said.items() if key.startswith(prefix)}
 
 
 def _literal(words: dict[str, dict[str, str]]) -> str:
     return json.dumps(words, ensure_ascii=False).replace("<", "\\u003c")
-
-
-def _shrink_css(paths: Iterable[Path]) -> str:
-    text = "\n".join(path.read_text("utf-8") for path in paths)
-    return _INDENT.sub("", _CSS_COMMENT.sub("", text)).strip() + "\n"
 
 
 def shrink(source: str) -> str:
@@ -116,36 +118,31 @@ def shrink(source: str) -> str:
 class _Joiner:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._sources: dict[str, str] = {}
+        self._source = cache(self._read)
         self.files: dict[str, bytes] = {}
 
-    def add(self, kind: str, name: str, text: str) -> str:
-        """Keep a file; returns its address."""
-        data = text.encode()
-        address = f"{kind}/{hashlib.sha256(data).hexdigest()[:10]}-{name}"
+    def add(self, name: str, text: str) -> str:
+        """Keep a file, named by its content; returns its address."""
+        data, (kind, base) = text.encode(), name.split("/")
+        address = f"{kind}/{hashlib.sha256(data).hexdigest()[:10]}-{base}"
         self.files[address] = data
         return address
 
-    def languages(self) -> dict[str, str]:
-        """Keep each language as a file of its own; returns the addresses."""
-        folder = self._folder / "js" / "messages"
-        return {
-            path.stem: self.add("js", f"{path.stem}.js", shrink(path.read_text("utf-8")))
-            for path in sorted(folder.glob("*.js"))
-        }
-
     def entry(self, languages: dict[str, str]) -> str:
         """Join all modules; returns the address of the first file."""
-        first = self._closure([ENTRY])
-        chunks, known = [], set(first)
+        known = self._closure([ENTRY])
         addresses = {f"js/messages/{code}.js": [_beside(at)] for code, at in languages.items()}
-        for name, below in self._rooms(known):
-            modules = [m for m in self._closure(below) if m not in known]
-            known |= set(modules)
-            text = "const { modules: $m, load: $load } = globalThis.joined;\n"
-            chunks.append(_beside(self.add("js", f"{name}.js", text + self._text(modules))))
-            addresses.update({module: list(chunks) for module in modules})
-        start = (
+        start, chunks = self._text(known), list[str]()
+        for room in sorted(path for path in (self._folder / "js").iterdir() if path.is_dir()):
+            below = [f"js/{room.name}/{path.name}" for path in sorted(room.glob("*.js"))]
+            modules = [module for module in self._closure(below) if module not in known]
+            if room.name != "messages" and modules:
+                name = "screens" if room.name == "components" else room.name
+                text = "const { modules: $m, load: $load } = globalThis.joined;\n"
+                chunks.append(_beside(self.add(f"js/{name}.js", text + self._text(modules))))
+                addresses.update({module: list(chunks) for module in modules})
+                known += modules
+        loading = (
             f"const $files = {json.dumps(addresses)};\n"
             "if (globalThis.joined) throw new Error('the page is there already');\n"
             "const $m = {}, $tries = {};\n"
@@ -156,36 +153,22 @@ class _Joiner:
             "return $m[path] || got;\n};\n"
             "globalThis.joined = { modules: $m, load: $load };\n"
         )
-        return self.add("js", "drive.js", start + self._text(first))
-
-    def _rooms(self, known: set[str]) -> list[tuple[str, list[str]]]:
-        """Return what is fetched when a screen is opened: components, then each other folder."""
-        below = self._folder / "js"
-        rooms = []
-        for room in sorted(path.name for path in below.iterdir() if path.is_dir()):
-            names = [f"js/{room}/{path.name}" for path in sorted((below / room).glob("*.js"))]
-            missing = [name for name in names if name not in known]
-            if room != "messages" and missing:
-                rooms.append(("screens" if room == "components" else room, missing))
-        return rooms
+        return self.add("js/drive.js", loading + start)
 
     def _worker(self, module: str) -> str:
         text = self._text(self._closure([module]))
-        start = f"'use strict';\nconst $m = {{}};\n{text}"
-        return self.add("js", posixpath.basename(module), start)
+        return self.add(
+            f"js/{posixpath.basename(module)}", f"'use strict';\nconst $m = {{}};\n{text}"
+        )
 
-    def _source(self, module: str) -> str:
-        if module not in self._sources:
-            try:
-                source = (self._folder / module).read_text("utf-8")
-            except FileNotFoundError:
-                raise JoinError(f"no module {module}: is its import spelt right?") from None
-            if found := re.search(r"^await .*", source, re.M):
-                raise JoinError(
-                    f"{module}: cannot join {found[0]!r}: it waits outside of a function"
-                )
-            self._sources[module] = shrink(source)
-        return self._sources[module]
+    def _read(self, module: str) -> str:
+        try:
+            source = (self._folder / module).read_text("utf-8")
+        except FileNotFoundError:
+            raise JoinError(f"no module {module}: is its import spelt right?") from None
+        if found := re.search(r"^await .*", source, re.M):
+            raise JoinError(f"{module}: cannot join {found[0]!r}: it waits outside of a function")
+        return shrink(source)
 
     def _closure(self, wanted: list[str]) -> list[str]:
         """Return modules with all that they import, in the order in which they are evaluated."""
@@ -193,12 +176,11 @@ class _Joiner:
         begun: set[str] = set()
 
         def visit(module: str) -> None:
-            if module in begun:
-                return
-            begun.add(module)
-            for _, _, path in _IMPORT.findall(self._source(module)):
-                visit(_resolve(module, path))
-            done.append(module)
+            if module not in begun:
+                begun.add(module)
+                for _, _, path in _IMPORT.findall(self._source(module)):
+                    visit(_resolve(module, path))
+                done.append(module)
 
         for module in wanted:
             visit(module)

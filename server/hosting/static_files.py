@@ -9,7 +9,7 @@ from pathlib import Path
 
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
-from starlette.responses import FileResponse, Response
+from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
@@ -18,7 +18,6 @@ from server.security.guard import content_policy
 
 _TEXT = ("text/", "application/json", "application/manifest+json", "image/svg+xml")
 _FOR_EVER = "max-age=31536000, immutable"
-_KINDS = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8"}
 
 
 class CompressedFiles(StaticFiles):
@@ -27,19 +26,7 @@ class CompressedFiles(StaticFiles):
     async def get_response(self, path: str, scope: Scope) -> Response:
         """Answer with the file, compressed if it is text."""
         response = await super().get_response(path, scope)
-        kind = response.headers.get("content-type", "")
-        is_text = kind.startswith(_TEXT)
-        if not (_takes_gzip(scope) and is_text and isinstance(response, FileResponse)):
-            return response
-        etag = response.headers.get("etag", "")
-        headers = {
-            "etag": etag,
-            "last-modified": response.headers.get("last-modified", ""),
-            "content-encoding": "gzip",
-            "content-type": kind,
-            "vary": "accept-encoding",
-        }
-        return Response(_pack_file(str(response.path), etag), response.status_code, headers)
+        return _compress(response, scope) if isinstance(response, FileResponse) else response
 
 
 class PageFiles(CompressedFiles):
@@ -58,14 +45,15 @@ class PageFiles(CompressedFiles):
             self._page = await run_in_threadpool(join_page, self._folder)
         if is_document:
             return _document(self._page, scope)
+        if path == "shell.json":
+            return JSONResponse(self._page.shell)
+        kind = "text/css" if path.endswith(".css") else "text/javascript"
         if path == "js/pair.js":
-            fresh = {"content-type": _KINDS[".js"], "cache-control": "no-cache"}
-            return _answer(self._page.pair, scope, fresh)
-        joined = self._page.files.get(path)
-        if joined is None:
-            return await super().get_response(path, scope)
-        kind = _KINDS[Path(path).suffix]
-        return _answer(joined, scope, {"content-type": kind, "cache-control": _FOR_EVER})
+            return _compress(Response(self._page.pair, media_type=kind), scope)
+        if path in self._page.files:
+            kept = {"cache-control": _FOR_EVER}
+            return _compress(Response(self._page.files[path], 200, kept, kind), scope)
+        return await super().get_response(path, scope)
 
 
 def _document(page: JoinedPage, scope: Scope) -> Response:
@@ -83,27 +71,26 @@ def _document(page: JoinedPage, scope: Scope) -> Response:
     }
     if sent.get("if-none-match") == etag:
         return Response(status_code=304, headers=headers)
-    return _answer(page.html, scope, {"content-type": "text/html; charset=utf-8", **headers})
+    return _compress(Response(page.html, 200, headers, "text/html"), scope)
 
 
-def _answer(data: bytes, scope: Scope, headers: dict[str, str]) -> Response:
+def _compress(response: Response, scope: Scope) -> Response:
+    """Return a whole text compressed, where the client takes that."""
+    headers = response.headers
+    if not headers.get("content-type", "").startswith(_TEXT):
+        return response
     headers["vary"] = "accept-encoding"
-    if _takes_gzip(scope):
-        headers["content-encoding"] = "gzip"
-        data = _pack(data)
-    return Response(data, headers=headers)
+    if "gzip" not in Headers(scope=scope).get("accept-encoding", ""):
+        return response
+    if isinstance(response, FileResponse):
+        data = Path(response.path).read_bytes()
+    else:
+        data = bytes(response.body)
+    about_data = ("content-length", "accept-ranges")
+    kept = {name: value for name, value in headers.items() if name not in about_data}
+    return Response(_pack(data), response.status_code, {**kept, "content-encoding": "gzip"})
 
 
-def _takes_gzip(scope: Scope) -> bool:
-    return "gzip" in Headers(scope=scope).get("accept-encoding", "")
-
-
-@lru_cache(maxsize=128)
-def _pack_file(path: str, version: str) -> bytes:
-    """Return the file's bytes, compressed; `version` changes with the file."""
-    return gzip.compress(Path(path).read_bytes(), 9, mtime=0)
-
-
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=160)
 def _pack(data: bytes) -> bytes:
     return gzip.compress(data, 9, mtime=0)

@@ -15,7 +15,6 @@ MODULES = (
     "drive",
     "video",
     "health",
-    "shell",
     "mjpeg",
     "pairing",
     "models",
