@@ -1,8 +1,8 @@
 """The routes, one module for each topic. Each has a `router`; `routers` lists them all.
 
-A route that reads depends on `server.security.guard.require_viewer`, one that changes
-something on `require_pilot`; all services are in `services_of(request)`. Requests that touch the
-learner go through `robot.loop.submit`. See docs/reference/http.md.
+Who may ask for what is the guard's (`server.security.access`): a viewer may read. All services are
+in `services_of(request)`. Requests that touch the learner go through `robot.loop.submit`. See
+docs/reference/http.md.
 """
 
 from __future__ import annotations

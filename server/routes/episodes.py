@@ -21,7 +21,6 @@ from robot.store.episodes.summary import EpisodeSummary
 from robot.types import Encoding
 from server.routes.answers import IdAnswer, Of, Route, UndoAnswer, answer, media
 from server.routes.bodies import Key, do
-from server.security.guard import PILOT, VIEWER
 from server.services import persistence_of
 
 router = APIRouter(prefix="/api", route_class=Route)
@@ -171,7 +170,7 @@ def _describe(summary: EpisodeSummary, recording: str | None = None) -> EpisodeA
     return answer(EpisodeAnswer, summary, recording=summary.id == recording)
 
 
-@router.get("/episodes", dependencies=[VIEWER], responses={200: {"model": EpisodeList}})
+@router.get("/episodes", responses={200: {"model": EpisodeList}})
 def list_episodes(request: Request) -> Response:
     """List all episodes, the newest first."""
     persistence = persistence_of(request)
@@ -188,7 +187,7 @@ def list_episodes(request: Request) -> Response:
     return Response(text, media_type="application/json")
 
 
-@router.get("/storage", dependencies=[VIEWER])
+@router.get("/storage")
 def show_storage(request: Request) -> StorageAnswer:
     """Return the disk usage, and which episodes could be deleted if it is too much."""
     persistence = persistence_of(request)
@@ -197,13 +196,13 @@ def show_storage(request: Request) -> StorageAnswer:
     return StorageAnswer(**usage, budget=store.budget_bytes, offered=offered)
 
 
-@router.post("/episodes/restore", dependencies=[PILOT])
+@router.post("/episodes/restore")
 async def restore_episode(body: Key, store: EpisodeStore = STORE) -> IdAnswer:
     """Restore a deleted episode."""
     return IdAnswer(id=await do(store.restore, body.undo))
 
 
-@router.get("/episodes/{episode_id}", dependencies=[VIEWER])
+@router.get("/episodes/{episode_id}")
 def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE) -> EpisodeDetails:
     """Describe one episode, with its edits and the run's metadata."""
     episode, notes = store.open(episode_id), store.notes(episode_id)
@@ -225,7 +224,7 @@ def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE)
     )
 
 
-@router.get("/episodes/{episode_id}/strip", dependencies=[VIEWER])
+@router.get("/episodes/{episode_id}/strip")
 def show_strip(
     episode_id: str,
     count: int = 24,
@@ -244,7 +243,7 @@ def show_strip(
     return Strip(frames=[answer(FrameAnswer, moment) for moment in chosen], of=len(found))
 
 
-@router.get("/episodes/{episode_id}/timeline", dependencies=[VIEWER])
+@router.get("/episodes/{episode_id}/timeline")
 def show_timeline(episode_id: str, store: EpisodeStore = STORE) -> EpisodeTimeline:
     """Return every picture's label, prediction and driver, as columns for drawing."""
     found = moments(store.open(episode_id), store.notes(episode_id))
@@ -257,7 +256,6 @@ def show_timeline(episode_id: str, store: EpisodeStore = STORE) -> EpisodeTimeli
 
 @router.get(
     "/episodes/{episode_id}/frames/{frame_id}",
-    dependencies=[VIEWER],
     responses={200: {"content": {"image/jpeg": {}, "image/png": {}}}},
     response_class=Response,
 )
@@ -274,7 +272,6 @@ def show_frame(episode_id: str, frame_id: int, store: EpisodeStore = STORE) -> R
 
 @router.get(
     "/episodes/{episode_id}/file",
-    dependencies=[VIEWER],
     responses=media("application/octet-stream"),
     response_class=Response,
 )
@@ -284,7 +281,7 @@ def download_episode(episode_id: str, store: EpisodeStore = STORE) -> Response:
     return FileResponse(path, media_type="application/octet-stream", filename=path.name)
 
 
-@router.patch("/episodes/{episode_id}", dependencies=[PILOT])
+@router.patch("/episodes/{episode_id}")
 async def change_episode(
     episode_id: str, body: EpisodeChange, store: EpisodeStore = STORE
 ) -> EpisodeAnswer:
@@ -296,7 +293,7 @@ async def change_episode(
     return _describe(await do(store.summary, episode_id))
 
 
-@router.post("/episodes/{episode_id}/edits", dependencies=[PILOT], status_code=201)
+@router.post("/episodes/{episode_id}/edits", status_code=201)
 async def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE) -> EditList:
     """Delete or relabel frames, or all others."""
 
@@ -306,19 +303,19 @@ async def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore =
     return _edits(await do(edit))
 
 
-@router.delete("/episodes/{episode_id}/edits/last", dependencies=[PILOT])
+@router.delete("/episodes/{episode_id}/edits/last")
 async def undo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
     """Undo the last edit."""
     return _edits(await do(store.undo_edit, episode_id))
 
 
-@router.post("/episodes/{episode_id}/edits/redo", dependencies=[PILOT])
+@router.post("/episodes/{episode_id}/edits/redo")
 async def redo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
     """Redo the edit that was undone last."""
     return _edits(await do(store.redo_edit, episode_id))
 
 
-@router.post("/episodes/{episode_id}/split", dependencies=[PILOT], status_code=201)
+@router.post("/episodes/{episode_id}/split", status_code=201)
 async def split_episode(
     episode_id: str, body: EpisodeSplit, store: EpisodeStore = STORE
 ) -> IdAnswer:
@@ -326,13 +323,13 @@ async def split_episode(
     return IdAnswer(id=await do(store.split, episode_id, body.frame))
 
 
-@router.post("/episodes/{episode_id}/compact", dependencies=[PILOT])
+@router.post("/episodes/{episode_id}/compact")
 async def compact_episode(episode_id: str, store: EpisodeStore = STORE) -> UndoAnswer:
     """Apply the edits to the recording; `undo` restores the original."""
     return UndoAnswer(undo=await do(store.compact, episode_id))
 
 
-@router.delete("/episodes/{episode_id}", dependencies=[PILOT])
+@router.delete("/episodes/{episode_id}")
 async def delete_episode(episode_id: str, store: EpisodeStore = STORE) -> UndoAnswer:
     """Move an episode to the trash; `undo` is the key that restores it."""
     return UndoAnswer(undo=await do(store.delete, episode_id))

@@ -22,7 +22,6 @@ from server.routes.answers import (
     png,
 )
 from server.routes.bodies import NAMED, NO_SESSION, Key, Named, do
-from server.security.guard import PILOT, VIEWER
 from server.services import persistence_of
 
 router = APIRouter(prefix="/api/models", route_class=Route)
@@ -78,7 +77,7 @@ MOST_NODES = 2048
 """Memory grows with its square: 2048 images take about 50 MB."""
 
 
-@router.get("", dependencies=[VIEWER])
+@router.get("")
 def list_models(request: Request) -> ModelList:
     """List all models, the one saved last first."""
     persistence = persistence_of(request)
@@ -86,7 +85,7 @@ def list_models(request: Request) -> ModelList:
     return ModelList(current=persistence.autosave.name, models=models)
 
 
-@router.post("", dependencies=[PILOT, NO_SESSION], status_code=201)
+@router.post("", dependencies=[NO_SESSION], status_code=201)
 async def begin_model(request: Request, body: NewModel = _NEW) -> NameAnswer:
     """Save the model in use and start an empty one."""
     if body.learner is not None and split_name(body.learner)[1] > MOST_NODES:
@@ -95,26 +94,26 @@ async def begin_model(request: Request, body: NewModel = _NEW) -> NameAnswer:
     return NameAnswer(name=await do(begin, body.name, body.learner, body.place))
 
 
-@router.post("/save", dependencies=[PILOT])
+@router.post("/save")
 async def save_model(request: Request) -> NameAnswer:
     """Save the model in use now."""
     return NameAnswer(name=await do(persistence_of(request).autosave.save))
 
 
-@router.post("/restore", dependencies=[PILOT])
+@router.post("/restore")
 async def restore_model(request: Request, body: Key) -> NameAnswer:
     """Restore a deleted model."""
     return NameAnswer(name=await do(persistence_of(request).models.restore, body.undo))
 
 
-@router.post("/{name}/load", dependencies=[PILOT, NO_SESSION])
+@router.post("/{name}/load", dependencies=[NO_SESSION])
 async def load_model(request: Request, name: str) -> NameAnswer:
     """Save the model in use and load this one; 409 unless the robot is stopped."""
     await do(persistence_of(request).autosave.load, name)
     return NameAnswer(name=name)
 
 
-@router.patch("/{name}", dependencies=[PILOT])
+@router.patch("/{name}")
 async def change_model(request: Request, name: str, body: ModelChange) -> NameAnswer:
     """Rename a model, or set the place where it was taught."""
     autosave = persistence_of(request).autosave
@@ -125,19 +124,19 @@ async def change_model(request: Request, name: str, body: ModelChange) -> NameAn
     return NameAnswer(name=name)
 
 
-@router.post("/{name}/copy", dependencies=[PILOT], status_code=201)
+@router.post("/{name}/copy", status_code=201)
 async def copy_model(request: Request, name: str, body: Named = NAMED) -> NameAnswer:
     """Copy a model; the body names the copy."""
     return NameAnswer(name=await do(persistence_of(request).models.copy, name, body.name))
 
 
-@router.delete("/{name}", dependencies=[PILOT, NO_SESSION])
+@router.delete("/{name}", dependencies=[NO_SESSION])
 async def delete_model(request: Request, name: str) -> UndoAnswer:
     """Move a model to the trash; `undo` is the key that restores it."""
     return UndoAnswer(undo=await do(persistence_of(request).autosave.delete, name))
 
 
-@router.get("/{name}/preview", dependencies=[VIEWER], responses=PNG, response_class=Response)
+@router.get("/{name}/preview", responses=PNG, response_class=Response)
 def preview_model(request: Request, name: str) -> Response:
     """Return the model's most used learned image, as PNG."""
     model = decode_model(persistence_of(request).models.read_file(name))
@@ -146,7 +145,6 @@ def preview_model(request: Request, name: str) -> Response:
 
 @router.get(
     "/{name}/file",
-    dependencies=[VIEWER],
     responses=media("application/zip"),
     response_class=Response,
 )
@@ -158,7 +156,6 @@ def download_model(request: Request, name: str) -> Response:
 
 @router.put(
     "/{name}/file",
-    dependencies=[PILOT],
     status_code=201,
     openapi_extra={"requestBody": {"required": True, **media("application/octet-stream")[200]}},
 )

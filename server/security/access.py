@@ -35,6 +35,11 @@ PUBLIC_PATHS = frozenset(
 EYE_PATHS = re.compile(r"/eye|/ws/eye|/api/unpair|/(js|css|icons)/.*")
 """All that the phone on the robot may request. It lies there unattended, so that is little."""
 
+_READING = ("GET", "HEAD", None)
+"""Methods that change nothing; None is a websocket's, which checks for itself."""
+_VIEWERS_PATHS = PUBLIC_PATHS | {"/api/unpair"}
+"""What who only watches may change; to stop is everybody's."""
+ONLY_PILOTS = "This browser may watch; only a pilot may change things."
 _COOKIES = re.compile(rb"\r\ncookie:([^\r]*)\r\n", re.I)
 
 
@@ -54,7 +59,7 @@ PAIRED = (Role.VIEWER, Role.PILOT, Role.EYE)
 """What a browser can be paired as."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Refusal:
     """The answer to a refused request."""
 
@@ -67,7 +72,7 @@ class Refusal:
     """Address to redirect to."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Session:
     """A client: what it may do, and what it is counted by."""
 
@@ -114,11 +119,8 @@ class Access:
         name = host_name(host)
         if name in self.names or (self.allows_addresses and as_address(name) is not None):
             return None
-        return Refusal(
-            status=421,
-            reason="host",
-            sentence=f"This robot does not answer to {_short(host)}. {_behind(f'http://{host}')}",
-        )
+        sentence = f"This robot does not answer to {_short(host)}. {_behind(f'http://{host}')}"
+        return Refusal(421, "host", sentence)
 
     def check_origin(
         self, headers: Mapping[str, str], scheme: str, method: str | None
@@ -144,9 +146,9 @@ class Access:
     def session_of(self, headers: Mapping[str, str], address: str) -> Session | None:
         """Return the session of a request; None for an unpaired browser."""
         if self.members is not None and self.members.knows(headers.get("authorization", "")):
-            return Session(role=Role.TEACHER, name=TEACHER)
+            return Session(Role.TEACHER, TEACHER)
         if self.find_session is None:
-            return Session(role=Role.PILOT, name=address, is_crowd=True)
+            return Session(Role.PILOT, address, is_crowd=True)
         return self.find_session(session_of(headers, self.cookie))
 
     def session_in(self, head: bytes) -> Session | None:
@@ -157,32 +159,27 @@ class Access:
         return self.find_session(session_of({"cookie": found[1].decode("latin-1")}, self.cookie))
 
     def admit(
-        self, path: str, headers: Mapping[str, str], session: Session | None
+        self, path: str, method: str | None, headers: Mapping[str, str], session: Session | None
     ) -> Role | Refusal:
         """Return the role of the client, or why it is refused."""
         is_public = path in PUBLIC_PATHS
-        if session is not None:
-            if session.role is not Role.EYE or is_public or EYE_PATHS.fullmatch(path):
-                return session.role
-            status, reason, location = 403, "role", "/eye"
-            sentence = "This phone is the robot's eye; it may see and stop, not drive."
-        elif is_public:
-            return Role.VIEWER
-        else:
+        role = session.role if session else Role.VIEWER
+        location: str | None = None
+        if not session and not is_public:
             status, reason, location = 401, "unpaired", "/pair"
-            sentence = (
-                "This browser is not paired. Open the address that the robot's terminal shows."
-            )
-        if "text/html" in headers.get("accept", ""):
-            return Refusal(status=303, reason=reason, sentence=sentence, location=location)
-        return Refusal(status=status, reason=reason, sentence=sentence)
-
-    def check_lock(self, path: str, method: str | None, role: Role) -> Refusal | None:
-        if self.members is None or role is Role.TEACHER:
-            return None
-        if not self.members.is_locked(path, method):
-            return None
-        return Refusal(status=423, reason="locked", sentence="The teacher has locked this.")
+            why = "This browser is not paired. Open the address that the robot's terminal shows."
+        elif role is Role.EYE and not (is_public or EYE_PATHS.fullmatch(path)):
+            status, reason, location = 403, "role", "/eye"
+            why = "This phone is the robot's eye; it may see and stop, not drive."
+        elif role is Role.VIEWER and method not in _READING and path not in _VIEWERS_PATHS:
+            status, reason, why = 403, "role", ONLY_PILOTS
+        elif role is not Role.TEACHER and self.members and self.members.is_locked(path, method):
+            status, reason, why = 423, "locked", "The teacher has locked this."
+        else:
+            return role
+        if location and "text/html" in headers.get("accept", ""):
+            status = 303
+        return Refusal(status, reason, why, location if status == 303 else None)
 
 
 def session_of(headers: Mapping[str, str], cookie: str) -> str:
@@ -203,8 +200,7 @@ def host_name(host: str) -> str:
 
 
 def _cross_site(why: str) -> Refusal:
-    sentence = f"A page of another site has sent this request: {why}"
-    return Refusal(status=403, reason="origin", sentence=sentence)
+    return Refusal(403, "origin", f"A page of another site has sent this request: {why}")
 
 
 def _behind(address: str) -> str:

@@ -11,22 +11,19 @@ flood so evicts itself. The owner, the pilot and the teacher give way to each ot
 from __future__ import annotations
 
 import ipaddress
-from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
 from server.config import Limits
 from server.security.access import Role, Session
-from server.security.pace import Pace
+from server.security.pace import Paces
 
 Close = Callable[[], object]
 Peer = tuple[str, int]
 """Address and port of the remote side, as the socket reports them."""
 _READ_S = 0.25
 """By then the first request of a new connection has been read, whatever else goes on."""
-_PERSONS = 1024
-"""For how many persons the request rate is remembered."""
 
 
 @lru_cache(maxsize=1024)
@@ -136,10 +133,14 @@ class Door:
         n_pending = min(limits.pending, max(1, capacity // 2))
         # Newcomers have nothing but an address: none of them goes before another.
         self.pending = Places(n_pending, limits.pending_per_address, lambda address: True)
-        self.admitted = Places(capacity - n_pending, limits.connections_each, self._is_kept)
-        self.sockets = Places(limits.clients, limits.clients_each, self._is_kept)
+        self.admitted = Places(
+            capacity - n_pending, limits.connections_each, lambda person: self.keeps(person)
+        )
+        self.sockets = Places(
+            limits.clients, limits.clients_each, lambda person: self.keeps(person)
+        )
         self._connections: dict[Peer, PlaceInUse] = {}
-        self._paces: OrderedDict[str, Pace] = OrderedDict()
+        self._paces = Paces()
         self._read_until_s = self._asked_s = 0.0
 
     @property
@@ -160,15 +161,10 @@ class Door:
             return True
         return self._read_until_s - min(place.came_s for place in self.pending) >= _READ_S
 
-    def arrive(
-        self,
-        peer: Peer,
-        now_s: float,
-        close: Callable[[], None],
-    ) -> None:
+    def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> None:
         """Add a new connection as pending; `close` ends it, maybe before `left` is called."""
         self.expire(now_s)
-        stranger = Session(role=Role.VIEWER, name=address_key(peer[0]))
+        stranger = Session(Role.VIEWER, address_key(peer[0]))
         place = self.pending.take(stranger, now_s, lambda: self._close(peer, close))
         assert place is not None, "a newcomer always finds a place"
         place.came_s = self._read_until_s
@@ -181,7 +177,8 @@ class Door:
         if session is None or session.is_crowd:
             return True
         each = self.limits.connections_each
-        return self._pace(f"door {session.name}", each / 2, each).allows(now_s)
+        name = f"door {session.name}"
+        return self._paces.allows(name, now_s, per_second=each / 2, burst=each)
 
     def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> None:
         """Record a complete request; one of a session admits the connection. A socket `lasts`."""
@@ -219,19 +216,8 @@ class Door:
     def may_ask(self, session: Session, now_s: float) -> bool:
         """Count a request; False if there were too many. A crowd may ask as often as all."""
         share = self.limits.clients if session.is_crowd else 1
-        limits = self.limits
-        rate, burst = share * limits.requests_per_second, share * limits.requests_burst
-        return self._pace(session.name, rate, burst).allows(now_s)
-
-    def _pace(self, name: str, per_second: float, burst: float) -> Pace:
-        pace = self._paces.pop(name, None) or Pace(per_second=per_second, burst=burst)
-        self._paces[name] = pace
-        if len(self._paces) > _PERSONS:
-            self._paces.popitem(last=False)
-        return pace
-
-    def _is_kept(self, person: str) -> bool:
-        return self.keeps(person)
+        rate, burst = self.limits.requests_per_second, self.limits.requests_burst
+        return self._paces.allows(session.name, now_s, per_second=share * rate, burst=share * burst)
 
     def _close(self, peer: Peer, close: Callable[[], None]) -> None:
         self._connections.pop(peer, None)

@@ -1,7 +1,7 @@
 """Middleware that every request and every websocket passes before it reaches a route.
 
 It checks Host, Origin, size, rate and role, refuses with a status and a sentence, and adds the
-security headers. Routes that change something also depend on `require_pilot`.
+security headers. Who only watches may read: any other method is a pilot's or the teacher's.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from robot.clock import Clock
 from server.config import Limits
-from server.security.access import Access, Refusal, Role, Session
+from server.security.access import ONLY_PILOTS, Access, Refusal, Role, Session
 from server.security.door import Door, PlaceInUse, address_key
 from server.security.proxies import PEER, PREFIX, Proxies
 
@@ -56,16 +56,11 @@ def note_use(scope: Scope, now_s: float) -> None:
         place.used_s = now_s
 
 
-def require_viewer(request: Request) -> Role:
-    """Dependency of routes that only read; the guard has admitted the client already."""
-    return role_of(request)
-
-
 def require_pilot(request: Request) -> Role:
-    """Dependency of routes that change something: 403 for a viewer."""
+    """Dependency of routes that show what only a pilot may see: 403 for a viewer."""
     role = role_of(request)
     if role not in (Role.PILOT, Role.TEACHER):
-        raise HTTPException(403, "This browser may watch; only a pilot may change things.")
+        raise HTTPException(403, ONLY_PILOTS)
     return role
 
 
@@ -76,8 +71,7 @@ def require_teacher(request: Request) -> Role:
     return Role.TEACHER
 
 
-VIEWER, PILOT = Depends(require_viewer), Depends(require_pilot)
-"""What a route depends on that shows something, and one that changes something."""
+PILOT = Depends(require_pilot)
 
 
 class Guard:
@@ -142,33 +136,30 @@ class Guard:
         session = None if refusal else access.session_of(headers, address_key(address))
         line = session
         if PEER in scope:  # a proxy's connections may each carry many people's requests
-            line = Session(role=Role.VIEWER, name=f"proxy {peer[0]}", is_crowd=True)
+            line = Session(Role.VIEWER, f"proxy {peer[0]}", is_crowd=True)
         self._door.asked(peer, line, now_s, lasts=is_lasting)
         if refusal is not None:
             return refusal
         if scope["path"] == STOP_PATH and session is not None:
             return session.role  # a stop passes before all limits
-        person = session or Session(role=Role.VIEWER, name=address_key(address))
+        person = session or Session(Role.VIEWER, address_key(address))
         scope[_PERSON] = person.name
         refusal = self._check_limits(scope, headers, person)
-        verdict = refusal or access.admit(scope["path"], headers, session)
-        if isinstance(verdict, Refusal):
-            return verdict
-        refusal = access.check_lock(scope["path"], method, verdict)
-        if refusal is None and is_lasting:
-            refusal = self._seat(scope, person, now_s)
-        return refusal or verdict
+        verdict = refusal or access.admit(scope["path"], method, headers, session)
+        if is_lasting and not isinstance(verdict, Refusal):
+            return self._seat(scope, person, now_s) or verdict
+        return verdict
 
     def _check_limits(
         self, scope: Scope, headers: dict[str, str], person: Session
     ) -> Refusal | None:
         if "\0" in scope["path"]:
-            return Refusal(status=400, reason="path", sentence="This address is not valid.")
+            return Refusal(400, "path", "This address is not valid.")
         if not self._door.may_ask(person, self._clock.now_s()):
-            return Refusal(status=429, reason="rate", sentence="Too many requests; wait a little.")
+            return Refusal(429, "rate", "Too many requests; wait a little.")
         length = headers.get("content-length", "0")
         if not length.isdecimal() or int(length[:20]) > self._most_bytes(scope):
-            return Refusal(status=413, reason="size", sentence="That is too large.")
+            return Refusal(413, "size", "That is too large.")
         return None
 
     def _seat(self, scope: Scope, person: Session, now_s: float) -> Refusal | None:
@@ -177,7 +168,7 @@ class Guard:
         assert task is not None
         place = self._door.sockets.take(person, now_s, task.cancel)
         if place is None:
-            return Refusal(status=503, reason="clients", sentence="Too many pages are open.")
+            return Refusal(503, "clients", "Too many pages are open.")
         scope[_PLACE] = place
         return None
 

@@ -1,6 +1,11 @@
-"""The rate limit of one client or address. Pure: the time is an argument."""
+"""Limits of the rate of clients and addresses. Pure: the time is an argument."""
 
 from __future__ import annotations
+
+from collections import OrderedDict
+
+_NAMES = 1024
+"""For how many names the rate is remembered."""
 
 
 class Pace:
@@ -22,3 +27,18 @@ class Pace:
             return False
         self._tokens -= 1.0
         return True
+
+
+class Paces:
+    """A token bucket for each of many names; who was counted longest ago is forgotten."""
+
+    def __init__(self) -> None:
+        self._of: OrderedDict[str, Pace] = OrderedDict()
+
+    def allows(self, name: str, now_s: float, *, per_second: float, burst: float) -> bool:
+        """Take one of this name's tokens; False if there is none."""
+        pace = self._of.pop(name, None) or Pace(per_second=per_second, burst=burst)
+        self._of[name] = pace
+        if len(self._of) > _NAMES:
+            self._of.popitem(last=False)
+        return pace.allows(now_s)

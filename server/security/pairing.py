@@ -13,7 +13,7 @@ import logging
 import os
 import re
 import secrets
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -21,6 +21,7 @@ from pathlib import Path
 from robot.store.records import read_regular
 from server.config import Config
 from server.security.access import PAIRED, Refusal, Role, Session
+from server.security.pace import Paces
 
 log = logging.getLogger(__name__)
 
@@ -32,8 +33,6 @@ _SESSIONS = 64
 INVITATION_S = 300.0
 """A token shown on a class's board is valid so long, for any number of phones."""
 _INVITATIONS = 16
-_ADDRESSES = 1024
-"""For how many addresses failures are remembered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +87,7 @@ class Pairing:
         on_token: Callable[[Role, str], None] = lambda role, token: None,
     ) -> None:
         self._failures_a_minute = failures_a_minute
-        self._failed_s: OrderedDict[str, deque[float]] = OrderedDict()
+        self._failures = Paces()
         self._file = file
         self._on_token = on_token
         self._sessions: OrderedDict[str, _Kind] = _load(file) if file else OrderedDict()
@@ -118,18 +117,13 @@ class Pairing:
         invited = self._invited_as(given, now_s)
         if invited is not None:
             return self._pair(_Kind(role=invited, invited=True), secret)
-        if self._must_wait(now_s, address):
-            return Refusal(
-                status=429,
-                reason="pairing_rate",
-                sentence="Too many wrong tokens. Wait a minute and try again.",
-            )
+        most = self._failures_a_minute
+        if not self._failures.allows(address, now_s, per_second=most / 60, burst=most):
+            sentence = "Too many wrong tokens. Wait a minute and try again."
+            return Refusal(429, "pairing_rate", sentence)
         log.warning("pairing refused")
-        return Refusal(
-            status=403,
-            reason="pairing",
-            sentence="That token is wrong or was used. The robot's terminal shows a valid one.",
-        )
+        sentence = "That token is wrong or was used. The robot's terminal shows a valid one."
+        return Refusal(403, "pairing", sentence)
 
     def invite(self, role: Role, now_s: float) -> tuple[str, float]:
         """Return a token for any number of browsers, and how many seconds it is valid.
@@ -160,7 +154,7 @@ class Pairing:
         if name in self._unsaved:  # once a run: who comes often outlives a restart, too
             self._unsaved.discard(name)
             self._save()
-        return Session(role=kind.role, name=name)
+        return Session(kind.role, name)
 
     def is_owner(self, name: str) -> bool:
         """True of the first pilot that was paired by the terminal."""
@@ -169,21 +163,6 @@ class Pairing:
     def forget(self, secret: str) -> None:
         if self._sessions.pop(_hash(secret), None) is not None:
             self._save()
-
-    def _must_wait(self, now_s: float, address: str) -> bool:
-        """Record a wrong token; True if there were too many from this address before."""
-        failed_s = self._failed_s.pop(address, None)
-        if failed_s is None:
-            failed_s = deque(maxlen=self._failures_a_minute)
-        self._failed_s[address] = failed_s
-        while len(self._failed_s) > _ADDRESSES:
-            self._failed_s.popitem(last=False)
-        while failed_s and now_s - failed_s[0] > 60:
-            failed_s.popleft()
-        if len(failed_s) >= self._failures_a_minute:
-            return True
-        failed_s.append(now_s)
-        return False
 
     def _pair(self, kind: _Kind, before: str) -> Paired | Refusal:
         known = self._sessions.get(_hash(before))
@@ -196,9 +175,7 @@ class Pairing:
         if len(same) >= _SESSIONS:
             idle = next((name for name in same if not self.is_in_use(name)), None)
             if idle is None:
-                return Refusal(
-                    status=503, reason="sessions", sentence="Too many browsers are connected."
-                )
+                return Refusal(503, "sessions", "Too many browsers are connected.")
             del self._sessions[idle]
         self._sessions.pop(_hash(before), None)
         secret = secrets.token_urlsafe(32)

@@ -52,20 +52,14 @@ class Proxies:
             return scope
         told = [self._walk(str(peer[0]), hops) for hops in _hops(said)]
         if len(told) > 1 and told[0] != told[1]:
-            return Refusal(
-                status=400,
-                reason="proxy",
-                sentence="Forwarded and X-Forwarded-* disagree: have the proxy clear one of them.",
-            )
+            sentence = "Forwarded and X-Forwarded-* disagree: have the proxy clear one of them."
+            return Refusal(400, "proxy", sentence)
         hop = told[0] if told else _Hop(client=str(peer[0]))
         public = self._choose(hop, scope)
         if public is None:
-            return Refusal(
-                status=421,
-                reason="host",
-                sentence=f"The proxy was asked for {hop.host[:80]!r}: add that address to "
-                "--behind-proxy, or have the proxy refuse that name.",
-            )
+            asked = f"The proxy was asked for {hop.host[:80]!r}"
+            what = "add that address to --behind-proxy, or have the proxy refuse that name."
+            return Refusal(421, "host", f"{asked}: {what}")
         return _as_sent(scope, public, hop.client, peer)
 
     def is_proxy(self, address: str) -> bool:
@@ -159,10 +153,9 @@ def _as_sent(scope: Scope, public: PublicAddress, client: str, peer: Any) -> Sco
 
 
 def _unawares(said: dict[str, str]) -> Refusal:
-    return Refusal(
-        status=403,
-        reason="proxy",
-        sentence=f"{next(iter(said)).title()} tells of a proxy that this robot does not know, and "
-        "without pairing everybody could drive: start it with --behind-proxy and the address "
-        "that people open.",
+    sentence = (
+        f"{next(iter(said)).title()} tells of a proxy that this robot does not know, and without "
+        "pairing everybody could drive: start it with --behind-proxy and the address that people "
+        "open."
     )
+    return Refusal(403, "proxy", sentence)

@@ -172,7 +172,7 @@ def test_a_phone_paired_as_the_eye_reaches_that_page_alone(path: str, may: bool)
     access = Access(names=frozenset({"robot"}), find_session=find_an_eye, cookie="c")
     for accept in ("text/html", "*/*"):
         headers = {"accept": accept}
-        verdict = access.admit(path, headers, access.session_of(headers, "10.0.0.7"))
+        verdict = access.admit(path, "GET", headers, access.session_of(headers, "10.0.0.7"))
         assert (verdict is Role.EYE) == may
         if not may:
             assert isinstance(verdict, Refusal)
