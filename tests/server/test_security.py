@@ -282,6 +282,22 @@ def test_a_viewer_watches_and_may_stop_but_not_drive(lan: VirtualServer) -> None
         assert state["mode"] == "stopped" and state["pilot"] is None
 
 
+def test_a_viewer_can_change_nothing_but_its_own_pairing(lan: VirtualServer) -> None:
+    viewer, described = _pair(lan, Role.VIEWER), lan.app.openapi()["paths"]
+    allowed = set()
+    for path, methods in described.items():
+        for method in set(methods) - {"get"}:
+            answer = httpx.request(method, lan.address + path, headers=viewer)
+            if answer.status_code != 403:
+                allowed.add(path)
+    assert len(described) > 50
+    assert allowed == {"/api/stop", "/api/pair", "/api/unpair"} | CLASS_PATHS
+
+
+CLASS_PATHS = {"/api/class/hello", "/api/class/join"}
+"""A board is no browser: it proves itself in what it sends."""
+
+
 def test_a_browser_can_be_forgotten(lan: VirtualServer) -> None:
     cookie = _pair(lan, Role.PILOT)
     assert httpx.post(lan.address + "/api/unpair", headers=cookie).status_code == 200
