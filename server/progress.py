@@ -58,7 +58,7 @@ class Progress(StartStop):
         self._marks: list[Mark] = []
         self._gallery: list[LearnedImage] = []
         self._seen: OrderedDict[int, LearnedImage] = OrderedDict()
-        self._named: OrderedDict[int, None] = OrderedDict()
+        self._newest = -1  # of the images that clients were told of
         self._is_stale = True
         self._fetched_s = -math.inf
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -74,7 +74,7 @@ class Progress(StartStop):
         self.readiness.note(tick)
         self.trail.note(tick)
         if tick.prediction is not None and tick.prediction.node is not None:
-            self._name(tick.prediction.node)
+            self._newest = max(self._newest, tick.prediction.node)
         if not tick.history_events:
             return
         self._is_stale = True
@@ -83,18 +83,11 @@ class Progress(StartStop):
             if isinstance(event, Replaced):
                 self._marks = []
                 # Its images have the same numbers as others.
-                self._seen, self._named = OrderedDict(), OrderedDict()
+                self._seen, self._newest = OrderedDict(), -1
             elif isinstance(event, Undone):
                 self._marks = [mark for mark in self._marks if mark.n_examples <= n_examples]
             elif isinstance(event, Taught):
                 self._mark(n_examples)
-
-    def _name(self, node: int) -> None:
-        """Note that clients are told of an image, which the next example may merge."""
-        self._named[node] = None
-        self._named.move_to_end(node)
-        if len(self._named) > _REMEMBERED:
-            self._named.popitem(last=False)
 
     def _mark(self, n_examples: int) -> None:
         agreement = self._loop.state.agreement
@@ -145,7 +138,7 @@ class Progress(StartStop):
         await self.gallery()
         if node not in self._seen:
             await self.gallery(fresh=True)
-        if node not in self._seen and node in self._named:
+        if node not in self._seen and 0 <= node <= self._newest:
             return max(self._gallery, key=lambda image: image.last_used, default=None)
         return self._seen.get(node)
 

@@ -57,7 +57,7 @@ class Hub:
         self._frame: Frame | None = None
         self._is_tick_due = False
         self._events = events
-        self._unsubscribe: list[Callable[[], None]] = []
+        self._unsubscribe: Callable[[], None] = lambda: None
         self._timer: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
@@ -72,14 +72,13 @@ class Hub:
                 self._is_tick_due = True
                 self._soon(self._note_tick)
 
-        on_event = functools.partial(self._soon, self._publish_event)  # on any thread
-        self._unsubscribe = [self.robot.loop.subscribe(on_tick), self._events.subscribe(on_event)]
+        self._unsubscribe = self.robot.loop.subscribe(on_tick)
+        self._events.listener = functools.partial(self._soon, self._publish_event)
         self._timer = asyncio.create_task(self._run_timer())
 
     async def stop(self) -> None:
         """Unsubscribe, and stop the robot if a client drove it."""
-        for unsubscribe in self._unsubscribe:
-            unsubscribe()
+        self._unsubscribe()
         self.robot.loop.empty_command()
         if self._timer is not None:
             self._timer.cancel()

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 from fastapi import APIRouter, HTTPException, Request, Response
 
 from robot.devices.outside import text
-from robot.policy.registry import split_name
 from robot.store.models.model import decode_model
 from server.routes.answers import (
     PNG,
@@ -73,10 +72,6 @@ class ModelList:
     models: list[ModelAnswer]
 
 
-MOST_NODES = 2048
-"""Memory grows with its square: 2048 images take about 50 MB."""
-
-
 @router.get("")
 def list_models(request: Request) -> ModelList:
     """List all models, the one saved last first."""
@@ -88,8 +83,6 @@ def list_models(request: Request) -> ModelList:
 @router.post("", dependencies=[NO_SESSION], status_code=201)
 async def begin_model(request: Request, body: NewModel = _NEW) -> NameAnswer:
     """Save the model in use and start an empty one."""
-    if body.learner is not None and split_name(body.learner)[1] > MOST_NODES:
-        raise HTTPException(422, f"A model has at most {MOST_NODES} images, not {body.learner}.")
     begin = persistence_of(request).autosave.begin
     return NameAnswer(name=await do(begin, body.name, body.learner, body.place))
 

@@ -47,8 +47,8 @@ def test_clients_are_told_of_a_new_name() -> None:
     with VirtualServer() as server, httpx.Client(base_url=server.address) as http:
         assert http.get("/api/settings").json()["name"] == "bench"
         heard: list[dict[str, object]] = []
-        server.services.events.subscribe(
-            lambda name, fields: heard.append({"event": name, **fields})
+        server.services.events.listener = lambda name, fields: heard.append(
+            {"event": name, **fields}
         )
         assert http.put("/api/settings", json={"name": "Ada", "colour": COLOURS[1]}).is_success
         assert heard == [{"event": "renamed", "robot": "Ada", "colour": COLOURS[1]}]
