@@ -27,51 +27,40 @@ VERBS = "drivelesson.episode-commands"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    _add(commands, "list", list_episodes, "list all episodes, the newest first")
-    _add(commands, "show", show, "show one along its time: labels, and what the robot said")
-    play = _add(commands, "play", play_episode, "replay one into the page")
+
+    def add(verb: str, action: Any, text: str, *, of_one: bool = True) -> argparse.ArgumentParser:
+        made: argparse.ArgumentParser = commands.add_parser(verb, help=text, description=text)
+        made.set_defaults(action=action)
+        if of_one:
+            made.add_argument("episode", metavar="EPISODE", help=EPISODE_HELP)
+        add_data(made)
+        return made
+
+    add("list", list_episodes, "list all episodes, the newest first", of_one=False)
+    add("show", show, "show one along its time: labels, and what the robot said")
+    play = add("play", play_episode, "replay one into the page")
     play.add_argument("--port", default="8000", help="port (default: %(default)s)")
-    _add_range(_add(commands, "trim", trim_episode, "keep only a range; `undo` takes it back"))
+    _add_range(add("trim", trim_episode, "keep only a range; `undo` takes it back"))
     text = "delete a range, or without --from and --to all of it"
-    _add_range(_add(commands, "delete", delete, text))
+    _add_range(add("delete", delete, text))
     text = "give a range another label; `undo` takes it back"
-    relabelling = _add(commands, "relabel", relabel, text)
+    relabelling = add("relabel", relabel, text)
     _add_range(relabelling)
     text = "name of a move, such as left"
     relabelling.add_argument("--label", required=True, metavar="MOVE", help=text)
-    _add(commands, "undo", undo, "take the last edit back")
-    restore = _add(commands, "restore", restore_episode, "bring a deleted episode back")
-    restore.set_defaults(episode=None)
-    _add(commands, "compact", compact, "work the edits into the recording")
-    title = _add(commands, "title", set_title, "give one a title")
-    title.add_argument("title")
-    _add(commands, "protect", protect, "never offer one for deletion")
-    _add(commands, "unprotect", protect, "offer it again")
+    add("undo", undo, "take the last edit back")
+    restore = add("restore", restore_episode, "bring a deleted episode back", of_one=False)
+    restore.add_argument("key", nargs="?", metavar="WORD", help="as `delete` printed it")
+    add("compact", compact, "work the edits into the recording")
+    add("title", set_title, "give one a title").add_argument("title")
+    add("protect", protect, "never offer one for deletion")
+    add("unprotect", protect, "offer it again")
     for point in sorted(entry_points(group=VERBS), key=lambda point: point.name):
         added: EpisodeVerb = point.load()
-        verbs_parser = commands.add_parser(point.name, help=added.help, description=added.help)
-        added.configure(verbs_parser)
-        verbs_parser.set_defaults(action=added.run)
-        add_data(verbs_parser)
-    budget = _add(commands, "budget", show_budget, "what is kept, and what could go")
-    budget.add_argument(
-        "--gigabytes", type=number(least=0), default=None, help="space for episodes"
-    )
-    _add(commands, "empty-trash", empty_trash, "delete for good what was deleted")
-
-
-_ALONE = ("list", "restore", "budget", "empty-trash")
-
-
-def _add(commands: Any, verb: str, action: Any, text: str) -> argparse.ArgumentParser:
-    parser: argparse.ArgumentParser = commands.add_parser(verb, help=text, description=text)
-    parser.set_defaults(action=action)
-    if verb == "restore":
-        parser.add_argument("key", nargs="?", metavar="WORD", help="as `delete` printed it")
-    elif verb not in _ALONE:
-        parser.add_argument("episode", metavar="EPISODE", help=EPISODE_HELP)
-    add_data(parser)
-    return parser
+        added.configure(add(point.name, added.run, added.help, of_one=False))
+    budget = add("budget", show_budget, "what is kept, and what could go", of_one=False)
+    budget.add_argument("--gigabytes", type=number(least=0), help="space for episodes")
+    add("empty-trash", empty_trash, "delete for good what was deleted", of_one=False)
 
 
 def _add_range(parser: argparse.ArgumentParser) -> None:

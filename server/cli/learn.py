@@ -23,28 +23,17 @@ from server.cli.parser import whole
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "episodes", nargs="+", metavar="EPISODE", help="names, beginnings of names, files, or last"
-    )
-    parser.add_argument("--learner", default=None, help="kind of learner (default: as driven)")
-    parser.add_argument(
-        "--max-nodes",
-        type=whole(1, MOST_NODES),
-        metavar="N",
-        help="images it remembers (default: as driven)",
-    )
-    parser.add_argument(
-        "--continue",
-        dest="goes_on",
-        action="store_true",
-        help="begin with what the robot knew when the first episode began, not with nothing",
-    )
-    parser.add_argument(
-        "--out", default=None, metavar="MODEL", help="a name among the models, or a file (.npz)"
-    )
-    parser.add_argument(
-        "--check", action="store_true", help="fail unless the nodes are those that driving made"
-    )
+    add = parser.add_argument
+    text = "names, beginnings of names, files, or last"
+    add("episodes", nargs="+", metavar="EPISODE", help=text)
+    add("--learner", help="kind of learner (default: as driven)")
+    text = "images it remembers (default: as driven)"
+    add("--max-nodes", type=whole(1, MOST_NODES), metavar="N", help=text)
+    text = "begin with what the robot knew when the first episode began, not with nothing"
+    add("--continue", dest="goes_on", action="store_true", help=text)
+    add("--out", metavar="MODEL", help="a name among the models, or a file (.npz)")
+    text = "fail unless the nodes are those that driving made"
+    add("--check", action="store_true", help=text)
     add_data(parser)
 
 

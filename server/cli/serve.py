@@ -9,7 +9,7 @@ import datetime as dt
 import logging
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,90 +45,44 @@ DEFAULT_ROBOT = "sim"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--robot",
-        default=DEFAULT_ROBOT,
-        help=f"one of {', '.join(driver_names())} (default: %(default)s)",
-    )
+    add, shown = parser.add_argument, " (default: %(default)s)"
+    text = f"one of {', '.join(driver_names())}{shown}"
+    add("--robot", default=DEFAULT_ROBOT, help=text)
     text = "where pictures come from; as a rule the robot's own; one of "
-    parser.add_argument("--camera", default=None, help=text + ", ".join(camera_names()))
-    parser.add_argument("--learner", default=None, help="what learns (default: default)")
-    parser.add_argument(
-        "--max-nodes",
-        default=None,
-        type=whole(1, MOST_NODES, or_word="auto"),
-        metavar="N",
-        help="how many images it remembers (default: 32); auto: as many as --rate allows here",
-    )
-    parser.add_argument(
-        "--rate",
-        type=number(above=0),
-        default=14.0,
-        metavar="HZ",
-        help="frames a second that --max-nodes auto keeps to (default: %(default)s)",
-    )
-    _add_network(parser)
-    parser.add_argument(
-        "--data",
-        type=Path,
-        default=default_root(),
-        help="folder for what is kept (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--model", default=None, metavar="NAME", help="go on with this model, or begin it"
-    )
-    parser.add_argument(
-        "--name", default=None, help="what people call this robot (default: one that it keeps)"
-    )
-    parser.add_argument(
-        "--jpeg-quality",
-        type=whole(1, 100),
-        default=75,
-        help="of simulated pictures (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--keep-drives",
-        action="store_true",
-        help="keep recordings in which nothing was taught, too: for research",
-    )
-    parser.add_argument(
-        "--no-page", action="store_true", help="open no page in this machine's browser"
-    )
-    parser.add_argument("--config", type=Path, default=None, help="TOML file of settings")
+    add("--camera", help=text + ", ".join(camera_names()))
+    add("--learner", help="what learns (default: default)")
+    number_of_nodes = whole(1, MOST_NODES, or_word="auto")
+    text = "how many images it remembers (default: 32); auto: as many as --rate allows here"
+    add("--max-nodes", type=number_of_nodes, metavar="N", help=text)
+    text = f"frames a second that --max-nodes auto keeps to{shown}"
+    add("--rate", type=number(above=0), default=14.0, metavar="HZ", help=text)
+    _add_network(parser.add_argument_group("network").add_argument, shown)
+    add("--data", type=Path, default=default_root(), help=f"folder for what is kept{shown}")
+    add("--model", metavar="NAME", help="go on with this model, or begin it")
+    add("--name", help="what people call this robot (default: one that it keeps)")
+    text = f"of simulated pictures{shown}"
+    add("--jpeg-quality", type=whole(1, 100), default=75, help=text)
+    text = "keep recordings in which nothing was taught, too: for research"
+    add("--keep-drives", action="store_true", help=text)
+    add("--no-page", action="store_true", help="open no page in this machine's browser")
+    add("--config", type=Path, help="TOML file of settings")
     for extension in installed():
         extension.configure(parser)
-    parser.add_argument("-v", "--verbose", action="store_true", help="log more")
+    add("-v", "--verbose", action="store_true", help="log more")
 
 
-def _add_network(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("network")
-    group.add_argument("--host", default=None, help="address to serve on (default: 127.0.0.1)")
-    group.add_argument(
-        "--port", type=whole(0, 65535), default=8000, help="port (default: %(default)s)"
-    )
-    group.add_argument(
-        "--lan", action="store_true", help="serve the local network, to paired browsers only"
-    )
-    group.add_argument(
-        "--behind-proxy",
-        default="",
-        metavar="URL",
-        help="a proxy serves the page at this address, such as https://home.example/robot/, to "
-        "paired browsers only; several with commas in between",
-    )
-    group.add_argument(
-        "--proxy-at",
-        default="127.0.0.0/8,::1",
-        metavar="ADDRESS",
-        help="where this proxy connects from, an address or a network (default: this machine)",
-    )
-    group.add_argument("--tls", action="store_true", help="serve https, with a certificate of ours")
-    group.add_argument(
-        "--hostname",
-        type=host_name,
-        default="drivelesson",
-        help="with --lan, answer to this name with .local behind it (default: %(default)s)",
-    )
+def _add_network(add: Callable[..., Any], shown: str) -> None:
+    add("--host", help="address to serve on (default: 127.0.0.1)")
+    add("--port", type=whole(0, 65535), default=8000, help=f"port{shown}")
+    add("--lan", action="store_true", help="serve the local network, to paired browsers only")
+    text = "a proxy serves the page at this address, such as https://home.example/robot/, to "
+    text += "paired browsers only; several with commas in between"
+    add("--behind-proxy", default="", metavar="URL", help=text)
+    text = "where this proxy connects from, an address or a network (default: this machine)"
+    add("--proxy-at", default="127.0.0.0/8,::1", metavar="ADDRESS", help=text)
+    add("--tls", action="store_true", help="serve https, with a certificate of ours")
+    text = f"with --lan, answer to this name with .local behind it{shown}"
+    add("--hostname", type=host_name, default="drivelesson", help=text)
 
 
 def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
@@ -208,10 +162,8 @@ def run(args: argparse.Namespace) -> int:
         pairing=pairing,
         options=vars(args),
     )
-    if pairing is None:
-        rig.driver.announce(addresses[0])
-    else:
-        rig.driver.announce(pairing_address(addresses[0], pairing.tokens[Role.PILOT]))
+    here = pairing_address(addresses[0], pairing.tokens[Role.PILOT]) if pairing else addresses[0]
+    rig.driver.announce(here)
     end_by_signals()
     near, robot = lan_addresses(config), identity.now.name
     is_announced = announced(config.hostname, config.port, near, robot, tls=config.tls)
