@@ -13,7 +13,7 @@ from server.bodies.eye import EyeClock, parse_frame, parse_text
 from server.clients.hub import Hub
 from server.clients.telemetry import describe_state
 from server.protocol import ProtocolError, encode_acknowledgement, encode_message
-from server.routes.sockets import end_with_either, hear_at_once, received, show_out
+from server.routes.sockets import converse
 from server.security.access import Role
 from server.security.guard import role_of
 from server.security.pace import Pace
@@ -45,11 +45,9 @@ class _Eye:
         self._pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
         self._refusals_left = limits.refused_before_closing
         self._shut_out = asyncio.Event()
-        self._heard_s = self._clock.now_s()
 
     async def run(self) -> None:
         """Serve the phone until it disconnects or another one takes its place."""
-        hear_at_once(self._websocket, self._hear)
         before, self._camera.source = self._camera.source, self
         if isinstance(before, _Eye):
             await before.disconnect()
@@ -64,8 +62,15 @@ class _Eye:
             )
         )
         try:
-            shown_out = show_out(self._websocket, self._clock, self._shut_out)
-            await end_with_either(self._receive(), self._publish(), shown_out)
+            await converse(
+                self._websocket,
+                self._clock,
+                idle_s=self._hub.config.limits.idle_s,
+                on_text=self._hear,
+                on_bytes=self._see,
+                sending=self._publish(),
+                shut_out=self._shut_out,
+            )
         finally:
             if self._camera.source is self:
                 self._camera.source = None
@@ -78,34 +83,20 @@ class _Eye:
     async def _send(self, text: str) -> None:
         await self._websocket.send_text(text)
 
-    async def _receive(self) -> None:
-        idle_s = self._hub.config.limits.idle_s
-
-        def is_idle() -> bool:
-            return self._clock.now_s() - self._heard_s >= idle_s
-
-        async for message in received(self._websocket, idle_s, is_idle):
-            if self._camera.source is not self:
-                return
-            data, text = message.get("bytes"), message.get("text")
-            if text is not None:
-                self._hear(text)
-            elif data is not None and not self._shut_out.is_set():
-                await self._see(data)
-
     def _hear(self, text: str) -> None:
-        self._heard_s = self._clock.now_s()
         try:
             said = parse_text(text)
         except ProtocolError as error:
             self._refuse(error)
             return
         if said["type"] == "pong":
-            self._eye_clock.note(said["server_ms"], said["eye_ms"], self._heard_s * 1000)
+            self._eye_clock.note(said["server_ms"], said["eye_ms"], self._hub.now_ms())
         else:
             self._hub.latch_emergency("eye", Role.EYE)
 
     async def _see(self, data: bytes) -> None:
+        if self._camera.source is not self or self._shut_out.is_set():
+            return
         try:
             frame = parse_frame(data)
         except ProtocolError as error:

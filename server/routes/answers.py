@@ -35,9 +35,10 @@ _WHY = {
 }
 
 
-def media(kind: str) -> dict[int | str, dict[str, Any]]:
-    """State an answer that is no JSON."""
-    return {200: {"content": {kind: {}}}}
+def media(*kinds: str) -> dict[str, Any]:
+    """Return the options of a route whose answer is no JSON, but of one of these media types."""
+    content = {kind: {} for kind in kinds}
+    return {"responses": {200: {"content": content}}, "response_class": Response}
 
 
 PNG = media("image/png")

@@ -254,11 +254,7 @@ def show_timeline(episode_id: str, store: EpisodeStore = STORE) -> EpisodeTimeli
     )
 
 
-@router.get(
-    "/episodes/{episode_id}/frames/{frame_id}",
-    responses={200: {"content": {"image/jpeg": {}, "image/png": {}}}},
-    response_class=Response,
-)
+@router.get("/episodes/{episode_id}/frames/{frame_id}", **media("image/jpeg", "image/png"))
 def show_frame(episode_id: str, frame_id: int, store: EpisodeStore = STORE) -> Response:
     """Return one picture: JPEG as recorded, or PNG."""
     frame = store.open(episode_id).frame(frame_id)
@@ -270,11 +266,7 @@ def show_frame(episode_id: str, frame_id: int, store: EpisodeStore = STORE) -> R
     )
 
 
-@router.get(
-    "/episodes/{episode_id}/file",
-    responses=media("application/octet-stream"),
-    response_class=Response,
-)
+@router.get("/episodes/{episode_id}/file", **media("application/octet-stream"))
 def download_episode(episode_id: str, store: EpisodeStore = STORE) -> Response:
     """Download the recording without its edits."""
     path = store.path(episode_id)

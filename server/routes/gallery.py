@@ -65,7 +65,7 @@ async def list_images(request: Request) -> ImageList:
     )
 
 
-@router.get("/{node}.png", responses=PNG, response_class=Response)
+@router.get("/{node}.png", **PNG)
 async def show_image(request: Request, node: int) -> Response:
     """Return one learned image as a small PNG."""
     image = await services_of(request).progress.image(node)

@@ -129,18 +129,14 @@ async def delete_model(request: Request, name: str) -> UndoAnswer:
     return UndoAnswer(undo=await do(persistence_of(request).autosave.delete, name))
 
 
-@router.get("/{name}/preview", responses=PNG, response_class=Response)
+@router.get("/{name}/preview", **PNG)
 def preview_model(request: Request, name: str) -> Response:
     """Return the model's most used learned image, as PNG."""
     model = decode_model(persistence_of(request).models.read_file(name))
     return png(model.preview)
 
 
-@router.get(
-    "/{name}/file",
-    responses=media("application/zip"),
-    response_class=Response,
-)
+@router.get("/{name}/file", **media("application/zip"))
 def download_model(request: Request, name: str) -> Response:
     """Download the model as a file."""
     data = persistence_of(request).models.read_file(name)
@@ -150,7 +146,7 @@ def download_model(request: Request, name: str) -> Response:
 @router.put(
     "/{name}/file",
     status_code=201,
-    openapi_extra={"requestBody": {"required": True, **media("application/octet-stream")[200]}},
+    openapi_extra={"requestBody": {"required": True, "content": {"application/octet-stream": {}}}},
 )
 async def upload_model(request: Request, name: str) -> NameAnswer:
     """Save an uploaded model under this name, or under a similar one if it is taken."""

@@ -1,9 +1,9 @@
-"""What both websockets have in common: reading until they end, and ending cleanly."""
+"""What the websockets have in common: hearing what comes at once, and ending cleanly."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 from fastapi import WebSocket
@@ -11,44 +11,68 @@ from starlette.websockets import WebSocketDisconnect
 
 from robot.clock import Clock
 from server.hosting.uvicorn_fastpath import EXTENSION, FastPath
+from server.security.guard import note_use
 
 _LAST_S = 1.0
 """So long a client that is shown out is still read."""
+_GONE = ("ClientDisconnected", "ConnectionClosed", "ConnectionClosedOK", "ConnectionClosedError")
 
 
-async def received(
-    websocket: WebSocket, idle_s: float, is_idle: Callable[[], bool] = lambda: True
-) -> AsyncIterator[dict[str, Any]]:
-    """Yield messages until the client disconnects, or has sent nothing for `idle_s`; `is_idle` is
-    false of one that has, where messages are read by another way."""
-    while True:
-        try:
-            message = dict(await asyncio.wait_for(websocket.receive(), idle_s))
-        except TimeoutError:
-            if not is_idle():
-                continue
-            await websocket.close(1001, "idle for too long")
-            return
-        if message["type"] == "websocket.disconnect":
-            return
-        yield message
-
-
-def hear_at_once(websocket: WebSocket, hear: Callable[[str], None]) -> None:
-    """Have texts heard where bytes become messages, before all queues, and while it closes.
-
-    Where uvicorn is too old for that, they come in their turn.
-    """
+def fast_path(websocket: WebSocket) -> FastPath | None:
+    """Return the way around ASGI's queues; None where uvicorn is too old for it."""
     direct: FastPath | None = websocket.scope.get("extensions", {}).get(EXTENSION)
-    if direct is not None:
+    return direct
+
+
+async def converse(
+    websocket: WebSocket,
+    clock: Clock,
+    *,
+    idle_s: float,
+    on_text: Callable[[str], None],
+    on_bytes: Callable[[bytes], Coroutine[Any, Any, None]],
+    sending: Coroutine[Any, Any, None],
+    shut_out: asyncio.Event,
+) -> None:
+    """Serve a client until it disconnects, has sent nothing for `idle_s`, or is shut out.
+
+    Texts are heard where bytes become messages, before all queues, and while the socket closes: in
+    what a client that is shown out has sent, STOP is still heard. Where uvicorn is too old for
+    that, they come in their turn.
+    """
+    heard_s = clock.now_s()
+
+    def hear(text: str) -> None:
+        nonlocal heard_s
+        heard_s = clock.now_s()
+        note_use(websocket.scope, heard_s)
+        on_text(text)
+
+    async def receive() -> None:
+        while True:
+            try:
+                message = dict(await asyncio.wait_for(websocket.receive(), idle_s))
+            except TimeoutError:
+                if clock.now_s() - heard_s < idle_s:
+                    continue
+                await websocket.close(1001, "idle for too long")
+                return
+            if message["type"] == "websocket.disconnect":
+                return
+            text = message.get("text")
+            if text is not None:
+                hear(text)
+            else:
+                await on_bytes(message["bytes"])
+
+    async def show_out() -> None:
+        await shut_out.wait()
+        await clock.pause(_LAST_S)
+        await websocket.close(1008, "too many refused messages")
+
+    if (direct := fast_path(websocket)) is not None:
         direct.on_text = hear
-
-
-async def show_out(websocket: WebSocket, clock: Clock, shut_out: asyncio.Event) -> None:
-    """Close a socket of which too much was refused. In what it has sent, STOP is still heard."""
-    await shut_out.wait()
-    await clock.pause(_LAST_S)
-    await websocket.close(1008, "too many refused messages")
+    await end_with_either(receive(), sending, show_out())
 
 
 async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
@@ -69,6 +93,3 @@ def _means_gone(error: Exception) -> bool:
     if isinstance(error, RuntimeError):
         return "close" in str(error) or "ASGI message" in str(error)
     return isinstance(error, WebSocketDisconnect | OSError) or type(error).__name__ in _GONE
-
-
-_GONE = ("ClientDisconnected", "ConnectionClosed", "ConnectionClosedOK", "ConnectionClosedError")

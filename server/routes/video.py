@@ -9,10 +9,9 @@ from fastapi import APIRouter, WebSocket
 
 from server.clients.hub import Hub
 from server.clients.video import EncodedFrame, Viewer
-from server.hosting.uvicorn_fastpath import EXTENSION, FastPath
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.answers import Route
-from server.routes.sockets import end_with_either
+from server.routes.sockets import end_with_either, fast_path
 from server.security.guard import note_use, person_of
 from server.security.pace import Pace
 from server.services import services_of
@@ -31,7 +30,7 @@ class _VideoClient:
         self._pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
         self._refusals_left = limits.refused_before_closing
         self._waiting: asyncio.Queue[EncodedFrame] = asyncio.Queue()
-        self._direct: FastPath | None = websocket.scope.get("extensions", {}).get(EXTENSION)
+        self._direct = fast_path(websocket)
         self.viewer = Viewer(self._send, every_s, person_of(websocket))
 
     def _send(self, frame: EncodedFrame) -> None:

@@ -112,12 +112,7 @@ async def show_study(request: Request, name: str) -> dict[str, Any]:
     return found
 
 
-@router.get(
-    "/studies/{name}/zip",
-    dependencies=[PILOT],
-    responses=media("application/zip"),
-    response_class=Response,
-)
+@router.get("/studies/{name}/zip", dependencies=[PILOT], **media("application/zip"))
 async def download_study(request: Request, name: str) -> Response:
     """Return everything of a study: plan, event logs, tables, figures."""
     data = await do(_conductor(request).folder.zip, name)
