@@ -37,7 +37,7 @@ _WHY = {
 
 def media(*kinds: str) -> dict[str, Any]:
     """Return the options of a route whose answer is no JSON, but of one of these media types."""
-    content = {kind: {} for kind in kinds}
+    content: dict[str, Any] = {kind: {} for kind in kinds}
     return {"responses": {200: {"content": content}}, "response_class": Response}
 
 

@@ -20,7 +20,7 @@ from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import EpisodeSummary
 from robot.types import Encoding
 from server.routes.answers import IdAnswer, Of, Route, UndoAnswer, answer, media
-from server.routes.bodies import Key, do
+from server.routes.bodies import Key
 from server.services import persistence_of
 
 router = APIRouter(prefix="/api", route_class=Route)
@@ -197,9 +197,9 @@ def show_storage(request: Request) -> StorageAnswer:
 
 
 @router.post("/episodes/restore")
-async def restore_episode(body: Key, store: EpisodeStore = STORE) -> IdAnswer:
+def restore_episode(body: Key, store: EpisodeStore = STORE) -> IdAnswer:
     """Restore a deleted episode."""
-    return IdAnswer(id=await do(store.restore, body.undo))
+    return IdAnswer(id=store.restore(body.undo))
 
 
 @router.get("/episodes/{episode_id}")
@@ -274,57 +274,51 @@ def download_episode(episode_id: str, store: EpisodeStore = STORE) -> Response:
 
 
 @router.patch("/episodes/{episode_id}")
-async def change_episode(
+def change_episode(
     episode_id: str, body: EpisodeChange, store: EpisodeStore = STORE
 ) -> EpisodeAnswer:
     """Set the title of an episode, or protect it."""
     if body.title is not None:
-        await do(store.set_title, episode_id, body.title)
+        store.set_title(episode_id, body.title)
     if body.protected is not None:
-        await do(store.protect, episode_id, body.protected)
-    return _describe(await do(store.summary, episode_id))
+        store.protect(episode_id, body.protected)
+    return _describe(store.summary(episode_id))
 
 
 @router.post("/episodes/{episode_id}/edits", status_code=201)
-async def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE) -> EditList:
+def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE) -> EditList:
     """Delete or relabel frames, or all others."""
-
-    def edit() -> Notes:
-        return store.edit(episode_id, _read_edit(body, store.open(episode_id)))
-
-    return _edits(await do(edit))
+    return _edits(store.edit(episode_id, _read_edit(body, store.open(episode_id))))
 
 
 @router.delete("/episodes/{episode_id}/edits/last")
-async def undo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
+def undo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
     """Undo the last edit."""
-    return _edits(await do(store.undo_edit, episode_id))
+    return _edits(store.undo_edit(episode_id))
 
 
 @router.post("/episodes/{episode_id}/edits/redo")
-async def redo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
+def redo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
     """Redo the edit that was undone last."""
-    return _edits(await do(store.redo_edit, episode_id))
+    return _edits(store.redo_edit(episode_id))
 
 
 @router.post("/episodes/{episode_id}/split", status_code=201)
-async def split_episode(
-    episode_id: str, body: EpisodeSplit, store: EpisodeStore = STORE
-) -> IdAnswer:
+def split_episode(episode_id: str, body: EpisodeSplit, store: EpisodeStore = STORE) -> IdAnswer:
     """Split a recording in two."""
-    return IdAnswer(id=await do(store.split, episode_id, body.frame))
+    return IdAnswer(id=store.split(episode_id, body.frame))
 
 
 @router.post("/episodes/{episode_id}/compact")
-async def compact_episode(episode_id: str, store: EpisodeStore = STORE) -> UndoAnswer:
+def compact_episode(episode_id: str, store: EpisodeStore = STORE) -> UndoAnswer:
     """Apply the edits to the recording; `undo` restores the original."""
-    return UndoAnswer(undo=await do(store.compact, episode_id))
+    return UndoAnswer(undo=store.compact(episode_id))
 
 
 @router.delete("/episodes/{episode_id}")
-async def delete_episode(episode_id: str, store: EpisodeStore = STORE) -> UndoAnswer:
+def delete_episode(episode_id: str, store: EpisodeStore = STORE) -> UndoAnswer:
     """Move an episode to the trash; `undo` is the key that restores it."""
-    return UndoAnswer(undo=await do(store.delete, episode_id))
+    return UndoAnswer(undo=store.delete(episode_id))
 
 
 def _read_edit(body: EpisodeEdit, episode: Episode) -> Edit:

@@ -81,52 +81,52 @@ def list_models(request: Request) -> ModelList:
 
 
 @router.post("", dependencies=[NO_SESSION], status_code=201)
-async def begin_model(request: Request, body: NewModel = _NEW) -> NameAnswer:
+def begin_model(request: Request, body: NewModel = _NEW) -> NameAnswer:
     """Save the model in use and start an empty one."""
     begin = persistence_of(request).autosave.begin
-    return NameAnswer(name=await do(begin, body.name, body.learner, body.place))
+    return NameAnswer(name=begin(body.name, body.learner, body.place))
 
 
 @router.post("/save")
-async def save_model(request: Request) -> NameAnswer:
+def save_model(request: Request) -> NameAnswer:
     """Save the model in use now."""
-    return NameAnswer(name=await do(persistence_of(request).autosave.save))
+    return NameAnswer(name=persistence_of(request).autosave.save())
 
 
 @router.post("/restore")
-async def restore_model(request: Request, body: Key) -> NameAnswer:
+def restore_model(request: Request, body: Key) -> NameAnswer:
     """Restore a deleted model."""
-    return NameAnswer(name=await do(persistence_of(request).models.restore, body.undo))
+    return NameAnswer(name=persistence_of(request).models.restore(body.undo))
 
 
 @router.post("/{name}/load", dependencies=[NO_SESSION])
-async def load_model(request: Request, name: str) -> NameAnswer:
+def load_model(request: Request, name: str) -> NameAnswer:
     """Save the model in use and load this one; 409 unless the robot is stopped."""
-    await do(persistence_of(request).autosave.load, name)
+    persistence_of(request).autosave.load(name)
     return NameAnswer(name=name)
 
 
 @router.patch("/{name}")
-async def change_model(request: Request, name: str, body: ModelChange) -> NameAnswer:
+def change_model(request: Request, name: str, body: ModelChange) -> NameAnswer:
     """Rename a model, or set the place where it was taught."""
     autosave = persistence_of(request).autosave
     if body.place is not None:
-        await do(autosave.set_place, name, body.place)
+        autosave.set_place(name, body.place)
     if body.name not in (None, name):
-        name = await do(autosave.rename, name, body.name)
+        name = autosave.rename(name, body.name)
     return NameAnswer(name=name)
 
 
 @router.post("/{name}/copy", status_code=201)
-async def copy_model(request: Request, name: str, body: Named = NAMED) -> NameAnswer:
+def copy_model(request: Request, name: str, body: Named = NAMED) -> NameAnswer:
     """Copy a model; the body names the copy."""
-    return NameAnswer(name=await do(persistence_of(request).models.copy, name, body.name))
+    return NameAnswer(name=persistence_of(request).models.copy(name, body.name))
 
 
 @router.delete("/{name}", dependencies=[NO_SESSION])
-async def delete_model(request: Request, name: str) -> UndoAnswer:
+def delete_model(request: Request, name: str) -> UndoAnswer:
     """Move a model to the trash; `undo` is the key that restores it."""
-    return UndoAnswer(undo=await do(persistence_of(request).autosave.delete, name))
+    return UndoAnswer(undo=persistence_of(request).autosave.delete(name))
 
 
 @router.get("/{name}/preview", **PNG)

@@ -8,7 +8,7 @@ from fastapi import APIRouter, HTTPException, Request
 
 from robot.devices.outside import Outside, must_be, text
 from server.routes.answers import NameAnswer, Route
-from server.routes.bodies import NAMED, NO_SESSION, Named, Short, do
+from server.routes.bodies import NAMED, NO_SESSION, Named, Short
 from server.services import persistence_of, services_of
 
 router = APIRouter(prefix="/api/retraining", route_class=Route)
@@ -29,35 +29,31 @@ def describe_retraining(request: Request) -> dict[str, Any]:
 
 
 @router.post("", status_code=202)
-async def begin_retraining(request: Request, body: RetrainingOrder) -> dict[str, Any]:
+def begin_retraining(request: Request, body: RetrainingOrder) -> dict[str, Any]:
     """Train an empty learner."""
     if len(body.episodes) > _MOST_EPISODES:
         raise HTTPException(400, f"At most {_MOST_EPISODES} recordings can be taught together.")
     services = services_of(request)
     learner = body.learner or services.robot.loop.state.learner
     store = persistence_of(request).episodes
-    await do(services.retraining.begin, store, body.episodes, learner)
+    services.retraining.begin(store, body.episodes, learner)
     return services.retraining.describe()
 
 
 @router.post("/keep", dependencies=[NO_SESSION], status_code=201)
-async def keep(request: Request, body: Named = NAMED) -> NameAnswer:
+def keep(request: Request, body: Named = NAMED) -> NameAnswer:
     """Save the result as a model and load it; 409 unless the robot is stopped."""
     services, persistence = services_of(request), persistence_of(request)
-
-    def save() -> str:
-        model = services.retraining.take()
-        kept = persistence.models.free_name(body.name or services.identity.now.name)
-        persistence.models.save(kept, model)
-        try:
-            persistence.autosave.load(kept)
-        except BaseException:
-            persistence.models.delete(kept)
-            raise
-        services.retraining.drop()
-        return kept
-
-    return NameAnswer(name=await do(save))
+    model = services.retraining.take()
+    kept = persistence.models.free_name(body.name or services.identity.now.name)
+    persistence.models.save(kept, model)
+    try:
+        persistence.autosave.load(kept)
+    except BaseException:
+        persistence.models.delete(kept)
+        raise
+    services.retraining.drop()
+    return NameAnswer(name=kept)
 
 
 @router.delete("")
