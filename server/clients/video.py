@@ -7,13 +7,14 @@ from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
 
 from websockets.frames import Frame as WebsocketFrame
 from websockets.frames import Opcode
 
 from robot.clock import Clock
 from robot.errors import MissingExtraError
+from robot.policy.image import Pixels, to_rgb
 from robot.types import Encoding, Frame
 from server.clients.flow_control import PictureSize, VideoWindow
 from server.protocol import VideoFrame, encode_picture
@@ -48,14 +49,19 @@ class Encoder:
 
     def __init__(self, jpeg_quality: int) -> None:
         self._quality = jpeg_quality
-        self._cv2: Any = None
-        self._has_cv2 = True
+
+    @cached_property
+    def _compress(self) -> Callable[[Pixels], bytes] | None:
+        """Import OpenCV when it is first needed; on an EV3 it never is."""
+        from robot.devices.simulation.camera import make_compressor
+
+        return make_compressor(self._quality)
 
     def encode(self, frame: Frame, nonce: int = 0) -> VideoFrame:
         """Return the picture for `/ws/video`."""
         encoding, data = frame.encoding, frame.data
-        if encoding is Encoding.RGB and self._load_cv2():
-            encoding, data = Encoding.JPEG, self._compress(frame)
+        if encoding is Encoding.RGB and self._compress is not None:
+            encoding, data = Encoding.JPEG, self.encode_jpeg(frame)
         return VideoFrame(
             frame_id=frame.frame_id,
             captured_ms=frame.captured_s * 1000,
@@ -74,33 +80,9 @@ class Encoder:
         """
         if frame.encoding is Encoding.JPEG:
             return frame.data
-        if not self._load_cv2():
+        if self._compress is None:
             raise MissingExtraError("JPEG from a camera of another format", "camera")
-        return self._compress(frame)
-
-    def _load_cv2(self) -> bool:
-        """Import OpenCV when it is first needed; on an EV3 it never is."""
-        if self._cv2 is None and self._has_cv2:
-            try:
-                import cv2
-            except ImportError:
-                self._has_cv2 = False
-            else:
-                self._cv2 = cv2
-        return self._cv2 is not None
-
-    def _compress(self, frame: Frame) -> bytes:
-        import numpy as np
-
-        channels, code = (
-            (2, self._cv2.COLOR_YUV2BGR_YUYV)
-            if frame.encoding is Encoding.YUYV
-            else (3, self._cv2.COLOR_RGB2BGR)
-        )
-        pixels = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.width, channels)
-        options = [self._cv2.IMWRITE_JPEG_QUALITY, self._quality]
-        _, jpeg = self._cv2.imencode(".jpg", self._cv2.cvtColor(pixels, code), options)
-        return bytes(jpeg)
+        return self._compress(to_rgb(frame))
 
 
 @dataclass(frozen=True, slots=True)
