@@ -116,12 +116,6 @@ class Config:
     limits: Limits = field(default_factory=Limits)
 
     def __post_init__(self) -> None:
-        if not 0 <= self.port <= 65535:
-            raise ConfigurationError(f"--port must be between 0 and 65535, not {self.port}")
-        if not 1 <= self.jpeg_quality <= 100:
-            raise ConfigurationError(
-                f"--jpeg-quality must be between 1 and 100, not {self.jpeg_quality}"
-            )
         if not self.needs_pairing and not is_loopback(self.host):
             raise ConfigurationError(
                 f"--host {self.host} can be reached from other machines; add --lan, "

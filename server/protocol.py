@@ -6,14 +6,15 @@ messages in tests/vectors/.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import struct
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
-from typing import Annotated, Any, NamedTuple, NoReturn, get_args, get_type_hints
+from typing import Any, NoReturn
 
-from robot.devices.outside import limits_of, number, plain_type, whole
+from robot.devices.outside import number, whole
 from robot.types import Action, Encoding, Mode, Point
 
 PROTOCOL_VERSION = 1
@@ -21,6 +22,7 @@ MAX_DRIVE_MESSAGE_BYTES = 4096
 """A longer message on `/ws/drive` is refused with `too_large` and not even parsed."""
 MAX_COUNT = 2**53 - 1
 """The largest whole number that JavaScript can count to."""
+_MOST_ID = 2**32 - 1
 FRAME_HEADER = struct.Struct("<BBHHHIId")
 ACKNOWLEDGEMENT = struct.Struct("<BBHI")
 _FRAME, _ACKNOWLEDGEMENT = 1, 2
@@ -53,11 +55,11 @@ class ProtocolError(ValueError):
         self.seq = seq
 
 
-_Count = Annotated[int, whole(least=1, most=MAX_COUNT)]
-_Id = Annotated[int | None, whole(least=1, most=2**32 - 1)]
-_Time = Annotated[float, number(least=-MAX_COUNT, most=MAX_COUNT)]
-_Age = Annotated[float | None, number(least=-MAX_COUNT, most=MAX_COUNT)]
-_Share = Annotated[float | None, number(least=-1, most=1)]
+def _checked(kind: type[Any], least: int, most: int, **default: Any) -> Any:
+    """Declare a message's number within limits; one with a default may be null or left out."""
+    declare, types = (whole, (int,)) if kind is int else (number, (int, float))
+    wanted = declare(least=least, most=most).description + (", or null" if default else "")
+    return field(metadata={"check": (bool(default), types, least, most, wanted)}, **default)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,13 +72,13 @@ class DriveMessage:
     """
 
     held: Action | None
-    seq: _Count
-    frame: _Id = None
-    nonce: _Id = None
-    frame_age_ms: _Age = None
-    phone_ms: _Age = None
-    steering: _Share = None
-    throttle: _Share = None
+    seq: int = _checked(int, 1, MAX_COUNT)
+    frame: int | None = _checked(int, 1, _MOST_ID, default=None)
+    nonce: int | None = _checked(int, 1, _MOST_ID, default=None)
+    frame_age_ms: float | None = _checked(float, -MAX_COUNT, MAX_COUNT, default=None)
+    phone_ms: float | None = _checked(float, -MAX_COUNT, MAX_COUNT, default=None)
+    steering: float | None = _checked(float, -1, 1, default=None)
+    throttle: float | None = _checked(float, -1, 1, default=None)
 
     @property
     def point(self) -> Point | None:
@@ -91,16 +93,16 @@ class ModeMessage:
     """Change the mode: start again after any stop, or stop."""
 
     mode: Mode
-    seq: _Count
-    frame: _Id = None
-    nonce: _Id = None
+    seq: int = _checked(int, 1, MAX_COUNT)
+    frame: int | None = _checked(int, 1, _MOST_ID, default=None)
+    nonce: int | None = _checked(int, 1, _MOST_ID, default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ping:
     """Answered by a pong at once; `client_ms` goes back as it came."""
 
-    client_ms: _Time
+    client_ms: float = _checked(float, -MAX_COUNT, MAX_COUNT)
 
 
 class BareMessage(StrEnum):
@@ -192,13 +194,11 @@ def is_stop(text: str) -> bool:
 
 
 def _parse_object(text: str) -> dict[str, Any]:
-    try:
+    with contextlib.suppress(ValueError, RecursionError):
         message = _DECODER.decode(text)
-    except (ValueError, RecursionError) as error:
-        raise ProtocolError(ErrorCode.MALFORMED, "a message is one JSON object") from error
-    if not isinstance(message, dict):
-        raise ProtocolError(ErrorCode.MALFORMED, "a message is one JSON object")
-    return message
+        if isinstance(message, dict):
+            return message
+    raise ProtocolError(ErrorCode.MALFORMED, "a message is one JSON object")
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -209,35 +209,20 @@ def _refuse_constant(name: str) -> NoReturn:
 _DECODER = json.JSONDecoder(parse_constant=_refuse_constant)
 
 
-class _Number(NamedTuple):
-    """How one number of a message is checked, ten times a second for each pilot."""
-
-    name: str
-    is_optional: bool
-    types: tuple[type, ...]
-    least: float
-    most: float
-    wanted: str
+_Check = tuple[str, bool, tuple[type, ...], float, float, str]
+"""A number's name, whether it may be null, its types, the least and the most, and in words."""
 
 
-def _numbers_of(kind: type[Any]) -> list[_Number]:
-    """Return the checks of a message's numbers, from what the message declares."""
-    found = []
-    for name, hint in get_type_hints(kind, include_extras=True).items():
-        for declared in getattr(hint, "__metadata__", ()):
-            least, most = limits_of(declared)
-            is_optional = type(None) in get_args(get_args(hint)[0])
-            types = (int,) if plain_type(get_args(hint)[0]) is int else (int, float)
-            wanted = declared.description + (", or null" if is_optional else "")
-            found.append(_Number(name, is_optional, types, least, most, wanted))
-    return found
+def _numbers_of(kind: type[Any]) -> list[_Check]:
+    """Return the checks of a message's numbers: there are ten messages a second of each pilot."""
+    return [(one.name, *one.metadata["check"]) for one in fields(kind) if one.metadata]
 
 
 _DRIVE, _MODE, _PING = _numbers_of(DriveMessage), _numbers_of(ModeMessage), _numbers_of(Ping)
 _MODES, _BARE = [*Mode], [*BareMessage]
 
 
-def _read(numbers: list[_Number], message: dict[str, Any], seq: int | None) -> dict[str, Any]:
+def _read(numbers: list[_Check], message: dict[str, Any], seq: int | None) -> dict[str, Any]:
     found, get = {}, message.get
     for name, is_optional, types, least, most, wanted in numbers:
         value: Any = get(name)

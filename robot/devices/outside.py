@@ -19,7 +19,6 @@ from robot.errors import ConfigurationError
 IS_OLD = pydantic.VERSION.startswith("1.")
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
 _STRICT: dict[str, Any] = {} if IS_OLD else {"strict": True}
-_ENDS = ("ge", "le")
 _MOST_BITS = 1000
 """Of a whole number that fits into a float; at a larger one pydantic 1 fails."""
 _M = TypeVar("_M", bound=BaseModel)
@@ -101,13 +100,6 @@ def plain_type(hint: Any) -> type[Any]:
     if get_origin(hint) in (UnionType, Union):
         hint = next(part for part in get_args(hint) if part is not type(None))
     return hint if isinstance(hint, type) else str
-
-
-def limits_of(declared: Any) -> tuple[Any, Any]:
-    """Return the least and the most that a declaration allows."""
-    parts = [declared] if IS_OLD else declared.metadata
-    least, most = ([getattr(part, end) for part in parts if hasattr(part, end)] for end in _ENDS)
-    return least[0], most[0]
 
 
 def kind_of(hint: Any) -> str:

@@ -79,17 +79,15 @@ def _load_or_make_authority(
         if not isinstance(key, ec.EllipticCurvePrivateKey):
             raise ValueError("ca.key is not an elliptic curve key")
         return certificate, key
-    key = ec.generate_private_key(ec.SECP256R1())
-    certificate = (
-        _builder(_named("Drivelesson on this network"), _AUTHORITY_DAYS, now)
-        .issuer_name(_named("Drivelesson on this network"))
-        .public_key(key.public_key())
-        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-        .add_extension(_key_usage(signs_certificates=True), critical=True)
-        .add_extension(_only_private(names), critical=True)
-        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
-        .sign(key, hashes.SHA256())
-    )
+    key, name = ec.generate_private_key(ec.SECP256R1()), _named("Drivelesson on this network")
+    extensions: list[tuple[x509.ExtensionType, bool]] = [
+        (x509.BasicConstraints(ca=True, path_length=0), True),
+        (_key_usage(signs_certificates=True), True),
+        (_only_private(names), True),
+        (x509.SubjectKeyIdentifier.from_public_key(key.public_key()), False),
+    ]
+    builder = _builder(name, name, key, _AUTHORITY_DAYS, now, extensions)
+    certificate = builder.sign(key, hashes.SHA256())
     write_whole(key_file, _key_pem(key), mode=0o600)
     write_whole(certificate_file, _pem(certificate), mode=0o600)
     return certificate, key
@@ -102,36 +100,39 @@ def _make_server(
     now: dt.datetime,
 ) -> tuple[bytes, bytes]:
     key = ec.generate_private_key(ec.SECP256R1())
-    certificate = (
-        _builder(_named("Drivelesson"), _SERVER_DAYS, now)
-        .issuer_name(authority.subject)
-        .public_key(key.public_key())
-        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .add_extension(_key_usage(signs_certificates=False), critical=True)
-        .add_extension(
-            x509.ExtendedKeyUsage([x509.oid.ExtendedKeyUsageOID.SERVER_AUTH]),
-            critical=False,
-        )
-        .add_extension(
-            x509.SubjectAlternativeName([_general_name(name) for name in names]), critical=False
-        )
-        .add_extension(
-            x509.AuthorityKeyIdentifier.from_issuer_public_key(authority_key.public_key()),
-            critical=False,
-        )
-        .sign(authority_key, hashes.SHA256())
-    )
-    return _key_pem(key), _pem(certificate)
+    issuer = x509.AuthorityKeyIdentifier.from_issuer_public_key(authority_key.public_key())
+    extensions: list[tuple[x509.ExtensionType, bool]] = [
+        (x509.BasicConstraints(ca=False, path_length=None), True),
+        (_key_usage(signs_certificates=False), True),
+        (x509.ExtendedKeyUsage([x509.oid.ExtendedKeyUsageOID.SERVER_AUTH]), False),
+        (x509.SubjectAlternativeName([_general_name(name) for name in names]), False),
+        (issuer, False),
+    ]
+    builder = _builder(_named("Drivelesson"), authority.subject, key, _SERVER_DAYS, now, extensions)
+    return _key_pem(key), _pem(builder.sign(authority_key, hashes.SHA256()))
 
 
-def _builder(subject: x509.Name, days: int, now: dt.datetime) -> x509.CertificateBuilder:
-    return (
+def _builder(
+    subject: x509.Name,
+    issuer: x509.Name,
+    key: ec.EllipticCurvePrivateKey,
+    days: int,
+    now: dt.datetime,
+    extensions: Sequence[tuple[x509.ExtensionType, bool]],
+) -> x509.CertificateBuilder:
+    """Return what is to be signed; each extension comes with whether it is critical."""
+    builder = (
         x509.CertificateBuilder()
         .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - dt.timedelta(days=1))  # a robot's clock may be a little off
         .not_valid_after(now + dt.timedelta(days=days))
     )
+    for extension, is_critical in extensions:
+        builder = builder.add_extension(extension, critical=is_critical)
+    return builder
 
 
 def _named(name: str) -> x509.Name:
@@ -151,16 +152,12 @@ def _only_private(names: Sequence[str]) -> x509.NameConstraints:
 
 
 def _key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
+    unused = ("content_commitment", "key_encipherment", "data_encipherment", "key_agreement")
     return x509.KeyUsage(
         digital_signature=not signs_certificates,
-        content_commitment=False,
-        key_encipherment=False,
-        data_encipherment=False,
-        key_agreement=False,
         key_cert_sign=signs_certificates,
         crl_sign=signs_certificates,
-        encipher_only=False,
-        decipher_only=False,
+        **dict.fromkeys((*unused, "encipher_only", "decipher_only"), False),
     )
 
 
