@@ -64,13 +64,17 @@ class Services:
         assert isinstance(found, kind)
         return found
 
+    async def on_loop(self, call: Callable[[], _T]) -> _T:
+        """Have the control loop call something between two ticks; raises what that raises."""
+        return await asyncio.wrap_future(self.robot.loop.submit(call))
+
     async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> _T:
         """Have the loop make a change; it is in the journal when this returns.
 
         Raises what `change` raises.
         """
         history = self.robot.loop.history
-        made = await asyncio.wrap_future(self.robot.loop.submit(lambda: change(history)))
+        made = await self.on_loop(lambda: change(history))
         if self.persistence is not None:
             await self.persistence.journal.written(history.changes)
         return made

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import FileResponse, JSONResponse, Response
 
@@ -34,42 +36,22 @@ async def pair_page(request: Request) -> Response:
 @router.post("/api/pair", responses={400: {}, 403: {}, 404: {}, 429: {}, 503: {}})
 async def pair(request: Request, body: PairingToken) -> JSONResponse:
     """Exchange a token for a session cookie. The token is never sent in an address."""
-    pairing = _require_pairing(request)
-    config, now_s = services_of(request).config, services_of(request).robot.clock.now_s()
-    secret = session_of({"cookie": request.headers.get("cookie", "")}, cookie_name(config))
-    result = pairing.redeem(body.token, now_s, person_of(request), secret)
+    pairing, now_s = _require_pairing(request), services_of(request).robot.clock.now_s()
+    result = pairing.redeem(body.token, now_s, person_of(request), _secret(request))
     if isinstance(result, Refusal):
-        return JSONResponse(
-            {"error": result.reason, "detail": result.sentence}, status_code=result.status
-        )
+        told = {"error": result.reason, "detail": result.sentence}
+        return JSONResponse(told, result.status)
     response = JSONResponse({"role": result.role.value})
-    response.set_cookie(
-        cookie_name(config),
-        result.secret,
-        max_age=_YEAR_S,
-        httponly=True,
-        samesite="strict",
-        secure=config.is_secure,
-        path=_cookie_path(request),
-    )
+    response.set_cookie(value=result.secret, max_age=_YEAR_S, **_cookie(request))
     return response
 
 
 @router.post("/api/unpair", responses={404: {}})
 async def unpair(request: Request) -> JSONResponse:
     """End the session of this browser."""
-    pairing = _require_pairing(request)
-    config = services_of(request).config
-    name = cookie_name(config)
-    pairing.forget(session_of({"cookie": request.headers.get("cookie", "")}, name))
+    _require_pairing(request).forget(_secret(request))
     response = JSONResponse({"role": None})
-    response.delete_cookie(
-        name,
-        httponly=True,
-        samesite="strict",
-        secure=config.is_secure,
-        path=_cookie_path(request),
-    )
+    response.delete_cookie(**_cookie(request))
     return response
 
 
@@ -83,8 +65,20 @@ async def authority(request: Request) -> Response:
     return FileResponse(file, media_type="application/x-x509-ca-cert")
 
 
-def _cookie_path(request: Request) -> str:
-    return f"{request.scope.get(PREFIX, '')}/"
+def _secret(request: Request) -> str:
+    name = cookie_name(services_of(request).config)
+    return session_of({"cookie": request.headers.get("cookie", "")}, name)
+
+
+def _cookie(request: Request) -> dict[str, Any]:
+    config = services_of(request).config
+    return {
+        "key": cookie_name(config),
+        "httponly": True,
+        "samesite": "strict",
+        "secure": config.is_secure,
+        "path": f"{request.scope.get(PREFIX, '')}/",
+    }
 
 
 def _require_pairing(request: Request) -> Pairing:

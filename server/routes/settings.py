@@ -7,7 +7,6 @@ from functools import lru_cache
 from typing import Any, Literal, get_args
 
 from fastapi import APIRouter, Request
-from starlette.concurrency import run_in_threadpool
 
 from robot.control.loop import ControlLoop
 from robot.devices.outside import Outside, must_be, number, text
@@ -79,7 +78,7 @@ async def describe_settings(request: Request) -> SettingsAnswer:
     loop: ControlLoop = robot.loop
     state = loop.state
     kind, _ = split_name(state.learner)
-    rates_hz = await run_in_threadpool(estimate_rates_hz, kind)
+    rates_hz = await do(estimate_rates_hz, kind)
     frame = robot.camera.latest()
     identity = services_of(request).identity.now
     return SettingsAnswer(
@@ -105,26 +104,22 @@ async def describe_settings(request: Request) -> SettingsAnswer:
 @router.put("")
 async def change_settings(request: Request, body: SettingsChange) -> Changed:
     """Change settings; a new `max_nodes` or `moves` start an empty model, 409 if it drives."""
-    loop = services_of(request).robot.loop
+    services = services_of(request)
+    loop = services.robot.loop
     if body.speed is not None:
         loop.speed_share = body.speed
-    named = {"name": body.name, "colour": body.colour}
-    named = {field: value for field, value in named.items() if value is not None}
+    given = {"name": body.name, "colour": body.colour}
+    named = {field: value for field, value in given.items() if value is not None}
     if named:
-        await _rename(request, named)
+        now = await do(lambda: services.identity.change(**named))
+        services.hub.name = now.name
+        services.events.publish("renamed", robot=now.name, colour=now.colour)
     if body.max_nodes is not None or body.moves is not None:
         kind, size = split_name(loop.state.learner)
         learner = f"{kind}-{body.max_nodes or size}"
         moves = loop.state.moves if body.moves is None else _choose(body.moves, request)
-        await run_in_threadpool(persistence_of(request).autosave.begin, None, learner, None, moves)
+        await do(persistence_of(request).autosave.begin, None, learner, None, moves)
     return Changed(learner=loop.state.learner, speed=loop.speed_share)
-
-
-async def _rename(request: Request, fields: dict[str, Any]) -> None:
-    services = services_of(request)
-    now = await do(lambda: services.identity.change(**fields))
-    services.hub.name = now.name
-    services.events.publish("renamed", robot=now.name, colour=now.colour)
 
 
 def _choose(moves: list[str], request: Request) -> tuple[Action, ...]:

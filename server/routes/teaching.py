@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections import Counter
 from dataclasses import dataclass
 from typing import Annotated
@@ -105,15 +104,14 @@ async def show_readiness(request: Request, pictures: bool = True) -> ReadinessAn
     """Return whether the robot is ready to drive alone, or what is missing and where."""
     services = services_of(request)
     readiness = services.progress.readiness
-    loop = services.robot.loop
-    return await asyncio.wrap_future(loop.submit(lambda: _describe_readiness(readiness, pictures)))
+    return await services.on_loop(lambda: _describe_readiness(readiness, pictures))
 
 
 @router.get("/last")
 async def show_last(request: Request, seconds: float = _LAST) -> LastExamples:
     """Return the examples that undoing the last seconds would remove."""
-    loop = services_of(request).robot.loop
-    return await asyncio.wrap_future(loop.submit(lambda: _preview(loop.history, seconds)))
+    services = services_of(request)
+    return await services.on_loop(lambda: _preview(services.robot.loop.history, seconds))
 
 
 @router.post("/undo")
@@ -126,20 +124,17 @@ async def undo(request: Request, body: TrainingUndo) -> dict[str, int]:
 
 def _describe_readiness(readiness: Readiness, has_pictures: bool) -> ReadinessAnswer:
     """Describe it; on the loop's thread."""
-    gaps = [(gap, gap.frame if has_pictures else None) for gap in readiness.missing()]
-    return answer(
-        ReadinessAnswer,
-        readiness,
-        **readiness.foreseen,
-        missing=[
-            answer(GapAnswer, gap, png=frame and png_text(to_small_grey(*_half(frame))))
-            for gap, frame in gaps
-        ],
-    )
+    missing = [
+        answer(GapAnswer, gap, png=_view(gap.frame) if has_pictures else None)
+        for gap in readiness.missing()
+    ]
+    return answer(ReadinessAnswer, readiness, **readiness.foreseen, missing=missing)
 
 
-def _half(frame: Frame) -> tuple[Frame, int, int]:
-    return frame, frame.width // 2, frame.height // 2
+def _view(frame: Frame | None) -> str | None:
+    if frame is None:
+        return None
+    return png_text(to_small_grey(frame, frame.width // 2, frame.height // 2))
 
 
 def _preview(history: TrainingHistory, seconds: float) -> LastExamples:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -50,9 +49,19 @@ class WhyAnswer:
 @router.get("/api/why")
 async def show_why(request: Request) -> WhyAnswer:
     """Return the image that decides now beside the present view; null if there is none."""
-    loop = services_of(request).robot.loop
-    found = await asyncio.wrap_future(loop.submit(lambda: _explain(loop)))
-    return WhyAnswer(why=found and _describe(*found))
+    services = services_of(request)
+    found = await services.on_loop(lambda: _explain(services.robot.loop))
+    if found is None:
+        return WhyAnswer(why=None)
+    prediction, explanation = found
+    why = answer(
+        Why,
+        explanation,
+        frame=prediction.frame_id,
+        action=prediction.action,
+        novelty=round(float(prediction.novelty), 3),
+    )
+    return WhyAnswer(why=why)
 
 
 def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
@@ -63,13 +72,3 @@ def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
     x, prediction = newest
     explanation = explain(loop.history.policy, x, prediction.node)
     return None if explanation is None else (prediction, explanation)
-
-
-def _describe(prediction: Prediction, explanation: Explanation) -> Why:
-    return answer(
-        Why,
-        explanation,
-        frame=prediction.frame_id,
-        action=prediction.action and prediction.action.value,
-        novelty=round(float(prediction.novelty), 3),
-    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -78,15 +77,14 @@ async def change_world(request: Request, body: WorldChange) -> WorldAnswer:
     """
     services = services_of(request)
     driver: Any = services.robot.driver
-    loop = services.robot.loop
     if not hasattr(driver, "worlds"):
         raise ConfigurationError("only a robot of the simulator can be carried to another world")
 
     def carry() -> None:
-        if loop.mode is not Mode.STOPPED:
+        if services.robot.loop.mode is not Mode.STOPPED:
             raise ConfigurationError("stop the robot before you carry it to another world")
         driver.enter(body.name)
         services.progress.trail.begin()
 
-    await asyncio.wrap_future(loop.submit(carry))
+    await services.on_loop(carry)
     return show_world(request)
