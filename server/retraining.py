@@ -117,8 +117,8 @@ class _Run:
             "episodes": [episode.id for episode, _ in self._episodes],
             "share": min(1.0, self._done / max(self._total, 1)) if self.is_running else 1.0,
             "error": self._error,
-            "taught": {} if report is None else {m.value: n for m, n in report.taught.items()},
-            "missing_frames": 0 if report is None else report.missing_frames,
-            "left_out_edits": 0 if report is None else report.left_out_edits,
-            "comparison": None if comparison is None else asdict(comparison),
+            "taught": report.taught if report else {},
+            "missing_frames": report.missing_frames if report else 0,
+            "left_out_edits": report.left_out_edits if report else 0,
+            "comparison": asdict(comparison) if comparison else None,
         }

@@ -94,26 +94,23 @@ def make_services(
     """Create the services for one robot. Nothing starts yet."""
     events = events or EventBus()
     identity = identity or IdentityFile(None, name)
-
-    def recording() -> str | None:
-        return persistence.recording if persistence is not None else None
-
     services = Services(
         config=config,
         robot=robot,
         events=events,
         identity=identity,
         hub=Hub(config, robot, identity.now.name, events),
-        progress=Progress(robot.loop, robot.clock, recording),
+        progress=Progress(
+            robot.loop, robot.clock, lambda: persistence.recording if persistence else None
+        ),
         retraining=Retraining(robot.clock),
         persistence=persistence,
         pairing=pairing,
         door=Door(config.limits, connection_capacity()),
     )
     if pairing is not None:
-        pairing.is_in_use = lambda name: (
-            services.door.sockets.has(name) or name == services.hub.pilot
-        )
+        sockets, hub = services.door.sockets, services.hub
+        pairing.is_in_use = lambda name: sockets.has(name) or name == hub.pilot
     services.door.keeps = services.is_kept
     services.extensions.update({kind: kind(services, options or {}) for kind in installed()})
     return services

@@ -42,18 +42,12 @@ def announced(
         server=f"{hostname}.local.",
         properties={"path": "/", ROBOT: robot, ADDRESS: addresses[0] if addresses else ""},
     )
-    try:
-        responder = Zeroconf(interfaces=list(addresses))
-    except OSError as error:
-        log.warning("mdns off error=%r", str(error))
+    with contextlib.ExitStack() as stack:
+        try:
+            responder = Zeroconf(interfaces=list(addresses))
+            stack.callback(responder.close)
+            responder.register_service(service, allow_name_change=True)
+            log.info("mdns name=%s.local port=%d", hostname, port)
+        except (OSError, Error) as error:
+            log.warning("mdns off error=%r", str(error))
         yield
-        return
-    try:
-        responder.register_service(service, allow_name_change=True)
-        log.info("mdns name=%s.local port=%d", hostname, port)
-    except (OSError, Error) as error:
-        log.warning("mdns off error=%r", str(error))
-    try:
-        yield
-    finally:
-        responder.close()
