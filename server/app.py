@@ -77,7 +77,6 @@ def create_app(services: Services) -> FastAPI:
     )
     app.add_middleware(
         Guard,
-        limits=config.limits,
         access=access,
         refused=services.turned_away,
         door=services.door,

@@ -101,7 +101,6 @@ def create_board_app(
     app.router.lifespan_context = lifespan
     app.add_middleware(
         Guard,
-        limits=config.limits,
         access=Access(names=frozenset(host_names(config))),
         refused=Counter(),
         door=door,

@@ -20,7 +20,6 @@ from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from robot.clock import Clock
-from server.config import Limits
 from server.security.access import ONLY_PILOTS, Access, Refusal, Role, Session
 from server.security.door import Door, PlaceInUse, address_key
 from server.security.proxies import PEER, PREFIX, Proxies
@@ -80,7 +79,6 @@ class Guard:
     def __init__(
         self,
         app: ASGIApp,
-        limits: Limits,
         access: Access,
         refused: Counter[str],
         clock: Clock,
@@ -91,7 +89,6 @@ class Guard:
         self._proxies = proxies
         self._clock = clock
         self._door = door
-        self._limits = limits
         self._access = access
         self._refused = refused
 
@@ -182,7 +179,8 @@ class Guard:
 
     def _most_bytes(self, scope: Scope) -> int:
         is_upload = scope["type"] == "http" and _UPLOADS.fullmatch(scope["path"])
-        return self._limits.upload_bytes if is_upload else self._limits.body_bytes
+        limits = self._door.limits
+        return limits.upload_bytes if is_upload else limits.body_bytes
 
     async def _pass_request(
         self, scope: Scope, receive: Receive, send: Send, headers: dict[str, str]

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
+from starlette.datastructures import Headers
 from starlette.types import Scope
 
 from server.config import Network, PublicAddress, as_address
@@ -25,8 +25,7 @@ SPOKEN = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto
 _PAIR = re.compile(r'([a-z]+)\s*=\s*("(?:[^"\\]|\\.)*"|[^;,"\s]*)|(,)', re.I)
 
 
-@dataclass(frozen=True, slots=True)
-class _Hop:
+class _Hop(NamedTuple):
     """What one proxy says of who asked it; empty where it does not."""
 
     client: str = ""
@@ -83,7 +82,7 @@ class Proxies:
 
     def _choose(self, hop: _Hop, scope: Scope) -> PublicAddress | None:
         """Return which of the addresses was opened; None if the proxy names another."""
-        asked = hop.host or dict(scope["headers"]).get(b"host", b"").decode("latin-1")
+        asked = hop.host or Headers(scope=scope).get("host", "")
 
         def fit(public: PublicAddress) -> tuple[bool, bool, bool]:
             same = public.name == host_name(asked), public.host == asked.lower()
