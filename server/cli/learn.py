@@ -10,7 +10,6 @@ from pathlib import Path
 from robot.errors import ConfigurationError
 from robot.policy.policy import Policy
 from robot.policy.registry import MOST_NODES, make_policy
-from robot.store.episodes.episode import Episode
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.teaching import EditedEpisode, Report, learn_again, plan, same_nodes
 from robot.store.folder import Storage, default_root, write_whole
@@ -99,14 +98,11 @@ def _compare(policy: Policy, episodes: list[EditedEpisode], args: argparse.Names
     is_same = same_nodes(policy.get_state(), after.state)
     print("the same nodes as driving made" if is_same else "not the nodes that driving made")
     first = episodes[0][0]
-    if not is_same and not args.goes_on and _knew_something(first):
+    before = first.model_before()
+    knew_something = before is not None and before.summary.n_nodes > 0
+    if not is_same and not args.goes_on and knew_something:
         print(f"{first.id} went on from a model that knew something already: add --continue")
     return is_same
-
-
-def _knew_something(episode: Episode) -> bool:
-    before = episode.model_before()
-    return before is not None and before.summary.n_nodes > 0
 
 
 def _save(out: str, storage: Storage, policy: Policy, taught: Counter[Action]) -> None:

@@ -194,12 +194,13 @@ def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:
     """Return the options as every recording and model has them: without what is secret."""
     kinds = (rig.driver.options_type, rig.camera.options_type)
     secret = {one.name for kind in kinds for one in options_of(kind) if one.is_secret}
-    given = {name: str(value) for name, value in vars(args).items() if _is_given(value)}
-    return {name: value for name, value in given.items() if name not in secret}
-
-
-def _is_given(value: Any) -> bool:
-    return isinstance(value, str | int | float | Path) and value not in ("", False)
+    return {
+        name: str(value)
+        for name, value in vars(args).items()
+        if name not in secret
+        and isinstance(value, str | int | float | Path)
+        and value not in ("", False)
+    }
 
 
 def _name_learner(args: argparse.Namespace) -> str:

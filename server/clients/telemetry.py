@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from robot.control.camera_timing import CameraState
 from robot.control.state import LoopState
 from robot.driver import Driver, describe
 from robot.types import Mode, Prediction, Sensors
@@ -25,15 +24,12 @@ def state_every_s(state: LoopState) -> float:
     return _SOON_S if is_slow else STATE_EVERY_S
 
 
-def _brick_age_s(camera: CameraState) -> float | None:
-    """Return what a camera on a brick is late by for the brick and the line to it."""
-    source_s = camera.source_age_s
-    return None if source_s is None else max(0.0, camera.delivery_age_s - source_s)
-
-
 def describe_state(state: LoopState, now_ms: float) -> dict[str, Any]:
     """Return the fields of a `state` message that come from the control loop."""
     decision, camera = state.decision, state.camera
+    source_s, brick_s = camera.source_age_s, None
+    if source_s is not None:  # what a camera on a brick is late by for the brick and its line
+        brick_s = max(0.0, camera.delivery_age_s - source_s)
     fields = {
         "server_ms": round(now_ms, 1),
         "mode": decision.mode,
@@ -52,7 +48,7 @@ def describe_state(state: LoopState, now_ms: float) -> dict[str, Any]:
         "camera": {
             "period_ms": _milliseconds(camera.period_s),
             "age_ms": _milliseconds(camera.delivery_age_s),
-            "brick_ms": _milliseconds(_brick_age_s(camera)),
+            "brick_ms": _milliseconds(brick_s),
             "limit_ms": _milliseconds(camera.timeout_s),
             "speed_scale": camera.speed_scale,
         },
