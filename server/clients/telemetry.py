@@ -111,8 +111,8 @@ def _describe_sensors(sensors: Sensors) -> dict[str, Any]:
 
 def _rounded(value: Any) -> Any:
     """Round numbers to four places, which is enough for a page; numpy's become Python's."""
-    if isinstance(value, Mapping):
-        return {key: _rounded(part) for key, part in value.items()}
     if value is None or isinstance(value, str | int | list):
         return value
+    if not isinstance(value, float) and isinstance(value, Mapping):
+        return {key: _rounded(part) for key, part in value.items()}
     return round(float(value), 4)
