@@ -26,8 +26,7 @@ from server.cli.parser import declare, host_name, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config, Limits, PublicAddress, read_networks
 from server.extension import installed
-from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address
-from server.hosting.browser import show_page
+from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address, show_page
 from server.hosting.logs import start_logging
 from server.hosting.network import host_names, lan_addresses, page_addresses
 from server.security.access import Role
@@ -112,8 +111,7 @@ def run(args: argparse.Namespace) -> int:
     from server.app import create_app
     from server.events import EventBus
     from server.hosting.discovery import announced
-    from server.hosting.ending import end_by_signals
-    from server.hosting.serving import open_socket, serve
+    from server.hosting.serving import end_by_signals, open_socket, serve
     from server.identity import IdentityFile
     from server.persistence import Persistence
     from server.services import make_services

@@ -1,9 +1,13 @@
-"""What the terminal shows when the robot is ready: the addresses, and QR codes for phones."""
+"""What a person is shown when the robot is ready: addresses, QR codes for phones, or the page."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+import os
+import sys
+import threading
+import webbrowser
+from collections.abc import Mapping, Sequence
 
 from robot.errors import install_command
 from server.security.access import Role
@@ -53,3 +57,17 @@ def draw_qr(text: str) -> str:
     out = io.StringIO()
     segno.make(text, error="l", micro=False).terminal(out, compact=True)
     return out.getvalue()
+
+
+def has_screen(system: str, environment: Mapping[str, str]) -> bool:
+    """True where a browser has a window: elsewhere one of text would take the terminal."""
+    if "SSH_CONNECTION" in environment:  # the screen is another machine's
+        return False
+    has_display = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
+    return system in ("win32", "darwin") or has_display
+
+
+def show_page(address: str) -> None:
+    """Open the address in the browser, which nobody waits for."""
+    if has_screen(sys.platform, os.environ):
+        threading.Thread(target=webbrowser.open, args=[address], daemon=True).start()

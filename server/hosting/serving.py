@@ -5,7 +5,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
+import signal
 import socket
+import sys
+import threading
 from collections.abc import Coroutine, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -96,6 +99,19 @@ def serve(app: Any, listener: socket.socket, certificates: Certificates | None =
         _run(_serve(server, guarded))
 
 
+def end_by_signals() -> None:
+    """Have SIGTERM, and a terminal that is closed, end the program as Ctrl-C does.
+
+    Newer uvicorns raise a signal again once they have shut down; by the system's own handler the
+    process would end before the motors are stopped and the model is saved.
+    """
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    for name in ("SIGHUP", "SIGBREAK"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # no nohup
+            signal.signal(number, lambda *_: signal.raise_signal(signal.SIGTERM))
+
+
 def _run(served: Coroutine[Any, Any, None]) -> None:
     """Run on the loop that asks a listener to accept: Windows' own goes past the door."""
     with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
@@ -123,8 +139,6 @@ def _behind_door(app: Any, listener: socket.socket) -> DoorListener:
 @contextlib.contextmanager
 def served(app: Any, config: Config, certificates: Certificates | None = None) -> Iterator[str]:
     """Serve on a thread of its own inside the block; yield the address. For tests."""
-    import threading
-
     import uvicorn
 
     listener = _behind_door(app, open_socket(config.host, config.port))

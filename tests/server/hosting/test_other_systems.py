@@ -17,8 +17,7 @@ from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action
 from server.__main__ import main
 from server.hosting import serving
-from server.hosting.banner import draw_qr
-from server.hosting.browser import has_screen
+from server.hosting.banner import draw_qr, has_screen
 from server.security.listener import connection_capacity
 from tests.server.virtual_server import VirtualServer
 
