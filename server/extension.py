@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from fastapi import APIRouter
 
@@ -48,10 +48,6 @@ class Extension(StartStop):
 
     def require_free_model(self) -> None:
         """Raise ConfigurationError while the model in use must not change."""
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
 
 
 def installed() -> list[type[Extension]]:
