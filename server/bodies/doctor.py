@@ -9,11 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robot.bodies.ev3.agent.ports import HardwareError
-from robot.bodies.ev3.chassis import ChassisOptions
 from robot.bodies.ev3.doctor import Level, examine, write_report
 from robot.bodies.ev3.examination import Examination
-from robot.errors import ConfigurationError, DriveError
+from robot.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robot.bodies.ev3.fake_brick import FakeBrick
@@ -38,11 +36,8 @@ def examine_brick(args: argparse.Namespace) -> int:
 def examine_at(address: str, secret: str, may_turn_wheels: Callable[[], bool]) -> int:
     """Examine the brick that listens there, and print the report; 1 if something is wrong."""
     print(f"examining the brick at {address.partition(':')[0]}, about half a minute ...\n")
-    try:
-        with Examination(address, secret, ChassisOptions()) as visit:
-            findings = examine(visit.measure(may_turn_wheels))
-    except HardwareError as error:
-        raise DriveError(str(error)) from error
+    with Examination(address, secret) as visit:
+        findings = examine(visit.measure(may_turn_wheels))
     print(write_report(findings))
     return int(any(finding.level is Level.WRONG for finding in findings))
 

@@ -15,7 +15,6 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot.bodies.ev3.agent.ports import HardwareError
 from robot.bodies.ev3.chassis import ChassisBody
 from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
 from robot.bodies.ev3.fake_brick import FakeBrick
@@ -137,7 +136,7 @@ def _ev3_stock(seed: int) -> Iterator[TimedBody]:
             answer = None if self.is_lost else brick.answer(message)
             if answer is None:
                 clock.sleep(0.4)
-                raise HardwareError("the brick does not answer")
+                raise DriveError("the brick does not answer")
             return answer
 
         def close(self) -> None:
@@ -240,6 +239,7 @@ def _ev3(seed: int) -> Iterator[TimedBody]:
                 brick.unplug_motor("outC")
 
         yield TimedBody(driver, clock, brick.is_moving, unplug_one)
+        driver.disconnect()
 
 
 @contextmanager

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol
 
-from robot.bodies.ev3.agent.ports import HardwareError
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.devices.wheels import CLASSIC_POINTS, Pair, TwoWheels
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC, BodyButton
-from robot.errors import ConfigurationError, DriveError
+from robot.errors import ConfigurationError
 from robot.types import Action, Mode, Point, Sensors
-
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,9 +131,9 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
         body = self._make_body()
         try:
             left_dps, right_dps = body.open()
-        except HardwareError as error:
+        except Exception:
             body.close()
-            raise DriveError(str(error)) from error
+            raise
         self._top_dps = left_dps, right_dps
         return body
 
@@ -177,10 +174,10 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def _steer(self, connection: ChassisBody, point: Point, speed_scale: float) -> None:
         """Run the wheels for `ACTION_TIMEOUT_S` by `run-timed`: the kernel ends the move."""
         left, right = (speed_scale * dps for dps in self._wheels.at(point, self._top_dps))
-        _asked(lambda: connection.run(left, right, round(1000 * ACTION_TIMEOUT_S)))
+        connection.run(left, right, round(1000 * ACTION_TIMEOUT_S))
 
     def sense(self) -> Sensors:
-        read = dict(_asked(self._connected().sense))
+        read = self._connected().sense()
         turned_deg = read.pop("wheels_deg", None)  # an agent of another release sends none
         wheels_m = None
         if turned_deg:
@@ -194,7 +191,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 
     def wheel_positions_deg(self) -> Sequence[float]:
         """How far the left and the right wheel have turned, as the motors count it."""
-        return _asked(self._connected().positions)
+        return self._connected().positions()
 
     def take_button(self) -> BodyButton | None:
         pressed = self._connection.take_button() if self._connection is not None else None
@@ -206,11 +203,3 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def show(self, mode: Mode) -> None:
         if self._connection is not None:
             self._connection.show(mode.value, self._address)
-
-
-def _asked(call: Callable[[], _T]) -> _T:
-    """Call the body; its error becomes the driver's."""
-    try:
-        return call()
-    except HardwareError as error:
-        raise DriveError(str(error)) from error

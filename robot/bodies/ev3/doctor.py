@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Literal
+
+from robot.bodies.ev3.link import RemotePicture
 
 WHEEL_TOLERANCE = 0.25
 """A wheel's speed may be so far from what was asked: a weak battery, friction."""
@@ -40,16 +42,6 @@ class WheelTurn:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PictureArrival:
-    """One picture as it came: when, how old, and what it is, on this machine's clock."""
-
-    at_s: float
-    age_s: float
-    size: tuple[int, int]
-    encoding: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class BrickFacts:
     """All that was measured. `inspected` is the agent's answer to `inspect`."""
 
@@ -60,9 +52,9 @@ class BrickFacts:
     round_trips_s: Sequence[float]
     clock_ahead_s: float
     body_fault: str | None = None
-    pictures: Sequence[PictureArrival] = ()
+    pictures: Sequence[RemotePicture] = ()
     camera_fault: str | None = None
-    wheels: Sequence[WheelTurn] | None = field(default=None)
+    wheels: Sequence[WheelTurn] | None = None
 
 
 def examine(facts: BrickFacts) -> list[Finding]:
@@ -120,15 +112,14 @@ def _line(facts: BrickFacts) -> Iterator[Finding]:
 def _clock(facts: BrickFacts) -> Iterator[Finding]:
     hours = facts.clock_ahead_s / 3600
     if abs(hours) < 1 / 60:
-        yield Finding(Level.OK, "clock", "as on this computer, to the minute")
-    else:
-        yield Finding(
-            Level.NOTE,
-            "clock",
-            f"{abs(hours):.1f} hours {'ahead of' if hours > 0 else 'behind'} this computer",
-            "a brick has no clock of its own; driving does not need it. For dates in its logs: "
-            "connect it to the internet, or on the brick: sudo date -s '2026-01-31 12:00'",
-        )
+        yield _judge("clock", "as on this computer, to the minute")
+        return
+    yield _judge(
+        "clock",
+        f"{abs(hours):.1f} hours {'ahead of' if hours > 0 else 'behind'} this computer",
+        note="a brick has no clock of its own; driving does not need it. For dates in its logs: "
+        "connect it to the internet, or on the brick: sudo date -s '2026-01-31 12:00'",
+    )
 
 
 def _ports(facts: BrickFacts) -> Iterator[Finding]:
@@ -223,12 +214,11 @@ def _room(facts: BrickFacts) -> Iterator[Finding]:
 def _camera(facts: BrickFacts) -> Iterator[Finding]:
     cameras = facts.inspected["cameras"]
     if not cameras:
-        yield Finding(
-            Level.WRONG,
+        yield _judge(
             "camera",
             "none found",
-            "plug it in, and wait ten seconds; if `lsusb` on the brick lists it, unplug it and "
-            "plug it in again with the brick running (docs/howto/ev3.md, ev3dev#1546)",
+            wrong="plug it in, and wait ten seconds; if `lsusb` on the brick lists it, unplug it "
+            "and plug it in again with the brick running (docs/howto/ev3.md, ev3dev#1546)",
         )
         return
     for one in cameras:
@@ -255,16 +245,16 @@ def _offers(camera: dict[str, Any]) -> Iterator[Finding]:
         yield _judge("camera", f"{camera['device']}: {text}", note=advice)
 
 
-def _pictures(pictures: Sequence[PictureArrival]) -> Finding:
-    ages = sorted(one.age_s for one in pictures)
+def _pictures(pictures: Sequence[RemotePicture]) -> Finding:
+    ages = sorted(one.came_s - one.taken_s for one in pictures)
     usual, old = statistics.median(ages), ages[int(0.95 * (len(ages) - 1))]
-    span_s = pictures[-1].at_s - pictures[0].at_s
+    last = pictures[-1]
+    span_s = last.came_s - pictures[0].came_s
     rate_hz = (len(pictures) - 1) / span_s if span_s > 0 else 0.0
-    width, height = pictures[-1].size
     return _judge(
         "pictures",
         f"{rate_hz:.1f} a second, {1000 * usual:.0f} ms old, 19 of 20 under {1000 * old:.0f}; "
-        f"{width}x{height} {pictures[-1].encoding}",
+        f"{last.width}x{last.height} {last.encoding}",
         wrong=usual > 0.3
         and "too old to drive at speed; look at the Wi-Fi and the camera's cable first",
         note=(usual > 0.18 or rate_hz < 7)

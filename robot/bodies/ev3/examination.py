@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from robot.bodies.ev3.agent.ports import HardwareError
 from robot.bodies.ev3.archive import release
 from robot.bodies.ev3.chassis import ChassisOptions
-from robot.bodies.ev3.doctor import BrickFacts, PictureArrival, WheelTurn
+from robot.bodies.ev3.doctor import BrickFacts, WheelTurn
 from robot.bodies.ev3.link import BrickLink, RemotePicture
-from robot.bodies.ev3.remote_body import RemoteBody
+from robot.bodies.ev3.remote_driver import RemoteBody
 from robot.clock import Clock, RealClock
 from robot.driver import ACTION_TIMEOUT_S
+from robot.errors import DriveError
 
 ROUND_TRIPS = 20
 PICTURES_S = 5.0
@@ -37,14 +37,14 @@ class Examination:
         self._options = options or ChassisOptions()
         self._address = address
         self._link = link or BrickLink(address, secret)
-        self._pictures: list[PictureArrival] = []
+        self._pictures: list[RemotePicture] = []
 
     def __enter__(self) -> Examination:
-        self._link.open("doctor")
+        self._link.hold("doctor", "ping")
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._link.close("doctor")
+        self._link.release("doctor")
 
     def measure(self, may_turn_wheels: Callable[[], bool]) -> BrickFacts:
         """Return all that can be known.
@@ -53,7 +53,7 @@ class Examination:
             may_turn_wheels: Asks the person; called once, before the only part that moves.
 
         Raises:
-            HardwareError: If the line is lost.
+            DriveError: If the line is lost.
         """
         self._link.send("inspect")
         inspected = self._link.answer("inspected")
@@ -83,24 +83,13 @@ class Examination:
 
     def _look(self) -> str | None:
         """Take pictures for a while; return the camera fault that the agent reports."""
-        self._link.on_picture = self._note
+        self._link.on_picture = self._pictures.append
         self._link.send("video", device="auto", width=160, height=120, rate=30, encoding="auto")
         self._clock.sleep(PICTURES_S)
         fault = self._link.camera_fault
         self._link.send("blind")
         self._link.on_picture = None
         return fault
-
-    def _note(self, picture: RemotePicture) -> None:
-        now_s = self._clock.now_s()
-        self._pictures.append(
-            PictureArrival(
-                at_s=now_s,
-                age_s=now_s - picture.taken_s,
-                size=(picture.width, picture.height),
-                encoding=picture.encoding,
-            )
-        )
 
     def _try_wheels(
         self, may_turn_wheels: Callable[[], bool]
@@ -111,7 +100,7 @@ class Examination:
             if not may_turn_wheels():
                 return None, None
             return None, [self._turn(body, *part) for part in WHEEL_TEST]
-        except HardwareError as error:
+        except DriveError as error:
             return str(error), None
         finally:
             body.close()

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from robot.bodies.ev3.agent.ports import HardwareError
 from robot.bodies.ev3.agent.wire import (
     FROM_AGENT,
     PORT,
@@ -21,7 +20,7 @@ from robot.bodies.ev3.agent.wire import (
     pack_json,
     prove,
 )
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, DriveError
 
 PATIENCE_S = 3.0
 """How long joining, or opening the body, may take."""
@@ -69,7 +68,7 @@ def join(
 
     Raises:
         ConfigurationError: If the address is none.
-        HardwareError: If nobody answers, the agent refuses, or it is another than ours.
+        DriveError: If nobody answers, the agent refuses, or it is another than ours.
     """
     host, _, port = address.partition(":")
     try:
@@ -77,22 +76,22 @@ def join(
     except ValueError:
         raise ConfigurationError(f"--brick {address} is no address:port") from None
     except OSError as error:
-        raise HardwareError(
+        raise DriveError(
             f"no agent answers at {host} port {port or PORT} ({error.strerror or error}); "
             f"start it with: drivelesson brick agent {host}"
         ) from error
     try:
         connection = _shake_hands(line, host, secret or kept_secret(host))
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    except DriveError:
+        line.close()
+        raise
     except (OSError, ValueError, KeyError, TypeError) as error:
         line.close()
-        raise HardwareError(
+        raise DriveError(
             f"what answers at {host} port {port or PORT} is no agent of this version "
             f"({error}); renew it with: drivelesson brick agent {host}"
         ) from error
-    except HardwareError:
-        line.close()
-        raise
     return connection
 
 
@@ -106,11 +105,11 @@ def _shake_hands(line: socket.socket, host: str, secret: str) -> BrickConnection
     line.sendall(pack_json({"do": "join", "nonce": ours, "proof": proof}))
     verdict = _next_message(line, unpacker)
     if "refused" in verdict:
-        raise HardwareError(
+        raise DriveError(
             f"the brick at {host} refuses: {verdict['refused']}; " + _advice(verdict, host)
         )
     if not is_proof(verdict["proof"], secret, "agent", theirs, ours):
-        raise HardwareError(
+        raise DriveError(
             f"what answers at {host} does not know the secret: it is not your brick; "
             "check the address, and who else is in this network"
         )
@@ -128,7 +127,7 @@ def kept_secret(host: str) -> str:
     """Read the kept secret of a brick.
 
     Raises:
-        HardwareError: If there is none.
+        DriveError: If there is none.
     """
     given = os.environ.get("DRIVELESSON_BRICK_SECRET")
     if given:
@@ -136,7 +135,7 @@ def kept_secret(host: str) -> str:
     try:
         return secret_path(host).read_text().strip()
     except OSError:
-        raise HardwareError(
+        raise DriveError(
             f"no secret is known for the brick at {host}; "
             f"make one with: drivelesson brick agent {host}, or give --brick-secret"
         ) from None

@@ -15,11 +15,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from robot.bodies.ev3.agent.ports import HardwareError
 from robot.bodies.ev3.agent.wire import ENCODINGS, PICTURE
 from robot.bodies.ev3.handshake import PATIENCE_S, BrickConnection, dial, join
 from robot.clock import Clock, RealClock, Worker
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, DriveError
 
 SILENCE_S = 0.4
 """A brick that sends nothing for so long does not answer: it reports ten times a second, and its
@@ -33,10 +32,11 @@ REJOIN_S = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemotePicture:
-    """One frame from the brick; `taken_s` is on the link's clock."""
+    """One frame from the brick; when it was taken and when it came, on the link's clock."""
 
     data: bytes
     taken_s: float
+    came_s: float
     width: int
     height: int
     encoding: str
@@ -63,14 +63,13 @@ class BrickLink:
         self._dial = dial
         self._address = address
         self._secret = secret
-        self._users: set[str] = set()
         self._connection: BrickConnection | None = None
         self._sending = threading.Lock()
         self._ending = threading.Event()
         self._thread: Worker | None = None
         self._answers: deque[dict[str, Any]] = deque()
         self._answered = threading.Event()
-        self._standing: dict[str, dict[str, Any]] = {}
+        self._held: dict[str, dict[str, Any]] = {}
         self._received_s = 0.0
         self._offset_s: float | None = None
         self._lost: str | None = None
@@ -106,59 +105,54 @@ class BrickLink:
         """The brick's clock in the newest report; a move carries it to prove that it is fresh."""
         return self._report.get("t")
 
-    def open(self, user: str) -> None:
-        """Join the agent, unless that is done; `user` keeps the line open until its `close`.
+    def hold(self, key: str, do: str, **rest: Any) -> None:
+        """Send a command that holds until `release`: again, too, whenever the line is joined anew.
+
+        The first one joins the agent.
 
         Raises:
-            HardwareError: If nobody answers, or the agent refuses.
+            DriveError: If nobody answers, or the agent refuses.
         """
         if self._thread is None:
             if not self._address:
-                raise HardwareError("which brick? name it with --brick ADDRESS")
+                raise DriveError("which brick? name it with --brick ADDRESS")
             self._connection = self._join()
             self._ending.clear()
             self._thread = self.clock.start_thread(self._run, "brick-link")
-        self._users.add(user)
+        self._held[key] = {"do": do, **rest}
+        self.send(do, **rest)
 
-    def close(self, user: str) -> None:
-        """Close the connection when nobody uses it any more; idempotent."""
-        self._users.discard(user)
-        if self._users or self._thread is None:
+    def release(self, *keys: str) -> None:
+        """Forget what was held; the connection is closed when nothing is. Idempotent."""
+        for key in keys:
+            self._held.pop(key, None)
+        if self._held or self._thread is None:
             return
         self._ending.set()
         self._hang_up()
         self._thread.join(timeout=PATIENCE_S)
         self._thread = None
-        self._standing.clear()
 
     def send(self, do: str, **rest: Any) -> None:
         """Send one command. A brick that is silent is asked, too: it may just have been held up.
 
         Raises:
-            HardwareError: If the line is lost; the brick stops by itself then.
+            DriveError: If the line is lost; the brick stops by itself then.
         """
         lost = self._lost  # the thread may join anew meanwhile
         if lost is not None:
-            raise HardwareError(self._say_lost(lost))
+            raise DriveError(self._say_lost(lost))
         try:
             self._send(do, **rest)
         except OSError as error:
             self._hang_up()  # half a message may be on the way
-            raise HardwareError(self._say_lost(error)) from error
-
-    def keep_sent(self, key: str, do: str, **rest: Any) -> None:
-        """Send a command that holds for the whole connection, and again after each new joining."""
-        self._standing[key] = {"do": do, **rest}
-        self.send(do, **rest)
-
-    def forget(self, key: str) -> None:
-        self._standing.pop(key, None)
+            raise DriveError(self._say_lost(error)) from error
 
     def answer(self, name: str) -> Any:
         """Wait for the answer to a question just asked.
 
         Raises:
-            HardwareError: If the agent reports a failure, or nothing.
+            DriveError: If the agent reports a failure, or nothing.
         """
         deadline_s = self.clock.now_s() + PATIENCE_S
         while True:
@@ -167,10 +161,10 @@ class BrickLink:
             if not self._answers and not self.clock.wait(
                 self._answered, max(0.0, deadline_s - self.clock.now_s())
             ):
-                raise HardwareError(f"the brick at {self._address} gives no answer")
+                raise DriveError(f"the brick at {self._address} gives no answer")
             message = self._answers.popleft()
             if "failed" in message:
-                raise HardwareError(f"brick {self._address}: {message['failed']}")
+                raise DriveError(f"brick {self._address}: {message['failed']}")
             if name in message:
                 return message[name]
 
@@ -178,7 +172,7 @@ class BrickLink:
         """Return what the brick last reported of its sensors, which is at most 0.4 s old."""
         fault = self.fault or self._report.get("fault")
         if fault is not None:
-            raise HardwareError(fault)
+            raise DriveError(fault)
         return dict(self._report.get("sensors") or {})
 
     def take_button(self) -> str | None:
@@ -203,14 +197,14 @@ class BrickLink:
                     self._rejoin()
                 else:
                     self._receive(connection)
-            except (OSError, ValueError, KeyError, HardwareError, ConfigurationError) as error:
+            except (OSError, ValueError, KeyError, ConfigurationError) as error:
                 self._lost = str(error)
                 self._hang_up()
                 self.clock.wait(self._ending, REJOIN_S)
 
     def _rejoin(self) -> None:
         self._connection = self._join()
-        for command in list(self._standing.values()):
+        for command in list(self._held.values()):
             self._send(**command)
 
     def _receive(self, connection: BrickConnection) -> None:
@@ -258,6 +252,7 @@ class BrickLink:
                 RemotePicture(
                     data=body[PICTURE.size :],
                     taken_s=min(taken_s + self._offset_s, self._received_s),
+                    came_s=self._received_s,
                     width=width,
                     height=height,
                     encoding=ENCODINGS[encoding],

@@ -5,13 +5,12 @@ from __future__ import annotations
 import contextlib
 from typing import Any, ClassVar, Self
 
-from robot.bodies.ev3.agent.ports import HardwareError
 from robot.bodies.ev3.link import BrickLink, RemotePicture
 from robot.bodies.v4l2.options import UsbCameraOptions
 from robot.clock import Clock
 from robot.devices.watched_camera import WatchedCamera
 from robot.driver import Driver
-from robot.errors import CameraError, ConfigurationError
+from robot.errors import CameraError, ConfigurationError, DriveError
 from robot.types import Encoding
 
 
@@ -39,8 +38,7 @@ class Ev3RemoteCamera(WatchedCamera):
         options = self.options
         self._link.on_picture = self._take
         try:
-            self._link.open("camera")
-            self._link.keep_sent(
+            self._link.hold(
                 "camera",
                 "video",
                 device=options.device,
@@ -49,7 +47,7 @@ class Ev3RemoteCamera(WatchedCamera):
                 rate=options.frame_rate,
                 encoding=options.encoding,
             )
-        except HardwareError as error:
+        except DriveError as error:
             self._let_go()
             raise CameraError(str(error)) from error
         self._watch_over()
@@ -61,14 +59,13 @@ class Ev3RemoteCamera(WatchedCamera):
     def stop(self) -> None:
         if self._threads:
             super().stop()
-            with contextlib.suppress(HardwareError):  # a lost line closes the camera by itself
+            with contextlib.suppress(DriveError):  # a lost line closes the camera by itself
                 self._link.send("blind")
             self._let_go()
 
     def _let_go(self) -> None:
         self._link.on_picture = None
-        self._link.forget("camera")
-        self._link.close("camera")
+        self._link.release("camera")
 
     def _take(self, picture: RemotePicture) -> None:
         self._freshness.is_new(picture.data, self.clock.now_s())

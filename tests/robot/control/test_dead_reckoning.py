@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from robot.bodies.ev3.agent.ports import HardwareError
 from robot.bodies.ev3.chassis import ChassisDriver, ChassisOptions, wheels_of
 from robot.control.dead_reckoning import DeadReckoning
 from robot.devices.simulation.body import TRACK_M, WHEELS_MPS, move
 from robot.devices.wheels import CLASSIC_POINTS
 from robot.driver import ACTION_TIMEOUT_S, Driver
+from robot.errors import DriveError
 from robot.testing import FakeDriver
 from robot.types import Action, Pose, Sensors
 
@@ -134,7 +134,7 @@ def test_motors_that_do_not_answer_cost_the_estimate_alone(monkeypatch: Any) -> 
     monkeypatch.setattr(body.sensors, "read", lambda: {"distance_m": 0.5})
 
     def refuse() -> list[float]:
-        raise HardwareError("the motors do not answer")
+        raise DriveError("the motors do not answer")
 
     monkeypatch.setattr(body.motors, "positions", refuse)
     assert body.sense() == {"distance_m": 0.5, "wheels_deg": None}

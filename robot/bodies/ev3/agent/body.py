@@ -1,19 +1,18 @@
 """The body of the brick: motors, sensors, buttons, lights and screen, as one thing to open."""
 
-import os
 import time
 from typing import Any, Dict, List
 
 from robot.bodies.ev3.agent.console import Console
 from robot.bodies.ev3.agent.motors import MotorPair
-from robot.bodies.ev3.agent.ports import HardwareError
+from robot.bodies.ev3.agent.ports import DriveError
 from robot.bodies.ev3.agent.sensors import RobotSensors
 
 
 class BrickBody:
     """The brick's body: its motors and console do what they are asked through it.
 
-    `open` finds the devices; whatever fails raises HardwareError.
+    `open` finds the devices; whatever fails raises DriveError.
 
     `clock` has the functions of Python's `time`.
     """
@@ -21,7 +20,6 @@ class BrickBody:
     def __init__(
         self, left: str, right: str, ultrasonic: str, touch: str, root: str = "/", clock: Any = time
     ) -> None:
-        self._root = root
         self.motors = MotorPair(left, right, root, clock)
         self.sensors = RobotSensors(ultrasonic, touch, root, clock)
         self.console = Console(root)
@@ -34,15 +32,14 @@ class BrickBody:
 
         Returns how fast each wheel can turn, in degrees a second; left, right.
         """
-        use_devices_of(self._root)
         try:
             self.motors.open()
             self.sensors.open()
             self.console.open()
-        except HardwareError:
+        except DriveError:
             raise
         except Exception as error:
-            raise HardwareError(
+            raise DriveError(
                 "the brick's devices cannot be used ({}); be root, or a member of the group "
                 "ev3dev".format(error)
             ) from error
@@ -54,7 +51,7 @@ class BrickBody:
         read = self.sensors.read()
         try:
             read["wheels_deg"] = self.motors.positions()
-        except HardwareError:  # said when the motors are asked to turn
+        except DriveError:  # said when the motors are asked to turn
             read["wheels_deg"] = None
         return read
 
@@ -63,18 +60,3 @@ class BrickBody:
         self.motors.close()
         self.sensors.close()
         self.console.close()
-
-
-def use_devices_of(root: str) -> None:
-    """Point python-ev3dev2 at a root folder.
-
-    Raises:
-        HardwareError: If it is not installed.
-    """
-    try:
-        import ev3dev2
-    except ImportError:
-        raise HardwareError(
-            "python-ev3dev2 is not installed; install it with: pip install 'drivelesson[ev3]'"
-        ) from None
-    ev3dev2.Device.DEVICE_ROOT_PATH = os.path.join(root, "sys/class")

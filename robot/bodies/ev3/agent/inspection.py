@@ -5,7 +5,7 @@ import platform
 import time
 from typing import Any, Dict, List
 
-from robot.bodies.ev3.agent.ports import find_port, list_ports
+from robot.bodies.ev3.agent.ports import find_battery, list_ports
 from robot.bodies.ev3.agent.release import RELEASE
 from robot.bodies.v4l2.device import CaptureError, describe_camera, list_cameras
 
@@ -23,9 +23,9 @@ def inspect_brick(root: str, late: int) -> Dict[str, Any]:
         "kernel": platform.release(),
         "machine": platform.machine(),
         "clock_s": time.time(),
-        "motors": list_ports(root, "tacho-motor"),
-        "sensors": list_ports(root, "lego-sensor"),
-        "battery_v": read_voltage(),
+        "motors": describe(root, "tacho-motor"),
+        "sensors": describe(root, "lego-sensor"),
+        "battery_v": read_voltage(root),
         "memory_mb": read_memory_mb(root),
         "card_mb": read_card_mb(root),
         "cameras": find_cameras(),
@@ -33,9 +33,15 @@ def inspect_brick(root: str, late: int) -> Dict[str, Any]:
     }
 
 
-def read_voltage() -> Any:
+def describe(root: str, kind: str) -> List[Dict[str, str]]:
+    """Return driver_name and address of every device of a class, by port."""
+    ports = list_ports(root, kind)
+    return [{"driver_name": port.driver, "address": port.address} for port in ports]
+
+
+def read_voltage(root: str) -> Any:
     """Return the battery's voltage in volts, or None."""
-    battery = find_port("power_supply", "*ev3-battery")
+    battery = find_battery(root)
     if battery is None:
         return None
     try:

@@ -4,7 +4,7 @@ import sys
 import time
 from typing import Any, List, Optional
 
-from robot.bodies.ev3.agent.ports import DevicePort, HardwareError, describe_ports, find_port
+from robot.bodies.ev3.agent.ports import DevicePort, DriveError, describe_ports, list_ports
 
 RESET_ZERO = ("ramp_up_sp", "ramp_down_sp", "position")
 RESET_TRIES = 50
@@ -36,7 +36,7 @@ class MotorPair:
         try:
             for side, address in zip(("left", "right"), self._addresses):
                 self._ports.append(self._find(side, address))
-        except HardwareError:
+        except DriveError:
             self.close()
             raise
         ports = self._ports
@@ -44,13 +44,12 @@ class MotorPair:
         self._top_counts = [int(motor.read("max_speed")) for motor in ports]
 
     def _find(self, side: str, address: str) -> DevicePort:
-        motor = find_port("tacho-motor", "motor*", address=address)
+        ports = list_ports(self._root, "tacho-motor")
+        motor = next((port for port in ports if address in port.address), None)
         if motor is None:
-            raise HardwareError(
+            raise DriveError(
                 "no {} motor at port {}; plug it in there, or name its port with "
-                "--{}-port ({})".format(
-                    side, address, side, describe_ports(self._root, "tacho-motor")
-                )
+                "--{}-port ({})".format(side, address, side, describe_ports(ports))
             )
         try:
             self._reset(motor)
@@ -68,7 +67,7 @@ class MotorPair:
                 if motor.read("polarity") == "normal":
                     return
             self._clock.sleep(0.01)
-        raise HardwareError(
+        raise DriveError(
             "the motor at {} keeps the settings of another program; end that program, or "
             "restart the brick".format(motor.address)
         )
@@ -92,7 +91,7 @@ class MotorPair:
             self._time_ms = time_ms
             for speed, motor in zip(speeds, self._ports):
                 motor.write("command", "run-timed" if speed else "stop")
-        except HardwareError:
+        except DriveError:
             self.stop()
             raise
         except Exception as error:
@@ -104,7 +103,7 @@ class MotorPair:
         """The kernel refuses a speed above `max_speed` (EINVAL) without saying which."""
         for address, speed, top in zip(self._addresses, speeds, self._top_counts):
             if abs(speed) > top:
-                raise HardwareError(
+                raise DriveError(
                     "the motor at {} turns at most {} counts a second, not {}; "
                     "lower --forward-speed-mps or --turn-rate-deg-s".format(
                         address, top, abs(speed)
@@ -138,8 +137,8 @@ class MotorPair:
         except Exception as error:
             raise self._lost(error) from error
 
-    def _lost(self, error: object) -> HardwareError:
-        return HardwareError(
+    def _lost(self, error: object) -> DriveError:
+        return DriveError(
             "the motors at {} and {} do not answer ({}); check their cables".format(
                 self._addresses[0], self._addresses[1], error
             )

@@ -5,9 +5,9 @@ from typing import Any, Dict, List, Optional
 
 from robot.bodies.ev3.agent.ports import (
     DevicePort,
-    HardwareError,
+    DriveError,
     describe_ports,
-    find_port,
+    find_battery,
     list_ports,
 )
 
@@ -35,29 +35,21 @@ class SensorGroup:
     def find(self) -> None:
         """Open them; one that was named must be there."""
         self._forget()
-        for address in self._addresses():
-            port = find_port("lego-sensor", "sensor*", driver_name=self._drivers, address=address)
-            if port is None:
-                raise HardwareError(
-                    "no {} sensor at port {}; plug it in there, or say where with --{}-port: its "
-                    "port, auto or none ({})".format(
-                        self._name, address, self._name, describe_ports(self._root, "lego-sensor")
-                    )
-                )
+        for port in self._choose():
             self._prepare(port)
             self._ports.append(port)
         self._expected = max(self._expected, len(self._ports))
 
     def find_more(self) -> None:
         """Look for sensors that nobody named and that were not there before."""
-        if self._wanted == "auto" and len(self._addresses()) > len(self._ports):
+        if self._wanted == "auto" and len(self._choose()) > len(self._ports):
             self.find()
 
     def read(self) -> List[int]:
         """Return what each measures.
 
         Raises:
-            HardwareError: If one that was there does not answer; it is looked for again.
+            DriveError: If one that was there does not answer; it is looked for again.
         """
         if not self._expected:
             return []
@@ -69,7 +61,7 @@ class SensorGroup:
             return [int(port.read("value0")) for port in self._ports]
         except Exception as error:
             self._forget()
-            raise HardwareError(
+            raise DriveError(
                 "the {} sensor does not answer ({}); check its cable".format(self._name, error)
             ) from error
 
@@ -77,13 +69,25 @@ class SensorGroup:
         self._forget()
         self._expected = 0
 
-    def _addresses(self) -> List[str]:
+    def _choose(self) -> List[DevicePort]:
         if self._wanted == "none":
             return []
-        if self._wanted != "auto":
-            return [address.strip() for address in self._wanted.split(",")]
-        found = list_ports(self._root, "lego-sensor")
-        return [entry["address"] for entry in found if entry["driver_name"] in self._drivers]
+        ports = list_ports(self._root, "lego-sensor")
+        ours = [port for port in ports if port.driver in self._drivers]
+        if self._wanted == "auto":
+            return ours
+        chosen = []
+        for address in self._wanted.split(","):
+            at_it = [port for port in ours if address.strip() in port.address]
+            if not at_it:
+                raise DriveError(
+                    "no {} sensor at port {}; plug it in there, or say where with --{}-port: its "
+                    "port, auto or none ({})".format(
+                        self._name, address, self._name, describe_ports(ports)
+                    )
+                )
+            chosen.append(at_it[0])
+        return chosen
 
     def _prepare(self, port: DevicePort) -> None:
         pass
@@ -97,8 +101,8 @@ class SensorGroup:
 class Ultrasonic(SensorGroup):
     """The one ultrasonic sensor, which measures in units that it tells."""
 
-    def _addresses(self) -> List[str]:
-        return super()._addresses()[:1]
+    def _choose(self) -> List[DevicePort]:
+        return super()._choose()[:1]
 
     def _prepare(self, port: DevicePort) -> None:
         port.write("mode", "US-DIST-CM")
@@ -117,7 +121,7 @@ class RobotSensors:
     """
 
     def __init__(self, ultrasonic: str, touch: str, root: str, clock: Any = time) -> None:
-        self._clock = clock
+        self._clock, self._root = clock, root
         self._ultrasonic = Ultrasonic("ultrasonic", ULTRASONIC, ultrasonic, root)
         self._touch = SensorGroup("touch", TOUCH, touch, root)
         self._battery = None  # type: Optional[DevicePort]
@@ -130,7 +134,7 @@ class RobotSensors:
         self._ultrasonic.find()
         self._touch.find()
         self._searched_s = self._clock.monotonic()
-        battery = find_port("power_supply", "*ev3-battery")
+        battery = find_battery(self._root)
         if battery is not None:
             low, high = (float(battery.read("voltage_%s_design" % end)) for end in ("min", "max"))
             self._battery, self._battery_range = battery, (low, high)
@@ -139,7 +143,7 @@ class RobotSensors:
         """Return distance_m, bumped, bumpers and battery_share; None for what is not there.
 
         Raises:
-            HardwareError: If a sensor that was there does not answer.
+            DriveError: If a sensor that was there does not answer.
         """
         now_s = self._clock.monotonic()
         if now_s - self._searched_s >= SEARCH_S:

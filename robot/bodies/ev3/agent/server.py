@@ -5,10 +5,10 @@ import socket
 import time
 from typing import Any, Callable, Dict, List, Optional
 
-from robot.bodies.ev3.agent.body import BrickBody, use_devices_of
+from robot.bodies.ev3.agent.body import BrickBody
 from robot.bodies.ev3.agent.callers import JOIN_S, Caller, CallerDoor, LimitedLog
 from robot.bodies.ev3.agent.inspection import inspect_brick
-from robot.bodies.ev3.agent.ports import HardwareError
+from robot.bodies.ev3.agent.ports import DriveError
 from robot.bodies.ev3.agent.wire import ENCODINGS, PICTURE
 from robot.bodies.v4l2.device import VideoFrame
 from robot.bodies.v4l2.reader import CameraReader
@@ -165,7 +165,6 @@ class Agent:
         elif do == "states" and self._body is not None:
             caller.send({"states": self._body.motors.states()})
         elif do == "inspect":
-            use_devices_of(self._root)
             caller.send({"inspected": self._inspect(self._root, self._late)})
 
     def _open_body(self, caller: Caller, command: Dict[str, Any]) -> None:
@@ -180,7 +179,7 @@ class Agent:
         )
         try:
             top_speeds_dps = body.open()
-        except HardwareError as error:
+        except DriveError as error:
             body.close()
             caller.send({"failed": str(error)})
             return
@@ -202,7 +201,7 @@ class Agent:
             time_ms = min(int(command["ms"]), int(WATCHDOG_S * 1000))
             body.run(float(command["left"]), float(command["right"]), time_ms)
             self._commanded_s = now_s
-        except HardwareError as error:
+        except DriveError as error:
             caller.send({"fault": str(error)})
 
     def _watch(self, now_s: float) -> None:
@@ -249,7 +248,7 @@ class Agent:
         if self._body is not None:
             try:
                 message.update(button=self._body.take_button(), sensors=self._body.sense())
-            except HardwareError as error:
+            except DriveError as error:
                 message.update(fault=str(error))
         if self._reader is not None:
             message.update(camera_fault=self._reader.fault, picture_age_s=self._picture_age_s)

@@ -7,10 +7,9 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from robot.bodies.ev3.agent.ports import HardwareError
 from robot.bodies.ev3.stock import codec
 from robot.bodies.ev3.stock.lines import BrickLine
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, DriveError
 
 TOP_DPS = {codec.LARGE_MOTOR: 1050.0, codec.MEDIUM_MOTOR: 1560.0}
 """What the firmware's 100 percent are, in degrees a second."""
@@ -57,7 +56,7 @@ class StockBody:
         kinds = self._ask(asked, 2 * len(ports))[::2]
         for place, (port, kind) in enumerate(zip(self._motors, kinds[4:], strict=True)):
             if kind not in TOP_DPS:
-                raise HardwareError(f"no motor answers at port out{'ABCD'[port]}; check its cable")
+                raise DriveError(f"no motor answers at port out{'ABCD'[port]}; check its cable")
             self._top_dps[place] = TOP_DPS[kind]
         found = self._choose(codec.ULTRASONIC, kinds)
         self._ultrasonic = found[0] if found else None
@@ -74,7 +73,7 @@ class StockBody:
         for port in ports:
             if kinds[port] != kind:
                 name = "ultrasonic" if kind == codec.ULTRASONIC else "touch"
-                raise HardwareError(f"no {name} sensor answers at port in{port + 1}")
+                raise DriveError(f"no {name} sensor answers at port in{port + 1}")
         return ports
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
@@ -91,7 +90,7 @@ class StockBody:
 
     def stop(self) -> None:
         """Stop the motors; a lost line ends the move by itself."""
-        with contextlib.suppress(HardwareError):
+        with contextlib.suppress(DriveError):
             self._ask(codec.stop(self._both))
 
     def positions(self) -> list[float]:
@@ -126,7 +125,7 @@ class StockBody:
 
     def show(self, mode: str, address: str) -> None:
         """Show the mode by the colour of the buttons."""
-        with contextlib.suppress(HardwareError):
+        with contextlib.suppress(DriveError):
             self._ask(codec.light(_LIGHTS.get(mode, 1)))
 
     def close(self) -> None:
@@ -139,14 +138,14 @@ class StockBody:
     def _ask(self, codes: bytes, results: int = 0) -> bytes:
         """Send bytecodes and return their results."""
         if self._line is None:
-            raise HardwareError("the brick is not connected")
+            raise DriveError("the brick is not connected")
         self._count = self._count % 0xFFFF + 1
         try:
             reply = self._line.ask(codec.command(self._count, codes, results))
             answer = codec.parse_answer(reply)
             if answer.count != self._count or len(answer.data) < results:
-                raise HardwareError("the brick answered another question")
-        except HardwareError:
+                raise DriveError("the brick answered another question")
+        except DriveError:
             self._is_lost = True
             self._line.close()
             raise

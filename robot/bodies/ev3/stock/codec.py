@@ -11,7 +11,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot.bodies.ev3.agent.ports import HardwareError
+from robot.errors import DriveError
 
 MAX_MESSAGE = 1024
 _HEAD = struct.Struct("<HHBH")
@@ -69,15 +69,15 @@ def parse_answer(message: bytes) -> Answer:
     """Read an answer.
 
     Raises:
-        HardwareError: If it is none, or says that the command failed.
+        DriveError: If it is none, or says that the command failed.
     """
     if len(message) < _ANSWER.size:
-        raise HardwareError("the brick answers with something else than a reply")
+        raise DriveError("the brick answers with something else than a reply")
     length, count, kind = _ANSWER.unpack_from(message)
     if kind == _ERROR:
-        raise HardwareError("the brick refused a command")
+        raise DriveError("the brick refused a command")
     if kind != _REPLY or length + 2 != len(message):
-        raise HardwareError("the brick answers with something else than a reply")
+        raise DriveError("the brick answers with something else than a reply")
     return Answer(count, message[_ANSWER.size :])
 
 

@@ -11,8 +11,8 @@ import struct
 from pathlib import Path
 from typing import Protocol
 
-from robot.bodies.ev3.agent.ports import HardwareError
 from robot.bodies.ev3.stock.codec import MAX_MESSAGE
+from robot.errors import DriveError
 
 BEACON_PORT = 3015
 ANSWER_S = 0.4
@@ -26,7 +26,7 @@ class BrickLine(Protocol):
     """A line to one brick."""
 
     def ask(self, message: bytes) -> bytes:
-        """Send a message and return the answer; raises HardwareError if none comes."""
+        """Send a message and return the answer; raises DriveError if none comes."""
 
     def close(self) -> None:
         """Let go; idempotent."""
@@ -46,14 +46,14 @@ class SocketLine:
 
     def ask(self, message: bytes) -> bytes:
         if self._socket is None:
-            raise HardwareError(f"the line to the brick ({self._name}) is closed")
+            raise DriveError(f"the line to the brick ({self._name}) is closed")
         try:
             self._socket.sendall(message)
             head = self._read(2)
             return head + self._read(struct.unpack("<H", head)[0])
         except (OSError, ValueError) as error:
             self.close()
-            raise HardwareError(
+            raise DriveError(
                 f"the brick does not answer ({self._name}: {error}); is it on and in reach?"
             ) from error
 
@@ -82,14 +82,14 @@ class UsbLine:
         try:
             self._file: int | None = os.open(path, os.O_RDWR | os.O_NONBLOCK)
         except OSError as error:
-            raise HardwareError(
+            raise DriveError(
                 f"the brick at {path} cannot be opened: {error.strerror}; "
                 "docs/howto/ev3-stock.md says how a user is given the right"
             ) from error
 
     def ask(self, message: bytes) -> bytes:
         if self._file is None:
-            raise HardwareError(f"the line to the brick ({self._name}) is closed")
+            raise DriveError(f"the line to the brick ({self._name}) is closed")
         try:
             os.write(self._file, b"\0" + message.ljust(MAX_MESSAGE, b"\0"))
             ready, _, _ = select.select([self._file], [], [], ANSWER_S)
@@ -99,7 +99,7 @@ class UsbLine:
             return report[: 2 + int(struct.unpack_from("<H", report)[0])]
         except (OSError, struct.error) as error:
             self.close()
-            raise HardwareError(
+            raise DriveError(
                 f"the brick does not answer ({self._name}: {error}); is its cable plugged in?"
             ) from error
 
@@ -118,7 +118,7 @@ def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> Bri
         beacon_port: Where bricks on Wi-Fi announce themselves.
 
     Raises:
-        HardwareError: If there is none; says what to look at.
+        DriveError: If there is none; says what to look at.
     """
     wanted = brick.replace(":", "").lower()
     if kind == "wifi":
@@ -136,9 +136,9 @@ def _open_wifi(wanted: str, beacon_port: int) -> BrickLine:
         sock.sendall(f"GET /target?sn={serial} VMTP1.0\r\nProtocol: EV3\r\n\r\n".encode())
         if not sock.recv(64).startswith(b"Accept:EV340"):
             sock.close()
-            raise HardwareError(f"what answers at {host}:{port} is no EV3, or busy with another")
+            raise DriveError(f"what answers at {host}:{port} is no EV3, or busy with another")
     except OSError as error:
-        raise HardwareError(f"the brick at {host} cannot be reached: {error}") from error
+        raise DriveError(f"the brick at {host} cannot be reached: {error}") from error
     return SocketLine(sock, f"Wi-Fi, {host}")
 
 
@@ -158,7 +158,7 @@ def _hear_beacon(wanted: str, beacon_port: int) -> tuple[str, int, str]:
                     sock.sendto(b"\0", (sender[0], found[1]))
                     return sender[0], found[1], found[0]
     which = f"the brick {wanted}" if wanted else "no brick"
-    raise HardwareError(
+    raise DriveError(
         f"{which} was not heard on Wi-Fi within {_BEACON_S:g} s; is its Wi-Fi on, and this "
         f"computer in the same network (UDP port {beacon_port})?"
     )
@@ -176,19 +176,19 @@ def parse_beacon(data: bytes) -> tuple[str, int] | None:
 
 def _open_bluetooth(wanted: str) -> BrickLine:
     if re.fullmatch(r"[0-9a-f]{12}", wanted) is None:
-        raise HardwareError(
+        raise DriveError(
             "Bluetooth needs the brick's address, as --brick 00:16:53:3f:0c:1e; the brick shows "
             "it under Settings, Brick Info, ID"
         )
     address = ":".join(wanted[i : i + 2] for i in range(0, 12, 2)).upper()
     if not hasattr(socket, "AF_BLUETOOTH"):
-        raise HardwareError("this Python has no Bluetooth; use --line wifi or --line usb")
+        raise DriveError("this Python has no Bluetooth; use --line wifi or --line usb")
     try:
         sock = socket.socket(socket.AF_BLUETOOTH, socket.SOCK_STREAM, socket.BTPROTO_RFCOMM)
         sock.settimeout(_CONNECT_S)
         sock.connect((address, 1))
     except OSError as error:
-        raise HardwareError(
+        raise DriveError(
             f"the brick {address} cannot be reached by Bluetooth: {error}; is it paired and on?"
         ) from error
     return SocketLine(sock, f"Bluetooth, {address}")
@@ -198,14 +198,14 @@ def find_usb(wanted: str = "", root: Path = Path("/sys/class/hidraw")) -> Path:
     """Return the device of the brick at the cable.
 
     Raises:
-        HardwareError: If there is none, or the one that is there is another.
+        DriveError: If there is none, or the one that is there is another.
     """
     for entry in sorted(root.glob("hidraw*")):
         with contextlib.suppress(OSError):
             told = (entry / "device/uevent").read_text()
             if _USB_ID in told and wanted in told.replace(":", "").lower():
                 return Path("/dev") / entry.name
-    raise HardwareError(
+    raise DriveError(
         "no EV3 with LEGO's firmware is at a USB cable; is it switched on? (--line usb works on "
         "Linux; elsewhere use --line wifi)"
     )

@@ -308,7 +308,7 @@ def test_a_computer_that_stood_still_while_it_joined_opens_the_body_all_the_same
     clock = brick.clock
     with VirtualAgent(brick) as running:
         driver = make_driver(running)
-        driver.link.open("test")
+        driver.link.hold("test", "ping")
         running.deafen()
         clock.sleep(1.0)
         assert "does not answer" in str(driver.link.fault)
@@ -316,7 +316,7 @@ def test_a_computer_that_stood_still_while_it_joined_opens_the_body_all_the_same
         driver.connect()
         assert driver.send_action(Action.FORWARD) is Action.FORWARD
         driver.disconnect()
-        driver.link.close("test")
+        driver.link.release("test")
 
 
 def test_a_silent_brick_is_sent_no_move(brick: FakeBrick) -> None:

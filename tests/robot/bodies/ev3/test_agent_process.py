@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 
 from robot.bodies.ev3.agent import callers, wire
-from robot.bodies.ev3.agent.ports import HardwareError
 from robot.bodies.ev3.archive import make_agent
 from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.handshake import join
@@ -79,7 +78,7 @@ def join_patiently(address: str) -> None:
         try:
             join(address, SECRET).close()
             return
-        except HardwareError:
+        except DriveError:
             continue
     raise AssertionError("nobody gets in any more")
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from robot.bodies.ev3.agent import console, sensors
-from robot.bodies.ev3.agent.ports import HardwareError
 from robot.bodies.ev3.chassis import ChassisOptions, wheels_of
 from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
 from robot.bodies.ev3.fake_brick import DEFAULTS, LEFTOVERS, POLL_S, FakeBrick
@@ -217,7 +216,7 @@ def test_the_agent_itself_refuses_what_the_kernel_would(brick: FakeBrick) -> Non
         assert driver._connection is not None
         driver.send_action(Action.FORWARD)
         brick.wait_until(brick.is_moving)
-        with pytest.raises(HardwareError, match=r"outB turns at most 1050 counts .* not 1051"):
+        with pytest.raises(DriveError, match=r"outB turns at most 1050 counts .* not 1051"):
             driver._connection.run(1051, 0, 400)
         brick.wait_until(lambda: not brick.is_moving(), 1)
         assert brick.refused == []

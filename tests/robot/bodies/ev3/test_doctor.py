@@ -17,7 +17,6 @@ from robot.bodies.ev3.doctor import (
     BrickFacts,
     Finding,
     Level,
-    PictureArrival,
     WheelTurn,
     examine,
     write_report,
@@ -25,6 +24,7 @@ from robot.bodies.ev3.doctor import (
 from robot.bodies.ev3.examination import Examination
 from robot.bodies.ev3.fake_agent import SECRET, FakeAgent, FakeCameraReader, inspect_as_ev3
 from robot.bodies.ev3.fake_brick import FakeBrick
+from robot.bodies.ev3.link import RemotePicture
 from robot.testing import VirtualClock
 from server.__main__ import main
 from server.bodies import doctor
@@ -41,10 +41,11 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(examination, "PICTURES_S", 1.5)
 
 
-def pictures(n: int = 40, period_s: float = 0.1, age_s: float = 0.12) -> list[PictureArrival]:
+def pictures(n: int = 40, period_s: float = 0.1, age_s: float = 0.12) -> list[RemotePicture]:
+    shape = {"width": 160, "height": 120, "encoding": "yuyv"}
     return [
-        PictureArrival(at_s=period_s * k, age_s=age_s, size=(160, 120), encoding="yuyv")
-        for k in range(n)
+        RemotePicture(data=b"", taken_s=came_s - age_s, came_s=came_s, **shape)  # type: ignore[arg-type]
+        for came_s in (period_s * k for k in range(n))
     ]
 
 
@@ -234,9 +235,6 @@ def test_an_empty_battery_and_a_missing_motor_are_found(
 
 
 def test_what_the_agent_knows_of_itself_is_whole(brick: FakeBrick) -> None:
-    from robot.bodies.ev3.agent.body import use_devices_of
-
-    use_devices_of(str(brick.root))
     assert set(inspect_brick(str(brick.root), 0)) == set(INSPECTED)
 
 

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.bodies.ev3.agent.ports import HardwareError
 from robot.bodies.ev3.stock import codec
 from robot.bodies.ev3.stock.body import StockBody
 from robot.bodies.ev3.stock.lines import UsbLine, find_usb, open_line, parse_beacon
@@ -36,7 +35,7 @@ def test_numbers_come_through_in_as_few_bytes_as_it_takes(value: int) -> None:
 def test_what_is_no_answer_is_refused(message: bytes) -> None:
     try:
         answer = codec.parse_answer(message)
-    except HardwareError:
+    except DriveError:
         return
     assert struct.unpack_from("<H", message)[0] + 2 == len(message) == 5 + len(answer.data)
 
@@ -178,12 +177,12 @@ def test_a_medium_motor_and_a_wrong_speed(brick: StockFirmware) -> None:
 
 @pytest.mark.parametrize("brick_id", ["", "00:16", "xyz"])
 def test_bluetooth_needs_an_address(brick_id: str) -> None:
-    with pytest.raises(HardwareError, match="--brick"):
+    with pytest.raises(DriveError, match="--brick"):
         open_line("bluetooth", brick_id)
 
 
 def test_usb_is_looked_for_where_linux_has_it(tmp_path: Path) -> None:
-    with pytest.raises(HardwareError, match="cable"):
+    with pytest.raises(DriveError, match="cable"):
         find_usb(root=tmp_path)
     device = tmp_path / "hidraw3" / "device"
     device.mkdir(parents=True)
@@ -192,7 +191,7 @@ def test_usb_is_looked_for_where_linux_has_it(tmp_path: Path) -> None:
     )
     assert find_usb(root=tmp_path) == Path("/dev/hidraw3")
     assert find_usb(SERIAL, tmp_path) == Path("/dev/hidraw3")
-    with pytest.raises(HardwareError):
+    with pytest.raises(DriveError):
         find_usb("001653000000", tmp_path)
 
 
