@@ -110,7 +110,7 @@ def _ws(seed: int) -> AbstractContextManager[TimedBody]:
 
 def _addressed(kind: type[RemoteDriver], clock: VirtualClock, line: MessageLine) -> Driver:
     driver = kind(RemoteOptions(address="board", secret="geheim"), clock)
-    driver._open_address = lambda host, port: line  # type: ignore[method-assign]
+    driver._open_line = lambda: line  # type: ignore[method-assign]
     return driver
 
 

@@ -9,11 +9,9 @@ import asyncio
 import contextlib
 import struct
 from collections.abc import Callable
-from concurrent.futures import Future
 from typing import Any
 
-from robot.bodies.remote.event_loop import said
-from robot.bodies.remote.line import KeptLine
+from robot.bodies.remote.kept import KeptLine
 from robot.clock import Clock
 
 SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
@@ -45,18 +43,14 @@ class HubLine(KeptLine):
         self._runs = True
         self._rest = b""
         self._chunk = 19
-        self._writing: Future[None] | None = None
         super().__init__("pybricks", clock)
 
     def send(self, message: bytes) -> None:
         if self._client is None:
-            raise ConnectionError(self._worker.trouble)
+            raise ConnectionError(self.trouble)
         if not self._runs:
             raise ConnectionError("its program was ended; its button starts it again")
-        if self._writing is not None and not self._writing.done():
-            raise ConnectionError("it takes nothing more")
-        self._writing = self._worker.submit(self._write(self._client, message))
-        self._writing.result(SEND_S)
+        self._send_one(self._write(self._client, message)).result(SEND_S)
 
     # On the thread -----------------------------------------------------------------------------
 
@@ -86,7 +80,7 @@ class HubLine(KeptLine):
             connected()
             try:
                 await lost.wait()
-                self._worker.trouble = "the connection was lost"
+                self.trouble = "the connection was lost"
             finally:
                 self._client = None
 
@@ -94,10 +88,7 @@ class HubLine(KeptLine):
         line = message + b"\n"
         for start in range(0, len(line), self._chunk):
             part = line[start : start + self._chunk]
-            try:
-                await client.write_gatt_char(COMMAND_EVENT, bytes([WRITE_STDIN]) + part, True)
-            except Exception as error:
-                raise ConnectionError(said(error)) from error
+            await client.write_gatt_char(COMMAND_EVENT, bytes([WRITE_STDIN]) + part, True)
 
     def _take(self, _: Any, data: bytearray) -> None:
         """Take an event of the hub: whether its program runs, or what that wrote."""

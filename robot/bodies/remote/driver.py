@@ -192,12 +192,8 @@ class RemoteDriver(ReportingDriver):
     def _where(self) -> str:
         return f"the robot at {self.options.address}"
 
-    def _open_line(self) -> MessageLine:
-        return self._open_address(*split_address(self.options.address, PORT))
-
-    @abstractmethod
-    def _open_address(self, host: str, port: int) -> MessageLine:
-        """Open the line; raises OSError."""
+    def _place(self) -> tuple[str, int]:
+        return split_address(self.options.address, PORT)
 
     def _encode(self, action: Action, point: Point | None, **order: Any) -> bytes:
         return encode_order(action, point, secret=self.options.secret, **order)

@@ -2,10 +2,36 @@
 
 from __future__ import annotations
 
+import contextlib
+import socket
 from typing import ClassVar
 
 from robot.bodies.remote.driver import RemoteDriver
-from robot.bodies.remote.line import MessageLine, UdpLine
+from robot.bodies.remote.line import MessageLine
+
+
+class UdpLine:
+    """Datagrams to and from one address; see `MessageLine`."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.connect((host, port))
+        except OSError:
+            self._socket.close()
+            raise
+
+    def send(self, message: bytes) -> None:
+        self._socket.send(message)
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        self._socket.settimeout(max(timeout_s, 0.001))
+        with contextlib.suppress(TimeoutError):
+            return self._socket.recv(2048)
+        return None
+
+    def close(self) -> None:
+        self._socket.close()
 
 
 class UdpDriver(RemoteDriver):
@@ -13,5 +39,5 @@ class UdpDriver(RemoteDriver):
 
     name: ClassVar[str] = "udp"
 
-    def _open_address(self, host: str, port: int) -> MessageLine:
-        return UdpLine(host, port)
+    def _open_line(self) -> MessageLine:
+        return UdpLine(*self._place())

@@ -2,10 +2,56 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Callable
+from typing import Any, ClassVar
 
 from robot.bodies.remote.driver import RemoteDriver
-from robot.bodies.remote.line import MessageLine, WebsocketLine
+from robot.bodies.remote.kept import KeptLine
+from robot.bodies.remote.line import MessageLine
+from robot.clock import RealClock
+from robot.errors import need
+
+_OPENS_S, _OPENS_AGAIN_S, _SENDS_S = 4.0, 1.0, 0.5
+_MOST_UNANSWERED = 10
+"""After so many messages without an answer, a second and a half, the connection is a dead one."""
+
+
+class WebsocketLine(KeptLine):
+    """A websocket that the robot serves; one on which nothing is heard any more is opened anew."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._connect = need("websockets", "the robot 'ws'", "demo").connect
+        self._url = f"ws://{host}:{port}/"
+        self._socket: Any = None
+        self._opens_s = _OPENS_S
+        super().__init__("websocket", RealClock())
+
+    async def _connect_once(self, connected: Callable[[], None]) -> None:
+        async with self._connect(
+            self._url,
+            compression=None,
+            max_size=2048,
+            open_timeout=self._opens_s,
+            close_timeout=_SENDS_S,
+        ) as socket:
+            self._socket, self._unanswered, self._opens_s = socket, 0, _OPENS_AGAIN_S
+            connected()
+            try:
+                async for message in socket:
+                    self._unanswered = 0
+                    self._take_message(message.encode() if isinstance(message, str) else message)
+            finally:
+                self._socket = None
+        self.trouble = "the connection was lost"
+
+    def send(self, message: bytes) -> None:
+        socket = self._socket
+        if socket is None:
+            raise ConnectionError(self.trouble)
+        self._unanswered += 1
+        if self._unanswered > _MOST_UNANSWERED:
+            self._submit(socket.close())
+        self._send_one(socket.send(message.decode())).result(_SENDS_S)
 
 
 class WsDriver(RemoteDriver):
@@ -13,5 +59,5 @@ class WsDriver(RemoteDriver):
 
     name: ClassVar[str] = "ws"
 
-    def _open_address(self, host: str, port: int) -> MessageLine:
-        return WebsocketLine(host, port)
+    def _open_line(self) -> MessageLine:
+        return WebsocketLine(*self._place())

@@ -9,10 +9,9 @@ import asyncio
 import contextlib
 import json
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
 from typing import Any
 
-from robot.bodies.remote.event_loop import EventLoopThread, said
+from robot.bodies.remote.kept import KeptConnection
 from robot.clock import Clock
 from robot.errors import need
 
@@ -31,7 +30,7 @@ End = tuple[Message, float]
 """What is published after so many seconds, unless another message follows before."""
 
 
-class RosBridge:
+class RosBridge(KeptConnection):
     """Connects, stays connected, and passes on what topics say.
 
     Args:
@@ -58,25 +57,18 @@ class RosBridge:
         on_message: Callable[[str, Message], None] = lambda topic, message: None,
     ) -> None:
         self._websockets = need("websockets", "ROS", "demo")
-        self._url, self._clock = f"ws://{host}:{port}/", clock
+        self._url = f"ws://{host}:{port}/"
         self._advertised, self._subscribed = dict(advertised or {}), dict(subscribed or {})
         self._on_message = on_message
         self._socket: Any = None
         self._heard_s = clock.now_s()
         self._ends: dict[str, asyncio.TimerHandle] = {}
-        self._sending: dict[str, Future[None]] = {}
-        self._worker = EventLoopThread("rosbridge", clock)
-        self._worker.keep(self._connect_once)
+        super().__init__("rosbridge", clock)
 
     @property
     def silent_s(self) -> float:
         """Since when the bridge has given no sign of life."""
         return self._clock.now_s() - self._heard_s
-
-    @property
-    def trouble(self) -> str:
-        """What went wrong last, in brackets; empty if nothing did."""
-        return f" ({self._worker.trouble})" if self._worker.trouble else ""
 
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
         """Publish one message, and wait until it is sent; then what ends it.
@@ -84,22 +76,12 @@ class RosBridge:
         Raises:
             OSError: If it cannot be sent now; it is not sent later.
         """
-        self._send(topic, message, ends).result(SEND_S)
+        self._send_one(self._publish(topic, message, ends), topic).result(SEND_S)
 
     def publish_soon(self, topic: str, message: Message) -> None:
         """Publish without waiting; dropped while the one before is still being sent."""
         with contextlib.suppress(ConnectionError):
-            self._send(topic, message, None)
-
-    def close(self) -> None:
-        self._worker.close()
-
-    def _send(self, topic: str, message: Message, ends: End | None) -> Future[None]:
-        before = self._sending.get(topic)
-        if before is not None and not before.done():
-            raise ConnectionError("the bridge takes nothing more")
-        future = self._sending[topic] = self._worker.submit(self._publish(topic, message, ends))
-        return future
+            self._send_one(self._publish(topic, message, None), topic)
 
     # On the thread -----------------------------------------------------------------------------
 
@@ -147,7 +129,7 @@ class RosBridge:
                     await (await socket.ping())
                 except TimeoutError:
                     break
-            self._heard_s, self._worker.trouble = self._clock.now_s(), ""
+            self._heard_s, self.trouble = self._clock.now_s(), ""
             await self._clock.pause(PING_EVERY_S)
         await socket.close()
 
@@ -173,10 +155,7 @@ class RosBridge:
             end, for_s = ends
             loop = asyncio.get_running_loop()
             self._ends[topic] = loop.call_later(for_s, self._end, topic, end)
-        try:
-            await _tell(socket, op="publish", topic=topic, msg=message)
-        except Exception as error:
-            raise ConnectionError(said(error)) from error
+        await _tell(socket, op="publish", topic=topic, msg=message)
 
     def _end(self, topic: str, end: Message) -> None:
         self._ends.pop(topic, None)

@@ -188,9 +188,10 @@ class RosDriver(ConnectedDriver[RosBridge]):
 
     def _check_heard(self, bridge: RosBridge) -> None:
         if bridge.silent_s > GONE_S:
+            trouble = f" ({bridge.trouble})" if bridge.trouble else ""
             raise DriveError(
                 f"rosbridge at {self.options.address} has not answered for {bridge.silent_s:.1f} s"
-                f"{bridge.trouble}; {self._stops}"
+                f"{trouble}; {self._stops}"
             )
         if self.options.watchdog and self._clock.now_s() - self._signed_s > GONE_S:
             raise DriveError(_NO_WATCHDOG)

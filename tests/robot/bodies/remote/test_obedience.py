@@ -65,7 +65,7 @@ class StallingLine(LateLine):
 
 def driver_on(line: LateLine) -> UdpDriver:
     driver = UdpDriver(RemoteOptions(address="robot"), line.clock)
-    driver._open_address = lambda host, port: line
+    driver._open_line = lambda: line
     driver.connect()
     return driver
 

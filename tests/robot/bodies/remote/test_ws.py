@@ -8,12 +8,11 @@ from collections.abc import Callable
 import pytest
 
 from robot.bodies.remote.driver import RemoteOptions
-from robot.bodies.remote.line import WebsocketLine
-from robot.bodies.remote.ws import WsDriver
+from robot.bodies.remote.ws import WebsocketLine, WsDriver
 from robot.errors import DriveError
 from robot.types import Action
 from tests.contract.real_parts import check_driver_on_its_real_line
-from tests.robot.bodies.remote import event_loop_cases
+from tests.robot.bodies.remote import kept_cases
 from tests.robot.bodies.sending import send_until
 from tests.standins.ws_robot import WsRobot
 
@@ -33,7 +32,7 @@ def test_a_real_line_that_is_lost_is_opened_again_and_moves_nothing_by_itself() 
     for lose in (switched_off_and_on, silent_for_a_while):
         check_that_it_comes_back(lose)
     check_that_it_catches_up_with_late_answers()
-    for check in event_loop_cases.CASES:
+    for check in kept_cases.CASES:
         check()
 
 
