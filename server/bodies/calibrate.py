@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import re
 import time
@@ -10,8 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from robot.bodies.ev3.calibration import fit_track, fit_wheels, rolled_m, turned_deg
-from robot.bodies.ev3.chassis import ChassisDriver, ChassisOptions
+from robot.bodies.ev3.chassis import ChassisDriver
 from robot.devices.options import make_options, options_of
 from robot.devices.plugins import load_driver
 from robot.driver import ACTION_TIMEOUT_S
@@ -22,6 +22,8 @@ from server.cli.parser import number
 from server.cli.settings import PREFIX, apply_to, read_settings
 
 ROBOTS = ("ev3", "ev3-remote")
+LARGEST_CORRECTION = 3.0
+"""A measurement that is so many times off is a slip of the pen, or a motor at the wrong port."""
 _TABLE = re.compile(r"^\s*\[", re.MULTILINE)
 
 
@@ -65,50 +67,73 @@ def run(args: argparse.Namespace) -> int:
     driver_type = load_driver(args.robot)
     driver = driver_type(make_options(driver_type.options_type, vars(args)))
     assert isinstance(driver, ChassisDriver)
+    options = driver.options
     with driver:
-        options = _measure_straight(driver, args.straight_s)
-        options = _measure_turn(driver, options, args.turn_s)
-    keep(args.config, {"wheel_diameter_m": options.wheel_diameter_m, "track_m": options.track_m})
+        wider = _measure_straight(driver, args.straight_s)
+        narrower = _measure_turn(driver, args.turn_s, wider)
+    measures = {
+        "wheel_diameter_m": round(options.wheel_diameter_m * wider, 5),
+        "track_m": round(options.track_m / narrower, 5),
+    }
+    keep(args.config, measures)
+    said = ", ".join(f"{name} = {value}" for name, value in measures.items())
     print(
-        f"\nKept in {args.config}: wheel_diameter_m = {options.wheel_diameter_m}, "
-        f"track_m = {options.track_m}.\n"
+        f"\nKept in {args.config}: {said}.\n"
         f"Drive with: drivelesson serve --robot {args.robot} --config {args.config}"
     )
     return 0
 
 
-def _measure_straight(driver: ChassisDriver, seconds: float) -> ChassisOptions:
-    options = driver.options
-    room_cm = 100 * options.forward_speed_mps * seconds
+def _measure_straight(driver: ChassisDriver, seconds: float) -> float:
+    """Return how many times as wide the wheels are as was thought."""
+    room_cm = 100 * driver.options.forward_speed_mps * seconds
     _prompt(
         f"\nThe robot will drive straight on for about {room_cm:.0f} cm. Mark its place, and press "
         "Enter."
     )
     before_m = driver.sense().distance_m
-    left, right = drive(driver, Action.FORWARD, seconds)
+    wheels_cm = 50 * sum(drive(driver, Action.FORWARD, seconds))
     after_m = driver.sense().distance_m
-    wheel_deg = (left + right) / 2
     seen = before_m - after_m if before_m is not None and after_m is not None else None
     by_sonar = f"; by the ultrasonic sensor: {100 * seen:.1f}" if seen else ""
-    wheels_cm = 100 * rolled_m(wheel_deg, options)
     measured_cm = ask(f"How far did it go, in cm? (by the wheels: {wheels_cm:.1f}{by_sonar}) ")
-    fitted = fit_wheels(options, wheel_deg, measured_cm / 100)
+    factor = correction(measured_cm, wheels_cm, "cm")
     print(f"Straight speed: {measured_cm / seconds:.1f} cm/s until now.")
-    return fitted
+    return factor
 
 
-def _measure_turn(driver: ChassisDriver, options: ChassisOptions, seconds: float) -> ChassisOptions:
-    angle_deg = options.turn_rate_deg_s * seconds
+def _measure_turn(driver: ChassisDriver, seconds: float, wider: float) -> float:
+    """Return how many times as far it turns as was thought, with wheels so many times as wide."""
+    angle_deg = driver.options.turn_rate_deg_s * seconds
     _prompt(
         f"\nThe robot will turn left by about {angle_deg:.0f} degrees. Mark where it looks, and "
         "press Enter."
     )
-    left, right = drive(driver, Action.LEFT, seconds)
-    wheels_deg = turned_deg(left, right, options)
+    left_m, right_m = drive(driver, Action.LEFT, seconds)
+    wheels_deg = math.degrees(wider * (right_m - left_m) / driver.options.track_m)
     measured_deg = ask(f"How far did it turn, in degrees? (by the wheels: {wheels_deg:.0f}) ")
-    fitted = fit_track(options, left, right, measured_deg)
+    factor = correction(measured_deg, wheels_deg, "degrees")
     print(f"Turning rate: {measured_deg / seconds:.1f} degrees/s until now.")
-    return fitted
+    return factor
+
+
+def correction(measured: float, expected: float, unit: str) -> float:
+    """Return what was measured as a share of what the wheels make it.
+
+    Raises:
+        ConfigurationError: If the wheels' counts or the measurement are impossible.
+    """
+    if expected <= 0:
+        raise ConfigurationError(
+            f"the wheels made {expected:.3g} {unit} of it: check --left-port, --right-port and "
+            "--reversed-motors"
+        )
+    if not 1 / LARGEST_CORRECTION < measured / expected < LARGEST_CORRECTION:
+        raise ConfigurationError(
+            f"{measured:.3g} {unit} do not go with the wheels, which make it {expected:.3g}; "
+            "measure again"
+        )
+    return measured / expected
 
 
 def drive(
@@ -118,12 +143,11 @@ def drive(
     now_s: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
 ) -> tuple[float, float]:
-    """Drive for some seconds; return how far each wheel turned, in degrees, forward positive.
+    """Drive for some seconds; return how many metres each wheel rolled.
 
     The command is sent again and again, so that the robot stops if this program does.
     """
-    sign = -1 if driver.options.reversed_motors else 1
-    before = driver.wheel_positions_deg()
+    before = driver.rolled_m()
     end_s = now_s() + seconds
     try:
         while (left_s := end_s - now_s()) > 0:
@@ -132,8 +156,8 @@ def drive(
     finally:
         driver.stop()
     sleep(0.3)  # until it has rolled out
-    after = driver.wheel_positions_deg()
-    return sign * (after[0] - before[0]), sign * (after[1] - before[1])
+    after = driver.rolled_m()
+    return after[0] - before[0], after[1] - before[1]
 
 
 def ask(question: str) -> float:

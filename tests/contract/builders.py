@@ -145,7 +145,7 @@ def brick_case(
 ) -> DriverCase:
     def is_moving() -> bool:
         try:
-            driver.wheel_positions_deg()  # an answer: whatever was sent before has arrived
+            driver.rolled_m()  # an answer: whatever was sent before has arrived
         except (DriveError, NotConnectedError):  # nobody is there to answer
             brick.clock.sleep(0.05)
         brick.catch_up()
@@ -184,12 +184,12 @@ def real_brick_case(address: str) -> DriverCase:
     def is_moving() -> bool:
         body = driver if driver.is_connected else Ev3RemoteDriver(driver.options)
         body.connect()
-        before = body.wheel_positions_deg()
+        before = body.rolled_m()
         time.sleep(0.1)
-        after = body.wheel_positions_deg()
+        after = body.rolled_m()
         if body is not driver:
             body.disconnect()
-        return max(abs(b - a) for a, b in zip(before, after, strict=True)) > 2
+        return max(abs(b - a) for a, b in zip(before, after, strict=True)) > 0.001
 
     return DriverCase(driver, time.sleep, is_moving)
 

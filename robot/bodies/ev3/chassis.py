@@ -189,9 +189,10 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
         if self._connection is not None:
             self._connection.stop()
 
-    def wheel_positions_deg(self) -> Sequence[float]:
-        """How far the left and the right wheel have turned, as the motors count it."""
-        return self._connected().positions()
+    def rolled_m(self) -> Pair:
+        """How far the left and the right wheel have rolled, as the motors count it now."""
+        left, right = self._connected().positions()
+        return self._rolled_m(left), self._rolled_m(right)
 
     def take_button(self) -> BodyButton | None:
         pressed = self._connection.take_button() if self._connection is not None else None

@@ -172,7 +172,7 @@ def test_another_programs_leftovers_are_undone_before_anything_moves(brick: Fake
             assert first == "reset"
             found = {name: motor.read(name) for name in LEFTOVERS}
             assert found == {**DEFAULTS, "stop_action": "brake"}
-        assert driver.wheel_positions_deg() == [0.0, 0.0]
+        assert driver.rolled_m() == (0.0, 0.0)
         driver.send_action(Action.FORWARD)
         brick.wait_until(lambda: set(brick.speeds().values()) == {360}, 1)
         driver.stop()

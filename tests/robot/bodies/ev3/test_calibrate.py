@@ -10,36 +10,35 @@ from pathlib import Path
 
 import pytest
 
-from robot.bodies.ev3.calibration import fit_track, fit_wheels, rolled_m, turned_deg
-from robot.bodies.ev3.chassis import ChassisOptions
 from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
 from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.errors import ConfigurationError
 from robot.testing import VirtualClock
+from robot.types import Action
 from server.__main__ import main
 from server.bodies import calibrate
-from server.bodies.calibrate import keep
-
-
-def test_wheels_are_fitted_to_the_ruler() -> None:
-    fitted = fit_wheels(ChassisOptions(), wheel_deg=1440.0, measured_m=0.7)
-    assert rolled_m(1440.0, fitted) == pytest.approx(0.7, rel=1e-3)
-
-
-def test_the_track_is_fitted_to_the_angle() -> None:
-    options = ChassisOptions()
-    fitted = fit_track(options, left_deg=-900.0, right_deg=0.0, measured_deg=200.0)
-    assert turned_deg(-900.0, 0.0, fitted) == pytest.approx(200.0, rel=1e-3)
-    assert turned_deg(0.0, 360.0, options) == pytest.approx(
-        math.degrees(math.pi * options.wheel_diameter_m / options.track_m)
-    )
+from server.bodies.calibrate import correction, keep
 
 
 def test_what_cannot_be_is_refused() -> None:
+    assert correction(70.4, 64.0, "cm") == pytest.approx(1.1)
     with pytest.raises(ConfigurationError, match="--reversed-motors"):
-        fit_wheels(ChassisOptions(), wheel_deg=-1440.0, measured_m=0.64)
-    with pytest.raises(ConfigurationError, match="measure again"):
-        fit_wheels(ChassisOptions(), wheel_deg=1440.0, measured_m=64.0)
+        correction(64.0, -64.0, "cm")
+    for far_off in (6400.0, 6.4):
+        with pytest.raises(ConfigurationError, match="measure again"):
+            correction(far_off, 64.0, "cm")
+
+
+@pytest.mark.parametrize("reversed_motors", [False, True])
+def test_wheels_roll_forwards_however_the_motors_are_mounted(
+    brick: FakeBrick, reversed_motors: bool
+) -> None:
+    options = Ev3Options(brick_root=str(brick.root), reversed_motors=reversed_motors)
+    with Ev3Driver(options, brick.clock) as driver:
+        rolled_m = calibrate.drive(driver, Action.FORWARD, 1.0)
+        assert rolled_m == pytest.approx((0.16, 0.16), rel=0.05)
+        back_m, still_m = calibrate.drive(driver, Action.LEFT, 1.0)
+        assert math.degrees((still_m - back_m) / options.track_m) == pytest.approx(18.5, rel=0.05)
 
 
 def test_the_file_keeps_all_else(tmp_path: Path) -> None:

@@ -115,7 +115,7 @@ def test_what_another_program_left_is_cleared(brick: StockFirmware) -> None:
     with driver_for(brick) as driver:
         assert not brick.is_moving and brick.motors[1].polarity == 1
         assert [motor.resets for motor in brick.motors] == [0, 1, 1, 0]
-        assert driver.wheel_positions_deg() == [0.0, 0.0]
+        assert driver.rolled_m() == (0.0, 0.0)
 
 
 def test_sensors_are_found_and_read(brick: StockFirmware) -> None:
