@@ -109,7 +109,7 @@ class StockBody:
         )
         size = 4 * len(sensors)
         data = self._ask(asked + codec.battery(size), size + 1)
-        values = list(codec.floats(data, len(sensors)))
+        values = list(struct.unpack_from(f"<{len(sensors)}f", data))
         distance_m = values.pop(0) / 100 if self._ultrasonic is not None else None
         bumpers = tuple(value > 0.5 for value in values)
         return {
@@ -142,14 +142,11 @@ class StockBody:
         self._count = self._count % 0xFFFF + 1
         try:
             reply = self._line.ask(codec.command(self._count, codes, results))
-            answer = codec.parse_answer(reply)
-            if answer.count != self._count or len(answer.data) < results:
-                raise DriveError("the brick answered another question")
+            return codec.parse_answer(reply, self._count, results)
         except DriveError:
             self._is_lost = True
             self._line.close()
             raise
-        return answer.data
 
 
 def _known(name: str, ports: dict[str, int]) -> int:

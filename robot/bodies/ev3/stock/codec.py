@@ -8,8 +8,6 @@ or five bytes. Source: LEGO, EV3 Communication and EV3 Firmware Developer Kits (
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
-from dataclasses import dataclass
 
 from robot.errors import DriveError
 
@@ -23,14 +21,6 @@ OUTPUTS = 0x10
 """Motor ports are numbered from here where sensors are asked for."""
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What came back: the count of the question, and its global variables."""
-
-    count: int
-    data: bytes
-
-
 def number(value: int) -> bytes:
     """Encode a constant in as few bytes as it takes.
 
@@ -39,12 +29,9 @@ def number(value: int) -> bytes:
     """
     if -32 <= value < 32:
         return bytes([value & 0x3F])
-    if -128 < value < 128:
-        return struct.pack("<Bb", 0x81, value)
-    if -32_768 < value < 32_768:
-        return struct.pack("<Bh", 0x82, value)
-    if -(2**31) < value < 2**31:
-        return struct.pack("<Bi", 0x83, value)
+    for kind, n_bits, form in ((0x81, 8, "<Bb"), (0x82, 16, "<Bh"), (0x83, 32, "<Bi")):
+        if abs(value) < 1 << (n_bits - 1):
+            return struct.pack(form, kind, value)
     raise ValueError(f"a constant has 32 bits at most, not {value}")
 
 
@@ -65,20 +52,20 @@ def command(count: int, codes: bytes, results: int = 0) -> bytes:
     return body
 
 
-def parse_answer(message: bytes) -> Answer:
-    """Read an answer.
+def parse_answer(message: bytes, asked: int, results: int = 0) -> bytes:
+    """Return the global variables of the answer to question number `asked`.
 
     Raises:
-        DriveError: If it is none, or says that the command failed.
+        DriveError: If it is none, says that the command failed, or has less than `results` bytes.
     """
-    if len(message) < _ANSWER.size:
-        raise DriveError("the brick answers with something else than a reply")
-    length, count, kind = _ANSWER.unpack_from(message)
+    length, count, kind = _ANSWER.unpack(message[: _ANSWER.size].ljust(_ANSWER.size, b"\0"))
     if kind == _ERROR:
         raise DriveError("the brick refused a command")
     if kind != _REPLY or length + 2 != len(message):
         raise DriveError("the brick answers with something else than a reply")
-    return Answer(count, message[_ANSWER.size :])
+    if count != asked or length + 2 < _ANSWER.size + results:
+        raise DriveError("the brick answered another question")
+    return message[_ANSWER.size :]
 
 
 def timed_speed(ports: int, percent: int, milliseconds: int) -> bytes:
@@ -120,8 +107,3 @@ def battery(at: int) -> bytes:
 def light(pattern: int) -> bytes:
     """Colour the buttons: 1 green, 2 red, 3 orange."""
     return b"\x82" + number(0x1B) + number(pattern)
-
-
-def floats(data: bytes, count: int, at: int = 0) -> Sequence[float]:
-    """Return floats of an answer."""
-    return struct.unpack_from(f"<{count}f", data, at)

@@ -8,8 +8,9 @@ import re
 import select
 import socket
 import struct
+from abc import ABC, abstractmethod
 from pathlib import Path
-from typing import Protocol
+from typing import ClassVar
 
 from robot.bodies.ev3.stock.codec import MAX_MESSAGE
 from robot.errors import DriveError
@@ -22,91 +23,95 @@ _CONNECT_S = 4.0
 _USB_ID = "0003:00000694:00000005"
 
 
-class BrickLine(Protocol):
-    """A line to one brick."""
+class BrickLine(ABC):
+    """A line to one brick. One that missed an answer is closed, and has to be opened again: an
+    answer that comes too late would be taken for the next one's."""
+
+    _remedy: ClassVar[str]
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._is_open = True
 
     def ask(self, message: bytes) -> bytes:
         """Send a message and return the answer; raises DriveError if none comes."""
+        if not self._is_open:
+            raise DriveError(f"the line to the brick ({self._name}) is closed")
+        try:
+            return self._exchange(message)
+        except (OSError, ValueError, struct.error) as error:
+            self.close()
+            raise DriveError(
+                f"the brick does not answer ({self._name}: {error}); {self._remedy}"
+            ) from error
 
     def close(self) -> None:
         """Let go; idempotent."""
+        if self._is_open:
+            self._is_open = False
+            self._let_go()
+
+    @abstractmethod
+    def _exchange(self, message: bytes) -> bytes: ...
+
+    @abstractmethod
+    def _let_go(self) -> None: ...
 
 
-class SocketLine:
-    """A stream of messages, each with its length before it: Wi-Fi and Bluetooth.
+class SocketLine(BrickLine):
+    """A stream of messages, each with its length before it: Wi-Fi and Bluetooth."""
 
-    An answer that comes too late would be taken for the next one's: so a line that missed one is
-    closed and has to be opened again.
-    """
+    _remedy = "is it on and in reach?"
 
     def __init__(self, sock: socket.socket, name: str) -> None:
+        super().__init__(name)
         sock.settimeout(ANSWER_S)
-        self._socket: socket.socket | None = sock
-        self._name = name
+        self._socket = sock
 
-    def ask(self, message: bytes) -> bytes:
-        if self._socket is None:
-            raise DriveError(f"the line to the brick ({self._name}) is closed")
-        try:
-            self._socket.sendall(message)
-            head = self._read(2)
-            return head + self._read(struct.unpack("<H", head)[0])
-        except (OSError, ValueError) as error:
-            self.close()
-            raise DriveError(
-                f"the brick does not answer ({self._name}: {error}); is it on and in reach?"
-            ) from error
+    def _exchange(self, message: bytes) -> bytes:
+        self._socket.sendall(message)
+        head = self._read(2)
+        return head + self._read(struct.unpack("<H", head)[0])
 
     def _read(self, count: int) -> bytes:
         if count > MAX_MESSAGE:
             raise ValueError("an answer of a strange length")
         data = b""
-        while len(data) < count and self._socket is not None:
+        while len(data) < count:
             part = self._socket.recv(count - len(data))
             if not part:
                 raise ConnectionError("it hung up")
             data += part
         return data
 
-    def close(self) -> None:
-        sock, self._socket = self._socket, None
-        if sock is not None:
-            sock.close()
+    def _let_go(self) -> None:
+        self._socket.close()
 
 
-class UsbLine:
+class UsbLine(BrickLine):
     """The cable, as Linux gives it: a HID device with reports of 1024 bytes."""
 
+    _remedy = "is its cable plugged in?"
+
     def __init__(self, path: Path) -> None:
-        self._name = str(path)
+        super().__init__(str(path))
         try:
-            self._file: int | None = os.open(path, os.O_RDWR | os.O_NONBLOCK)
+            self._file = os.open(path, os.O_RDWR | os.O_NONBLOCK)
         except OSError as error:
             raise DriveError(
                 f"the brick at {path} cannot be opened: {error.strerror}; "
                 "docs/howto/ev3-stock.md says how a user is given the right"
             ) from error
 
-    def ask(self, message: bytes) -> bytes:
-        if self._file is None:
-            raise DriveError(f"the line to the brick ({self._name}) is closed")
-        try:
-            os.write(self._file, b"\0" + message.ljust(MAX_MESSAGE, b"\0"))
-            ready, _, _ = select.select([self._file], [], [], ANSWER_S)
-            if not ready:
-                raise TimeoutError("timed out")
-            report = os.read(self._file, MAX_MESSAGE)
-            return report[: 2 + int(struct.unpack_from("<H", report)[0])]
-        except (OSError, struct.error) as error:
-            self.close()
-            raise DriveError(
-                f"the brick does not answer ({self._name}: {error}); is its cable plugged in?"
-            ) from error
+    def _exchange(self, message: bytes) -> bytes:
+        os.write(self._file, b"\0" + message.ljust(MAX_MESSAGE, b"\0"))
+        if not select.select([self._file], [], [], ANSWER_S)[0]:
+            raise TimeoutError("timed out")
+        report = os.read(self._file, MAX_MESSAGE)
+        return report[: 2 + int(struct.unpack_from("<H", report)[0])]
 
-    def close(self) -> None:
-        file, self._file = self._file, None
-        if file is not None:
-            os.close(file)
+    def _let_go(self) -> None:
+        os.close(self._file)
 
 
 def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> BrickLine:
@@ -134,11 +139,12 @@ def _open_wifi(wanted: str, beacon_port: int) -> BrickLine:
         sock = socket.create_connection((host, port), _CONNECT_S)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         sock.sendall(f"GET /target?sn={serial} VMTP1.0\r\nProtocol: EV3\r\n\r\n".encode())
-        if not sock.recv(64).startswith(b"Accept:EV340"):
-            sock.close()
-            raise DriveError(f"what answers at {host}:{port} is no EV3, or busy with another")
+        is_ours = sock.recv(64).startswith(b"Accept:EV340")
     except OSError as error:
         raise DriveError(f"the brick at {host} cannot be reached: {error}") from error
+    if not is_ours:
+        sock.close()
+        raise DriveError(f"what answers at {host}:{port} is no EV3, or busy with another")
     return SocketLine(sock, f"Wi-Fi, {host}")
 
 

@@ -33,11 +33,15 @@ def test_numbers_come_through_in_as_few_bytes_as_it_takes(value: int) -> None:
 
 @given(st.binary(max_size=40))
 def test_what_is_no_answer_is_refused(message: bytes) -> None:
+    asked = int.from_bytes(message[2:4], "little")
     try:
-        answer = codec.parse_answer(message)
+        data = codec.parse_answer(message, asked)
     except DriveError:
         return
-    assert struct.unpack_from("<H", message)[0] + 2 == len(message) == 5 + len(answer.data)
+    assert struct.unpack_from("<H", message)[0] + 2 == len(message) == 5 + len(data)
+    for other, results in ((asked + 1, 0), (asked, len(data) + 1)):
+        with pytest.raises(DriveError, match="another question"):
+            codec.parse_answer(message, other, results)
 
 
 def test_a_command_says_its_size_and_a_long_one_is_refused() -> None:
@@ -213,7 +217,7 @@ def test_the_cable_carries_reports_of_1024_bytes() -> None:
     thread = threading.Thread(target=play)
     thread.start()
     line = UsbLine.__new__(UsbLine)
-    line._name, line._file = "cable", os.dup(ours.fileno())
+    line._name, line._file, line._is_open = "cable", os.dup(ours.fileno()), True
     ours.close()
     body = StockBody(lambda: line, Ev3StockOptions().ports())
     body.open()
