@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot.bodies.ev3.doctor import Level, examine, write_report
-from robot.bodies.ev3.examination import Examination
+from robot.bodies.ev3.examination import measure
+from robot.bodies.ev3.link import BrickLink
 from robot.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -36,8 +37,7 @@ def examine_brick(args: argparse.Namespace) -> int:
 def examine_at(address: str, secret: str, may_turn_wheels: Callable[[], bool]) -> int:
     """Examine the brick that listens there, and print the report; 1 if something is wrong."""
     print(f"examining the brick at {address.partition(':')[0]}, about half a minute ...\n")
-    with Examination(address, secret) as visit:
-        findings = examine(visit.measure(may_turn_wheels))
+    findings = examine(measure(BrickLink(address, secret), may_turn_wheels))
     print(write_report(findings))
     return int(any(finding.level is Level.WRONG for finding in findings))
 

@@ -61,7 +61,7 @@ class BrickLink:
     ) -> None:
         self.clock = clock or RealClock()
         self._dial = dial
-        self._address = address
+        self.address = address
         self._secret = secret
         self._connection: BrickConnection | None = None
         self._sending = threading.Lock()
@@ -84,11 +84,11 @@ class BrickLink:
         if lost is not None:
             return self._say_lost(lost)
         if self.clock.now_s() - self._received_s > SILENCE_S:
-            return f"the brick at {self._address} does not answer; is it on, and in the network?"
+            return f"the brick at {self.address} does not answer; is it on, and in the network?"
         return None
 
     def _say_lost(self, why: object) -> str:
-        return f"the line to the brick at {self._address} is lost ({why}); trying again"
+        return f"the line to the brick at {self.address} is lost ({why}); trying again"
 
     @property
     def camera_fault(self) -> str | None:
@@ -114,7 +114,7 @@ class BrickLink:
             DriveError: If nobody answers, or the agent refuses.
         """
         if self._thread is None:
-            if not self._address:
+            if not self.address:
                 raise DriveError("which brick? name it with --brick ADDRESS")
             self._connection = self._join()
             self._ending.clear()
@@ -161,10 +161,10 @@ class BrickLink:
             if not self._answers and not self.clock.wait(
                 self._answered, max(0.0, deadline_s - self.clock.now_s())
             ):
-                raise DriveError(f"the brick at {self._address} gives no answer")
+                raise DriveError(f"the brick at {self.address} gives no answer")
             message = self._answers.popleft()
             if "failed" in message:
-                raise DriveError(f"brick {self._address}: {message['failed']}")
+                raise DriveError(f"brick {self.address}: {message['failed']}")
             if name in message:
                 return message[name]
 
@@ -181,7 +181,7 @@ class BrickLink:
         return "stop" if "stop" in buttons else buttons[-1] if buttons else None
 
     def _join(self) -> BrickConnection:
-        connection = join(self._address, self._secret, self._dial)
+        connection = join(self.address, self._secret, self._dial)
         connection.line.settimeout(PING_S)
         self._offset_s, self._lost, self._report = None, None, {}
         self._received_s = self.clock.now_s()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,10 +20,11 @@ from robot.bodies.ev3.doctor import (
     examine,
     write_report,
 )
-from robot.bodies.ev3.examination import Examination
+from robot.bodies.ev3.examination import measure
 from robot.bodies.ev3.fake_agent import SECRET, FakeAgent, FakeCameraReader, inspect_as_ev3
 from robot.bodies.ev3.fake_brick import FakeBrick
-from robot.bodies.ev3.link import RemotePicture
+from robot.bodies.ev3.link import BrickLink, RemotePicture
+from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.testing import VirtualClock
 from server.__main__ import main
 from server.bodies import doctor
@@ -190,45 +190,40 @@ def brick(tmp_path: Path) -> Iterator[FakeBrick]:
 
 
 @pytest.fixture
-def visit(brick: FakeBrick) -> Iterator[Examination]:
+def link(brick: FakeBrick) -> Iterator[BrickLink]:
     def inspect(root: str, late: int) -> dict[str, Any]:
         return {**inspect_as_ev3(root, late), "clock_s": brick.clock.wall_s()}
 
-    with (
-        VirtualAgent(brick, open_camera=FakeCameraReader, inspect=inspect) as agent,
-        Examination(agent.address, clock=brick.clock, link=agent.link()) as one,
-    ):
-        yield one
+    with VirtualAgent(brick, open_camera=FakeCameraReader, inspect=inspect) as agent:
+        yield agent.link()
 
 
-def found(visit: Examination, may_turn: bool = True) -> dict[str, Finding]:
-    return {one.topic: one for one in examine(visit.measure(lambda: may_turn))}
+def found(link: BrickLink, may_turn: bool = True) -> dict[str, Finding]:
+    return {one.topic: one for one in examine(measure(link, lambda: may_turn))}
 
 
-def test_a_sound_brick_is_measured(brick: FakeBrick, visit: Examination) -> None:
+def test_a_sound_brick_is_measured(brick: FakeBrick, link: BrickLink) -> None:
     brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
-    assert {one.level for one in found(visit).values()} == {Level.OK}
+    assert {one.level for one in found(link).values()} == {Level.OK}
     assert not brick.is_moving()
 
 
-def test_nothing_moves_without_consent(brick: FakeBrick, visit: Examination) -> None:
-    assert found(visit, may_turn=False)["wheels"].text == "not tested"
+def test_nothing_moves_without_consent(brick: FakeBrick, link: BrickLink) -> None:
+    assert found(link, may_turn=False)["wheels"].text == "not tested"
     assert not [one for one in brick.commands if one.command.startswith("run")]
 
 
-def test_a_wheel_that_is_held_fast_is_found(brick: FakeBrick, visit: Examination) -> None:
+def test_a_wheel_that_is_held_fast_is_found(brick: FakeBrick, link: BrickLink) -> None:
     brick.stall_motor("outC")
-    finding = found(visit)["wheels"]
+    finding = found(link)["wheels"]
     assert finding.level is Level.WRONG
     assert "right wheel (outC) did not turn when it was driven" in finding.text
 
 
-def test_an_empty_battery_and_a_missing_motor_are_found(
-    brick: FakeBrick, visit: Examination
-) -> None:
+def test_an_empty_battery_and_a_missing_motor_are_found(brick: FakeBrick, link: BrickLink) -> None:
     brick.set_battery(6.1)
     brick.unplug_motor("outB")
-    findings = found(visit)
+    findings = found(link)
     assert findings["battery"].text == "6.1 V"
     assert "no left motor at port outB" in findings["motors"].advice
     assert findings["motors"].text == "lego-ev3-l-motor at ev3-ports:outC"
@@ -245,7 +240,7 @@ def a_busy_brick_is_one_clear_line(
     with (
         FakeBrick(tmp_path / "busy") as brick,
         FakeAgent(brick) as agent,
-        Examination(agent.address, SECRET),
+        Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address, brick_secret=SECRET)),
     ):
         assert main(["brick", "doctor", agent.address]) == 1
     error = capsys.readouterr().err
@@ -277,12 +272,12 @@ def masked(text: str) -> str:
 
 def test_the_report_in_the_guide_is_what_it_prints(
     brick: FakeBrick,
-    visit: Examination,
+    link: BrickLink,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     doctor.furnish(brick)
-    monkeypatch.setattr(doctor, "Examination", lambda *_: contextlib.nullcontext(visit))
+    monkeypatch.setattr(doctor, "BrickLink", lambda *_: link)
     assert doctor.examine_at("127.0.0.1:8765", SECRET, lambda: True) == 0
     printed = capsys.readouterr().out
     shown = "".join(f"    {line}".rstrip() + "\n" for line in printed.splitlines())
