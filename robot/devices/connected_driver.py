@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
+from robot.clock import Clock, RealClock
 from robot.driver import Driver
 from robot.errors import NotConnectedError
 from robot.types import Action, Point
@@ -20,6 +21,10 @@ class ConnectedDriver(Driver, Generic[_C]):
     """
 
     _connection: _C | None = None
+
+    def __init__(self, options: Any, clock: Clock | None = None) -> None:
+        self.options = options
+        self._clock = clock or RealClock()
 
     @abstractmethod
     def _open(self) -> _C:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
+from robot.clock import Clock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.devices.wheels import CLASSIC_POINTS, Pair, TwoWheels
@@ -104,8 +105,10 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     declared_moves = tuple(CLASSIC.values())
     takes_points = True
 
-    def __init__(self, options: ChassisOptions) -> None:
-        self.options = options
+    options: ChassisOptions
+
+    def __init__(self, options: ChassisOptions, clock: Clock | None = None) -> None:
+        super().__init__(options, clock)
         self._wheels = wheels_of(options)
         self._address = ""
         self._top_dps: Pair | None = None

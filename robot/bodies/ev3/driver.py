@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 from robot.bodies.ev3.agent.body import BrickBody
 from robot.bodies.ev3.chassis import ChassisBody, ChassisDriver, ChassisOptions
-from robot.clock import Clock, RealClock
 from robot.devices.options import option
 
 
@@ -25,10 +24,6 @@ class Ev3Driver(ChassisDriver):
     name: ClassVar[str] = "ev3"
     options_type: ClassVar[type[Any]] = Ev3Options
     options: Ev3Options
-
-    def __init__(self, options: Ev3Options, clock: Clock | None = None) -> None:
-        super().__init__(options)
-        self._clock = clock or RealClock()
 
     def _make_body(self) -> ChassisBody:
         clock = SimpleNamespace(monotonic=self._clock.now_s, sleep=self._clock.sleep)

@@ -116,8 +116,7 @@ class GpioDriver(ReportingDriver):
         clock: Clock | None = None,
         open_line: Callable[[dict[str, Any]], MessageLine] | None = None,
     ) -> None:
-        super().__init__(clock)
-        self.options = options
+        super().__init__(options, clock)
         if options.is_car:
             self.declared_moves = tuple(move for move in CLASSIC.values() if move.throttle)
         self._start = open_line or self._start_keeper

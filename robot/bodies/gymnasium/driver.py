@@ -49,7 +49,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
     options_type: ClassVar[type[Any]] = GymnasiumOptions
 
     def __init__(self, options: GymnasiumOptions) -> None:
-        self._options = options
+        super().__init__(options)
         environment = self._make()
         try:
             table = moves_of(options.env, environment.env, options.env_moves)
@@ -70,7 +70,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         """Set by each `send_action`: the loop has done what it does with a picture."""
 
     def _make(self) -> Environment:
-        chosen = self._options
+        chosen = self.options
         options = read_options(chosen.env_options)
         return Environment(chosen.env, options, chosen.env_picture, chosen.env_seed)
 

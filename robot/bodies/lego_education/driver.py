@@ -6,7 +6,7 @@ import contextlib
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.clock import Clock, RealClock
+from robot.clock import Clock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, describe
@@ -47,8 +47,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
     def __init__(
         self, options: LegoEducationOptions, clock: Clock | None = None, library: Any = None
     ) -> None:
-        self.options = options
-        self._clock = clock or RealClock()
+        super().__init__(options, clock)
         self._library = library
         self._found: Any = None
         self._heard_s = self._tried_s = 0.0

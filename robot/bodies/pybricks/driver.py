@@ -33,8 +33,7 @@ class PybricksDriver(ReportingDriver):
     def __init__(
         self, options: PybricksOptions, clock: Clock | None = None, bluetooth: Any = None
     ) -> None:
-        super().__init__(clock)
-        self.options = options
+        super().__init__(options, clock)
         self.declared_moves = parse_moves(options.body_moves)
         self._bluetooth = bluetooth
 

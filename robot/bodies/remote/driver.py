@@ -15,7 +15,7 @@ from robot.bodies.remote.orders import (
     parse_report,
 )
 from robot.bodies.remote.plain import HELLO, encode_plain_order, parse_plain_report
-from robot.clock import Clock, RealClock
+from robot.clock import Clock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S
@@ -43,8 +43,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
     no_obedience: ClassVar[str]
     """Ends of the sentences about a robot that is silent at first, and about one that disobeys."""
 
-    def __init__(self, clock: Clock | None = None) -> None:
-        self._clock = clock or RealClock()
+    def __init__(self, options: Any, clock: Clock | None = None) -> None:
+        super().__init__(options, clock)
         self._report: BodyReport | None = None
         self._heard_s = 0.0
         self._disobeyed = 0
@@ -184,8 +184,7 @@ class RemoteDriver(ReportingDriver):
     no_obedience: ClassVar[str] = "is --secret the one that it knows?"
 
     def __init__(self, options: RemoteOptions, clock: Clock | None = None) -> None:
-        super().__init__(clock)
-        self.options = options
+        super().__init__(options, clock)
         self.declared_moves = parse_moves(options.body_moves)
 
     @property

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 from robot.bodies.remote.line import split_address
 from robot.bodies.remote.orders import moves_option, parse_moves
 from robot.bodies.ros.bridge import GONE_S, PORT, Message, RosBridge
-from robot.clock import Clock, RealClock
+from robot.clock import Clock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S
@@ -84,7 +84,7 @@ class RosDriver(ConnectedDriver[RosBridge]):
         clock: Clock | None = None,
         open_bridge: Callable[..., RosBridge] = RosBridge,
     ) -> None:
-        self.options = options
+        super().__init__(options, clock)
         self._open_bridge = open_bridge
         self.declared_moves = parse_moves(options.body_moves)
         without = [move.name for move in self.declared_moves if move.point is None]
@@ -95,7 +95,6 @@ class RosDriver(ConnectedDriver[RosBridge]):
             )
         self._points = {move.name: move.point or _STANDS for move in self.declared_moves}
         self._points[Action.STOP] = _STANDS
-        self._clock = clock or RealClock()
         self._is_stamped = options.stamped or options.watchdog
         self._topic = _ORDERS if options.watchdog else options.cmd_vel_topic
         self._sign: dict[str, Any] = {"sec": 0, "nanosec": 0}
