@@ -19,7 +19,7 @@ from robot.bodies.ev3.rootfs import (
     precompile,
     userland_stamp,
 )
-from robot.bodies.ev3.scripts import AGENT_SCRIPT, INSTALL_SCRIPT
+from robot.bodies.ev3.scripts import AGENT_SCRIPT, INSTALL_SCRIPT, START_SCRIPT, UNIT
 from robot.errors import ConfigurationError
 from robot.store.folder import default_root
 from server.bodies.doctor import examine_brick
@@ -133,7 +133,7 @@ def _install(args: argparse.Namespace) -> int:
     is_there = installer.installed_packages(target) == userland_stamp(args.release)
     files = _build(args, with_userland=not is_there)
     print("copying, which takes some minutes over Wi-Fi ...", flush=True)
-    print(installer.install(target, files))
+    print(installer.run_on_brick(target, INSTALL_SCRIPT, files))
     return 0
 
 
@@ -158,12 +158,14 @@ def _build(args: argparse.Namespace, *, with_userland: bool) -> installer.Files:
     print("packing the program ...", flush=True)
     make_bundle(program, Path(server.__path__[0]), Config().web_folder)
     ahead = precompile(args.keep / "program", ("opt/drivelesson",), args.release)
-    return installer.server_files(
-        program,
-        userland if with_userland else None,
-        userland_stamp(args.release),
-        compiled=compiled and ahead,
-    )
+    return [
+        ("program", program),
+        ("start", START_SCRIPT.encode()),
+        ("drivelesson.service", UNIT.encode()),
+        ("packages", userland_stamp(args.release).encode()),
+        *([("root", userland)] if with_userland else []),
+        *([("compiled", b"")] if compiled and ahead else []),
+    ]
 
 
 def _make_userland(folder: Path, args: argparse.Namespace) -> bool:

@@ -12,6 +12,7 @@ from robot.clock import Clock
 from server.bodies.eye import EyeClock, parse_frame, parse_text
 from server.clients.hub import Hub
 from server.clients.telemetry import describe_state
+from server.extension import Extension
 from server.protocol import ProtocolError, encode_acknowledgement, encode_message
 from server.routes.sockets import converse
 from server.security.access import Role
@@ -142,3 +143,9 @@ async def eye(websocket: WebSocket) -> None:
         await websocket.close(4004, "the robot has another camera: serve it with --camera phone")
     else:
         await _Eye(websocket, hub, camera).run()
+
+
+class EyeExtension(Extension):
+    """The eye's page and socket, as a part of a robot's server."""
+
+    routers = (router,)

@@ -19,8 +19,7 @@ from robot.bodies.ev3.chassis import ChassisBody
 from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
 from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
-from robot.bodies.ev3.stock.body import StockBody
-from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
+from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions, StockBody
 from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
 from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
 from robot.bodies.remote.driver import RemoteDriver, RemoteOptions

@@ -45,6 +45,11 @@ class ChassisOptions(Options):
     )
     reversed_motors: bool = option(False, "the motors are mounted the other way round")
 
+    @property
+    def degrees_per_m(self) -> float:
+        """How far a motor turns for a metre of the robot ahead."""
+        return (-360 if self.reversed_motors else 360) / (math.pi * self.wheel_diameter_m)
+
     def ports(self) -> dict[str, str]:
         """Return where motors and sensors are plugged in, as bodies take it."""
         return {
@@ -89,11 +94,9 @@ class ChassisBody(Protocol):
 
 def wheels_of(options: ChassisOptions) -> TwoWheels:
     """Return how fast the wheels turn, in degrees a second."""
-    degrees_per_m = 360 / (math.pi * options.wheel_diameter_m)
-    degrees_per_m *= -1.0 if options.reversed_motors else 1.0
-    straight = options.forward_speed_mps * degrees_per_m
+    straight = options.forward_speed_mps * options.degrees_per_m
     # One wheel alone turns the robot about the other one, on a circle of radius track_m.
-    turn = math.radians(options.turn_rate_deg_s) * options.track_m * degrees_per_m
+    turn = math.radians(options.turn_rate_deg_s) * options.track_m * options.degrees_per_m
     left = {"backward": (-turn, 0.0), "forward": (0.0, turn), "both": (-turn / 2, turn / 2)}
     return TwoWheels(ahead=straight, back=straight, turn=left[options.turn_by], spin=turn / 2)
 
@@ -118,13 +121,11 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
         return self.options.track_m
 
     def wheels_mps(self, action: Action, point: Point | None = None) -> Pair:
-        left, right = self._wheels.at(point or CLASSIC_POINTS[action], self._top_dps)
-        return self._rolled_m(left), self._rolled_m(right)
+        return self._in_m(*self._wheels.at(point or CLASSIC_POINTS[action], self._top_dps))
 
-    def _rolled_m(self, degrees: float) -> float:
-        """Return how far a wheel rolls forwards when its motor turns by so many degrees."""
-        sign = -1.0 if self.options.reversed_motors else 1.0
-        return sign * degrees / 360 * math.pi * self.options.wheel_diameter_m
+    def _in_m(self, left_deg: float, right_deg: float) -> Pair:
+        """Return how far the wheels roll ahead when their motors turn so far."""
+        return left_deg / self.options.degrees_per_m, right_deg / self.options.degrees_per_m
 
     @abstractmethod
     def _make_body(self) -> ChassisBody:
@@ -182,9 +183,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def sense(self) -> Sensors:
         read = self._connected().sense()
         turned_deg = read.pop("wheels_deg", None)  # an agent of another release sends none
-        wheels_m = None
-        if turned_deg:
-            wheels_m = (self._rolled_m(turned_deg[0]), self._rolled_m(turned_deg[1]))
+        wheels_m = self._in_m(*turned_deg) if turned_deg else None
         bumpers = tuple(read.pop("bumpers", None) or ())
         return Sensors(**read, bumpers=bumpers, wheels_m=wheels_m)
 
@@ -194,8 +193,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 
     def rolled_m(self) -> Pair:
         """How far the left and the right wheel have rolled, as the motors count it now."""
-        left, right = self._connected().positions()
-        return self._rolled_m(left), self._rolled_m(right)
+        return self._in_m(*self._connected().positions())
 
     def take_button(self) -> BodyButton | None:
         pressed = self._connection.take_button() if self._connection is not None else None

@@ -27,4 +27,4 @@ class Ev3Driver(ChassisDriver):
 
     def _make_body(self) -> ChassisBody:
         clock = SimpleNamespace(monotonic=self._clock.now_s, sleep=self._clock.sleep)
-        return BrickBody(**self.options.ports(), root=self.options.brick_root, clock=clock)
+        return BrickBody(self.options.ports(), self.options.brick_root, clock)

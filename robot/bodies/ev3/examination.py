@@ -71,7 +71,7 @@ def _look(link: BrickLink) -> tuple[list[RemotePicture], str | None]:
     link.on_picture = pictures.append
     link.send("video", device="auto", width=160, height=120, rate=30, encoding="auto")
     link.clock.sleep(PICTURES_S)
-    fault = link.camera_fault
+    fault = link.report.get("camera_fault")
     link.send("blind")
     link.on_picture = None
     return pictures, fault

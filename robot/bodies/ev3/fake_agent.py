@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import socket
 import threading
-from dataclasses import dataclass, field
 from typing import Any
 
 from robot.bodies.ev3.agent.inspection import inspect_brick
@@ -21,40 +20,33 @@ AGE_S, AGE_SPREAD_S = 0.095, 0.05
 """A Logitech C270 on an EV3's bus: how old a picture is when it arrives, by the kernel's stamp."""
 
 
-@dataclass
-class FakeVideo:
-    """What a reader's `video` reports of the camera; its `fileno` is never readable."""
+class FakeCameraReader:
+    """Stands in for `CameraReader`, and for its `video`: grey pictures, ten a second, 95 to 145 ms
+    old."""
 
-    path: str = "/dev/video0"
-    width: int = 160
-    height: int = 120
-    encoding: str = "yuyv"
-    pipe: tuple[int, int] = field(default_factory=os.pipe)
+    path, width, height, encoding = "/dev/video0", 160, 120, "yuyv"
+
+    def __init__(self, *_wanted: Any) -> None:
+        self.video = self
+        self.fault: str | None = None
+        self._pipe = os.pipe()
+        self._next_s = 0.0
+        self._n = 0
 
     def fileno(self) -> int:
         """A descriptor that never becomes readable; the agent polls as well."""
-        return self.pipe[0]
-
-
-class FakeCameraReader:
-    """Stands in for `CameraReader`: grey pictures, ten a second, 95 to 145 ms old."""
-
-    def __init__(self, *_wanted: Any) -> None:
-        self.video = FakeVideo()
-        self.fault: str | None = None
-        self._next_s = 0.0
-        self._n = 0
+        return self._pipe[0]
 
     def poll(self, now_s: float) -> VideoFrame | None:
         if now_s < self._next_s:
             return None
         self._next_s = max(self._next_s + PERIOD_S, now_s)
         self._n += 1
-        data = bytes([self._n % 256, 128]) * (self.video.width * self.video.height)
+        data = bytes([self._n % 256, 128]) * (self.width * self.height)
         return VideoFrame(data, now_s - AGE_S - AGE_SPREAD_S * (self._n % 6) / 5)
 
     def close(self) -> None:
-        for end in self.video.pipe:
+        for end in self._pipe:
             os.close(end)
 
 

@@ -31,13 +31,33 @@ class BrickConnection:
     """One sealed connection to an agent that has proved that it is the right one.
 
     Raises:
+        DriveError: If it refuses, or is another than ours.
         ValueError: On messages that were changed on the way or come from somebody else.
     """
 
-    def __init__(self, line: socket.socket, unpacker: Unpacker, seal: Seal) -> None:
+    def __init__(self, line: socket.socket, host: str, secret: str) -> None:
         self.line = line
-        self._unpacker = unpacker
-        self._seal = seal
+        self._unpacker = Unpacker(_BEFORE_PROOF)
+        self._seal: Seal | None = None
+        hello = self._next_message()
+        if hello["hello"] != PROTOCOL:
+            raise ValueError(f"it speaks version {hello['hello']}, this program version {PROTOCOL}")
+        theirs, ours = str(hello["nonce"]), secrets.token_hex(16)
+        proof = prove(secret, "controller", theirs, ours)
+        self.send({"do": "join", "nonce": ours, "proof": proof})
+        verdict = self._next_message()
+        if "refused" in verdict:
+            advice = "stop the other server first"
+            if "secret" in verdict["refused"]:
+                advice = f"give --brick-secret, or make a new one with: {_renew(host)}"
+            raise DriveError(f"the brick at {host} refuses: {verdict['refused']}; {advice}")
+        if not is_proof(verdict["proof"], secret, "agent", theirs, ours):
+            raise DriveError(
+                f"what answers at {host} does not know the secret: it is not your brick; "
+                "check the address, and who else is in this network"
+            )
+        self._unpacker.expect_seal(Seal(secret, "agent", theirs, ours), FROM_AGENT)
+        self._seal = Seal(secret, "controller", theirs, ours)
 
     def send(self, message: dict[str, Any]) -> None:
         """Seal a message and send it; one thread at a time."""
@@ -52,8 +72,11 @@ class BrickConnection:
         while (message := self._unpacker.next()) is not None:
             yield message
 
-    def close(self) -> None:
-        self.line.close()
+    def _next_message(self) -> dict[str, Any]:
+        while True:
+            for _, body in self.receive():
+                message: dict[str, Any] = json.loads(body)
+                return message
 
 
 def dial(address: tuple[str, int]) -> socket.socket:
@@ -78,11 +101,12 @@ def join(
     except OSError as error:
         raise DriveError(
             f"no agent answers at {host} port {port or PORT} ({error.strerror or error}); "
-            f"start it with: drivelesson brick agent {host}"
+            f"start it with: {_renew(host)}"
         ) from error
     try:
-        connection = _shake_hands(line, host, secret or kept_secret(host))
+        connection = BrickConnection(line, host, secret or kept_secret(host))
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return connection
     except DriveError:
         line.close()
         raise
@@ -90,31 +114,12 @@ def join(
         line.close()
         raise DriveError(
             f"what answers at {host} port {port or PORT} is no agent of this version "
-            f"({error}); renew it with: drivelesson brick agent {host}"
+            f"({error}); renew it with: {_renew(host)}"
         ) from error
-    return connection
 
 
-def _shake_hands(line: socket.socket, host: str, secret: str) -> BrickConnection:
-    unpacker = Unpacker(_BEFORE_PROOF)
-    hello = _next_message(line, unpacker)
-    if hello["hello"] != PROTOCOL:
-        raise ValueError(f"it speaks version {hello['hello']}, this program version {PROTOCOL}")
-    theirs, ours = str(hello["nonce"]), secrets.token_hex(16)
-    proof = prove(secret, "controller", theirs, ours)
-    line.sendall(pack_json({"do": "join", "nonce": ours, "proof": proof}))
-    verdict = _next_message(line, unpacker)
-    if "refused" in verdict:
-        raise DriveError(
-            f"the brick at {host} refuses: {verdict['refused']}; " + _advice(verdict, host)
-        )
-    if not is_proof(verdict["proof"], secret, "agent", theirs, ours):
-        raise DriveError(
-            f"what answers at {host} does not know the secret: it is not your brick; "
-            "check the address, and who else is in this network"
-        )
-    unpacker.expect_seal(Seal(secret, "agent", theirs, ours), FROM_AGENT)
-    return BrickConnection(line, unpacker, Seal(secret, "controller", theirs, ours))
+def _renew(host: str) -> str:
+    return f"drivelesson brick agent {host}"
 
 
 def secret_path(host: str) -> Path:
@@ -137,21 +142,5 @@ def kept_secret(host: str) -> str:
     except OSError:
         raise DriveError(
             f"no secret is known for the brick at {host}; "
-            f"make one with: drivelesson brick agent {host}, or give --brick-secret"
+            f"make one with: {_renew(host)}, or give --brick-secret"
         ) from None
-
-
-def _advice(verdict: dict[str, Any], host: str) -> str:
-    if "secret" in verdict["refused"]:
-        return f"give --brick-secret, or make a new one with: drivelesson brick agent {host}"
-    return "stop the other server first"
-
-
-def _next_message(line: socket.socket, unpacker: Unpacker) -> dict[str, Any]:
-    while (found := unpacker.next()) is None:
-        data = line.recv(1024)
-        if not data:
-            raise OSError("it closed the connection")
-        unpacker.feed(data)
-    message: dict[str, Any] = json.loads(found[1])
-    return message

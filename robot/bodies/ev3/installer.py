@@ -6,44 +6,45 @@ import io
 import shutil
 import subprocess
 import tarfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
 from robot.bodies.ev3.archive import make_agent
-from robot.bodies.ev3.scripts import (
-    AGENT_SCRIPT,
-    AUTOSTART_SCRIPT,
-    INSTALL_SCRIPT,
-    KEEP_SCRIPT,
-    START_SCRIPT,
-    UNIT,
-)
+from robot.bodies.ev3.scripts import AGENT_SCRIPT, AUTOSTART_SCRIPT, INSTALL_SCRIPT, KEEP_SCRIPT
 from robot.errors import ConfigurationError, DriveError
 
-Files = list[tuple[str, Path | bytes]]
+Files = Sequence[tuple[str, Path | bytes]]
 """Names inside a tar, and what they are: a file or folder here, or bytes."""
 
 
-def run_on_brick(target: str, script: str, files: Iterable[tuple[str, Path | bytes]]) -> str:
+def run_on_brick(target: str, script: str, files: Files) -> str:
     """Run a script on the brick, with files as a tar on its standard input; return its output.
 
     Raises:
         DriveError: If ssh or the script fails; carries their last line.
     """
 
-    def feed(stream: IO[bytes]) -> None:
-        write_tar(stream, files)
-
-    return _run(target, script, feed)
+    return _run(target, script, lambda stream: write_tar(stream, files))
 
 
-def write_tar(stream: IO[bytes], files: Iterable[tuple[str, Path | bytes]]) -> None:
+def write_tar(stream: IO[bytes], files: Files) -> None:
     """Write files as a tar, all of them root's."""
     with tarfile.open(fileobj=stream, mode="w|") as tar:
         for name, content in files:
-            _add(tar, name, content)
+            if isinstance(content, Path):
+                tar.add(content, name, filter=_as_root)
+            else:
+                entry = tarfile.TarInfo(name)
+                entry.size, entry.mode = len(content), 0o600
+                tar.addfile(entry, io.BytesIO(content))
+
+
+def _as_root(entry: tarfile.TarInfo) -> tarfile.TarInfo:
+    entry.uid = entry.gid = 0
+    entry.uname = entry.gname = "root"
+    return entry
 
 
 def _run(target: str, script: str, feed: Callable[[IO[bytes]], None]) -> str:
@@ -65,24 +66,9 @@ def _run(target: str, script: str, feed: Callable[[IO[bytes]], None]) -> str:
     return output_text
 
 
-def _add(tar: tarfile.TarFile, name: str, content: Path | bytes) -> None:
-    if isinstance(content, Path):
-        tar.add(content, name, filter=_as_root)
-        return
-    entry = tarfile.TarInfo(name)
-    entry.size, entry.mode = len(content), 0o600
-    tar.addfile(entry, io.BytesIO(content))
-
-
-def _as_root(entry: tarfile.TarInfo) -> tarfile.TarInfo:
-    entry.uid = entry.gid = 0
-    entry.uname = entry.gname = "root"
-    return entry
-
-
 def start_agent(target: str, secret: str, port: int) -> str:
     """Copy the agent to a brick with the stock image and start it; idempotent."""
-    files: Files = [
+    files = [
         ("agent.pyz", make_agent()),
         ("keep-agent", KEEP_SCRIPT.replace("@PORT@", str(port)).encode()),
         ("autostart", AUTOSTART_SCRIPT.encode()),
@@ -114,26 +100,6 @@ def installed_packages(target: str) -> str:
     return run_on_brick(
         target, "cat >/dev/null; cat /opt/drivelesson/packages 2>/dev/null || true", []
     )
-
-
-def server_files(program: Path, userland: Path | None, stamp: str, *, compiled: bool) -> Files:
-    """Return what `INSTALL_SCRIPT` receives: program, unit and, if it is new, the userland."""
-    files: Files = [
-        ("program", program),
-        ("start", START_SCRIPT.encode()),
-        ("drivelesson.service", UNIT.encode()),
-        ("packages", stamp.encode()),
-    ]
-    if userland is not None:
-        files.append(("root", userland))
-    if compiled:
-        files.append(("compiled", b""))
-    return files
-
-
-def install(target: str, files: Files) -> str:
-    """Put the server on a brick; idempotent."""
-    return run_on_brick(target, INSTALL_SCRIPT, files)
 
 
 def pack(file: Path, files: Files) -> None:

@@ -50,6 +50,9 @@ class BrickLink:
         secret: That it shares with the agent; else the one that is kept for this host.
         clock: By which silence is judged.
         dial: Opens the line.
+
+    Attributes:
+        report: The agent's newest; empty before the first.
     """
 
     def __init__(
@@ -73,7 +76,7 @@ class BrickLink:
         self._received_s = 0.0
         self._offset_s: float | None = None
         self._lost: str | None = None
-        self._report: dict[str, Any] = {}
+        self.report: dict[str, Any] = {}
         self._buttons: list[str] = []
         self.on_picture: Callable[[RemotePicture], None] | None = None
 
@@ -89,21 +92,6 @@ class BrickLink:
 
     def _say_lost(self, why: object) -> str:
         return f"the line to the brick at {self.address} is lost ({why}); trying again"
-
-    @property
-    def camera_fault(self) -> str | None:
-        return self._report.get("camera_fault")
-
-    @property
-    def picture_age_s(self) -> float | None:
-        """How old the camera's last picture was when the brick had it; None: not known."""
-        age_s = self._report.get("picture_age_s")
-        return max(0.0, float(age_s)) if isinstance(age_s, int | float) else None
-
-    @property
-    def report_time_s(self) -> float | None:
-        """The brick's clock in the newest report; a move carries it to prove that it is fresh."""
-        return self._report.get("t")
 
     def hold(self, key: str, do: str, **rest: Any) -> None:
         """Send a command that holds until `release`: again, too, whenever the line is joined anew.
@@ -168,13 +156,6 @@ class BrickLink:
             if name in message:
                 return message[name]
 
-    def sensors(self) -> dict[str, Any]:
-        """Return what the brick last reported of its sensors, which is at most 0.4 s old."""
-        fault = self.fault or self._report.get("fault")
-        if fault is not None:
-            raise DriveError(fault)
-        return dict(self._report.get("sensors") or {})
-
     def take_button(self) -> str | None:
         """Return the last button that was pressed since the last call."""
         buttons, self._buttons = self._buttons, []
@@ -183,7 +164,7 @@ class BrickLink:
     def _join(self) -> BrickConnection:
         connection = join(self.address, self._secret, self._dial)
         connection.line.settimeout(PING_S)
-        self._offset_s, self._lost, self._report = None, None, {}
+        self._offset_s, self._lost, self.report = None, None, {}
         self._received_s = self.clock.now_s()
         return connection
 
@@ -228,11 +209,11 @@ class BrickLink:
     def _take_message(self, message: dict[str, Any]) -> None:
         if "t" in message:
             self._measure_offset(message["t"])
-            self._report = message
+            self.report = message
             if message.get("button"):
                 self._buttons.append(message["button"])
         elif "fault" in message:
-            self._report = {**self._report, "fault": message["fault"]}
+            self.report = {**self.report, "fault": message["fault"]}
         else:
             self._answers.append(message)
             self._answered.set()
@@ -270,4 +251,4 @@ class BrickLink:
         if connection is not None:
             with contextlib.suppress(OSError):
                 connection.line.shutdown(socket.SHUT_RDWR)
-            connection.close()
+            connection.line.close()

@@ -54,7 +54,8 @@ class Ev3RemoteCamera(WatchedCamera):
 
     @property
     def source_age_s(self) -> float | None:
-        return self._link.picture_age_s
+        age_s = self._link.report.get("picture_age_s")
+        return max(0.0, float(age_s)) if isinstance(age_s, int | float) else None
 
     def stop(self) -> None:
         if self._threads:
@@ -74,13 +75,13 @@ class Ev3RemoteCamera(WatchedCamera):
             width=picture.width,
             height=picture.height,
             encoding=Encoding(picture.encoding),
-            captured_s=self._on_own_clock(picture.taken_s),
+            # Read first: whoever is held up in between makes it older than it is, never younger.
+            captured_s=self.clock.now_s() - max(0.0, self._link.clock.now_s() - picture.taken_s),
         )
 
-    def _on_own_clock(self, taken_s: float) -> float:
-        """Return what `self.clock` showed at a time of the link's clock; never a younger one."""
-        clock_s = self.clock.now_s()
-        return clock_s - max(0.0, self._link.clock.now_s() - taken_s)
-
     def _name_fault(self, wrong: str) -> str:
-        return self._link.fault or self._link.camera_fault or "The brick sends no pictures"
+        return (
+            self._link.fault
+            or self._link.report.get("camera_fault")
+            or "The brick sends no pictures"
+        )

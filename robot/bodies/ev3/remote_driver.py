@@ -30,7 +30,7 @@ class RemoteBody:
         Raises:
             DriveError: If the line is lost or the brick silent; it stops by itself then.
         """
-        after_s, fault = self._link.report_time_s, self._link.fault
+        after_s, fault = self._link.report.get("t"), self._link.fault
         if after_s is None or fault is not None:
             raise DriveError(fault or "the brick has not reported yet")
         self._link.send("run", left=left_dps, right=right_dps, ms=time_ms, after=after_s)
@@ -45,7 +45,10 @@ class RemoteBody:
         return [float(degrees) for degrees in self._link.answer("positions")]
 
     def sense(self) -> dict[str, Any]:
-        return self._link.sensors()
+        fault = self._link.fault or self._link.report.get("fault")
+        if fault is not None:
+            raise DriveError(fault)
+        return dict(self._link.report.get("sensors") or {})
 
     def take_button(self) -> str | None:
         return self._link.take_button()

@@ -14,7 +14,7 @@ import signal
 import sys
 from typing import Any
 
-from robot.bodies.gpio.wheels import Steered, TimedMotors, Tracked
+from robot.bodies.gpio.wheels import TimedMotors, steered, tracked
 from robot.bodies.remote.plain import encode_plain_report
 from robot.clock import Clock, RealClock
 
@@ -34,7 +34,7 @@ def make_motors(settings: dict[str, Any]) -> TimedMotors:
     bumper = None if settings["bumper_pin"] is None else gpiozero.Button(settings["bumper_pin"])
     return TimedMotors(
         [make(*pins) for pins in settings["motor_pins"]],
-        Tracked(*speeds) if ends is None else Steered(*speeds, ends),
+        tracked(*speeds) if ends is None else steered(*speeds, ends),
         None if bumper is None else (lambda: bool(bumper.is_pressed)),
     )
 

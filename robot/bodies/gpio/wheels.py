@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 from robot.bodies.remote.orders import BodyReport
@@ -19,41 +18,36 @@ class PinMotor(Protocol):
     """From -1 (full speed backward, or one end) to 1; 0 stands."""
 
 
-@dataclass(frozen=True, slots=True)
-class Tracked:
+Build = Callable[[Point, float], Pair]
+"""What tells the two values, 1 at most, for a point and a share of full speed."""
+
+
+def tracked(straight_speed: float, turn_speed: float) -> Build:
     """Two wheels that steer by their difference; speeds are shares of the motors' full speed."""
+    ahead, turn = straight_speed, turn_speed
+    wheels = TwoWheels(ahead=ahead, back=ahead, turn=(0.0, turn), spin=turn)
 
-    straight_speed: float
-    turn_speed: float
-
-    def values(self, point: Point, speed: float) -> Pair:
-        straight, turn = self.straight_speed, self.turn_speed
-        wheels = TwoWheels(ahead=straight, back=straight, turn=(0.0, turn), spin=turn)
+    def values(point: Point, speed: float) -> Pair:
         left, right = wheels.at(point, (1.0, 1.0))
         return left * speed, right * speed
 
+    return values
 
-@dataclass(frozen=True, slots=True)
-class Steered:
+
+def steered(straight_speed: float, turn_speed: float, servo_ends: Pair) -> Build:
     """A car: a motor behind an electronic speed control (ESC), and a servo that steers.
 
     `servo_ends` are the servo's values at full left and full right; straight is between them.
     """
+    left, right = servo_ends
 
-    straight_speed: float
-    turn_speed: float
-    servo_ends: Pair
-
-    def values(self, point: Point, speed: float) -> Pair:
-        left, right = self.servo_ends
+    def values(point: Point, speed: float) -> Pair:
         steer = abs(point.steering)
-        full = (1.0 - steer) * self.straight_speed + steer * self.turn_speed
+        full = (1.0 - steer) * straight_speed + steer * turn_speed
         throttle = max(-1.0, min(1.0, point.throttle / USUAL_THROTTLE * full))
         return throttle * speed, (left + right + point.steering * (right - left)) / 2
 
-
-Build = Tracked | Steered
-"""What tells the two values, 1 at most, for a point and a share of full speed."""
+    return values
 
 
 class TimedMotors:
@@ -106,5 +100,5 @@ class TimedMotors:
         return BodyReport(nonce="", seq=self._seq, ms=now_ms, sensors=Sensors(bumped=bumped))
 
     def _set(self, point: Point, speed: float) -> None:
-        for motor, value in zip(self._motors, self._build.values(point, speed), strict=True):
+        for motor, value in zip(self._motors, self._build(point, speed), strict=True):
             motor.value = value

@@ -65,16 +65,13 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
 
 
 class Environment:
-    """An environment as a world to drive in. Time passes in it only by `step`.
+    """An environment as a world to drive in, and the `game` under way. Time passes only by `step`.
 
     Args:
         name: As for `make`.
         options: As for `make`.
         picture: `observed`, `rendered`, or `auto`: observed if 160x120 or more.
         seed: Of the first game; each further game has the next.
-
-    Attributes:
-        game: The game under way.
     """
 
     def __init__(self, name: str, options: Mapping[str, Any], picture: str, seed: int) -> None:
@@ -86,9 +83,9 @@ class Environment:
         self.game = Game(number=0, score=0.0, reward=0.0, is_over=False)
 
     def reset(self) -> None:
-        number = self.game.number + 1
-        self._seen, _ = self.env.reset(seed=self._seed + number - 1)
-        self.game = Game(number=number, score=0.0, reward=0.0, is_over=False)
+        before = self.game.number
+        self._seen, _ = self.env.reset(seed=self._seed + before)
+        self.game = Game(number=before + 1, score=0.0, reward=0.0, is_over=False)
 
     def step(self, action: Any) -> None:
         """Act once; after the end of a game this does nothing."""
@@ -109,12 +106,11 @@ class Environment:
         Raises:
             CameraError: If the environment gives no picture.
         """
-        observed = None if self._picture == "rendered" else _picture_in(self._seen)
-        found = observed
-        is_small = observed is None or observed.shape[0] < 120 or observed.shape[1] < 160
+        found = None if self._picture == "rendered" else _picture_in(self._seen)
+        is_small = found is None or found.shape[0] < 120 or found.shape[1] < 160
         if is_small and self._picture != "observed":
             rendered = _picture_in(self.env.render())
-            found = observed if rendered is None else rendered
+            found = found if rendered is None else rendered
         if found is None:
             raise CameraError(
                 f"the environment {self.name!r} gives no pictures in this way; try another "

@@ -56,12 +56,6 @@ class MjpegCamera(WatchedCamera):
         self._gap_s = 0.0
 
     def _begin(self) -> None:
-        """Open the stream, and read it on a thread.
-
-        Raises:
-            CameraError: If there is no stream at this address; says what was there.
-            MissingExtraError: If the libraries that read JPEG are not installed.
-        """
         self._need("cv2", "imagesize")
         self._line.open()
         self._watch_over(self._read)

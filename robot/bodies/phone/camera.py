@@ -34,21 +34,10 @@ class PhoneCamera(WatchedCamera):
         """Whoever holds the phone's socket now; it sets this itself."""
         self._captured_s = 0.0
         self._reason: str | None = NOBODY
-        self._is_running = False
 
     def _begin(self) -> None:
-        """Begin to take pictures, and to watch that they go on coming.
-
-        Raises:
-            MissingExtraError: If the libraries that read JPEG are not installed.
-        """
         self._need("cv2", "imagesize")
-        self._is_running = True
         self._watch_over()
-
-    def stop(self) -> None:
-        self._is_running = False
-        super().stop()
 
     def offer(
         self, jpeg: bytes, *, width: int, height: int, captured_s: float, covered: bool = False
@@ -64,7 +53,7 @@ class PhoneCamera(WatchedCamera):
             covered: The phone sees nothing but black.
         """
         now_s = self.clock.now_s()
-        if not self._is_running or not self._freshness.is_new(jpeg, now_s):
+        if not self._threads or not self._freshness.is_new(jpeg, now_s):
             return
         if covered:
             self._lose("The phone sees only black: is its camera covered?")
@@ -84,7 +73,7 @@ class PhoneCamera(WatchedCamera):
 
     def _lose(self, reason: str) -> None:
         self._reason = reason
-        if self._is_running:
+        if self._threads:
             super()._lose(reason)
 
     def _name_fault(self, wrong: str) -> str:

@@ -42,12 +42,6 @@ class Picamera2Camera(WatchedCamera):
         self._device: Any = None
 
     def _begin(self) -> None:
-        """Open the camera, and have the library give its pictures.
-
-        Raises:
-            CameraError: If there is no such camera, or another program uses it.
-            MissingExtraError: If picamera2 is not installed.
-        """
         options = self.options
         library = self._library or need("picamera2", "the camera 'picamera2'", "gpio")
         n_cameras = len(library.Picamera2.global_camera_info())
@@ -57,13 +51,12 @@ class Picamera2Camera(WatchedCamera):
                 "ribbon cable, and `rpicam-hello --list-cameras`"
             )
         try:
-            device = library.Picamera2(options.camera_number)
+            self._device = device = library.Picamera2(options.camera_number)
         except Exception as error:  # the library has no errors of its own
             raise CameraError(
                 f"the camera module {options.camera_number} cannot be opened ({error}); does "
                 "another program use it?"
             ) from error
-        self._device = device
         try:
             device.configure(
                 device.create_video_configuration(

@@ -49,12 +49,6 @@ class RosCamera(WatchedCamera):
         self._reason = ""
 
     def _begin(self) -> None:
-        """Subscribe to the topic.
-
-        Raises:
-            CameraError: If rosbridge cannot be reached. A topic that nobody publishes is a fault.
-            MissingExtraError: If the libraries that read JPEG are not installed.
-        """
         self._need("cv2", "imagesize")
         host, port = split_address(self.options.address, PORT)
         try:

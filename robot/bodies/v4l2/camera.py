@@ -21,11 +21,6 @@ class V4l2Camera(ThreadedCamera):
     options_type: ClassVar[type[Any]] = UsbCameraOptions
 
     def _begin(self) -> None:
-        """Open the camera and take pictures on a thread.
-
-        Raises:
-            CameraError: If it cannot be opened.
-        """
         options = self.options
         reader = CameraReader(
             options.device, options.width, options.height, options.frame_rate, options.encoding

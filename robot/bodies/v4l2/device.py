@@ -8,7 +8,7 @@ import mmap
 import os
 import struct
 import time
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 from robot.bodies.v4l2.shrink import plan_shrinking, shrink_yuyv
 
@@ -226,24 +226,21 @@ def describe_camera(path: str) -> Dict[str, List[str]]:
 
 
 def _offered_codes(fd: int) -> List[bytes]:
-    codes = []
-    for index in range(64):
-        try:
-            data = fcntl.ioctl(fd, ENUM_FMT, struct.pack("=II", index, CAPTURE) + bytes(56))
-        except OSError:
-            break
-        codes.append(data[44:48])
-    return codes
+    return [data[44:48] for data in _offered(fd, ENUM_FMT, struct.pack("=I", CAPTURE) + bytes(56))]
 
 
 def _offered_sizes(fd: int, code: bytes) -> List[str]:
-    sizes = []
+    found = [
+        struct.unpack_from("=III", data, 8)
+        for data in _offered(fd, ENUM_FRAMESIZES, code + bytes(36))
+    ]
+    return ["{}x{}".format(width, height) for kind, width, height in found if kind == DISCRETE]
+
+
+def _offered(fd: int, request: int, asked: bytes) -> Iterator[bytes]:
+    """Ask for one after the other until there is no more."""
     for index in range(64):
         try:
-            data = fcntl.ioctl(fd, ENUM_FRAMESIZES, struct.pack("=I", index) + code + bytes(36))
+            yield fcntl.ioctl(fd, request, struct.pack("=I", index) + asked)
         except OSError:
-            break
-        kind, width, height = struct.unpack_from("=III", data, 8)
-        if kind == DISCRETE:
-            sizes.append("{}x{}".format(width, height))
-    return sizes
+            return

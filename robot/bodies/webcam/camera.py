@@ -40,12 +40,6 @@ class OpencvCamera(WatchedCamera):
         return Path(self.options.source).is_file()
 
     def _begin(self) -> None:
-        """Open the source and read it on a thread, with another that watches the time.
-
-        Raises:
-            CameraError: If it cannot be opened.
-            MissingExtraError: If OpenCV is not installed.
-        """
         self._need("cv2")
         capture = self._open()
         if capture is None:

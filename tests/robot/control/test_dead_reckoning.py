@@ -130,7 +130,7 @@ def test_a_chassis_counts_the_way_of_its_wheels(action: Action, reversed_motors:
 def test_motors_that_do_not_answer_cost_the_estimate_alone(monkeypatch: Any) -> None:
     from robot.bodies.ev3.agent.body import BrickBody
 
-    body = BrickBody("outB", "outC", "none", "none")
+    body = BrickBody(ChassisOptions(ultrasonic_port="none", touch_port="none").ports())
     monkeypatch.setattr(body.sensors, "read", lambda: {"distance_m": 0.5})
 
     def refuse() -> list[float]:

@@ -12,16 +12,13 @@ from robot.bodies.ev3.agent.sensors import RobotSensors
 class BrickBody:
     """The brick's body: its motors and console do what they are asked through it.
 
-    `open` finds the devices; whatever fails raises DriveError.
-
-    `clock` has the functions of Python's `time`.
+    `open` finds the devices; whatever fails raises DriveError. `ports` says where `left`, `right`,
+    `ultrasonic` and `touch` are, and `clock` has the functions of Python's `time`.
     """
 
-    def __init__(
-        self, left: str, right: str, ultrasonic: str, touch: str, root: str = "/", clock: Any = time
-    ) -> None:
-        self.motors = MotorPair(left, right, root, clock)
-        self.sensors = RobotSensors(ultrasonic, touch, root, clock)
+    def __init__(self, ports: Dict[str, Any], root: str = "/", clock: Any = time) -> None:
+        self.motors = MotorPair(ports["left"], ports["right"], root, clock)
+        self.sensors = RobotSensors(ports["ultrasonic"], ports["touch"], root, clock)
         self.console = Console(root)
         self.run, self.stop = self.motors.run, self.motors.stop
         self.positions = self.motors.positions

@@ -129,6 +129,8 @@ class MotorPair:
 
     def positions(self) -> List[float]:
         """How far each wheel has turned since it was opened, in degrees; left, right."""
+        if not self._ports:
+            raise self._lost("they were unplugged")
         try:
             return [
                 float(motor.read("position")) / count

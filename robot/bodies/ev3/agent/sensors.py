@@ -21,23 +21,30 @@ BATTERY_S = 5.0
 class SensorGroup:
     """Sensors of one kind: "auto" takes what is there, by port, "none" nothing, else named ports.
 
-    Several are in the order in which their ports are named, or by port.
+    Several are in the order in which their ports are named, or by port; `most` is how many count.
     """
 
-    def __init__(self, name: str, drivers: List[str], wanted: str, root: str) -> None:
+    def __init__(
+        self, name: str, drivers: List[str], wanted: str, root: str, most: int = 4, mode: str = ""
+    ) -> None:
         self._name = name
         self._drivers = drivers
         self._wanted = wanted
         self._root = root
-        self._ports = []  # type: List[DevicePort]
+        self._most = most
+        self._mode = mode
         self._expected = 0
+        self._ports = []  # type: List[DevicePort]
+        self._units = []  # type: List[int]
 
     def find(self) -> None:
         """Open them; one that was named must be there."""
         self._forget()
-        for port in self._choose():
-            self._prepare(port)
-            self._ports.append(port)
+        self._ports = self._choose()
+        for port in self._ports:
+            if self._mode:
+                port.write("mode", self._mode)
+        self._units = [10 ** int(port.read("decimals")) for port in self._ports]
         self._expected = max(self._expected, len(self._ports))
 
     def find_more(self) -> None:
@@ -45,8 +52,8 @@ class SensorGroup:
         if self._wanted == "auto" and len(self._choose()) > len(self._ports):
             self.find()
 
-    def read(self) -> List[int]:
-        """Return what each measures.
+    def read(self) -> List[float]:
+        """Return what each measures, in its mode's unit.
 
         Raises:
             DriveError: If one that was there does not answer; it is looked for again.
@@ -58,7 +65,7 @@ class SensorGroup:
                 self.find()
             if len(self._ports) < self._expected:
                 raise OSError("it was unplugged")
-            return [int(port.read("value0")) for port in self._ports]
+            return [int(x.read("value0")) / unit for x, unit in zip(self._ports, self._units)]
         except Exception as error:
             self._forget()
             raise DriveError(
@@ -72,10 +79,10 @@ class SensorGroup:
     def _choose(self) -> List[DevicePort]:
         if self._wanted == "none":
             return []
-        ports = list_ports(self._root, "lego-sensor")
-        ours = [port for port in ports if port.driver in self._drivers]
+        there = list_ports(self._root, "lego-sensor")
+        ours = [port for port in there if port.driver in self._drivers]
         if self._wanted == "auto":
-            return ours
+            return ours[: self._most]
         chosen = []
         for address in self._wanted.split(","):
             at_it = [port for port in ours if address.strip() in port.address]
@@ -83,34 +90,16 @@ class SensorGroup:
                 raise DriveError(
                     "no {} sensor at port {}; plug it in there, or say where with --{}-port: its "
                     "port, auto or none ({})".format(
-                        self._name, address, self._name, describe_ports(ports)
+                        self._name, address, self._name, describe_ports(there)
                     )
                 )
             chosen.append(at_it[0])
-        return chosen
-
-    def _prepare(self, port: DevicePort) -> None:
-        pass
+        return chosen[: self._most]
 
     def _forget(self) -> None:
         for port in self._ports:
             port.close()
         self._ports = []
-
-
-class Ultrasonic(SensorGroup):
-    """The one ultrasonic sensor, which measures in units that it tells."""
-
-    def _choose(self) -> List[DevicePort]:
-        return super()._choose()[:1]
-
-    def _prepare(self, port: DevicePort) -> None:
-        port.write("mode", "US-DIST-CM")
-        self._metres_per_unit = 0.01 / 10 ** int(port.read("decimals"))
-
-    def read_m(self) -> Optional[float]:
-        values = self.read()
-        return values[0] * self._metres_per_unit if values else None
 
 
 class RobotSensors:
@@ -122,7 +111,7 @@ class RobotSensors:
 
     def __init__(self, ultrasonic: str, touch: str, root: str, clock: Any = time) -> None:
         self._clock, self._root = clock, root
-        self._ultrasonic = Ultrasonic("ultrasonic", ULTRASONIC, ultrasonic, root)
+        self._ultrasonic = SensorGroup("ultrasonic", ULTRASONIC, ultrasonic, root, 1, "US-DIST-CM")
         self._touch = SensorGroup("touch", TOUCH, touch, root)
         self._battery = None  # type: Optional[DevicePort]
         self._battery_range = (0.0, 1.0)
@@ -134,10 +123,10 @@ class RobotSensors:
         self._ultrasonic.find()
         self._touch.find()
         self._searched_s = self._clock.monotonic()
-        battery = find_battery(self._root)
-        if battery is not None:
-            low, high = (float(battery.read("voltage_%s_design" % end)) for end in ("min", "max"))
-            self._battery, self._battery_range = battery, (low, high)
+        self._battery = find_battery(self._root)
+        if self._battery is not None:
+            ends = [self._battery.read("voltage_%s_design" % end) for end in ("min", "max")]
+            self._battery_range = (float(ends[0]), float(ends[1]))
 
     def read(self) -> Dict[str, Any]:
         """Return distance_m, bumped, bumpers and battery_share; None for what is not there.
@@ -151,11 +140,12 @@ class RobotSensors:
             self._ultrasonic.find_more()
             self._touch.find_more()
         bumpers = [value != 0 for value in self._touch.read()]
+        distances_cm = self._ultrasonic.read()
         return {
-            "distance_m": self._ultrasonic.read_m(),
+            "distance_m": distances_cm[0] / 100 if distances_cm else None,
             "bumped": any(bumpers) if bumpers else None,
             "bumpers": bumpers,
-            "battery_share": self._read_battery(),
+            "battery_share": self._read_battery(now_s),
         }
 
     def close(self) -> None:
@@ -165,9 +155,8 @@ class RobotSensors:
             self._battery.close()
             self._battery = None
 
-    def _read_battery(self) -> Optional[float]:
+    def _read_battery(self, now_s: float) -> Optional[float]:
         """Charge between 0 and 1, estimated from the voltage; read every five seconds."""
-        now_s = self._clock.monotonic()
         is_due = self._battery_read_s is None or now_s - self._battery_read_s > BATTERY_S
         if self._battery is not None and is_due:
             self._battery_read_s = now_s

@@ -147,13 +147,8 @@ class Agent:
             self._close_body()
         elif do == "video":
             self._close_reader()
-            self._reader = self._open_camera(
-                command["device"],
-                command["width"],
-                command["height"],
-                command["rate"],
-                command["encoding"],
-            )
+            wanted = ("device", "width", "height", "rate", "encoding")
+            self._reader = self._open_camera(*(command[name] for name in wanted))
         elif do == "blind":
             self._close_reader()
         elif do == "seen":
@@ -169,14 +164,7 @@ class Agent:
 
     def _open_body(self, caller: Caller, command: Dict[str, Any]) -> None:
         self._close_body()
-        body = BrickBody(
-            command["left"],
-            command["right"],
-            command["ultrasonic"],
-            command["touch"],
-            self._root,
-            self._clock,
-        )
+        body = BrickBody(command, self._root, self._clock)
         try:
             top_speeds_dps = body.open()
         except DriveError as error:
@@ -228,12 +216,9 @@ class Agent:
         if self._newest is None or video is None or not self._is_frame_free:
             return
         self._frame_id += 1
+        encoding = ENCODINGS.index(video.encoding)
         head = PICTURE.pack(
-            self._frame_id,
-            self._newest.taken_s,
-            video.width,
-            video.height,
-            ENCODINGS.index(video.encoding),
+            self._frame_id, self._newest.taken_s, video.width, video.height, encoding
         )
         self._controller.send_picture(head + self._newest.data)
         self._is_frame_free, self._newest = False, None

@@ -94,7 +94,7 @@ class Controller:
         self.send(do="run", left=speed, right=speed, ms=400, after=after)
 
     def hang_up(self) -> None:
-        self.connection.close()
+        self.connection.line.close()
 
 
 @pytest.fixture

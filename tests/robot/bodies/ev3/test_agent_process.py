@@ -76,7 +76,7 @@ def join_patiently(address: str) -> None:
     """Join, as often as it takes: a flood from one's own address may push one out."""
     for _ in range(50):
         try:
-            join(address, SECRET).close()
+            join(address, SECRET).line.close()
             return
         except DriveError:
             continue

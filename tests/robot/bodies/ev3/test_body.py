@@ -134,7 +134,7 @@ def test_a_sensor_that_was_unplugged_is_said_and_found_again(brick: FakeBrick) -
     brick.add_sensor("in1", "lego-ev3-touch", 0)
     with make_driver(brick) as driver:
         folder = brick.root / "sys/class/lego-sensor"
-        driver._connection.sensors._touch._ports[0]._files.clear()  # type: ignore[union-attr]
+        driver._connection.sensors._touch._ports[0].close()  # type: ignore[union-attr]
         folder.rename(brick.root / "unplugged")
         for _ in range(2):
             with pytest.raises(DriveError, match=r"touch sensor does not answer.*cable"):

@@ -65,7 +65,7 @@ def test_who_does_not_join_at_once_has_to_leave(agent: VirtualAgent) -> None:
     while line.recv(1024):
         pass
     assert clock.now_s() - began_s == pytest.approx(callers.JOIN_S, abs=0.06), "and a tick"
-    join(ADDRESS, SECRET, agent.dial).close()
+    join(ADDRESS, SECRET, agent.dial).line.close()
 
 
 def new_line() -> End:
@@ -220,7 +220,7 @@ def test_commands_that_a_relay_holds_back_move_nothing(
     assert inspected["late_moves"] == 1
     virtual_brick.catch_up()
     assert not virtual_brick.is_moving()
-    connection.close()
+    connection.line.close()
 
 
 class Impostor:

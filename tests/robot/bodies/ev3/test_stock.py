@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.bodies.ev3.stock import codec
-from robot.bodies.ev3.stock.body import StockBody
 from robot.bodies.ev3.stock.lines import UsbLine, find_usb, open_line, parse_beacon
-from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
+from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions, StockBody
 from robot.clock import ManualClock
 from robot.errors import ConfigurationError, DriveError
 from robot.types import Action

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.bodies.gpio.driver import GpioOptions
-from robot.bodies.gpio.wheels import Build, Steered, TimedMotors, Tracked
+from robot.bodies.gpio.wheels import Build, TimedMotors, steered, tracked
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError
 
@@ -35,8 +35,8 @@ class Motor:
 
 
 CARS = ("servo_ends", "esc_pin", "servo_pin")
-TRACKED = Tracked(0.6, 0.4)
-CAR = Steered(0.6, 0.4, (0.9, -0.7))
+TRACKED = tracked(0.6, 0.4)
+CAR = steered(0.6, 0.4, (0.9, -0.7))
 
 
 def made(build: Build = TRACKED, bumped: bool = False) -> tuple[TimedMotors, list[Motor]]:
