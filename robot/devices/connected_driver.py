@@ -34,12 +34,11 @@ class ConnectedDriver(Driver, Generic[_C]):
         """Greet the body, and make sure that nothing moves; what this raises disconnects again."""
 
     @abstractmethod
-    def _move(self, connection: _C, action: Action, speed_scale: float) -> None:
-        """Move so, or stand; the action has been checked."""
+    def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
+        """Move so, or stand; by degrees if there is a point, as only those get that take points.
 
-    def _steer(self, connection: _C, point: Point, speed_scale: float) -> None:
-        """Drive a point that has been checked; for bodies that say `takes_points`."""
-        raise NotImplementedError(f"the robot {self.name!r} says that it takes points")
+        All has been checked.
+        """
 
     def _close(self, connection: _C) -> None:
         """Let go; whoever lives in memory alone has nothing to let go of."""
@@ -71,17 +70,16 @@ class ConnectedDriver(Driver, Generic[_C]):
             self._close(connection)
 
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        self.check_action(action, speed_scale)
-        self._move(self._connected(), action, speed_scale)
-        return action
+        return self._send(action, None, speed_scale)
 
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
         if not self.takes_points:
             return super().send_point(point, speed_scale=speed_scale)
         action = self.move_of(point)
+        return self._send(action, None if action is Action.STOP else point, speed_scale)
+
+    def _send(self, action: Action, point: Point | None, speed_scale: float) -> Action:
         self.check_action(action, speed_scale)
-        if action is Action.STOP:
-            self._move(self._connected(), action, speed_scale)
-        else:
-            self._steer(self._connected(), point, speed_scale)
+        self._connected()
+        self._drive(action, point, speed_scale)
         return action

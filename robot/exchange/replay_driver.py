@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from robot.clock import Clock, RealClock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S
-from robot.types import Action, Sensors
+from robot.types import Action, Point, Sensors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +36,7 @@ class ReplayDriver(ConnectedDriver[bool]):
     def _open(self) -> bool:
         return True
 
-    def _move(self, connection: bool, action: Action, speed_scale: float) -> None:
+    def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
         self._action = action
         self._ends_s = self._clock.now_s() + ACTION_TIMEOUT_S
 

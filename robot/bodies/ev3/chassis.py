@@ -169,15 +169,14 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
                         f"choose {most} or less"
                     )
 
-    def _move(self, connection: ChassisBody, action: Action, speed_scale: float) -> None:
+    def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
+        """Run the wheels for `ACTION_TIMEOUT_S`: the brick ends the move."""
+        connection = self._connected()
         if action is Action.STOP:
             connection.stop()
-        else:
-            self._steer(connection, CLASSIC_POINTS[action], speed_scale)
-
-    def _steer(self, connection: ChassisBody, point: Point, speed_scale: float) -> None:
-        """Run the wheels for `ACTION_TIMEOUT_S` by `run-timed`: the kernel ends the move."""
-        left, right = (speed_scale * dps for dps in self._wheels.at(point, self._top_dps))
+            return
+        wheels_dps = self._wheels.at(point or CLASSIC_POINTS[action], self._top_dps)
+        left, right = (speed_scale * dps for dps in wheels_dps)
         connection.run(left, right, round(1000 * ACTION_TIMEOUT_S))
 
     def sense(self) -> Sensors:

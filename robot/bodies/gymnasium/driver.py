@@ -82,17 +82,12 @@ class GymnasiumDriver(ConnectedDriver[bool]):
     def _open(self) -> bool:
         return True  # the environment is made where it is stepped
 
-    def _move(self, connection: bool, action: Action, speed_scale: float) -> None:
+    def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
         """Act so for at most `ACTION_TIMEOUT_S`; an environment has one speed."""
-        self._act(self._actions.get(action))
-
-    def _steer(self, connection: bool, point: Point, speed_scale: float) -> None:
-        assert self._action_at is not None
-        self._act(self._action_at(point))
-
-    def _act(self, action: Any) -> None:
+        by_degrees = None if self._action_at is None or point is None else self._action_at(point)
         with self._lock:
-            self._action, self._left_s = action, ACTION_TIMEOUT_S
+            self._action = self._actions.get(action) if by_degrees is None else by_degrees
+            self._left_s = ACTION_TIMEOUT_S
         self.acted.set()
 
     def sense(self) -> Sensors:

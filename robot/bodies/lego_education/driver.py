@@ -11,7 +11,7 @@ from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, describe
 from robot.errors import DriveError, need
-from robot.types import Action, Sensors
+from robot.types import Action, Point, Sensors
 
 SEARCH_S = 8.0
 GONE_S = 0.4
@@ -85,7 +85,8 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         with contextlib.suppress(Exception):
             connection.disconnect()
 
-    def _move(self, connection: Any, action: Action, speed_scale: float) -> None:
+    def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
+        connection = self._connected()
         self._check_heard(connection)
         if action is Action.STOP:
             self.stop()

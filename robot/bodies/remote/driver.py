@@ -92,12 +92,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
     def _close(self, connection: MessageLine) -> None:
         connection.close()
 
-    def _move(self, connection: MessageLine, action: Action, speed_scale: float) -> None:
-        self._order(action, speed_scale)
-        self._check_heard()
-
-    def _steer(self, connection: MessageLine, point: Point, speed_scale: float) -> None:
-        self._order(self.move_of(point), speed_scale, point)
+    def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
+        self._order(action, speed_scale, point)
         self._check_heard()
 
     def sense(self) -> Sensors:

@@ -135,11 +135,10 @@ class RosDriver(ConnectedDriver[RosBridge]):
     def _close(self, connection: RosBridge) -> None:
         connection.close()
 
-    def _move(self, connection: RosBridge, action: Action, speed_scale: float) -> None:
-        self._steer(connection, self._points[action], speed_scale)
-
-    def _steer(self, connection: RosBridge, point: Point, speed_scale: float) -> None:
-        """Publish the point's velocity, and zero after `ACTION_TIMEOUT_S`."""
+    def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
+        """Publish the velocity, and zero after `ACTION_TIMEOUT_S`."""
+        connection = self._connected()
+        point = point or self._points[action]
         steering, throttle = (speed_scale * part for part in point)
         ends = (self.velocity(0.0, 0.0), ACTION_TIMEOUT_S) if any(point) else None
         try:

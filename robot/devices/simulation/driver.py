@@ -70,13 +70,7 @@ class SimDriver(ConnectedDriver[Simulation]):
     def _open(self) -> Simulation:
         return self.simulation
 
-    def _move(self, connection: Simulation, action: Action, speed_scale: float) -> None:
-        self._begin_move(action, speed_scale, None)
-
-    def _steer(self, connection: Simulation, point: Point, speed_scale: float) -> None:
-        self._begin_move(self.move_of(point), speed_scale, point)
-
-    def _begin_move(self, action: Action, speed_scale: float, point: Point | None) -> None:
+    def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
         with self._lock:
             self.simulation.action, self.simulation.point = action, point
             self.simulation.speed_scale = speed_scale
