@@ -10,13 +10,7 @@ import robot
 
 
 def make_bundle(folder: Path, server: Path, web: Path) -> None:
-    """Copy the program into `folder`, ready to be put on Python's path.
-
-    Args:
-        folder: Where to; made new.
-        server: Folder of the package `server`.
-        web: Folder of the page's files.
-    """
+    """Copy the program into `folder`, made new and ready to be put on Python's path."""
     if folder.exists():
         shutil.rmtree(folder)
     leave_out = shutil.ignore_patterns("__pycache__", "*.pyc", "fonts", "web")

@@ -64,11 +64,7 @@ class ChassisBody(Protocol):
     """What a chassis moves: the brick's own devices, or an agent's line to them."""
 
     def open(self) -> Sequence[float]:
-        """Find the devices, and make sure that nothing moves.
-
-        Returns:
-            How fast the left and the right wheel can turn, in degrees a second.
-        """
+        """See that nothing moves; return how fast each wheel can turn, in degrees a second."""
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
         """Turn the wheels for at most `time_ms`."""

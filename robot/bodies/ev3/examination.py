@@ -24,14 +24,9 @@ OPTIONS = ChassisOptions()
 
 
 def measure(link: BrickLink, may_turn_wheels: Callable[[], bool]) -> BrickFacts:
-    """Return all that can be known of the brick at the other end.
+    """Return all that can be known of the brick at the other end; DriveError if the line is lost.
 
-    Args:
-        link: Not joined yet.
-        may_turn_wheels: Asks the person; called once, before the only part that moves.
-
-    Raises:
-        DriveError: If the line is lost.
+    `may_turn_wheels` asks the person, once, before the only part that moves.
     """
     link.hold("doctor", "ping")
     try:

@@ -129,11 +129,7 @@ def secret_path(host: str) -> Path:
 
 
 def kept_secret(host: str) -> str:
-    """Read the kept secret of a brick.
-
-    Raises:
-        DriveError: If there is none.
-    """
+    """Read the kept secret of a brick; DriveError if there is none."""
     given = os.environ.get("DRIVELESSON_BRICK_SECRET")
     if given:
         return given

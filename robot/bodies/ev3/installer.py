@@ -78,11 +78,7 @@ def start_agent(target: str, secret: str, port: int) -> str:
 
 
 def start_with_the_brick(target: str) -> None:
-    """Have the brick start the agent whenever it starts; sudo may ask for the password.
-
-    Raises:
-        DriveError: If that fails.
-    """
+    """Have the brick start the agent whenever it starts; sudo may ask for the password."""
     sudo = "" if target.startswith("root@") else "sudo "
     done = subprocess.run(
         ["ssh", "-t", "-o", "ConnectTimeout=10", target, sudo + "sh drivelesson/autostart"],
@@ -103,11 +99,7 @@ def installed_packages(target: str) -> str:
 
 
 def pack(file: Path, files: Files) -> None:
-    """Keep all that a brick needs in one file, its own script to install it first.
-
-    Raises:
-        ConfigurationError: If it cannot be written.
-    """
+    """Keep all that a brick needs in one file, its own script to install it first."""
     part = file.with_name(file.name + ".part")
     try:
         with part.open("wb") as stream:
@@ -119,11 +111,7 @@ def pack(file: Path, files: Files) -> None:
 
 
 def install_packed(target: str, file: Path) -> str:
-    """Put the server on a brick from a file that `pack` made, with the script that is in it.
-
-    Raises:
-        ConfigurationError: If it is no such file.
-    """
+    """Put the server on a brick from a file that `pack` made, with the script that is in it."""
     try:
         with tarfile.open(file, "r:") as tar:
             first = tar.next()

@@ -109,14 +109,8 @@ def precompile(root: Path, folders: tuple[str, ...], release: str = DEFAULT_RELE
     """Compile Python files of a userland ahead, without docstrings, as the brick runs them (-OO).
 
     Compiling at each start would cost a brick minutes, and the process 6 MB that it keeps.
-
-    Args:
-        root: The userland.
-        folders: What to compile, as glob patterns below it.
-        release: Whose Python.
-
-    Returns:
-        False if this machine has no Python of the brick's version: the brick must then do it.
+    `folders` are glob patterns below the userland. False if this machine has no Python of the
+    brick's version: the brick must then do it.
     """
     python = _python_of(PYTHON_VERSIONS[release])
     if python is None:

@@ -16,15 +16,7 @@ HANGS_S = 0.3
 
 
 class KeeperLine:
-    """A line as `MessageLine` has it.
-
-    Args:
-        command: How the keeper is started.
-        clock: Where the time comes from.
-
-    Raises:
-        OSError: If the pins cannot be had; says why.
-    """
+    """A line as `MessageLine` has it; OSError if the pins cannot be had."""
 
     def __init__(self, command: Sequence[str], clock: Clock) -> None:
         self._command, self._clock = command, clock

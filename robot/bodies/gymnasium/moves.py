@@ -33,11 +33,7 @@ _HELP = (
 def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
     """Return each move with the action that the environment is given for it, in their order.
 
-    Args:
-        name: The environment's name.
-        env: The environment.
-        table: A person's own table, as `left=-0.6,0,0; right=0.6,0,0`; empty: the environment's
-            own names.
+    `table` is a person's own, as `left=-0.6,0,0; right=0.6,0,0`; empty: the environment's names.
 
     Raises:
         ConfigurationError: If the table cannot be read or does not fit, or there are no names.

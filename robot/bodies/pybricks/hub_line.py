@@ -27,14 +27,9 @@ _LONGEST_LINE = 200
 
 
 class HubLine(KeptLine):
-    """Lines to and from the program on the hub.
+    """Lines to and from the program on a hub: the first that is found, or the one of this name.
 
-    Args:
-        bluetooth: The module `bleak`, or what has its `BleakScanner` and `BleakClient`.
-        hub: The hub's name; empty for the first that is found.
-
-    Raises:
-        OSError: If no hub is found.
+    `bluetooth` is the module `bleak`, or what has its `BleakScanner` and `BleakClient`.
     """
 
     def __init__(self, bluetooth: Any, hub: str, clock: Clock) -> None:

@@ -34,8 +34,7 @@ class RosBridge(KeptConnection):
     """Connects, stays connected, and passes on what topics say.
 
     Args:
-        host: Where rosbridge runs.
-        port: Its port.
+        host: Where rosbridge runs; `port` is its port.
         clock: Where the time comes from.
         advertised: The type of each topic that will be published.
         subscribed: The type of each topic to listen to.
@@ -86,51 +85,41 @@ class RosBridge(KeptConnection):
     # On the thread -----------------------------------------------------------------------------
 
     async def _connect_once(self, connected: Callable[[], None]) -> None:
-        try:
-            async with asyncio.timeout(CONNECT_S):
-                socket = await self._websockets.connect(
-                    self._url,
-                    compression=None,
-                    max_size=MAX_BYTES,
-                    ping_interval=None,
-                    close_timeout=SEND_S,
-                )
-        except TimeoutError as error:
-            raise ConnectionError("no answer in time") from error
-        try:
-            await self._serve(socket, connected)
-        finally:
-            self._socket = None
-            self._end_all()
-            with contextlib.suppress(Exception):
-                await socket.close()
-
-    async def _serve(self, socket: Any, connected: Callable[[], None]) -> None:
-        for topic, kind in self._advertised.items():
-            await _tell(socket, op="advertise", topic=topic, type=kind)
-        for topic, kind in self._subscribed.items():
-            # One message at most waits for us: the newest counts.
-            await _tell(socket, op="subscribe", topic=topic, type=kind, queue_length=1)
-        self._socket, self._heard_s = socket, self._clock.now_s()
-        connected()
-        pinging = asyncio.ensure_future(self._ping(socket))
-        try:
-            async for data in socket:
-                self._take(data)
-            raise ConnectionError("the bridge has ended the connection")
-        finally:
-            pinging.cancel()
+        async with self._websockets.connect(
+            self._url,
+            compression=None,
+            max_size=MAX_BYTES,
+            ping_interval=None,
+            open_timeout=CONNECT_S,
+            close_timeout=SEND_S,
+        ) as socket:
+            for topic, kind in self._advertised.items():
+                await _tell(socket, op="advertise", topic=topic, type=kind)
+            for topic, kind in self._subscribed.items():
+                # One message at most waits for us: the newest counts.
+                await _tell(socket, op="subscribe", topic=topic, type=kind, queue_length=1)
+            self._socket, self._heard_s = socket, self._clock.now_s()
+            connected()
+            pinging = asyncio.ensure_future(self._ping(socket))
+            try:
+                async for data in socket:
+                    self._take(data)
+            finally:
+                pinging.cancel()
+                self._socket = None
+                for handle in self._ends.values():
+                    handle.cancel()
+                self._ends.clear()
+        self.trouble = "the bridge has ended the connection"
 
     async def _ping(self, socket: Any) -> None:
         """Ask for a sign of life, and end a connection that gives none for long."""
-        while True:
-            async with asyncio.timeout(_LOST_S):
-                try:
+        with contextlib.suppress(TimeoutError):
+            while True:
+                async with asyncio.timeout(_LOST_S):
                     await (await socket.ping())
-                except TimeoutError:
-                    break
-            self._heard_s, self.trouble = self._clock.now_s(), ""
-            await self._clock.pause(PING_EVERY_S)
+                self._heard_s, self.trouble = self._clock.now_s(), ""
+                await self._clock.pause(PING_EVERY_S)
         await socket.close()
 
     def _take(self, data: str | bytes) -> None:
@@ -161,11 +150,6 @@ class RosBridge(KeptConnection):
         self._ends.pop(topic, None)
         task = asyncio.ensure_future(self._publish(topic, end, None))
         task.add_done_callback(lambda done: done.cancelled() or done.exception())
-
-    def _end_all(self) -> None:
-        for handle in self._ends.values():
-            handle.cancel()
-        self._ends.clear()
 
 
 async def _tell(socket: Any, **fields: Any) -> None:

@@ -65,11 +65,6 @@ class RosDriver(ConnectedDriver[RosBridge]):
     Nothing stops the robot if this program, its computer or the network fails, unless the robot's
     own base ends a velocity that is not renewed: `cmd_vel` carries no duration. With `watchdog`
     our node on the robot does: each order carries its newest sign of life, and ends soon after.
-
-    Args:
-        options: Where and how.
-        clock: By which silence is judged.
-        open_bridge: Connects to rosbridge.
     """
 
     name: ClassVar[str] = "ros"

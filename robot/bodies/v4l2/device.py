@@ -212,11 +212,7 @@ def first_camera() -> str:
 
 
 def describe_camera(path: str) -> Dict[str, List[str]]:
-    """Return what a camera offers: each encoding, as the camera names it, with its sizes.
-
-    Raises:
-        CaptureError: If it cannot be opened.
-    """
+    """Return what a camera offers: each encoding, as the camera names it, with its sizes."""
     fd = Video._open_device(path)
     try:
         codes = _offered_codes(fd)

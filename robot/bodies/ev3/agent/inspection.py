@@ -13,9 +13,7 @@ from robot.bodies.v4l2.device import CaptureError, describe_camera, list_cameras
 def inspect_brick(root: str, late: int) -> Dict[str, Any]:
     """Return ports, battery, memory, card, cameras, clock and versions; None for what is unknown.
 
-    Args:
-        root: Folder that holds the brick's sys, proc and dev.
-        late: How many moves came too late to be carried out.
+    `late` is how many moves came too late to be carried out.
     """
     return {
         "release": RELEASE,

@@ -201,11 +201,7 @@ def _open_bluetooth(wanted: str) -> BrickLine:
 
 
 def find_usb(wanted: str = "", root: Path = Path("/sys/class/hidraw")) -> Path:
-    """Return the device of the brick at the cable.
-
-    Raises:
-        DriveError: If there is none, or the one that is there is another.
-    """
+    """Return the device of the brick at the cable; DriveError if that is another, or none."""
     for entry in sorted(root.glob("hidraw*")):
         with contextlib.suppress(OSError):
             told = (entry / "device/uevent").read_text()

@@ -72,6 +72,7 @@ def test_a_base_is_driven_watched_and_lost(ros: RosBridgeServer) -> None:
     who_is_just_leaving_takes_no_picture_from_others(ros)
     what_the_learner_would_do_is_a_topic(ros)
     without_a_bridge_the_driver_says_what_that_means(ros)
+    a_bridge_without_a_sign_of_life_is_connected_anew(ros)
 
 
 def moves_are_velocities_in_metres_and_radians(ros: RosBridgeServer) -> None:
@@ -124,6 +125,16 @@ def without_a_bridge_the_driver_says_what_that_means(ros: RosBridgeServer) -> No
                 time.sleep(0.01)
         ros.frozen.clear()
 
+        send_until(driver, Action.FORWARD, lambda: ros.is_moving)
+
+
+def a_bridge_without_a_sign_of_life_is_connected_anew(ros: RosBridgeServer) -> None:
+    with mock.patch("robot.bodies.ros.bridge._LOST_S", 0.3), driver_for(ros) as driver:
+        bridge: Any = driver._connection
+        first = bridge._socket
+        ros.frozen.set()
+        until(lambda: bridge._socket is not first)
+        ros.frozen.clear()
         send_until(driver, Action.FORWARD, lambda: ros.is_moving)
 
 
