@@ -35,8 +35,7 @@ from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
 from robot.bodies.phone.camera import PhoneCamera, PhoneOptions
 from robot.bodies.picamera2.camera import Picamera2Camera, Picamera2Options
 from robot.bodies.ros.camera import RosCamera, RosCameraOptions
-from robot.bodies.v4l2.camera import V4l2Camera
-from robot.bodies.v4l2.options import UsbCameraOptions
+from robot.bodies.v4l2.camera import UsbCameraOptions, V4l2Camera
 from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
 from robot.clock import Clock, ManualClock, RealClock
 from robot.devices.simulation.camera import SimCamera, SimCameraOptions

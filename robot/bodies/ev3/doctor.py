@@ -138,11 +138,11 @@ def _wheels(facts: BrickFacts) -> Iterator[Finding]:
     if facts.wheels is None:
         yield Finding(Level.NOTE, "wheels", "not tested")
         return
-    faults = list(dict.fromkeys(fault for turn in facts.wheels for fault in _faults(facts, turn)))
+    faults = dict.fromkeys(fault for turn in facts.wheels for fault in _faults(facts, turn))
     for text, advice in faults:
-        yield Finding(Level.WRONG, "wheels", text, advice)
+        yield _judge("wheels", text, wrong=advice)
     if not faults:
-        yield Finding(Level.OK, "wheels", "each turned and stopped as commanded")
+        yield _judge("wheels", "each turned and stopped as commanded")
 
 
 def _faults(facts: BrickFacts, turn: WheelTurn) -> Iterator[tuple[str, str]]:
@@ -227,12 +227,12 @@ def _camera(facts: BrickFacts) -> Iterator[Finding]:
         yield _pictures(facts.pictures)
     else:
         fault = facts.camera_fault or "no pictures came"
-        yield Finding(Level.WRONG, "pictures", fault, "try another cable or hub, or another camera")
+        yield _judge("pictures", fault, wrong="try another cable or hub, or another camera")
 
 
 def _offers(camera: dict[str, Any]) -> Iterator[Finding]:
     if "fault" in camera:
-        yield Finding(Level.WRONG, "camera", camera["fault"], "unplug it and plug it in again")
+        yield _judge("camera", camera["fault"], wrong="unplug it and plug it in again")
     elif offers := camera["offers"]:  # the second device of a camera gives no pictures
         text = "; ".join(f"{kind} {', '.join(sizes)}" for kind, sizes in offers.items())
         advice = (

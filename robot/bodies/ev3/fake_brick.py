@@ -79,29 +79,21 @@ class FakeMotor:
 class FakeBrick(StartStop):
     """The files and the kernel thread; a context manager. Motors at outB and outC.
 
-    Both motors have settings left over by another program (`leftovers`). On a virtual `clock`
-    only who waits through it as well can use the brick; an agent's own process needs the real one.
+    Both motors have settings left over by another program. On a virtual `clock` only who waits
+    through it as well can use the brick; an agent's own process needs the real one.
     """
 
-    def __init__(
-        self,
-        root: Path,
-        *,
-        ports: tuple[str, ...] = ("outB", "outC"),
-        leftovers: bool = True,
-        clock: Clock | None = None,
-    ) -> None:
+    def __init__(self, root: Path, *, clock: Clock | None = None) -> None:
         self.root = root
         self.clock = clock or RealClock()
         self.commands: list[Command] = []
         self.refused: list[Command] = []
         self.motors: dict[str, FakeMotor] = {}
-        self._leftovers = leftovers
         self._sensors: dict[str, Path] = {}
         self._rounds = 0
         self._ending = threading.Event()
         self._thread: Worker | None = None
-        for port in ports:
+        for port in ("outB", "outC"):
             self.add_motor(port)
         self._make(
             "power_supply/lego-ev3-battery",
@@ -131,8 +123,7 @@ class FakeBrick(StartStop):
             file.write_text(value + "\n")
         return folder
 
-    def add_motor(self, port: str, *, stalled: bool = False) -> None:
-        found = LEFTOVERS if self._leftovers else DEFAULTS
+    def add_motor(self, port: str) -> None:
         folder = self._make(
             f"tacho-motor/motor{len(self.motors)}",
             address=f"ev3-ports:{port}",
@@ -142,10 +133,9 @@ class FakeBrick(StartStop):
             max_speed=str(MAX_SPEED),
             state="",
             position="000000123456",
-            **found,
+            **LEFTOVERS,
         )
         self.motors[port] = FakeMotor(folder, port)
-        self.motors[port].is_stalled = stalled
 
     def unplug_motor(self, port: str) -> None:
         """Take a motor out: its files vanish, open ones fail as the kernel's do not (see tests)."""
@@ -170,14 +160,9 @@ class FakeBrick(StartStop):
             value0=str(value),
         )
 
-    def set_sensor(self, name: str, value: int) -> None:
-        """Set what a sensor reads; `name` is its port, or its driver if only one has it."""
-        folder = self._sensors.get(name) or next(
-            folder
-            for folder in self._sensors.values()
-            if (folder / "driver_name").read_text().strip() == name
-        )
-        (folder / "value0").write_text(f"{value}\n")
+    def set_sensor(self, port: str, value: int) -> None:
+        """Set what a sensor reads."""
+        (self._sensors[port] / "value0").write_text(f"{value}\n")
 
     def set_battery(self, volts: float) -> None:
         """Set what the battery gives: 8 when full, 6.5 when empty."""
@@ -203,8 +188,7 @@ class FakeBrick(StartStop):
         """Wait for a condition (a callable); return how long it took, or fail."""
         started_s = self.clock.now_s()
         while not is_so():
-            if self.clock.now_s() - started_s > timeout_s:
-                raise AssertionError("timed out waiting for the condition")
+            assert self.clock.now_s() - started_s <= timeout_s, "timed out waiting"
             self.clock.sleep(POLL_S)
         return self.clock.now_s() - started_s
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +110,7 @@ class IntegerGradientFeatures:
         return histograms
 
 
-class _Tables:
+class _Tables(NamedTuple):
     """All that is computed once, 70 KB; without a float, because that takes seconds on a brick.
 
     Attributes:
@@ -120,24 +121,33 @@ class _Tables:
         roots: The square root of a share of `_FULL`.
     """
 
-    def __init__(self) -> None:
-        self.codes = np.zeros(1 << 16, np.uint8)
-        edges = np.array(_EDGES, np.int32) ** 2
-        down = np.arange(-127, 128, dtype=np.int32)
-        for across in range(-127, 128):  # by rows, for memory
-            step = np.searchsorted(edges, across * across + down * down, side="right")
-            index = ((across << 8) + down).astype(np.int16).view(np.uint16)
-            self.codes[index] = _direction(across, down) * _N_STEPS + step
-        of = IntegerGradientFeatures
-        rows = np.arange(THUMBNAIL_HEIGHT) * of.n_rows // THUMBNAIL_HEIGHT
-        columns = np.arange(THUMBNAIL_WIDTH) * of.n_columns // THUMBNAIL_WIDTH
-        cells = rows[:, None] * of.n_columns + columns
-        self.cells = (cells.ravel() * (N_BINS * _N_STEPS)).astype(np.int16)
-        middles = [round(_SCALE * (a * b) ** 0.5) for a, b in pairwise((*_EDGES, _BEYOND))]
-        self.lengths = np.array([0, *middles], np.intp)
-        self.roots = np.array(
-            [4 * round(63 * (share / _FULL) ** 0.5) for share in range(_FULL + 1)], np.uint8
-        )
+    codes: NDArray[np.uint8]
+    cells: NDArray[np.int16]
+    lengths: NDArray[np.intp]
+    roots: NDArray[np.uint8]
+
+
+@lru_cache(maxsize=1)
+def _tables() -> _Tables:
+    codes = np.zeros(1 << 16, np.uint8)
+    edges = np.array(_EDGES, np.int32) ** 2
+    down = np.arange(-127, 128, dtype=np.int32)
+    for across in range(-127, 128):  # by rows, for memory
+        step = np.searchsorted(edges, across * across + down * down, side="right")
+        index = ((across << 8) + down).astype(np.int16).view(np.uint16)
+        codes[index] = _direction(across, down) * _N_STEPS + step
+    of = IntegerGradientFeatures
+    rows = np.arange(THUMBNAIL_HEIGHT) * of.n_rows // THUMBNAIL_HEIGHT
+    columns = np.arange(THUMBNAIL_WIDTH) * of.n_columns // THUMBNAIL_WIDTH
+    cells = (rows[:, None] * of.n_columns + columns).ravel() * (N_BINS * _N_STEPS)
+    middles = [round(_SCALE * (a * b) ** 0.5) for a, b in pairwise((*_EDGES, _BEYOND))]
+    roots = [4 * round(63 * (share / _FULL) ** 0.5) for share in range(_FULL + 1)]
+    return _Tables(
+        codes,
+        cells.astype(np.int16),
+        np.array([0, *middles], np.intp),
+        np.array(roots, np.uint8),
+    )
 
 
 def _direction(across: int, down: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -149,11 +159,6 @@ def _direction(across: int, down: NDArray[np.int32]) -> NDArray[np.int32]:
     between = np.where(down > 0, 1 if across > 0 else 3, 7 if across > 0 else 5)
     upright = np.where(is_upright, down_or_up, between)
     return np.where(is_level, right_or_left, upright).astype(np.int32)
-
-
-@lru_cache(maxsize=1)
-def _tables() -> _Tables:
-    return _Tables()
 
 
 def _small_at_half_contrast(frame: Frame) -> NDArray[np.int16]:

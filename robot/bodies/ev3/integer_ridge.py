@@ -18,7 +18,6 @@ from robot.learner.part import Array, Stateful
 from robot.learner.values import WHOLE
 
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _ONE = 1 << 24
 """A score of 1: the target of a frame's own label."""
@@ -29,6 +28,8 @@ _FULL = 1 << 30
 """Where a sum of products must not go beyond: all are halved then, after seven hours of teaching at
 ten frames a second."""
 _MOST_HALVINGS = 62
+_PENALTY = 3 * _TOP**2
+"""Weight of the squared coefficients, where a value of 252 is 1."""
 STEPS = 4
 """Coordinates that are improved after each frame."""
 
@@ -46,7 +47,6 @@ class IntegerRidge(Stateful):
 
     Args:
         n_features: How many values are used, of 0 to 255; a constant is added to them.
-        penalty: Weight of the squared coefficients, where a value of 252 is 1.
         steps: Coordinates that are improved after each frame.
     """
 
@@ -54,25 +54,23 @@ class IntegerRidge(Stateful):
         Array("products", np.int32, ("size", "size"), high=2 * _FULL),
         Array("linear", np.int64, ("n_labels", "size"), -(2**40), 2**40, "_weights"),
         Array("residual", np.int64, ("n_labels", "size"), -WHOLE, WHOLE),
-        Array("halvings", np.int64, (1,), high=_MOST_HALVINGS, attribute="_kept_halvings"),
+        Array("halvings", np.int64, (1,), high=_MOST_HALVINGS),
     )
 
-    def __init__(self, n_features: int, *, penalty: float = 3.0, steps: int = STEPS) -> None:
-        if n_features < 1 or penalty <= 0.0 or steps < 1:
-            raise ValueError("n_features, penalty and steps must be above 0")
+    def __init__(self, n_features: int, *, steps: int = STEPS) -> None:
+        if n_features < 1 or steps < 1:
+            raise ValueError("n_features and steps must be above 0")
         self.n_features = n_features
-        self.penalty = round(penalty * _TOP**2)
         self.steps = steps
         self.size = size = n_features + 1
-        self._products = np.zeros((size, size), np.int32)
-        np.fill_diagonal(self._products, self.penalty)
+        self._products = np.diag(np.full(size, _PENALTY, np.int32))
         self._weights = np.zeros((0, size), np.int64)
         self._residual = np.zeros((0, size), np.int64)
-        self._halvings = 0
+        self._halvings = np.zeros(1, np.int64)
         self._work = np.zeros((size, size), np.int32)
 
     def add_label(self) -> None:
-        row = np.zeros((1, self.n_features + 1), np.int64)
+        row = np.zeros((1, self.size), np.int64)
         self._weights = np.vstack([self._weights, row])
         self._residual = np.vstack([self._residual, row])
 
@@ -106,8 +104,8 @@ class IntegerRidge(Stateful):
         self._improve(self.steps)
 
     def _learn_mean(self, x: NDArray[Any], targets: Floats, weight: float) -> None:
-        z = np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
-        weight /= 1 << self._halvings
+        z = self._mean_input(x)
+        weight /= 2.0 ** self._halvings[0]
         added = np.rint(weight * np.outer(z, z)).astype(np.int64)
         np.maximum(added, -self._products, out=added)  # by rounding, a sum could fall below 0
         self._products += added.astype(np.int32)
@@ -115,18 +113,15 @@ class IntegerRidge(Stateful):
         self._residual -= self._weights.dot(added)
 
     def retarget(self, x: NDArray[Any], change: Floats, angle: float = 0.0) -> None:
-        z = np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
-        self._residual += np.rint(_ONE / (1 << self._halvings) * np.outer(change, z)).astype(
-            np.int64
-        )
+        added = _ONE / 2.0 ** self._halvings[0] * np.outer(change, self._mean_input(x))
+        self._residual += np.rint(added).astype(np.int64)
         self._improve(self.n_features)
 
     def _improve(self, steps: int) -> None:
         """Take single weights to the least error, those first that matter most."""
         weights, residual, products = self._weights, self._residual, self._products
-        size = self.n_features + 1
         for _ in range(steps):
-            label, i = divmod(int(np.abs(residual).argmax()), size)
+            label, i = divmod(int(np.abs(residual).argmax()), self.size)
             left, square = int(residual[label, i]), max(int(products[i, i]), 1)
             change = (2 * left + square) // (2 * square)
             if change == 0:
@@ -138,25 +133,20 @@ class IntegerRidge(Stateful):
         """Halve the weight of all frames so far; the scores stay as they are."""
         moments = self._residual + self._weights.dot(self._products.astype(np.int64))
         self._products >>= 1
-        np.fill_diagonal(self._products, self._products.diagonal() + self.penalty // 2)
+        np.fill_diagonal(self._products, self._products.diagonal() + _PENALTY // 2)
         self._residual = (moments >> 1) - self._weights.dot(self._products.astype(np.int64))
         self._halvings += 1
 
     def _input(self, x: NDArray[Any]) -> NDArray[np.int32]:
-        z = np.empty(self.n_features + 1, np.int32)
+        z = np.empty(self.size, np.int32)
         z[:-1] = x[: self.n_features]
         z >>= _SHIFT
         z[-1] = _TOP
         return z
 
-    @property
-    def _kept_halvings(self) -> Integers:
-        """How often all was halved, as an array."""
-        return np.array([self._halvings], np.int64)
-
-    @_kept_halvings.setter
-    def _kept_halvings(self, halvings: Integers) -> None:
-        self._halvings = int(halvings[0])
+    def _mean_input(self, x: NDArray[Any]) -> Floats:
+        """The same of the mean of some frames, which is no vector of whole numbers."""
+        return np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
 
     def faults(self) -> Iterator[str]:
         products = self._products.astype(np.float64)

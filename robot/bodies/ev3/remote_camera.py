@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import asdict
 from typing import Any, ClassVar, Self
 
 from robot.bodies.ev3.link import BrickLink, RemotePicture
-from robot.bodies.v4l2.options import UsbCameraOptions
+from robot.bodies.v4l2.camera import UsbCameraOptions
 from robot.clock import Clock
 from robot.devices.watched_camera import WatchedCamera
 from robot.driver import Driver
@@ -35,18 +36,10 @@ class Ev3RemoteCamera(WatchedCamera):
 
     def _begin(self) -> None:
         """Have the agent open its camera and send what it sees."""
-        options = self.options
         self._link.on_picture = self._take
         try:
-            self._link.hold(
-                "camera",
-                "video",
-                device=options.device,
-                width=options.width,
-                height=options.height,
-                rate=options.frame_rate,
-                encoding=options.encoding,
-            )
+            wanted = asdict(self.options)
+            self._link.hold("camera", "video", rate=wanted.pop("frame_rate"), **wanted)
         except DriveError as error:
             self._let_go()
             raise CameraError(str(error)) from error

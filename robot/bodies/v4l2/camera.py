@@ -5,13 +5,29 @@ from __future__ import annotations
 import importlib.util
 import select
 import time
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.bodies.v4l2.options import UsbCameraOptions
 from robot.bodies.v4l2.reader import CameraReader
+from robot.devices.options import Options, option
 from robot.devices.watched_camera import ThreadedCamera
 from robot.errors import CameraError
 from robot.types import Encoding
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UsbCameraOptions(Options):
+    """Which camera, and what is asked of it; it answers with the nearest that it has."""
+
+    device: str = option("auto", "the camera, as /dev/video0; auto takes the first")
+    width: int = option(160, "width of the picture in pixels", range=(40, 3840))
+    height: int = option(120, "height of the picture in pixels", range=(30, 2160))
+    frame_rate: int = option(30, "pictures a second", range=(1, 120))
+    encoding: str = option(
+        "auto",
+        "what the camera sends; auto takes yuyv where it is offered",
+        choices=("auto", "yuyv", "jpeg"),
+    )
 
 
 class V4l2Camera(ThreadedCamera):

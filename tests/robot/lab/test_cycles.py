@@ -10,7 +10,7 @@ import pytest
 from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.remote_camera import Ev3RemoteCamera
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
-from robot.bodies.v4l2.options import UsbCameraOptions
+from robot.bodies.v4l2.camera import UsbCameraOptions
 from robot.devices.driver_thread import DriverThread
 from robot.devices.rig import Rig
 from robot.lab import figure5

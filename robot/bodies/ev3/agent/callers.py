@@ -4,7 +4,7 @@ import json
 import os
 import socket
 import time
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Callable, Dict, List, Optional
 
 from robot.bodies.ev3.agent.wire import (
     BEFORE_JOINING,
@@ -99,11 +99,12 @@ class Caller:
 class CallerDoor:
     """Accepts a bounded number of connections; a network error never ends it."""
 
-    def __init__(self, listener: socket.socket) -> None:
+    def __init__(self, listener: socket.socket, note: Callable[[str], None]) -> None:
         listener.setblocking(False)
         # Bounds the kernel's buffer of an unauthenticated client; commands are small.
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 16384)
         self.listener = listener
+        self._note = note
         self.callers = []  # type: List[Caller]
         self._closed_until_s = 0.0
 
@@ -111,38 +112,36 @@ class CallerDoor:
         """False for a moment after an error of `accept`, which would otherwise repeat at once."""
         return now_s >= self._closed_until_s
 
-    def accept(self, now_s: float) -> Tuple[Optional[Caller], str]:
-        """Accept one connection.
-
-        Returns:
-            The connection to close in its place, or None, and why.
-        """
+    def accept(self, now_s: float) -> None:
+        """Accept one connection; where there is no room, another one has to go."""
         try:
             line, address = self.listener.accept()
         except BlockingIOError:
-            return None, ""
+            return
         except OSError as error:
             self._closed_until_s = now_s + ACCEPT_PAUSE_S
-            return self._oldest_stranger(), "no room ({})".format(error.strerror)
+            self._make_room("no room ({})".format(error.strerror))
+            return
         try:
             line.setblocking(False)
             line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)
         except OSError:
             line.close()  # it was closed meanwhile
-            return None, ""
+            return
         self.callers.append(Caller(line, address[0], now_s))
         if sum(not caller.has_joined for caller in self.callers) > MAX_STRANGERS:
-            return self._oldest_stranger(), "others wait"
-        return None, ""
+            self._make_room("others wait")
 
-    def _oldest_stranger(self) -> Optional[Caller]:
-        """Of the address with the most unauthenticated connections: a flood evicts itself."""
+    def _make_room(self, why: str) -> None:
+        """Drop the oldest stranger of the address that has the most: a flood evicts itself."""
         strangers = [caller for caller in self.callers if not caller.has_joined]
         names = [caller.name for caller in strangers]
-        return max(strangers, key=lambda one: (names.count(one.name), -one.since_s), default=None)
+        if strangers:
+            self.drop(max(strangers, key=lambda one: (names.count(one.name), -one.since_s)), why)
 
-    def leave(self, caller: Caller) -> None:
+    def drop(self, caller: Caller, why: str) -> None:
+        self._note("{} left: {}".format(caller.name, why))
         self.callers.remove(caller)
         caller.line.close()
 

@@ -44,10 +44,10 @@ class Agent:
         self._ready = ready
         self._open_camera = open_camera
         self._inspect = inspect
-        self._door = CallerDoor(listener)
         self._secret = secret
         self._root = root
         self._note = note or LimitedLog().note
+        self._door = CallerDoor(listener, self._note)
         self._controller = None  # type: Optional[Caller]
         self._body = None  # type: Optional[BrickBody]
         self._reader = None  # type: Any
@@ -70,7 +70,7 @@ class Agent:
     def close(self) -> None:
         self._release_controller()
         for caller in list(self._door.callers):
-            self._door.leave(caller)
+            self._door.drop(caller, "the agent ends")
         self._door.listener.close()
 
     def tick(self) -> None:
@@ -92,9 +92,7 @@ class Agent:
             except Exception as error:  # top of the loop: whatever a caller sends, go on
                 self._drop(caller, "{}: {}".format(type(error).__name__, error))
         if self._door.listener in readable:
-            leaving, why = self._door.accept(now_s)
-            if leaving is not None:
-                self._drop(leaving, why)
+            self._door.accept(now_s)
         self._watch(now_s)
         try:
             self._send_picture(now_s)
@@ -240,8 +238,7 @@ class Agent:
         caller.send(message)
 
     def _drop(self, caller: Caller, why: str) -> None:
-        self._note("{} left: {}".format(caller.name, why))
-        self._door.leave(caller)
+        self._door.drop(caller, why)
         if caller is self._controller:
             self._release_controller()
 

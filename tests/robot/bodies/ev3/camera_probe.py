@@ -11,8 +11,7 @@ import sys
 import threading
 import time
 
-from robot.bodies.v4l2.camera import V4l2Camera
-from robot.bodies.v4l2.options import UsbCameraOptions
+from robot.bodies.v4l2.camera import UsbCameraOptions, V4l2Camera
 from robot.clock import RealClock
 from robot.errors import CameraError
 

@@ -15,7 +15,7 @@ from robot.bodies.ev3.handshake import join, secret_path
 from robot.bodies.ev3.link import REJOIN_S, SILENCE_S, BrickLink
 from robot.bodies.ev3.remote_camera import Ev3RemoteCamera
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
-from robot.bodies.v4l2.options import UsbCameraOptions
+from robot.bodies.v4l2.camera import UsbCameraOptions
 from robot.clock import Clock
 from robot.driver import BodyButton
 from robot.errors import CameraError, ConfigurationError, DriveError
@@ -236,7 +236,7 @@ def test_sensors_and_buttons_come_through_the_line(brick: FakeBrick) -> None:
     clock = brick.clock
     with VirtualAgent(brick) as running, make_driver(running) as driver:
         wait_until(clock, lambda: driver.sense().distance_m == pytest.approx(0.5))
-        brick.set_sensor("lego-ev3-touch", 1)
+        brick.set_sensor("in1", 1)
         wait_until(clock, lambda: driver.sense().bumped is True)
         brick.press(28)
         pressed: list[BodyButton | None] = []

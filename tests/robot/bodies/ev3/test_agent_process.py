@@ -19,7 +19,7 @@ from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.handshake import join
 from robot.bodies.ev3.remote_camera import Ev3RemoteCamera
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
-from robot.bodies.v4l2.options import UsbCameraOptions
+from robot.bodies.v4l2.camera import UsbCameraOptions
 from robot.clock import RealClock
 from robot.errors import DriveError
 from robot.types import Action

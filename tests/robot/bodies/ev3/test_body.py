@@ -77,7 +77,7 @@ def test_sensors_are_read_in_metres(brick: FakeBrick) -> None:
         assert sensors.distance_m == pytest.approx(1.234)
         assert sensors.bumped is False
         assert sensors.battery_share == pytest.approx(0.5)
-        brick.set_sensor("lego-ev3-touch", 1)
+        brick.set_sensor("in1", 1)
         assert driver.sense().bumped is True
 
 

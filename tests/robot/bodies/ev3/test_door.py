@@ -95,29 +95,27 @@ class BrickLine(Listener):
 )
 def test_no_error_of_accept_ends_the_agent(name: str) -> None:
     listener = BrickLine(*[getattr(errno, name)] * 3)
-    door = callers.CallerDoor(listener)  # type: ignore[arg-type]
+    door = callers.CallerDoor(listener, print)  # type: ignore[arg-type]
     now_s = 100.0
     for _ in range(3):
         assert door.is_open(now_s)
-        leaving, _ = door.accept(now_s)
-        assert leaving is None
+        door.accept(now_s)
         assert not door.is_open(now_s), "the error would come again at once"
         now_s += callers.ACCEPT_PAUSE_S
     listener.arrived.append(new_line())
-    assert door.accept(now_s) == (None, "")
+    door.accept(now_s)
     assert len(door.callers) == 1
 
 
 def test_a_flood_pushes_out_itself() -> None:
     listener = Listener()
-    door = callers.CallerDoor(listener)  # type: ignore[arg-type]
+    left: list[str] = []
+    door = callers.CallerDoor(listener, left.append)  # type: ignore[arg-type]
     for index in range(callers.MAX_STRANGERS + 30):
         listener.arrived.append(new_line())
         listener.address = "127.0.0.3" if index == 3 else "127.0.0.2"
-        leaving, _ = door.accept(float(index))
-        if leaving is not None:
-            assert leaving.name == "127.0.0.2"
-            door.leave(leaving)
+        door.accept(float(index))
+    assert left == ["127.0.0.2 left: others wait"] * 30
     assert len(door.callers) == callers.MAX_STRANGERS
     assert "127.0.0.3" in {caller.name for caller in door.callers}
 

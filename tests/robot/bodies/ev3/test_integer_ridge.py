@@ -131,7 +131,6 @@ def test_models_of_other_features_and_impossible_ones_are_refused():
             ridge.check()
     for bad in (
         {"n_features": 0},
-        {"n_features": 3, "penalty": 0.0},
         {"n_features": 3, "steps": 0},
     ):
         with pytest.raises(ValueError, match="above 0"):
