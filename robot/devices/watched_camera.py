@@ -42,8 +42,12 @@ class ThreadedCamera(Camera):
     def _begin(self) -> None:
         """Open what there is to open, and begin to work; raises as `start` does."""
 
+    def _let_go(self) -> None:
+        """Close what `_begin` opened, before its threads are waited for; idempotent."""
+
     def stop(self) -> None:
         self._ending.set()
+        self._let_go()
         for thread in self._threads:
             thread.join(timeout=self.longest_join_s)
         self._threads = []

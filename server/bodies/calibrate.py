@@ -18,7 +18,7 @@ from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import ConfigurationError
 from robot.store.folder import write_whole
 from robot.types import Action
-from server.cli.parser import number
+from server.cli.parser import declare, number
 from server.cli.settings import PREFIX, apply_to, read_settings
 
 ROBOTS = ("ev3", "ev3-remote")
@@ -56,7 +56,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
     settings = read_settings(args.config if args.config.exists() else None, os.environ)
     names = set()
     for option in options_of(load_driver(args.robot).options_type):
-        parser.add_argument(option.flag, dest=option.name, default=None, help=option.help)
+        declare(parser, option)
         names.add(option.name)
     known = {name: value for name, value in settings.flags.items() if name in names}
     apply_to(parser, replace(settings, flags=known, environ={}))

@@ -51,9 +51,9 @@ class _Eye:
         """Serve the phone until it disconnects or another one takes its place."""
         before, self._camera.source = self._camera.source, self
         if isinstance(before, _Eye):
-            await before.disconnect()
+            await before._websocket.close(4001, "another phone is the eye now")
         options = self._camera.options
-        await self._send(
+        await self._websocket.send_text(
             encode_message(
                 "hello",
                 width=options.eye_width,
@@ -76,13 +76,6 @@ class _Eye:
             if self._camera.source is self:
                 self._camera.source = None
                 self._camera.lose()
-
-    async def disconnect(self) -> None:
-        """Close the socket, because another phone is the eye now."""
-        await self._websocket.close(4001, "another phone is the eye now")
-
-    async def _send(self, text: str) -> None:
-        await self._websocket.send_text(text)
 
     def _hear(self, text: str) -> None:
         try:
@@ -123,9 +116,9 @@ class _Eye:
     async def _publish(self) -> None:
         while True:
             now_ms = self._hub.now_ms()
-            await self._send(encode_message("ping", server_ms=now_ms))
+            await self._websocket.send_text(encode_message("ping", server_ms=now_ms))
             state = describe_state(self._hub.robot.loop.state, now_ms)
-            await self._send(
+            await self._websocket.send_text(
                 encode_message("state", **{name: state[name] for name in _STATE_FIELDS})
             )
             await self._clock.pause(STATE_EVERY_S)

@@ -61,7 +61,7 @@ PASSES_BY = {
     "robot/control/online_learning.py": "look",
     "robot/policy/policy.py": "propose",
     "robot/control/gate.py": "select",
-    "robot/devices/simulation/driver.py": "_move",
+    "robot/devices/simulation/driver.py": "_drive",
 }
 """The function of each module by which a frame, or what was made of it, goes on."""
 

@@ -50,15 +50,10 @@ class Ev3RemoteCamera(WatchedCamera):
         age_s = self._link.report.get("picture_age_s")
         return max(0.0, float(age_s)) if isinstance(age_s, int | float) else None
 
-    def stop(self) -> None:
-        if self._threads:
-            super().stop()
-            with contextlib.suppress(DriveError):  # a lost line closes the camera by itself
-                self._link.send("blind")
-            self._let_go()
-
     def _let_go(self) -> None:
         self._link.on_picture = None
+        with contextlib.suppress(DriveError):  # a lost line closes the camera by itself
+            self._link.send("blind")
         self._link.release("camera")
 
     def _take(self, picture: RemotePicture) -> None:

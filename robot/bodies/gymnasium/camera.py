@@ -51,10 +51,8 @@ class GymnasiumCamera(WorldCamera):
             )
         return cls(driver, options, clock)
 
-    def stop(self) -> None:
-        self._ending.set()
+    def _let_go(self) -> None:
         self._body.acted.set()
-        super().stop()
 
     def _live(self) -> None:
         while not self.clock.wait(self._ending, self._period_s):

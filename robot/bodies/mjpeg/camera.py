@@ -60,10 +60,8 @@ class MjpegCamera(WatchedCamera):
         self._line.open()
         self._watch_over(self._read)
 
-    def stop(self) -> None:
-        self._ending.set()
+    def _let_go(self) -> None:
         self._line.close()
-        super().stop()
 
     def _read(self) -> None:
         is_open = True

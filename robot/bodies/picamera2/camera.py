@@ -76,15 +76,13 @@ class Picamera2Camera(WatchedCamera):
             ) from error
         self._watch_over()
 
-    def stop(self) -> None:
-        self._ending.set()
+    def _let_go(self) -> None:
         device, self._device = self._device, None
         if device is not None:
             device.pre_callback = None
             with contextlib.suppress(Exception):
                 device.stop()
             device.close()
-        super().stop()
 
     def _take(self, request: Any) -> None:
         """Take one picture, on the library's thread."""

@@ -65,12 +65,10 @@ class RosCamera(WatchedCamera):
             ) from error
         self._watch_over()
 
-    def stop(self) -> None:
-        self._ending.set()
+    def _let_go(self) -> None:
         bridge, self._bridge = self._bridge, None
         if bridge is not None:
             bridge.close()
-        super().stop()
 
     def _take(self, message: Mapping[str, Any]) -> None:
         """Take one image, on the bridge's thread."""

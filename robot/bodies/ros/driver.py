@@ -173,27 +173,24 @@ class RosDriver(ConnectedDriver[RosBridge]):
         }
         if not self._is_stamped:
             return twist
-        if self.options.watchdog:
-            return {"header": {"stamp": self._sign, "frame_id": "base_link"}, "twist": twist}
-        seconds, rest = divmod(self._clock.wall_s(), 1.0)
-        stamp = {"sec": int(seconds), "nanosec": int(rest * 1e9)}
+        stamp = self._sign
+        if not self.options.watchdog:
+            seconds, rest = divmod(self._clock.wall_s(), 1.0)
+            stamp = {"sec": int(seconds), "nanosec": int(rest * 1e9)}
         return {"header": {"stamp": stamp, "frame_id": "base_link"}, "twist": twist}
 
     def _check_heard(self, bridge: RosBridge) -> None:
         if bridge.silent_s > GONE_S:
             trouble = f" ({bridge.trouble})" if bridge.trouble else ""
+            stops = "nothing stops its robot unless its base does"
+            if self.options.watchdog:
+                stops = "the watchdog on the robot stops it"
             raise DriveError(
                 f"rosbridge at {self.options.address} has not answered for {bridge.silent_s:.1f} s"
-                f"{trouble}; {self._stops}"
+                f"{trouble}; {stops}"
             )
         if self.options.watchdog and self._clock.now_s() - self._signed_s > GONE_S:
             raise DriveError(_NO_WATCHDOG)
-
-    @property
-    def _stops(self) -> str:
-        if self.options.watchdog:
-            return "the watchdog on the robot stops it"
-        return "nothing stops its robot unless its base does"
 
     def _take_sign(self, topic: str, message: Message) -> None:
         """Take the watchdog's sign of life, on the bridge's thread."""
