@@ -18,7 +18,7 @@ from robot.store.folder import Storage
 from robot.store.lock import FolderLock
 from robot.store.models.autosave import Announce, Autosave, no_announcement
 from robot.store.models.journal import Journal
-from robot.store.models.replay import Recovered, newest_boot, recover
+from robot.store.models.replay import newest_boot, recover
 from robot.store.models.store import ModelStore
 from robot.store.models.trial import try_model
 from robot.types import StartStop
@@ -104,32 +104,23 @@ class Persistence(StartStop):
                 raise
             log.warning("the data folder is not locked: %s", error)
         self.storage.sweep()
-        recovered = self._recover()
         self.journal.start(after=newest_boot(self.models))
         self.autosave.start()
         self.recorder.start()
         self._disk.start()
-        if recovered is not None:
-            self._adopt(recovered)
-
-    def _recover(self) -> Recovered | None:
         try:
-            if self.models.set_failed_aside():
-                return None  # what failed would only come back
-            recovered = recover(self.storage.journal, self.models)
-            if recovered is not None:
-                try_model(recovered.model)
-            return recovered
-        except Exception:  # the robot starts, whatever the files contain
+            self._recover()
+        except Exception as error:  # the robot starts, whatever the files contain
             log.exception("nothing was recovered from the journal")
-            return None
-
-    def _adopt(self, recovered: Recovered) -> None:
-        try:
-            self.autosave.adopt(recovered)
-        except Exception as error:  # as above
-            log.exception("the recovered model could not be loaded")
             self._announce("model_not_saved", detail=str(error))
+
+    def _recover(self) -> None:
+        if self.models.set_failed_aside():
+            return  # what failed would only come back
+        recovered = recover(self.storage.journal, self.models)
+        if recovered is not None:
+            try_model(recovered.model)
+            self.autosave.adopt(recovered)
 
     def _note_failure(self) -> None:
         """Write down that the learner in use failed, so that the next start sets it aside."""

@@ -1,4 +1,4 @@
-"""The one thread that waits for the disk: it records, saves and flushes, one after the other."""
+"""A thread that writes: it takes its turns, one after the other."""
 
 from __future__ import annotations
 
@@ -13,16 +13,20 @@ FLUSH_EVERY_S = 0.2
 
 
 class DiskThread(StartStop):
-    """Takes its turns every `every_s`, one after the other, and once more at the end.
+    """Takes its turns every `every_s`, or when it is woken, and once more at the end.
 
     A turn writes what waits for it and never raises.
     """
 
-    def __init__(self, clock: Clock, every_s: float = FLUSH_EVERY_S) -> None:
+    def __init__(
+        self, clock: Clock, name: str = "disk", every_s: float | None = FLUSH_EVERY_S
+    ) -> None:
         self._clock = clock
+        self._name = name
         self._every_s = every_s
         self._turns: list[Callable[[], None]] = []
-        self._ending = threading.Event()
+        self._wake = threading.Event()
+        self._is_ending = False
         self._thread: Worker | None = None
 
     def add(self, turn: Callable[[], None]) -> None:
@@ -30,19 +34,25 @@ class DiskThread(StartStop):
 
     def start(self) -> None:
         if self._thread is None:
-            self._ending.clear()
-            self._thread = self._clock.start_thread(self._run, "disk")
+            self._is_ending = False
+            self._thread = self._clock.start_thread(self._run, self._name)
+
+    def wake(self) -> None:
+        self._wake.set()
 
     def stop(self) -> None:
         """Take the last turns, and end; gives up on a hanging disk after ten seconds."""
         thread, self._thread = self._thread, None
         if thread is not None:
-            self._ending.set()
+            self._is_ending = True
+            self._wake.set()
             thread.join(timeout=10.0)
 
     def _run(self) -> None:
         is_last = False
         while not is_last:
-            is_last = self._clock.wait(self._ending, self._every_s)
+            self._clock.wait(self._wake, self._every_s)
+            self._wake.clear()
+            is_last = self._is_ending
             for turn in self._turns:
                 turn()

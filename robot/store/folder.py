@@ -227,6 +227,7 @@ class Storage:
         with contextlib.suppress(OSError):
             empty = [path for path in self.episodes.glob("*.mcap") if size_of(path) == 0]
             parts = [*self.models.glob("*/.*.part"), *self.episodes.glob(".*.part")]
+            parts += self.episodes.glob(".index.json")  # a list that 0.2 kept of them
             for path in (*parts, *empty, *self.root.glob(".*.part")):
                 with contextlib.suppress(OSError):
                     if time.time() - path.lstat().st_mtime > _HALF_DONE_S:
@@ -235,7 +236,10 @@ class Storage:
     def usage(self) -> dict[str, int]:
         """Return the bytes of what is kept and of the trash, and what the disk has left: `free`."""
         folders = (self.models, self.episodes, self.exports, self.trash)
-        return {**{folder.name: _size(folder) for folder in folders}, "free": _free(self.root)}
+        sizes, free = {folder.name: _size(folder) for folder in folders}, 0
+        with contextlib.suppress(OSError):
+            free = shutil.disk_usage(self.root).free
+        return {**sizes, "free": free}
 
     def discard(self, *paths: Path) -> str:
         """Move files or folders to the trash together; return the key for `discarded`."""
@@ -289,23 +293,6 @@ def _is_called(entry: str, names: Collection[str]) -> bool:
     return any(entry == n or (entry.startswith(n) and entry[len(n)] in ".- (") for n in names)
 
 
-def _free(folder: Path) -> int:
-    try:
-        return shutil.disk_usage(folder).free
-    except OSError:
-        return 0
-
-
 def _size(folder: Path) -> int:
     """Count the bytes of all files below; what cannot be read counts nothing."""
-    total = 0
-    folders = [str(folder)]
-    while folders:
-        with contextlib.suppress(OSError), os.scandir(folders.pop()) as entries:
-            for entry in entries:
-                with contextlib.suppress(OSError):
-                    if entry.is_dir(follow_symlinks=False):
-                        folders.append(entry.path)
-                    else:
-                        total += entry.stat(follow_symlinks=False).st_size
-    return total
+    return sum(size_of(Path(at, name)) for at, _, names in os.walk(folder) for name in names)

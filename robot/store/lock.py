@@ -10,14 +10,11 @@ from typing import Any
 from robot.errors import ConfigurationError
 from robot.types import StartStop
 
-_held: list[Any] = []
-"""filelock lets go of what is garbage; here only `stop` and the end of the process do."""
-
 
 class FolderLock(StartStop):
     """Locks a folder for this process. The system releases it however the process ends.
 
-    Start and stop it on the same thread.
+    Start and stop it on the same thread, and keep it: what is garbage lets go.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -52,7 +49,6 @@ class FolderLock(StartStop):
         with contextlib.suppress(OSError):  # a full disk is no reason not to start
             self._holder.write_text(f"{os.getpid()}\n", encoding="ascii")
         self._lock = lock
-        _held.append(lock)
 
     def stop(self) -> None:
         lock, self._lock = self._lock, None
@@ -60,7 +56,6 @@ class FolderLock(StartStop):
             with contextlib.suppress(OSError):
                 self._holder.unlink(missing_ok=True)
             lock.release()
-            _held.remove(lock)
 
     def _read_holder(self) -> str:
         try:

@@ -9,13 +9,14 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from robot.store.folder import is_text, write_whole
 
 ASIDE = "set-aside"
-_FOLDERS = ("models", "episodes", "exports", "trash", "journal", "lessons", "tls", ASIDE)
+_FOLDERS = ("models", "episodes", "exports", "trash", "journal", "lessons", "tls")
 _FILES = (
     *(".lock", ".lock.pid", "README.txt", "robot.json", "paired.json"),
     *("models/current.txt", "models/current.twin.txt"),
@@ -43,57 +44,46 @@ class Prepared:
 def prepare(root: Path) -> Prepared:
     """Make the folder and what belongs in it, and set aside what is in the way. Never raises."""
     moved: list[tuple[str, str]] = []
+
     root = root.expanduser()
+
+    def clear(path: Path, is_usable: bool, into: Path = root / ASIDE) -> None:
+        if os.path.lexists(path) and not is_usable:
+            moved.append((_shown(path.name), _move(path, into)))
+
     try:
-        if os.path.lexists(root) and not root.is_dir():
-            moved.append((root.name, _move(root, root.parent)))
+        clear(root, root.is_dir(), root.parent)
         root.mkdir(parents=True, exist_ok=True)
         _probe(root)
-        for name in _FOLDERS:
-            path = root / name
-            if os.path.lexists(path) and not (path.is_dir() and os.access(path, os.R_OK | os.X_OK)):
-                moved.append((name, _move(path, root / ASIDE)))
-            if name not in (ASIDE, "tls", "lessons"):
-                path.mkdir(exist_ok=True)
-        for name in _FILES:
-            path = root / name
-            if os.path.lexists(path) and not _is_usable(path):
-                moved.append((name, _move(path, root / ASIDE)))
-        for folder in (root, *(root / name for name in _FOLDERS if name != ASIDE)):
-            moved += _clear(folder, root)
+        folders = [root / name for name in _FOLDERS]
+        clear(root / ASIDE, (root / ASIDE).is_dir(), root)
+        for folder in folders:
+            clear(folder, folder.is_dir() and os.access(folder, os.R_OK | os.X_OK))
+        for file in (root / name for name in _FILES):
+            clear(file, _is_a(file, stat.S_ISREG) and os.access(file, os.R_OK | os.W_OK))
+        for folder in (root, *folders):
+            for path in _found_in(folder):
+                is_sound = _is_a(path, stat.S_ISREG) or (
+                    _is_a(path, stat.S_ISDIR) and folder.name not in ("episodes", "journal")
+                )
+                clear(path, is_sound and is_text(path.name))
     except OSError as error:
         if error.errno not in _FULL:
             return Prepared(fault=f"{root}: {error.strerror or error}", moved=tuple(moved))
     return Prepared(moved=tuple(moved))
 
 
-def _clear(folder: Path, root: Path) -> list[tuple[str, str]]:
-    """Set aside what is neither file nor folder, what stands for another kind, and what no text."""
-    moved: list[tuple[str, str]] = []
-    if folder.is_symlink():  # somebody's own folder elsewhere: not ours to tidy
-        return moved
+def _found_in(folder: Path) -> list[Path]:
+    """List what stands in a folder; nothing of somebody's own elsewhere, which is not ours."""
     try:
-        with os.scandir(folder) as entries:
-            found = list(entries)
+        return [] if folder.is_symlink() else list(folder.iterdir())
     except OSError:
-        return moved
-    for entry in found:
-        path = Path(entry.path)
-        try:
-            mode = path.stat().st_mode
-            is_sound = stat.S_ISREG(mode) or stat.S_ISDIR(mode)
-            if folder.name in ("episodes", "journal"):
-                is_sound = stat.S_ISREG(mode)
-        except OSError:
-            is_sound = False
-        if not is_sound or not is_text(entry.name):
-            moved.append((_shown(entry.name), _move(path, root / ASIDE)))
-    return moved
+        return []
 
 
-def _is_usable(path: Path) -> bool:
+def _is_a(path: Path, kind: Callable[[int], bool]) -> bool:
     try:
-        return stat.S_ISREG(path.stat().st_mode) and os.access(path, os.R_OK | os.W_OK)
+        return kind(path.stat().st_mode)
     except OSError:
         return False
 

@@ -26,8 +26,8 @@ def frame_record(payload: bytes) -> bytes:
 
 
 def open_new(path: Path) -> BinaryIO:
-    """Open a file that is not there yet, unbuffered; raises OSError if it is there."""
-    return path.open("xb", buffering=0)
+    """Open a file that is not there yet; raises OSError if it is there."""
+    return path.open("xb")
 
 
 class RecordWriter:
@@ -44,34 +44,32 @@ class RecordWriter:
     ) -> None:
         self._files: list[BinaryIO] = []
         self.written_bytes = self._synced_bytes = 0
-        self._refused: dict[BinaryIO, OSError] = {}
         last: OSError | None = None
         for path in paths:
             try:
                 self._files.append(open_file(path))
             except OSError as error:
                 last = error
-        self._raise_if_none(last)
+        if not self._files:
+            raise last or OSError("no file to write to")
 
     def write(self, payloads: Sequence[bytes]) -> None:
         """Append records: what is written survives the end of the process, but no power cut yet."""
         data = b"".join(map(frame_record, payloads))
-        last: OSError | None = None
+        last: Exception | None = None
         for file in list(self._files):
             try:
-                if file in self._refused:
-                    raise self._refused.pop(file)
-                _write_all(file, data)
-            except OSError as error:
+                file.write(data)
+                file.flush()
+            except (OSError, ValueError) as error:  # `sync` may have left it out just now
                 last = error
-                self._files.remove(file)
-                with contextlib.suppress(OSError):
-                    file.close()
+                self._leave_out(file)
         self.written_bytes += len(data)
-        self._raise_if_none(last)
+        if not self._files:
+            raise last or OSError("the files are closed")
 
     def sync(self) -> None:
-        """Have what was written reach the disk; if one refuses, the next `write` leaves it out."""
+        """Have what was written reach the disk; a file that refuses is written no more."""
         if self._synced_bytes == self.written_bytes:
             return
         self._synced_bytes = self.written_bytes
@@ -80,20 +78,18 @@ class RecordWriter:
                 os.fsync(file.fileno())
             except ValueError:  # closed meanwhile
                 continue
-            except OSError as error:
-                self._refused[file] = error
+            except OSError:
+                self._leave_out(file)
+
+    def _leave_out(self, file: BinaryIO) -> None:
+        with contextlib.suppress(OSError, ValueError):
+            self._files.remove(file)
+            file.close()
 
     def close(self) -> None:
-        """Have all of it reach the disk, and close what is open; idempotent."""
-        self.sync()
-        for file in self._files:
-            with contextlib.suppress(OSError):
-                file.close()
-        self._files.clear()
-
-    def _raise_if_none(self, last: OSError | None) -> None:
-        if not self._files:
-            raise last or OSError("the files are closed")
+        """Close what is open, without waiting for the disk; idempotent."""
+        for file in list(self._files):
+            self._leave_out(file)
 
 
 def read_records(path: Path) -> Iterator[bytes]:
@@ -130,13 +126,3 @@ def _payload_at(data: bytes, at: int) -> bytes | None:
     start = at + _HEAD.size
     payload = data[start : start + length]
     return payload if len(payload) == length and zlib.crc32(payload) == checksum else None
-
-
-def _write_all(file: BinaryIO, data: bytes) -> None:
-    """Write all of it: an unbuffered file may take less than it is given."""
-    view = memoryview(data)
-    while view:
-        written = file.write(view)
-        if not written:
-            raise OSError("the disk took nothing")
-        view = view[written:]

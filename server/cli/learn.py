@@ -11,9 +11,9 @@ from robot.errors import ConfigurationError
 from robot.policy.policy import Policy
 from robot.policy.registry import MOST_NODES, make_policy
 from robot.store.episodes.store import EpisodeStore
-from robot.store.episodes.teaching import EditedEpisode, Report, learn_again, plan, same_nodes
+from robot.store.episodes.teaching import EditedEpisode, Report, learn_again, plan
 from robot.store.folder import Storage, default_root, write_whole
-from robot.store.models.model import encode_model, take_model
+from robot.store.models.model import encode_model, same_nodes, take_model
 from robot.store.models.store import ModelStore
 from robot.types import DEFAULT_MOVES, Action
 from server.cli.kept import add_data, find_episodes

@@ -133,7 +133,7 @@ def delete_model(request: Request, name: str) -> UndoAnswer:
 def preview_model(request: Request, name: str) -> Response:
     """Return the model's most used learned image, as PNG."""
     model = decode_model(persistence_of(request).models.read_file(name))
-    return png(model.preview)
+    return png(model.preview())
 
 
 @router.get("/{name}/file", **media("application/zip"))

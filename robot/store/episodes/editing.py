@@ -22,8 +22,7 @@ from robot.store.episodes.messages import (
 from robot.store.episodes.reader import Message, scan
 from robot.store.episodes.teaching import plan
 from robot.store.episodes.writer import FORMAT, EpisodeWriter
-from robot.store.models.events import describe_event
-from robot.store.points import read_point
+from robot.store.models.events import describe_event, read_point
 from robot.types import Action, Point
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from robot.driver import Move, from_text
 from robot.errors import RecordingError
 from robot.policy.history import HistoryEvent
-from robot.store.episodes.images import decode_image
+from robot.store.episodes.images import FrameEntry, decode_image
 from robot.store.episodes.messages import (
     CAMERA,
     COMMAND,
@@ -27,24 +27,12 @@ from robot.store.episodes.messages import (
     Fields,
 )
 from robot.store.episodes.reader import Attachment, Cut, Message, Metadata, read_chunk, scan
-from robot.store.episodes.tally import note_taught
-from robot.store.episodes.writer import FORMAT
+from robot.store.episodes.writer import FORMAT, note_taught
 from robot.store.models.events import read_event
 from robot.store.models.model import Model, decode_model
 from robot.types import Action, Example, Frame
 
 _CHUNKS_KEPT = 4
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrameEntry:
-    """Where a picture is, and when it was taken, in seconds of the run's clock."""
-
-    frame_id: int
-    captured_s: float
-    schema: str
-    size: tuple[int, int]
-    place: tuple[int, int]
 
 
 @dataclass(slots=True, kw_only=True)
@@ -109,7 +97,7 @@ class Episode:
             self._chunks[offset] = read_chunk(self.path, offset)
             while len(self._chunks) > _CHUNKS_KEPT:
                 self._chunks.popitem(last=False)
-        return _frame(entry, self._chunks[offset][index])
+        return decode_image(entry, self._chunks[offset][index])
 
     def model_before(self) -> Model | None:
         return self._model(MODEL_BEFORE)
@@ -186,16 +174,6 @@ def _take_message(episode: Episode, message: Message) -> None:
         if not isinstance(fields, dict):
             raise RecordingError("a message has an unknown form")
         episode.messages.setdefault(message.topic, []).append((now_s, fields))
-
-
-def _frame(entry: FrameEntry, data: bytes) -> Frame:
-    return decode_image(
-        entry.schema,
-        data,
-        frame_id=entry.frame_id,
-        captured_s=entry.captured_s,
-        size=entry.size,
-    )
 
 
 def taught_frames(episode: Episode) -> dict[int, Example]:

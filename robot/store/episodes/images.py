@@ -6,6 +6,7 @@ protobuf is imported when the first picture comes: an EV3 never records.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -41,16 +42,16 @@ _FIELDS = {
 
 def camera_channel(frame: Frame) -> MessageChannel:
     size = (("width", str(frame.width)), ("height", str(frame.height)))
-    return MessageChannel(CAMERA, "protobuf", _schema(_schema_name(frame)), size)
+    return MessageChannel(CAMERA, "protobuf", _schema(_name_of(frame)), size)
 
 
-def _schema_name(frame: Frame) -> str:
+def _name_of(frame: Frame) -> str:
     return COMPRESSED if frame.encoding is Encoding.JPEG else RAW
 
 
 def encode_image(frame: Frame, stamp_ns: int) -> bytes:
     """Return the frame as a message; `stamp_ns` is nanoseconds since 1970."""
-    image = _message_type(_schema_name(frame))(frame_id=_CAMERA, data=frame.data)
+    image = _message_type(_name_of(frame))(frame_id=_CAMERA, data=frame.data)
     image.timestamp.seconds, image.timestamp.nanos = divmod(stamp_ns, 10**9)
     if frame.encoding is Encoding.JPEG:
         image.format = "jpeg"
@@ -62,10 +63,23 @@ def encode_image(frame: Frame, stamp_ns: int) -> bytes:
     return data
 
 
-def decode_image(
-    name: str, message: bytes, *, frame_id: int, captured_s: float, size: tuple[int, int]
-) -> Frame:
-    """Read a frame back; the id, and the size of a JPEG, are not in its message."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameEntry:
+    """Where a picture is, and when it was taken, in seconds of the run's clock.
+
+    The id, and the size of a JPEG, are not in the message itself.
+    """
+
+    frame_id: int
+    captured_s: float
+    schema: str
+    size: tuple[int, int]
+    place: tuple[int, int]
+
+
+def decode_image(entry: FrameEntry, message: bytes) -> Frame:
+    """Read a frame back."""
+    name = entry.schema
     if name not in _FIELDS:
         raise RecordingError(f"not an image message: {name}")
     from google.protobuf.message import DecodeError
@@ -74,13 +88,13 @@ def decode_image(
         image = _message_type(name).FromString(bytes(message))
         encoding = Encoding.JPEG if name == COMPRESSED else _BACK[image.encoding]
     except (DecodeError, KeyError, UnicodeDecodeError) as error:
-        raise RecordingError(f"frame {frame_id} is damaged: {error}") from error
+        raise RecordingError(f"frame {entry.frame_id} is damaged: {error}") from error
     if not image.data:
-        raise RecordingError(f"frame {frame_id} is damaged: it holds no picture")
-    width, height = size if name == COMPRESSED else (image.width, image.height)
+        raise RecordingError(f"frame {entry.frame_id} is damaged: it holds no picture")
+    width, height = entry.size if name == COMPRESSED else (image.width, image.height)
     return Frame(
-        frame_id=frame_id,
-        captured_s=captured_s,
+        frame_id=entry.frame_id,
+        captured_s=entry.captured_s,
         width=int(width),
         height=int(height),
         encoding=encoding,
@@ -90,16 +104,11 @@ def decode_image(
 
 @cache
 def _schema(name: str) -> Schema:
-    """Return the message's description: a FileDescriptorSet, as MCAP asks for it."""
-    from google.protobuf import descriptor_pb2, timestamp_pb2
-
-    described = descriptor_pb2.FileDescriptorSet()
-    timestamp_pb2.DESCRIPTOR.CopyToProto(described.file.add())
-    described.file.append(_file(name))
-    return Schema(name, "protobuf", described.SerializeToString())
+    return Schema(name, "protobuf", _descriptors(name).SerializeToString())
 
 
-def _file(name: str) -> Any:
+def _descriptors(name: str) -> Any:
+    """Describe a message and what it imports: a FileDescriptorSet, as MCAP asks for it."""
     from google.protobuf import descriptor_pb2, timestamp_pb2
 
     package, _, message = name.partition(".")
@@ -118,15 +127,17 @@ def _file(name: str) -> Any:
             label=descriptor_pb2.FieldDescriptorProto.LABEL_OPTIONAL,
             type_name=".google.protobuf.Timestamp" if kind == "TYPE_MESSAGE" else None,
         )
-    return file
+    found = descriptor_pb2.FileDescriptorSet(file=[descriptor_pb2.FileDescriptorProto(), file])
+    timestamp_pb2.DESCRIPTOR.CopyToProto(found.file[0])
+    return found
 
 
 @cache
 def _message_type(name: str) -> Any:
     """Return protobuf's class for one of the two messages, in a pool of its own."""
-    from google.protobuf import descriptor_pool, message_factory, timestamp_pb2
+    from google.protobuf import descriptor_pool, message_factory
 
     pool = descriptor_pool.DescriptorPool()
-    pool.AddSerializedFile(timestamp_pb2.DESCRIPTOR.serialized_pb)
-    pool.AddSerializedFile(_file(name).SerializeToString())
+    for file in _descriptors(name).file:
+        pool.AddSerializedFile(file.SerializeToString())
     return message_factory.GetMessageClass(pool.FindMessageTypeByName(name))

@@ -12,8 +12,7 @@ from functools import cache
 from typing import Any
 
 from robot.store.episodes.reader import MessageChannel, Schema
-from robot.store.models.events import to_json
-from robot.store.points import describe_point
+from robot.store.models.events import describe_point, to_json
 from robot.types import PilotCommand, Point, Prediction, Sensors
 
 CAMERA = "/camera"

@@ -38,9 +38,8 @@ from robot.store.episodes.queue import RecorderConfig, RecordingQueue
 from robot.store.episodes.reader import require_mcap
 from robot.store.episodes.writer import Run
 from robot.store.models.autosave import Announce, no_announcement
-from robot.store.models.events import describe_event
+from robot.store.models.events import describe_event, describe_point
 from robot.store.models.model import Model, take_model
-from robot.store.points import describe_point
 from robot.types import Frame, Mode
 
 
@@ -247,7 +246,6 @@ class Recorder:
             history.policy,
             Counter(history.taught),
             saved_at_s=self._loop.clock.wall_s(),
-            with_preview=False,
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import stat
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,12 +14,13 @@ from robot.errors import ConfigurationError, NotFoundError
 from robot.store.episodes.editing import write_edited
 from robot.store.episodes.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
 from robot.store.episodes.episode import Episode, open_episode
-from robot.store.episodes.store_index import SummaryIndex
-from robot.store.episodes.summary import EpisodeSummary
-from robot.store.folder import Storage, check_name, free_name, whole_file
+from robot.store.episodes.summary import EpisodeSummary, read_head, read_summary
+from robot.store.folder import Storage, check_name, free_name, paths_in, whole_file
 
 DEFAULT_BUDGET_BYTES = 8 * 2**30
 _OPEN_EPISODES = 2
+_READ_WHOLE_BYTES = 2 * 2**20
+"""Of a recording that is being written only the beginning is read once it is larger."""
 
 
 class EpisodeStore:
@@ -35,21 +37,49 @@ class EpisodeStore:
         """Beyond this the oldest unprotected episodes are offered for deletion."""
         self._lock = threading.RLock()
         self._open = lru_cache(_OPEN_EPISODES)(lambda path, *state: open_episode(path))
-        self._index = SummaryIndex(storage.episodes, recording)
+        self._described: dict[Path, tuple[list[tuple[int, int]], EpisodeSummary]] = {}
+        """What was read of each recording, and the state in which it was."""
 
     def ids(self) -> list[str]:
         """Name the episodes, in the order of their names, the last first."""
-        return sorted(self._index.ids(), reverse=True)
+        return sorted((path.stem for path in self._paths()), reverse=True)
 
     def summaries(self) -> list[EpisodeSummary]:
-        """Describe all episodes, the newest first."""
+        """Describe all episodes, the newest by time first; each state of a file is read once."""
         with self._lock:
-            return self._index.summaries()
+            found = list(map(self._describe, self._paths()))
+        summaries = [summary for summary in found if summary is not None]
+        return sorted(summaries, key=lambda s: (s.started_at_s, s.id), reverse=True)
 
     def summary(self, episode_id: str) -> EpisodeSummary:
+        """Describe one episode; raises OSError if it is gone."""
         path = self.path(episode_id)
         with self._lock:
-            return self._index.get(path)
+            summary = self._describe(path)
+        if summary is None:
+            raise FileNotFoundError(path)
+        return summary
+
+    def _paths(self) -> list[Path]:
+        found = paths_in(self._storage.episodes)
+        return [path for path in found if path.suffix == ".mcap" and path.name[0] != "."]
+
+    def _describe(self, path: Path) -> EpisodeSummary | None:
+        """Describe a recording by reading it, unless it and its notes are as they were."""
+        notes = notes_path(path)
+        try:
+            found = [file.stat() for file in (path, notes) if file is path or file.exists()]
+            if not stat.S_ISREG(found[0].st_mode):
+                return None
+            state = [(status.st_size, status.st_mtime_ns) for status in found]
+            known, summary = self._described.get(path, (None, None))
+            if state != known:
+                is_growing = path.stem == self._recording() and found[0].st_size > _READ_WHOLE_BYTES
+                summary = read_head(path) if is_growing else read_summary(path)
+                self._described[path] = state, summary
+            return summary
+        except OSError:
+            return None
 
     def path(self, episode_id: str) -> Path:
         """Return the file of an episode."""

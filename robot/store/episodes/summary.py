@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +12,9 @@ from typing import Any
 
 from robot.errors import RecordingError
 from robot.store.episodes.edits import Notes, read_notes
-from robot.store.episodes.episode import check_run
-from robot.store.episodes.messages import LESSON, RUN, SUMMARY
-from robot.store.episodes.reader import Cut, Message, Metadata, read_metadata, scan
-from robot.store.episodes.tally import Tally
+from robot.store.episodes.episode import open_episode, taught_frames
+from robot.store.episodes.messages import RUN, SUMMARY
+from robot.store.episodes.reader import Metadata, read_metadata, scan
 
 _UNUSABLE = (
     RecordingError,
@@ -60,7 +60,7 @@ def read_summary(path: Path) -> EpisodeSummary:
     except RecordingError as error:
         notes, complaint = Notes(), str(error)
     try:
-        facts = _read_ends(path) or _facts(*_count(path))
+        facts = _read_ends(path) or _count(path)
     except (RecordingError, ValueError, OSError) as error:
         facts = {"is_readable": False, "damage": str(error)}
     facts.setdefault("taught", {})
@@ -98,26 +98,16 @@ def _read_ends(path: Path) -> dict[str, Any] | None:
         return None
 
 
-def _count(path: Path) -> tuple[dict[str, str], dict[str, str]]:
-    """Count what a recording without a sound end holds, keeping nothing of its pictures."""
-    run: dict[str, str] = {}
-    tally, damage = Tally(), {}
-    try:
-        for record in scan(path):
-            if isinstance(record, Cut):
-                damage = {"damage": record.reason}
-            elif isinstance(record, Metadata) and record.name == RUN:
-                run = check_run(record.values)
-            elif isinstance(record, Message) and run:
-                lesson = json.loads(record.data) if record.topic == LESSON else None
-                tally.note(record.topic, record.log_ns, record.sequence, lesson)
-    except (RecordingError, KeyError, ValueError, TypeError, RecursionError) as error:
-        if not run:
-            raise RecordingError(f"{path.name} cannot be read: {error}") from error
-        damage = {"damage": str(error)}
-    if not run:
-        raise RecordingError(f"{path.name} is not a recording of this program, or is empty")
-    return run, {**tally.describe(), **damage}
+def _count(path: Path) -> dict[str, Any]:
+    """Count what a recording without a sound end holds."""
+    episode = open_episode(path)
+    return {
+        **_facts_of_run(episode.run),
+        "duration_s": round(episode.duration_s, 6),
+        "frames": len(episode.frames),
+        "taught": Counter(example.label.value for example in taught_frames(episode).values()),
+        "damage": episode.damage,
+    }
 
 
 def _facts(run: Mapping[str, str], summary: Mapping[str, str]) -> dict[str, Any]:

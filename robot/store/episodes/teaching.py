@@ -18,12 +18,10 @@ from robot.policy.history import Edited, HistoryEvent, LogEvent, Taught, Undone,
 from robot.policy.policy import Policy
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
-from robot.store.models.model import same_nodes
 from robot.types import Action, Example
 
 EditedEpisode = tuple[Episode, Notes]
 """A recording with its edits."""
-__all__ = ["EditedEpisode", "Report", "Step", "learn_again", "plan", "same_nodes"]
 
 
 class Step(NamedTuple):
@@ -94,13 +92,14 @@ def _surviving(episodes: Sequence[EditedEpisode]) -> list[tuple[Episode, History
                 log.append((episode, event))
             elif event.frame_ids:
                 gone, run = set(event.frame_ids), episode.run.get("run", "")
-                log = [(of, made) for of, made in log if not _is_of(made, gone, of, run)]
+                log = [one for one in log if not _is_of(one, gone, run)]
             elif edits := [i for i, (_, made) in enumerate(log) if isinstance(made, Edited)]:
                 del log[edits[-1]]
     return log
 
 
-def _is_of(event: HistoryEvent, frame_ids: set[int], episode: Episode, run: str) -> bool:
+def _is_of(made: tuple[Episode, HistoryEvent], frame_ids: set[int], run: str) -> bool:
+    episode, event = made
     is_one = isinstance(event, Taught) and event.example.frame_id in frame_ids
     return is_one and episode.run.get("run", "") == run
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 import io
 import json
 import os
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
 from robot.driver import Move, to_text
+from robot.policy.history import HistoryEvent, Taught, Undone
 from robot.store.episodes.images import camera_channel, encode_image
 from robot.store.episodes.messages import (
+    CAMERA,
     DECISION,
     LESSON,
     MODEL_AFTER,
@@ -32,9 +35,8 @@ from robot.store.episodes.reader import (
     Schema,
     require_mcap,
 )
-from robot.store.episodes.tally import Tally
-from robot.store.models.events import to_json
-from robot.types import Action, Frame
+from robot.store.models.events import read_event, to_json
+from robot.types import Action, Example, Frame
 
 FORMAT = 1
 _CHUNK_BYTES = 1 << 20
@@ -98,7 +100,9 @@ class EpisodeWriter:
         self._writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._schemas: dict[Schema, int] = {}
         self._channels: dict[MessageChannel, int] = {}
-        self._tally = Tally()
+        self._frames: set[int] = set()
+        self._taught: dict[int, Example] = {}
+        self._first_ns, self._last_ns = 2**64, 0
         self.has_content = False
         """Whether the learner changed, or the robot moved: otherwise the recording is discarded."""
         self._keeps_drives = keeps_drives
@@ -111,7 +115,7 @@ class EpisodeWriter:
     @property
     def frames(self) -> int:
         """How many pictures it has."""
-        return len(self._tally.frames)
+        return len(self._frames)
 
     def write_frame(self, frame: Frame) -> None:
         """Add one picture as the camera gave it; its id is the message's sequence number."""
@@ -155,19 +159,27 @@ class EpisodeWriter:
         try:
             if model_after is not None:
                 self._attach(MODEL_AFTER, model_after)
-            self._writer.add_metadata(SUMMARY, {**self._tally.describe(), **summary})
+            self._writer.add_metadata(SUMMARY, {**self._count(), **summary})
             self._writer.finish()
             self._file.flush()
             _sync(self._file)
         finally:
             self._file.close()
 
+    def _count(self) -> dict[str, str]:
+        """Return how much it holds; `taught` are the examples that were not undone."""
+        return {
+            "frames": str(len(self._frames)),
+            "taught": json.dumps(Counter(example.label for example in self._taught.values())),
+            "duration_s": f"{max(self._last_ns - self._first_ns, 0) / 1e9:.6f}",
+        }
+
     def abandon(self) -> None:
         """Close the file as it is, after the disk refused."""
         self._file.close()
 
     def _attach(self, name: str, data: bytes) -> None:
-        stamp_ns = self._tally.last_ns or self._began_ns
+        stamp_ns = self._last_ns or self._began_ns
         self._writer.add_attachment(stamp_ns, stamp_ns, name, "application/zip", data)
 
     def _to_ns(self, now_s: float) -> int:
@@ -182,7 +194,12 @@ class EpisodeWriter:
         sequence: int,
         lesson: Fields | None = None,
     ) -> None:
-        self._tally.note(channel.topic, stamp_ns, sequence, lesson)
+        self._first_ns = min(stamp_ns, self._first_ns)
+        self._last_ns = max(stamp_ns, self._last_ns)
+        if channel.topic == CAMERA:
+            self._frames.add(sequence)
+        elif lesson is not None:
+            note_taught(self._taught, read_event(lesson))
         if channel not in self._channels:
             self._channels[channel] = self._writer.register_channel(
                 channel.topic,
@@ -198,6 +215,15 @@ class EpisodeWriter:
                 schema.name, schema.encoding, schema.data
             )
         return self._schemas[schema]
+
+
+def note_taught(examples: dict[int, Example], event: HistoryEvent) -> None:
+    """Note by its frame what an event teaches, or takes back."""
+    if isinstance(event, Taught):
+        examples[event.example.frame_id] = event.example
+    elif isinstance(event, Undone):
+        for frame_id in event.frame_ids:
+            examples.pop(frame_id, None)
 
 
 def _sync(file: BinaryIO) -> None:

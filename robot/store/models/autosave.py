@@ -18,7 +18,7 @@ from robot.errors import ConfigurationError, RobotError
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.store.models.journal import Journal
-from robot.store.models.model import Model, take_model, with_preview
+from robot.store.models.model import Model, take_model
 from robot.store.models.replay import Recovered
 from robot.store.models.store import ModelStore
 from robot.types import Action, Mode
@@ -113,14 +113,15 @@ class Autosave:
             log.warning("the model was not saved: %s", error, exc_info=not expected)
             self.announce("model_not_saved", detail=str(error) or type(error).__name__)
 
-    def save(self) -> str:
-        """Save the learner as it is now; return the model's name."""
+    def save(self, place: str | None = None) -> str:
+        """Save the learner as it is now, in another place if one is given; return its name."""
         with self._lock:
-            copied = self._loop.submit(lambda: self._journal.copy(self._loop.history, self._place))
-            model = with_preview(self._clock.result(copied, 10.0))
+            place = self._place if place is None else place
+            copied = self._loop.submit(lambda: self._journal.copy(self._loop.history, place))
+            model = self._clock.result(copied, 10.0)
             name = self.name or self.store.free_name(self._wanted_name)
             self.store.save(name, model)
-            self.name = name
+            self.name, self._place = name, place
             assert model.summary.position is not None
             self._saved_changes = model.summary.position.change
             if self.store.current != name:
@@ -146,10 +147,6 @@ class Autosave:
     def adopt(self, recovered: Recovered) -> None:
         """Use the recovered model; save it at once if possible."""
         with self._lock:
-            if recovered.is_saved:
-                if self.store.current is None and recovered.name is not None:
-                    self.store.current = recovered.name
-                return
             if not self._moves >= set(recovered.model.summary.moves):
                 log.warning("the recovered model has moves that this robot does not have")
                 name = recovered.name or self.store.free_name(self._wanted_name)
@@ -235,12 +232,7 @@ class Autosave:
         with self._lock:
             place = _checked_place(place)
             if self.name == name:
-                before, self._place = self._place, place
-                try:
-                    self.save()
-                except BaseException:
-                    self._place = before
-                    raise
+                self.save(place)
             else:
                 self.store.set_place(name, place)
 

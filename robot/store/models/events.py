@@ -12,8 +12,7 @@ import numpy as np
 from robot.errors import RecordingError
 from robot.learner.base import Vector
 from robot.policy.history import Edited, HistoryEvent, Replaced, Taught, Undone
-from robot.store.points import describe_point, read_point
-from robot.types import Action, Example
+from robot.types import Action, Example, Point
 
 PlainEvent = dict[str, Any]
 
@@ -102,3 +101,23 @@ def _read_vector(plain: PlainEvent) -> Vector:
     except binascii.Error as error:
         raise ValueError(f"a vector is damaged: {error}") from error
     return np.frombuffer(raw, dtype).reshape([int(size) for size in plain["shape"]])
+
+
+def describe_point(point: Point | None) -> PlainEvent:
+    """Describe a point beside its move; nothing where there is none."""
+    return {} if point is None else point._asdict()
+
+
+def read_point(plain: PlainEvent) -> Point | None:
+    """Read what `describe_point` wrote.
+
+    Raises:
+        RecordingError: If it is half a point, or out of range.
+    """
+    numbers = [plain.get(name) for name in Point._fields]
+    if numbers == [None, None]:
+        return None
+    shares = [float(n) for n in numbers if isinstance(n, int | float) and -1.0 <= n <= 1.0]
+    if len(shares) < len(numbers):
+        raise RecordingError(f"a recorded point is damaged: {numbers}")
+    return Point(*shares)

@@ -5,14 +5,14 @@ which are made in a second, on the disk's thread: a disk that takes its time hol
 
 It is the source of truth (a write-ahead log); a model's file is a cache of it. Entries are numbered
 by the start of the program (a counter in the files' names) and the count of changes since; no clock
-is involved. A checkpoint holds the whole learner: one is written at the beginning, after every
-undo, and whenever another model is loaded, so that replay learns only what follows the last one.
+is involved.
 
     journal/000007-02.a     second part of the seventh start, and its twin 000007-02.b
 
-Each part is two files of the same records (robot/store/records.py) and begins with a checkpoint;
-the part before the last stays too. Loop thread: `note`. Disk's thread: `sync`. Everything else: the
-journal's own thread.
+Each part is two files of the same records (robot/store/records.py) and begins with a checkpoint,
+which holds the whole learner: after every undo, whenever another model is loaded, and where the
+part before has grown long. So replay learns only what the last part has; the one before it stays,
+too. Loop thread: `note`. Disk's thread: `sync`. Everything else: the journal's own thread.
 """
 
 from __future__ import annotations
@@ -31,9 +31,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from robot.clock import Clock, RealClock, Worker
+from robot.clock import Clock, RealClock
 from robot.control.state import Tick
 from robot.policy.history import Edited, HistoryEvent, Taught, TrainingHistory
+from robot.store.disk import DiskThread
 from robot.store.models.events import describe_event, to_json
 from robot.store.models.model import JournalPosition, Model, encode_model, take_model
 from robot.store.records import RecordWriter, open_new
@@ -53,7 +54,7 @@ HEAD = b"\n"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Item:
-    """One record to be: an `event`, a `checkpoint` of the whole learner, or a word of two kinds.
+    """One record to be: an `event`, a `checkpoint` that begins a part, or a word of two kinds.
 
     `saved`: everything up to this change is in a model's file. `drive`: a drive began after this
     change; some learners look for their place then.
@@ -64,7 +65,6 @@ class _Item:
     event: HistoryEvent | None = None
     model: Model | None = None
     name: str | None = None
-    begins_part: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
@@ -110,14 +110,12 @@ class Journal:
         self._clock = clock or RealClock()
         self._lock = threading.Lock()
         self._queue: deque[_Item] = deque()
-        self._wake = threading.Event()
-        self._is_ending = False
-        self._thread: Worker | None = None
+        self._thread = DiskThread(self._clock, "journal", every_s=None)
+        self._thread.add(self.write_waiting)
         self._writer: RecordWriter | None = None
         self._written = -1
         self._part = 0
         self._needs_checkpoint = True
-        self._begins_part = True
         self._try_again_s = 0.0
         self.fault: str | None = None
         """Why nothing is written at present; None if all is well."""
@@ -129,8 +127,7 @@ class Journal:
     def start(self, after: int = 0) -> None:
         """Start writing; `after` is the number of an earlier start that is known from elsewhere."""
         self.open_boot(after)
-        self._is_ending = False
-        self._thread = self._clock.start_thread(self._run, "journal")
+        self._thread.start()
 
     def open_boot(self, after: int = 0) -> None:
         """Take the next number; `write_waiting` may then be called on any one thread."""
@@ -138,14 +135,9 @@ class Journal:
 
     def stop(self) -> None:
         """Write what is queued, and end; idempotent."""
-        self._is_ending = True
-        self._wake.set()
-        thread, self._thread = self._thread, None
-        if thread is not None:
-            thread.join(timeout=10.0)
-        if self._writer is not None:
-            self._writer.close()
-            self._writer = None
+        self._thread.stop()
+        self.sync()
+        self._close()
 
     # Called on the loop's thread ---------------------------------------------------------------
 
@@ -161,7 +153,9 @@ class Journal:
             return
         if must or not all(isinstance(event, Taught | Edited) for event in events):
             self._try_again_s = tick.now_s + _TRY_AGAIN_S
-            self._put_checkpoint(history, name, place)
+            self._needs_checkpoint = False
+            model = self.copy(history, place)
+            self._put(_Item(kind="checkpoint", change=history.changes, model=model, name=name))
             return
         first = history.changes - len(events) + 1
         for change, event in enumerate(events, start=first):
@@ -175,31 +169,16 @@ class Journal:
             saved_at_s=0.0,
             place=place,
             position=self.position(history.changes),
-            with_preview=False,
-        )
-
-    def _put_checkpoint(self, history: TrainingHistory, name: str | None, place: str) -> None:
-        model = self.copy(history, place)
-        begins_part = self._begins_part
-        self._needs_checkpoint = self._begins_part = False
-        self._put(
-            _Item(
-                kind="checkpoint",
-                change=history.changes,
-                model=model,
-                name=name,
-                begins_part=begins_part,
-            )
         )
 
     def _put(self, item: _Item) -> None:
         with self._lock:
             if len(self._queue) >= _MOST_WAITING:
                 self._queue.clear()
-                self._needs_checkpoint = self._begins_part = True
+                self._needs_checkpoint = True
                 return
             self._queue.append(item)
-        self._wake.set()
+        self._thread.wake()
 
     # Called on any thread ------------------------------------------------------------------------
 
@@ -213,7 +192,7 @@ class Journal:
         Waits no longer than two seconds, and not where nothing can be written.
         """
         until_s = self._clock.now_s() + _LONGEST_WAIT_S
-        while self._thread is not None and self._written < change and self._clock.now_s() < until_s:
+        while self.boot and self._written < change and self._clock.now_s() < until_s:
             if self.fault is not None:
                 return
             await self._clock.pause(0.005)
@@ -224,14 +203,6 @@ class Journal:
             writer.sync()
 
     # On the journal's thread ----------------------------------------------------------------------
-
-    def _run(self) -> None:
-        is_last = False
-        while not is_last:
-            self._clock.wait(self._wake)
-            self._wake.clear()
-            is_last = self._is_ending
-            self.write_waiting()
 
     def write_waiting(self) -> None:
         """Write what is queued. Never raises: a failure is reported, and writing is tried again."""
@@ -250,36 +221,34 @@ class Journal:
                 self.fault = None
 
     def _write(self, items: list[_Item]) -> None:
-        waiting: list[bytes] = []
-        for item in items:
-            if item.begins_part:
-                waiting = []  # the checkpoint holds what came before it
-                self._begin_part()
-            if self._writer is None and item.kind in ("saved", "drive"):
-                continue  # nothing was changed in this run
-            if self._writer is None:
-                raise OSError("a part of the journal is missing")
-            waiting.append(_encode(item))
-        if self._writer is not None:
-            self._writer.write(waiting)
-            self._written = max(self._written, items[-1].change)
-            self._remove_old_parts()
-            if self._writer.written_bytes > PART_BYTES:
-                self._try_again_s = 0.0  # first: the loop may look in between
-                self._begins_part = self._needs_checkpoint = True
+        checkpoints = [i for i, item in enumerate(items) if item.model is not None]
+        if checkpoints:
+            items = items[checkpoints[-1] :]  # it holds what came before it
+            self._begin_part()
+        if self._writer is None:
+            if all(item.kind in ("saved", "drive") for item in items):
+                return  # nothing was changed in this run
+            raise OSError("a part of the journal is missing")
+        self._writer.write([_encode(item) for item in items])
+        self._written = max(self._written, items[-1].change)
+        self._remove_old_parts()
+        if self._writer.written_bytes > PART_BYTES:
+            self._try_again_s = 0.0  # first: the loop may look in between
+            self._needs_checkpoint = True
 
     def _begin_part(self) -> None:
-        if self._writer is not None:
-            self._writer.close()
-            self._writer = None
+        self._close()
         self._folder.mkdir(parents=True, exist_ok=True)
         if shutil.disk_usage(self._folder).free < _SPARE_BYTES:
             raise OSError(28, "the disk is full")
         self._part += 1
         part = Part(boot=self.boot, number=self._part, folder=self._folder)
         self._writer = RecordWriter(part.paths, self._open_file)
-        begin = {"kind": "begin", "run": self.run, "boot": self.boot}
-        self._writer.write([json.dumps(begin).encode() + HEAD])
+
+    def _close(self) -> None:
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.close()
 
     def _remove_old_parts(self) -> None:
         for part in list_parts(self._folder)[:-_KEPT_PARTS]:
@@ -288,10 +257,8 @@ class Journal:
                     path.unlink()
 
     def _give_up(self, error: Exception) -> None:
-        if self._writer is not None:
-            self._writer.close()
-            self._writer = None
-        self._needs_checkpoint = self._begins_part = True
+        self._close()
+        self._needs_checkpoint = True
         if self.fault is None:
             sentence = getattr(error, "strerror", None) or str(error) or type(error).__name__
             self.fault = str(sentence)

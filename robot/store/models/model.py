@@ -1,7 +1,7 @@
 """A model: all that a policy learned, with a summary of it; serialized to bytes and back.
 
-The file is a NumPy `.npz`: `meta.npy` is JSON text as bytes, `preview.npy` a small picture, and
-`state.NAME.npy` are the learner's arrays. No pickles. A SHA-256 over everything is in the meta.
+The file is a NumPy `.npz`: `meta.npy` is JSON text as bytes, and `state.NAME.npy` are the learner's
+arrays. No pickles. A SHA-256 over everything is in the meta.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -63,11 +63,10 @@ class ModelSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Model:
-    """The state of a policy, without the policy; the preview is its most used image."""
+    """The state of a policy, without the policy."""
 
     summary: ModelSummary
     state: State
-    preview: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((1, 1), np.uint8))
 
     def to_policy(self) -> Policy:
         """Build the policy with this state."""
@@ -81,6 +80,14 @@ class Model:
             ) from error
         return policy
 
+    def preview(self) -> NDArray[np.uint8]:
+        """Return a small picture of its most used image; one black point if it has none."""
+        policy = self.to_policy()
+        nodes = policy.learner.nodes()
+        if not nodes:
+            return np.zeros((1, 1), np.uint8)
+        return policy.features.thumbnail(max(nodes, key=lambda node: node.frames).image)
+
 
 def take_model(
     policy: Policy,
@@ -89,7 +96,6 @@ def take_model(
     saved_at_s: float,
     place: str = "",
     position: JournalPosition | None = None,
-    with_preview: bool = True,
 ) -> Model:
     """Copy the state of a policy. Call it on the thread that the policy belongs to."""
     summary = ModelSummary(
@@ -101,26 +107,12 @@ def take_model(
         place=place,
         position=position,
     )
-    preview = _preview(policy) if with_preview else np.zeros((1, 1), np.uint8)
-    return Model(summary=summary, state=policy.get_state(), preview=preview)
-
-
-def with_preview(model: Model) -> Model:
-    """Return the model with its preview; slow, so not for the loop's thread."""
-    return replace(model, preview=_preview(model.to_policy()))
-
-
-def _preview(policy: Policy) -> NDArray[np.uint8]:
-    nodes = policy.learner.nodes()
-    if not nodes:
-        return np.zeros((1, 1), np.uint8)
-    return policy.features.thumbnail(max(nodes, key=lambda node: node.frames).image)
+    return Model(summary=summary, state=policy.get_state())
 
 
 def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
     """Return the model as the bytes of an `.npz` file; small but slower to make if `is_packed`."""
     arrays = {f"state.{name}": array for name, array in model.state.arrays.items()}
-    arrays["preview"] = model.preview
     summary = model.summary
     meta: dict[str, Any] = {
         "format": FORMAT,
@@ -166,8 +158,7 @@ def decode_model(data: bytes, *, max_bytes: int = MAX_BYTES) -> Model:
         )
     except (KeyError, ValueError, TypeError, AttributeError) as error:
         raise RecordingError(f"the model's description is damaged: {str(error)[:200]}") from error
-    preview = arrays.get("preview", np.zeros((1, 1), np.uint8))
-    return Model(summary=_summary(meta), state=state, preview=preview)
+    return Model(summary=_summary(meta), state=state)
 
 
 def decode_summary(data: bytes) -> ModelSummary:

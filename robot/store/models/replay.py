@@ -6,7 +6,9 @@ import json
 import logging
 import zlib
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -30,16 +32,11 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recovered:
-    """The recovered model.
-
-    `name` is None if the model was never saved under one; `is_saved` is True if the newest version
-    of that name holds it all.
-    """
+    """The recovered model; `name` is None if it was never saved under one."""
 
     model: Model
     name: str | None
     replayed: int
-    is_saved: bool
 
 
 @dataclass(slots=True)
@@ -49,23 +46,19 @@ class _Run:
     boot: int
     run: str = ""
     events: dict[int, HistoryEvent] = field(default_factory=dict)
-    checkpoints: dict[int, tuple[Model, str | None]] = field(default_factory=dict)
+    checkpoint: tuple[int, Model, str | None] | None = None
     drives: set[int] = field(default_factory=set)
     last: int = 0
     saved: int = -1
 
 
 def recover(folder: Path, store: ModelStore) -> Recovered | None:
-    """Return the last state of the last run; None if the journal does not hold it."""
+    """Return the last state of the last run; None if it was saved, or the journal has it not."""
     parts = list_parts(folder)
     boots = sorted({part.boot for part in parts}, reverse=True)
-    for boot in boots:
-        run = _read_run([part for part in parts if part.boot == boot])
-        if run.checkpoints:
-            break
-    else:
-        return None
-    if run.saved >= run.last:
+    runs = (_read_run([part for part in parts if part.boot == boot]) for boot in boots)
+    run = next((run for run in runs if run.checkpoint is not None), None)
+    if run is None or run.saved >= run.last:
         return None
     if newest_boot(store) > run.boot:
         return None  # a later start saved it, and was over before it wrote to the journal
@@ -96,8 +89,7 @@ def _take(run: _Run, record: bytes) -> None:
         head, _, body = record.partition(HEAD)
         words: dict[str, Any] = json.loads(head)
         kind = words["kind"]
-        if kind == "begin":
-            run.run = str(words["run"])
+        if kind == "begin":  # of 0.2
             return
         change = int(words["change"])
         if kind == "drive":
@@ -106,11 +98,10 @@ def _take(run: _Run, record: bytes) -> None:
         run.last = max(run.last, change)
         if kind == "saved":
             run.saved = max(run.saved, change)
-        elif kind == "checkpoint" and change not in run.checkpoints:
+        elif kind == "checkpoint" and (run.checkpoint is None or run.checkpoint[0] < change):
             model = decode_model(_unpack(body))
-            run.checkpoints[change] = (model, words["name"])
-            for older in sorted(run.checkpoints)[:-2]:
-                del run.checkpoints[older]
+            run.run = model.summary.position.run if model.summary.position else ""
+            run.checkpoint = change, model, words["name"]
         elif kind == "event" and change not in run.events:
             run.events[change] = read_event(json.loads(_unpack(body)))
     except (RobotError, ValueError, KeyError, TypeError, zlib.error, RecursionError) as error:
@@ -126,58 +117,48 @@ def _unpack(body: bytes) -> bytes:
 
 
 def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
-    change = max(run.checkpoints)
-    model, name = run.checkpoints[change]
-    found = _newest_version(run, change, [store.current, name], store)
-    is_file = found is not None
-    if found is not None:
-        change, model, name = found
+    change, is_file, model, name = max(_bases(run, store), key=itemgetter(0, 1))
     missing = [number for number in range(change + 1, run.last + 1) if number not in run.events]
     if missing:
         log.warning("%d records of the journal are missing", len(missing))
     numbers = [number for number in sorted(run.events) if number > change]
     if not numbers and (is_file or _is_saved(model, name, store)):
-        return Recovered(model=model, name=name, replayed=0, is_saved=True)
-    position = JournalPosition(run=run.run, boot=run.boot, change=run.last)
-    recovered = _learn_on(model, run, numbers, position)
+        return None
     return Recovered(
-        model=recovered,
+        model=_learn_on(model, run, numbers),
         name=name if name in store.names() else None,
         replayed=len(numbers),
-        is_saved=False,
     )
 
 
-def _newest_version(
-    run: _Run, change: int, names: list[str | None], store: ModelStore
-) -> tuple[int, Model, str] | None:
-    """Return the newest sound version of this run that is not older than the checkpoint."""
-    found = []
-    for name in dict.fromkeys(name for name in names if name is not None):
-        for model in store.sound_versions(name):
-            position = model.summary.position
-            if position is not None and position.run == run.run and position.change >= change:
-                found.append((position.change, model, name))
+def _bases(run: _Run, store: ModelStore) -> Iterator[tuple[int, bool, Model, str | None]]:
+    """Yield what holds the learner up to some change, by itself: a checkpoint, and versions."""
+    assert run.checkpoint is not None
+    change, model, name = run.checkpoint
+    yield change, False, model, name
+    for saved in filter(None, (store.current, name)):
+        for version in store.sound_versions(saved):
+            position = version.summary.position
+            if position is not None and position.run == run.run:
+                yield position.change, True, version, saved
                 break
-    return max(found, key=lambda one: one[0], default=None)
 
 
 def _is_saved(model: Model, name: str | None, store: ModelStore) -> bool:
     """True if the newest sound version under this name holds the same."""
-    for version in store.sound_versions(name) if name is not None else ():
-        return same_nodes(version.state, model.state)
-    return False
+    newest = next(store.sound_versions(name), None) if name is not None else None
+    return newest is not None and same_nodes(newest.state, model.state)
 
 
 def newest_boot(store: ModelStore) -> int:
     """Return the number of the start that saved the model in use; 0 if none did."""
     name = store.current
-    for model in store.sound_versions(name) if name is not None else ():
-        return model.summary.position.boot if model.summary.position else 0
-    return 0
+    newest = next(store.sound_versions(name), None) if name is not None else None
+    position = newest.summary.position if newest is not None else None
+    return position.boot if position is not None else 0
 
 
-def _learn_on(model: Model, run: _Run, numbers: list[int], position: JournalPosition) -> Model:
+def _learn_on(model: Model, run: _Run, numbers: list[int]) -> Model:
     """Return the model after these changes, as they were made."""
     policy, taught = model.to_policy(), Counter(model.summary.taught)
     policy.restore(model.state)  # it was taken in the middle of a drive
@@ -197,6 +178,7 @@ def _learn_on(model: Model, run: _Run, numbers: list[int], position: JournalPosi
 
     replay(policy, events, refuse)
     summary = model.summary
+    position = JournalPosition(run=run.run, boot=run.boot, change=run.last)
     return take_model(
         policy, taught, saved_at_s=summary.saved_at_s, place=summary.place, position=position
     )

@@ -15,7 +15,8 @@ from robot.learner.base import State
 from robot.policy.registry import make_policy
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode, open_episode
-from robot.store.episodes.teaching import learn_again, same_nodes
+from robot.store.episodes.teaching import learn_again
+from robot.store.models.model import same_nodes
 
 from .sim_drive import Driven, drive_in_simulator
 

@@ -41,7 +41,7 @@ def test_a_folder_that_is_not_there_is_an_error_that_names_it(tmp_path: Path) ->
 def test_a_killed_process_lets_go(tmp_path: Path) -> None:
     hold = (
         "import sys, pathlib; from robot.store.lock import FolderLock;"
-        "FolderLock(pathlib.Path(sys.argv[1])).start(); print('held', flush=True);"
+        "lock = FolderLock(pathlib.Path(sys.argv[1])); lock.start(); print('held', flush=True);"
         "sys.stdin.read()"
     )
     holder = subprocess.Popen(

@@ -144,4 +144,4 @@ def test_counting_keeps_nothing_of_the_pictures(tmp_path: Path) -> None:
     _, peak_bytes = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert summary.frames > 1500 and summary.damage
-    assert peak_bytes < path.stat().st_size + 2**20 and peak_bytes < 8 * 2**20
+    assert peak_bytes < path.stat().st_size + 2 * 2**20 and peak_bytes < 7 * 2**20

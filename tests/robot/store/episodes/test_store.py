@@ -15,8 +15,9 @@ from robot.store.episodes.edits import Edit, Notes, notes_path, trim
 from robot.store.episodes.episode import open_episode, taught_frames
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import read_summary
-from robot.store.episodes.teaching import learn_again, plan, same_nodes
+from robot.store.episodes.teaching import learn_again, plan
 from robot.store.folder import Storage
+from robot.store.models.model import same_nodes
 from robot.types import Action, Mode
 
 from .drives import RecordedBench, record_drive

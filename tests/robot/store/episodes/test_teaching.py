@@ -11,8 +11,8 @@ from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.store.episodes.edits import Edit, Notes, trim
 from robot.store.episodes.episode import Episode, open_episode
-from robot.store.episodes.teaching import learn_again, plan, same_nodes
-from robot.store.models.model import Model
+from robot.store.episodes.teaching import learn_again, plan
+from robot.store.models.model import Model, same_nodes
 from robot.types import Action, Example, Mode, Point
 
 from .drives import MOVES, RecordedBench, record_drive

@@ -105,7 +105,7 @@ class Life(BenchRobot):
 
         self.loop.submit = submit  # type: ignore[method-assign]
         recovered = recover(storage.journal, self.store)
-        self.recovered = recovered is not None and not recovered.is_saved
+        self.recovered = recovered is not None
         self.journal.open_boot(newest_boot(self.store))
         self.loop.subscribe(self.autosave.note)
         if recovered is not None:

@@ -81,7 +81,7 @@ Change = Callable[[dict[str, Any], Arrays], None]
 def of_arrays(arrays: Arrays) -> Iterator[tuple[str, Change]]:
     """Yield what may be wrong with each array."""
     for name, array in arrays.items():
-        if name in ("preview", "state.pace_picture") or name.endswith("novelty"):
+        if name == "state.pace_picture" or name.endswith("novelty"):
             continue
 
         def put(make: Callable[[NDArray[Any]], NDArray[Any]], name: str = name) -> Change:
@@ -206,9 +206,6 @@ def _wrong(learner: str) -> Iterator[tuple[str, dict[str, Any], Arrays]]:
         named = f"{kind}-{name}" if name else "oracle-4"
         yield f"learner {what}", put_at(meta, ("learner",), named), arrays
     yield "a strange array", meta, {**arrays, "state.strange": np.zeros(3)}
-    yield "a preview of no size", meta, {**arrays, "preview": np.zeros((0, 9), np.uint8)}
-    yield "a preview of floats", meta, {**arrays, "preview": np.zeros((9, 9))}
-    yield "a huge preview", meta, {**arrays, "preview": np.zeros((2000, 9), np.uint8)}
 
 
 @pytest.mark.parametrize("learner", [*LEARNERS, "default-32", *installed("without-linear-4")])

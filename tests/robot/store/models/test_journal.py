@@ -233,7 +233,7 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
 
     life = Life(tmp_path, [0.0], random.Random(5), writes=False)
     monkeypatch.setattr(os, "fsync", flush)
-    life.journal._clock = RealClock()
+    life.journal._clock = life.journal._thread._clock = RealClock()
     life.journal.start()
     disk = DiskThread(RealClock())
     disk.add(life.journal.sync)

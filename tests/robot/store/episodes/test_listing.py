@@ -1,16 +1,15 @@
-"""The list of episodes is read from an index; the recordings only where the index is wrong."""
+"""Recordings are read for the list once, and again where they changed."""
 
 from __future__ import annotations
 
 import os
-import random
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from robot.store.episodes import store_index as index_module
+from robot.store.episodes import store as store_module
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import EpisodeSummary
 from robot.store.folder import Storage
@@ -34,23 +33,22 @@ def storage(tmp_path: Path) -> Storage:
 def read(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     """Which recordings were opened."""
     opened: list[str] = []
-    real = index_module.read_summary
+    real = store_module.read_summary
 
     def note(path: Path) -> EpisodeSummary:
         opened.append(path.stem)
         return real(path)
 
-    monkeypatch.setattr(index_module, "read_summary", note)
+    monkeypatch.setattr(store_module, "read_summary", note)
     yield opened
 
 
-def test_recordings_are_read_once_also_across_starts(storage: Storage, read: list[str]) -> None:
+def test_recordings_are_read_once(storage: Storage, read: list[str]) -> None:
     store = EpisodeStore(storage)
     listed = store.summaries()
     assert len(listed) == len(read) == MANY
     read.clear()
     assert store.summaries() == listed
-    assert EpisodeStore(storage).summaries() == listed
     assert store.summary("episode-00007") == next(c for c in listed if c.id == "episode-00007")
     assert read == []
 
@@ -80,38 +78,6 @@ def test_only_what_changed_is_read_again(storage: Storage, read: list[str]) -> N
     assert sorted(read) == ["episode-00003", "episode-00005"]
     assert listed["episode-00003"].title == "the hall"
     assert "episode-00004" not in listed and not listed["episode-00005"].is_readable
-    read.clear()
-    assert {summary.id: summary for summary in EpisodeStore(storage).summaries()} == listed
-    assert read == []
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_a_damaged_index_is_built_anew(storage: Storage, seed: int) -> None:
-    listed = EpisodeStore(storage).summaries()
-    index = storage.episodes / ".index.json"
-    rng = random.Random(seed)
-    data = bytearray(index.read_bytes())
-    how = seed % 5
-    if how == 0:
-        data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
-    elif how == 1:
-        data = data[: rng.randrange(len(data))]
-    elif how == 2:
-        data = bytearray(b"\xff" * 99)
-    index.unlink()
-    if how == 3:
-        index.mkdir()
-    elif how == 4:
-        os.mkfifo(index)
-    else:
-        index.write_bytes(data)
-    assert EpisodeStore(storage).summaries() == listed
-
-
-def test_what_is_being_recorded_is_never_in_the_index(storage: Storage) -> None:
-    store = EpisodeStore(storage, recording=lambda: "episode-00000")
-    assert len(store.summaries()) == MANY
-    assert b"episode-00000" not in (storage.episodes / ".index.json").read_bytes()
 
 
 @pytest.mark.parametrize(
