@@ -12,7 +12,8 @@ from robot.clock import Clock
 from robot.errors import ConfigurationError, RobotError
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.store.episodes.comparison import Comparison, compare, count_steps
+from robot.store.episodes.comparison import Comparison, compare
+from robot.store.episodes.edits import Notes
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.teaching import EditedEpisode, Report, learn_again, plan
 from robot.store.models.model import Model, take_model
@@ -74,7 +75,8 @@ class Retraining:
 class _Run:
     def __init__(self, episodes: list[EditedEpisode], learner: str, clock: Clock) -> None:
         self._episodes, self._learner, self._clock = episodes, learner, clock
-        self._total = len(plan(episodes)) + count_steps(episodes)
+        unedited = [(episode, Notes()) for episode, _ in episodes]
+        self._total = len(plan(unedited)) + 2 * len(plan(episodes))  # the most that is learned
         self._done = 0
         self._report: Report | None = None
         self._comparison: Comparison | None = None

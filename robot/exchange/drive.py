@@ -15,7 +15,7 @@ from robot.errors import RecordingError
 from robot.exchange.report import ImportReport
 from robot.policy.history import Taught
 from robot.store.episodes.messages import COMMAND, LESSON, describe_command
-from robot.store.episodes.writer import EpisodeWriter, Run
+from robot.store.episodes.writer import EpisodeWriter, describe_run
 from robot.store.folder import whole_file
 from robot.store.models.events import describe_event
 from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Point
@@ -58,7 +58,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     """
     is_past = 0 < drive.started_at_s <= RealClock().wall_s()
     started_at_s = drive.started_at_s if is_past else 0.0  # unknown: never newer than a drive here
-    run = Run(
+    run = describe_run(
         episode_id=path.stem,
         run_id=path.stem,
         origin_ns=round(started_at_s * 1e9),
@@ -68,7 +68,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
         source=drive.source,
     )
     with whole_file(path) as file:
-        writer = EpisodeWriter(file, run.describe())
+        writer = EpisodeWriter(file, run)
         for frame_id, shot in enumerate(drive.shots, start=1):
             _write_shot(writer, frame_id, shot)
             on_shot()

@@ -179,7 +179,7 @@ def list_episodes(request: Request) -> Response:
     found = EpisodeList(
         recording=recorder.episode_id,
         fault=recorder.fault,
-        dropped_frames=recorder.lost.frames,
+        dropped_frames=recorder.lost["frames"],
         episodes=[_describe(summary, recorder.episode_id) for summary in summaries],
     )
     # NOTE: encoded here, because FastAPI takes a second for a list of 2,000.

@@ -74,15 +74,10 @@ def compare(
         right_before += was == label
         right_after += now == label
         if (was == label) != (now == label):
-            differences.append(
-                JudgedFrame(
-                    episode_id=episode.id,
-                    frame_id=frame_id,
-                    label=label,
-                    before=was,
-                    after=now,
-                )
+            judged = JudgedFrame(
+                episode_id=episode.id, frame_id=frame_id, label=label, before=was, after=now
             )
+            differences.append(judged)
         on_step()
     return Comparison(
         frames=len(asked),
@@ -91,15 +86,6 @@ def compare(
         mended=_spread([d for d in differences if d.after == d.label]),
         broken=_spread([d for d in differences if d.before == d.label]),
     )
-
-
-def count_steps(episodes: Sequence[EditedEpisode]) -> int:
-    """Return how often `compare` will call `on_step`: about twice what there is to learn."""
-    asked = _held_out(episodes)
-    if asked is None:
-        return 0
-    unedited = [(episode, Notes()) for episode, _ in episodes]
-    return len(plan(unedited)) + len(plan(episodes)) - len(asked)
 
 
 def _held_out(episodes: Sequence[EditedEpisode]) -> list[tuple[Episode, Example]] | None:

@@ -57,7 +57,7 @@ def end_recording(path: Path) -> bool:
         with whole_file(path) as copy:
             _copy_what_is_left(path, copy)
             if not os.path.samestat(status, path.stat()):
-                return False
+                raise OSError("it was changed meanwhile")
     except _UNUSABLE:
         return False
     return True

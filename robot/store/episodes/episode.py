@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 from robot.driver import Move, from_text
@@ -46,7 +46,9 @@ class Episode:
     messages: dict[str, list[tuple[float, Fields]]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     damage: str | None = None
-    _chunks: OrderedDict[int, list[bytes]] = field(default_factory=OrderedDict)
+    _read_chunk: Callable[[Path, int], list[bytes]] = field(
+        default_factory=lambda: lru_cache(_CHUNKS_KEPT)(read_chunk)
+    )
 
     @property
     def id(self) -> str:
@@ -93,11 +95,7 @@ class Episode:
         if entry is None:
             raise RecordingError(f"the recording {self.id} has no frame {frame_id}")
         offset, index = entry.place
-        if offset not in self._chunks:
-            self._chunks[offset] = read_chunk(self.path, offset)
-            while len(self._chunks) > _CHUNKS_KEPT:
-                self._chunks.popitem(last=False)
-        return decode_image(entry, self._chunks[offset][index])
+        return decode_image(entry, self._read_chunk(self.path, offset)[index])
 
     def model_before(self) -> Model | None:
         return self._model(MODEL_BEFORE)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import shutil
 import threading
-from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from robot.clock import Clock
 from robot.store.episodes.messages import Fields
-from robot.store.episodes.writer import EpisodeWriter, Run
+from robot.store.episodes.writer import EpisodeWriter
 from robot.store.models.autosave import Announce
 from robot.store.models.model import Model, encode_model
 from robot.types import Frame
@@ -43,14 +44,6 @@ class RecorderConfig:
     """Recording stops while the disk still has so much left: for models, and for the system."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Lost:
-    """Items dropped because the disk was too slow, counted from the program's start."""
-
-    frames: int = 0
-    messages: int = 0
-
-
 class RecordingQueue:
     """Takes what is to be recorded on the loop's thread, and writes it on the disk's."""
 
@@ -71,19 +64,20 @@ class RecordingQueue:
         self._jobs: deque[tuple[int, Callable[..., None], tuple[Any, ...]]] = deque()
         self._writer: EpisodeWriter | None = None
         self._checked_s = 0.0
-        self._lost_before = Lost()
+        self._lost_before: Counter[str] = Counter()
         self.waiting_bytes = 0
         """Bytes of queued pictures."""
         self.is_ending = False
         """What is open when nothing waits any more is to be ended."""
-        self.lost = Lost()
+        self.lost: Counter[str] = Counter()
+        """`frames` and `messages` dropped since the program began: the disk was too slow."""
         self.episode_id: str | None = None
         self.fault: str | None = None
 
     # Called on the loop's thread ---------------------------------------------------------------
 
-    def begin(self, run: Run, model: Model | None) -> None:
-        self._put(0, self._begin, run, model, self.lost, must_go=True)
+    def begin(self, run: Mapping[str, str], model: Model | None) -> None:
+        self._put(0, self._begin, run, model, self.lost.copy(), must_go=True)
 
     def end(self, model: Model | None) -> None:
         """End the recording; `model` is what the learner knows now, None if not known."""
@@ -96,12 +90,12 @@ class RecordingQueue:
         """Write a picture; False if there is no room for it."""
         is_kept = self._put(len(frame.data), self._write, EpisodeWriter.write_frame, frame)
         if not is_kept:
-            self.lost = replace(self.lost, frames=self.lost.frames + 1)
+            self.lost["frames"] += 1
         return is_kept
 
     def write_message(self, topic: str, now_s: float, fields: Fields) -> None:
         if not self._put(0, self._write, EpisodeWriter.write_message, topic, now_s, fields):
-            self.lost = replace(self.lost, messages=self.lost.messages + 1)
+            self.lost["messages"] += 1
 
     def _put(self, size: int, job: Callable[..., None], *what: Any, must_go: bool = False) -> bool:
         """Queue a job; False if the queue is full. Never waits for the disk."""
@@ -150,28 +144,28 @@ class RecordingQueue:
         if self._writer is not None:
             write(self._writer, *what)
 
-    def _begin(self, run: Run, model: Model | None, lost_before: Lost) -> None:
+    def _begin(
+        self, run: Mapping[str, str], model: Model | None, lost_before: Counter[str]
+    ) -> None:
         self._end(None)
         self._check_room()
         if self.fault is not None:
             return
         before = encode_model(model, is_packed=True) if model is not None else None
-        run, file = self._open_free(run)
+        episode_id, file = self._open_free(run["episode"])
+        run = {**run, "episode": episode_id}
         keeps_drives = self._config.keeps_drives
-        self._writer = EpisodeWriter(file, run.describe(), before, keeps_drives=keeps_drives)
-        self.episode_id = run.episode_id
+        self._writer = EpisodeWriter(file, run, before, keeps_drives=keeps_drives)
+        self.episode_id = episode_id
         self._lost_before = lost_before
         self._announce("recording_on", episode=self.episode_id)
 
-    def _open_free(self, run: Run) -> tuple[Run, BinaryIO]:
-        """Open a file of the run's name; a clock that was set back may have given it before."""
+    def _open_free(self, wanted: str) -> tuple[str, BinaryIO]:
+        """Open a file of this name; a clock that was set back may have given it before."""
         for number in range(1, 1000):
-            episode_id = run.episode_id if number == 1 else f"{run.episode_id}-{number}"
-            try:
-                file = self._open_file(self._folder / f"{episode_id}.mcap")
-            except FileExistsError:
-                continue
-            return replace(run, episode_id=episode_id), file
+            episode_id = wanted if number == 1 else f"{wanted}-{number}"
+            with contextlib.suppress(FileExistsError):
+                return episode_id, self._open_file(self._folder / f"{episode_id}.mcap")
         raise OSError("there are too many recordings of the same moment")
 
     def _check_room(self) -> None:
@@ -185,21 +179,20 @@ class RecordingQueue:
         writer, self._writer = self._writer, None
         if writer is None:
             return
-        after = encode_model(model, is_packed=True) if model is not None else None
-        frames = self.lost.frames - self._lost_before.frames
-        messages = self.lost.messages - self._lost_before.messages
-        summary = {"dropped_frames": str(frames), "lost_words": str(messages)}
         episode_id, self.episode_id = self.episode_id, None
         if not writer.has_content:
             writer.abandon()
             (self._folder / f"{episode_id}.mcap").unlink(missing_ok=True)
             self._announce("recording_done", episode=None)
             return
+        after = encode_model(model, is_packed=True) if model is not None else None
+        lost = self.lost - self._lost_before
+        summary = {"dropped_frames": str(lost["frames"]), "lost_words": str(lost["messages"])}
         try:
             writer.close(summary, after)
         finally:
-            if frames or messages:
-                self._announce("recording_lossy", dropped_frames=frames)
+            if lost:
+                self._announce("recording_lossy", dropped_frames=lost["frames"])
             self._announce("recording_done", episode=episode_id)
 
     def _give_up(self, sentence: str) -> None:

@@ -36,11 +36,14 @@ from robot.store.episodes.messages import (
 )
 from robot.store.episodes.queue import RecorderConfig, RecordingQueue
 from robot.store.episodes.reader import require_mcap
-from robot.store.episodes.writer import Run
+from robot.store.episodes.writer import describe_run
 from robot.store.models.autosave import Announce, no_announcement
 from robot.store.models.events import describe_event, describe_point
 from robot.store.models.model import Model, take_model
 from robot.types import Frame, Mode
+
+_KEPT_IDS = 512
+"""So many pictures back an example finds its own in the recording."""
 
 
 class Recorder:
@@ -80,7 +83,7 @@ class Recorder:
         self._mode = Mode.STOPPED
         self._moved_s = 0.0
         self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)
-        self._kept: dict[int, None] = {}
+        self._kept: deque[int] = deque(maxlen=_KEPT_IDS)
         self._taught: set[int] = set()
 
     def start(self) -> None:
@@ -150,7 +153,7 @@ class Recorder:
     def _open(self, now_s: float) -> None:
         wall_ns = round(1e9 * self._loop.clock.wall_s())
         state = self._loop.state
-        run = Run(
+        run = describe_run(
             episode_id=make_id(wall_ns),
             run_id=self._run_id,
             origin_ns=wall_ns - round(now_s * 1e9),
@@ -220,9 +223,7 @@ class Recorder:
 
     def _keep(self, frame: Frame) -> None:
         if frame.frame_id not in self._kept and self.queue.write_frame(frame):
-            self._kept[frame.frame_id] = None
-            while len(self._kept) > 512:
-                del self._kept[next(iter(self._kept))]
+            self._kept.append(frame.frame_id)
 
     def _end_if_due(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         """End after a pause, and where an undo reached back beyond this recording."""

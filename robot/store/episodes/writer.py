@@ -6,8 +6,7 @@ import io
 import json
 import os
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from typing import Any, BinaryIO
 
 from robot.driver import Move, to_text
@@ -42,42 +41,39 @@ FORMAT = 1
 _CHUNK_BYTES = 1 << 20
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
-    """What is known of a recording when it begins.
+def describe_run(
+    *,
+    episode_id: str,
+    run_id: str,
+    origin_ns: int,
+    started_at_s: float = 0.0,
+    robot: str = "",
+    learner: str = "",
+    moves: Sequence[str] = (),
+    declared_moves: Sequence[Move] = (),
+    options: Mapping[str, Any] | None = None,
+    source: str = "drive",
+) -> dict[str, str]:
+    """Return what is known of a recording when it begins, as the metadata at its beginning.
 
     `started_at_s` is wall-clock time, seconds since 1970. `origin_ns` is what the run's clock
     showed as 0, in nanoseconds since 1970. Frame ids are unique within one `run_id`: several
     recordings of one run of the program share it.
     """
-
-    episode_id: str
-    run_id: str
-    origin_ns: int
-    started_at_s: float = 0.0
-    robot: str = ""
-    learner: str = ""
-    moves: tuple[str, ...] = ()
-    declared_moves: tuple[Move, ...] = ()
-    options: Mapping[str, Any] = field(default_factory=dict)
-    source: str = "drive"
-
-    def describe(self) -> dict[str, str]:
-        """Return it as the metadata at the beginning of a recording."""
-        return {
-            "format": str(FORMAT),
-            "episode": self.episode_id,
-            "run": self.run_id,
-            "origin_ns": str(self.origin_ns),
-            "started_at_s": f"{self.started_at_s:.3f}",
-            "robot": self.robot,
-            "learner": self.learner,
-            "moves": ",".join(self.moves),
-            "declared_moves": to_text(self.declared_moves),
-            "options": json.dumps(dict(self.options), default=str),
-            "source": self.source,
-            "timed": "1",  # examples were learned with their teaching times, unlike in 0.1
-        }
+    return {
+        "format": str(FORMAT),
+        "episode": episode_id,
+        "run": run_id,
+        "origin_ns": str(origin_ns),
+        "started_at_s": f"{started_at_s:.3f}",
+        "robot": robot,
+        "learner": learner,
+        "moves": ",".join(moves),
+        "declared_moves": to_text(declared_moves),
+        "options": json.dumps(dict(options or {}), default=str),
+        "source": source,
+        "timed": "1",  # examples were learned with their teaching times, unlike in 0.1
+    }
 
 
 class EpisodeWriter:

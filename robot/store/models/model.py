@@ -235,12 +235,11 @@ def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
         if raw is None or raw.dtype != np.uint8:
             raise ValueError("it has no metadata")
         meta = json.loads(raw.tobytes())
-        if not isinstance(meta["format"], int) or not isinstance(meta["state"]["params"], dict):
+        is_known = isinstance(meta["format"], int) and meta["format"] >= 1
+        if not is_known or not isinstance(meta["state"]["params"], dict):
             raise ValueError("its metadata have an unknown form")
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
-    if meta["format"] < 1:
-        raise RecordingError("this is not a model, or a damaged one: its format is below 1")
     if meta["format"] > FORMAT:
         raise RecordingError(
             f"this model has format {meta['format']}; this program reads up to {FORMAT}: update it"

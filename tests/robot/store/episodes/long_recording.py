@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from robot.store.episodes.messages import DECISION, LESSON
-from robot.store.episodes.writer import EpisodeWriter, Run
+from robot.store.episodes.writer import EpisodeWriter, describe_run
 from robot.types import DEFAULT_MOVES, Encoding, Frame
 
 RATE_HZ = 30
@@ -18,7 +18,7 @@ _PICTURE_BYTES = 1900
 def write_cut_recording(path: Path, minutes: float) -> Path:
     """Write what a robot records that is taught with every picture, without its end."""
     rng = np.random.default_rng(1)
-    run = Run(
+    run = describe_run(
         episode_id=path.stem,
         run_id="long",
         origin_ns=1_700_000_000 * 10**9,
@@ -37,7 +37,7 @@ def write_cut_recording(path: Path, minutes: float) -> Path:
         "asks_pilot": False,
     }
     with path.open("xb") as file:
-        writer = EpisodeWriter(file, run.describe())
+        writer = EpisodeWriter(file, run)
         for number in range(1, round(minutes * 60 * RATE_HZ) + 1):
             now_s = number / RATE_HZ
             frame = Frame(
