@@ -27,9 +27,8 @@ import threading
 import zlib
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 from robot.clock import Clock, RealClock
 from robot.control.state import Tick
@@ -42,7 +41,7 @@ from robot.store.records import RecordWriter, open_new
 log = logging.getLogger(__name__)
 
 PART_BYTES = 4 * 2**20
-"""At this size a new part is begun, so that replay stays short."""
+"""With so much behind its checkpoint a part ends, so that replay stays short."""
 _LONGEST_WAIT_S = 2.0
 _MOST_WAITING = 8192
 _TRY_AGAIN_S = 5.0
@@ -52,33 +51,10 @@ _PART = re.compile(r"(\d{6,12})-(\d{2,9})\.([ab])", re.ASCII)
 HEAD = b"\n"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Item:
-    """One record to be: an `event`, a `checkpoint` that begins a part, or a word of two kinds.
-
-    `saved`: everything up to this change is in a model's file. `drive`: a drive began after this
-    change; some learners look for their place then.
-    """
-
-    kind: str
-    change: int
-    event: HistoryEvent | None = None
-    model: Model | None = None
-    name: str | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, order=True)
-class Part:
-    """Where one part of the journal is."""
-
-    boot: int
-    number: int
-    folder: Path
-
-    @property
-    def paths(self) -> tuple[Path, Path]:
-        stem = f"{self.boot:06d}-{self.number:02d}"
-        return self.folder / f"{stem}.a", self.folder / f"{stem}.b"
+_Record = tuple[dict[str, Any], HistoryEvent | Model | None]
+"""A record to be. Its head has a `change`, and a `kind`: `event`; `checkpoint`, with the model's
+`name`; `saved`, as everything up to this change is in a model's file; or `drive`, as a drive began
+after this change, and some learners look for their place then."""
 
 
 def list_parts(folder: Path) -> list[Part]:
@@ -87,9 +63,18 @@ def list_parts(folder: Path) -> list[Part]:
         found = [_PART.fullmatch(path.name) for path in folder.iterdir()]
     except OSError:
         return []
-    return sorted(
-        {Part(boot=int(m[1]), number=int(m[2]), folder=folder) for m in found if m is not None}
-    )
+    return sorted({Part(int(match[1]), int(match[2])) for match in found if match is not None})
+
+
+class Part(NamedTuple):
+    """One part of the journal: the number of the start, and of the part."""
+
+    boot: int
+    number: int
+
+    def files(self, folder: Path) -> list[Path]:
+        stem = f"{self.boot:06d}-{self.number:02d}"
+        return [folder / f"{stem}.a", folder / f"{stem}.b"]
 
 
 class Journal:
@@ -109,12 +94,13 @@ class Journal:
         self._open_file = open_file
         self._clock = clock or RealClock()
         self._lock = threading.Lock()
-        self._queue: deque[_Item] = deque()
+        self._queue: deque[_Record] = deque()
         self._thread = DiskThread(self._clock, "journal", every_s=None)
         self._thread.add(self.write_waiting)
         self._writer: RecordWriter | None = None
         self._written = -1
         self._part = 0
+        self._longest_bytes = 0
         self._needs_checkpoint = True
         self._try_again_s = 0.0
         self.fault: str | None = None
@@ -146,7 +132,7 @@ class Journal:
         events, must = tick.history_events, self._needs_checkpoint
         drives, self._drives = self._drives, history.drives
         if drives != history.drives and not must:
-            self._put(_Item(kind="drive", change=history.changes - len(events)))
+            self._put("drive", history.changes - len(events))
         if must and tick.now_s < self._try_again_s:
             return
         if not events and not (must and self._try_again_s > 0.0):
@@ -154,12 +140,11 @@ class Journal:
         if must or not all(isinstance(event, Taught | Edited) for event in events):
             self._try_again_s = tick.now_s + _TRY_AGAIN_S
             self._needs_checkpoint = False
-            model = self.copy(history, place)
-            self._put(_Item(kind="checkpoint", change=history.changes, model=model, name=name))
+            self._put("checkpoint", history.changes, self.copy(history, place), name=name)
             return
         first = history.changes - len(events) + 1
         for change, event in enumerate(events, start=first):
-            self._put(_Item(kind="event", change=change, event=event))
+            self._put("event", change, event)
 
     def copy(self, history: TrainingHistory, place: str) -> Model:
         """Copy the learner as it is now, with its position; on the loop's thread."""
@@ -171,20 +156,22 @@ class Journal:
             position=self.position(history.changes),
         )
 
-    def _put(self, item: _Item) -> None:
+    def _put(
+        self, kind: str, change: int, body: HistoryEvent | Model | None = None, **more: str | None
+    ) -> None:
         with self._lock:
             if len(self._queue) >= _MOST_WAITING:
                 self._queue.clear()
                 self._needs_checkpoint = True
                 return
-            self._queue.append(item)
+            self._queue.append(({"kind": kind, "change": change, **more}, body))
         self._thread.wake()
 
     # Called on any thread ------------------------------------------------------------------------
 
     def note_saved(self, change: int) -> None:
         """Record that everything up to this change is saved: recovery does not need it."""
-        self._put(_Item(kind="saved", change=change))
+        self._put("saved", change)
 
     async def written(self, change: int) -> None:
         """Wait until this change is written, so that no kill can lose it once it is acknowledged.
@@ -207,12 +194,12 @@ class Journal:
     def write_waiting(self) -> None:
         """Write what is queued. Never raises: a failure is reported, and writing is tried again."""
         with self._lock:
-            items = list(self._queue)
+            records = list(self._queue)
             self._queue.clear()
-        if not items:
+        if not records:
             return
         try:
-            self._write(items)
+            self._write(records)
         except Exception as error:  # top of the thread: whatever it is, the robot drives on
             self._give_up(error)
         else:
@@ -220,19 +207,21 @@ class Journal:
                 log.info("the journal is written again")
                 self.fault = None
 
-    def _write(self, items: list[_Item]) -> None:
-        checkpoints = [i for i, item in enumerate(items) if item.model is not None]
+    def _write(self, records: list[_Record]) -> None:
+        checkpoints = [i for i, (_, body) in enumerate(records) if isinstance(body, Model)]
         if checkpoints:
-            items = items[checkpoints[-1] :]  # it holds what came before it
+            records = records[checkpoints[-1] :]  # it holds what came before it
             self._begin_part()
         if self._writer is None:
-            if all(item.kind in ("saved", "drive") for item in items):
+            if all(head["kind"] in ("saved", "drive") for head, _ in records):
                 return  # nothing was changed in this run
             raise OSError("a part of the journal is missing")
-        self._writer.write([_encode(item) for item in items])
-        self._written = max(self._written, items[-1].change)
-        self._remove_old_parts()
-        if self._writer.written_bytes > PART_BYTES:
+        self._writer.write([_encode(head, body) for head, body in records])
+        self._written = max(self._written, records[-1][0]["change"])
+        if checkpoints:
+            self._longest_bytes = self._writer.written_bytes + PART_BYTES
+            self._remove_old_parts()
+        elif self._writer.written_bytes > self._longest_bytes:
             self._try_again_s = 0.0  # first: the loop may look in between
             self._needs_checkpoint = True
 
@@ -242,8 +231,8 @@ class Journal:
         if shutil.disk_usage(self._folder).free < _SPARE_BYTES:
             raise OSError(28, "the disk is full")
         self._part += 1
-        part = Part(boot=self.boot, number=self._part, folder=self._folder)
-        self._writer = RecordWriter(part.paths, self._open_file)
+        paths = Part(self.boot, self._part).files(self._folder)
+        self._writer = RecordWriter(paths, self._open_file)
 
     def _close(self) -> None:
         writer, self._writer = self._writer, None
@@ -252,7 +241,7 @@ class Journal:
 
     def _remove_old_parts(self) -> None:
         for part in list_parts(self._folder)[:-_KEPT_PARTS]:
-            for path in part.paths:
+            for path in part.files(self._folder):
                 with contextlib.suppress(OSError):
                     path.unlink()
 
@@ -266,13 +255,11 @@ class Journal:
             self._on_fault(self.fault)
 
 
-def _encode(item: _Item) -> bytes:
+def _encode(head: dict[str, Any], body: HistoryEvent | Model | None) -> bytes:
     """Return a record: a line of JSON, and what belongs to it, packed."""
-    head: dict[str, Any] = {"kind": item.kind, "change": item.change}
-    body = b""
-    if item.model is not None:
-        head["name"] = item.name
-        body = zlib.compress(encode_model(item.model), 1)
-    elif item.event is not None:
-        body = zlib.compress(to_json(describe_event(item.event)), 1)
-    return json.dumps(head).encode() + HEAD + body
+    data = b""
+    if isinstance(body, Model):
+        data = zlib.compress(encode_model(body), 1)
+    elif body is not None:
+        data = zlib.compress(to_json(describe_event(body)), 1)
+    return json.dumps(head).encode() + HEAD + data

@@ -56,7 +56,7 @@ def recover(folder: Path, store: ModelStore) -> Recovered | None:
     """Return the last state of the last run; None if it was saved, or the journal has it not."""
     parts = list_parts(folder)
     boots = sorted({part.boot for part in parts}, reverse=True)
-    runs = (_read_run([part for part in parts if part.boot == boot]) for boot in boots)
+    runs = (_read_run(folder, [part for part in parts if part.boot == boot]) for boot in boots)
     run = next((run for run in runs if run.checkpoint is not None), None)
     if run is None or run.saved >= run.last:
         return None
@@ -69,10 +69,10 @@ def recover(folder: Path, store: ModelStore) -> Recovered | None:
         return None
 
 
-def _read_run(parts: list[Part]) -> _Run:
+def _read_run(folder: Path, parts: list[Part]) -> _Run:
     run = _Run(boot=parts[0].boot)
     for part in parts:
-        for path in part.paths:
+        for path in part.files(folder):
             try:
                 for record in read_records(path):
                     _take(run, record)

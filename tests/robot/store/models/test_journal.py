@@ -282,7 +282,7 @@ def test_where_both_files_of_a_part_are_lost_the_saved_model_is_left(
         life.write()
         allowed.append(life.state())
     life.die()
-    for path in list_parts(tmp_path / "journal")[-1].paths:
+    for path in list_parts(tmp_path / "journal")[-1].files(tmp_path / "journal"):
         data = path.read_bytes()
         if how == "remove":
             path.unlink()
