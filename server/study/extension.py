@@ -34,7 +34,7 @@ class StudyExtension(Extension):
                 kept.autosave,
                 services.events.publish,
                 lambda: kept.recording,
-                kept.recorder.queue.keep,
+                kept.recorder.keep,
             )
 
     def start(self) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import BinaryIO
 
 from robot.driver import CLASSIC
@@ -18,6 +20,7 @@ from robot.store.episodes.messages import (
     MODEL_BEFORE,
     PREDICTION,
     SENSORS,
+    Fields,
 )
 from robot.store.episodes.reader import Message, scan
 from robot.store.episodes.teaching import plan
@@ -61,15 +64,10 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
     predictions = {fields["frame"]: fields for _, fields in episode.messages.get(PREDICTION, [])}
     decisions = episode.messages.get(DECISION, [])
     sensed = episode.messages.get(SENSORS, [])
-    start_s, at, felt = episode.start_s, 0, 0
-    found = []
+    start_s, found = episode.start_s, []
     for entry in episode.frames.values():
-        while at < len(decisions) and decisions[at][0] < entry.captured_s:
-            at += 1
-        decision = decisions[at][1] if at < len(decisions) else {}
-        while felt < len(sensed) and sensed[felt][0] < entry.captured_s:
-            felt += 1
-        senses = sensed[felt][1] if felt < len(sensed) else {}
+        decision = _next_of(decisions, entry.captured_s)
+        senses = _next_of(sensed, entry.captured_s)
         pose = senses.get("pose")
         proposed = predictions.get(entry.frame_id, {})
         relabel, example = notes.relabel(entry.frame_id), examples.get(entry.frame_id)
@@ -97,6 +95,12 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
             )
         )
     return found
+
+
+def _next_of(messages: Sequence[tuple[float, Fields]], at_s: float) -> Fields:
+    """Return the first message that is not older; an empty one if none follows."""
+    index = bisect_left(messages, at_s, key=itemgetter(0))
+    return messages[index][1] if index < len(messages) else {}
 
 
 def read_move(label: object, episode: Episode) -> Action:

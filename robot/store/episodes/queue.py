@@ -79,12 +79,9 @@ class RecordingQueue:
     def begin(self, run: Mapping[str, str], model: Model | None) -> None:
         self._put(0, self._begin, run, model, self.lost.copy(), must_go=True)
 
-    def end(self, model: Model | None) -> None:
+    def end(self, model: Model | None, *, is_kept: bool) -> None:
         """End the recording; `model` is what the learner knows now, None if not known."""
-        self._put(0, self._end, model, must_go=True)
-
-    def keep(self) -> None:
-        self._put(0, self._write, EpisodeWriter.keep, must_go=True)
+        self._put(0, self._end, model, is_kept, must_go=True)
 
     def write_frame(self, frame: Frame) -> bool:
         """Write a picture; False if there is no room for it."""
@@ -130,7 +127,7 @@ class RecordingQueue:
                 if self._clock.now_s() - self._checked_s > 2.0:
                     self._check_room()
             if self.is_ending and not self._jobs:
-                self._end(None)
+                self._end()
         except Exception as error:  # whatever it is, the thread must go on
             with self._lock:
                 self.waiting_bytes = sum(size for size, _, _ in self._jobs)
@@ -147,15 +144,14 @@ class RecordingQueue:
     def _begin(
         self, run: Mapping[str, str], model: Model | None, lost_before: Counter[str]
     ) -> None:
-        self._end(None)
+        self._end()
         self._check_room()
         if self.fault is not None:
             return
         before = encode_model(model, is_packed=True) if model is not None else None
         episode_id, file = self._open_free(run["episode"])
         run = {**run, "episode": episode_id}
-        keeps_drives = self._config.keeps_drives
-        self._writer = EpisodeWriter(file, run, before, keeps_drives=keeps_drives)
+        self._writer = EpisodeWriter(file, run, before)
         self.episode_id = episode_id
         self._lost_before = lost_before
         self._announce("recording_on", episode=self.episode_id)
@@ -172,15 +168,15 @@ class RecordingQueue:
         self._checked_s = self._clock.now_s()
         free = shutil.disk_usage(self._folder).free
         if free < self._config.spare_bytes:
-            self._end(None)
+            self._end()
             self._give_up(f"Recording stopped: the disk has only {free >> 20} MB left.")
 
-    def _end(self, model: Model | None) -> None:
+    def _end(self, model: Model | None = None, is_kept: bool = True) -> None:
         writer, self._writer = self._writer, None
         if writer is None:
             return
         episode_id, self.episode_id = self.episode_id, None
-        if not writer.has_content:
+        if not is_kept:
             writer.abandon()
             (self._folder / f"{episode_id}.mcap").unlink(missing_ok=True)
             self._announce("recording_done", episode=None)

@@ -40,7 +40,7 @@ from robot.store.episodes.writer import describe_run
 from robot.store.models.autosave import Announce, no_announcement
 from robot.store.models.events import describe_event, describe_point
 from robot.store.models.model import Model, take_model
-from robot.types import Frame, Mode
+from robot.types import Action, Frame, Mode
 
 _KEPT_IDS = 512
 """So many pictures back an example finds its own in the recording."""
@@ -80,6 +80,8 @@ class Recorder:
         self._unsubscribe: Callable[[], None] = lambda: None
         self._base: Model | None = None
         self._is_open = False
+        self._is_kept = False
+        """Whether the learner changed, or the robot moved: otherwise the recording is discarded."""
         self._mode = Mode.STOPPED
         self._moved_s = 0.0
         self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)
@@ -136,6 +138,10 @@ class Recorder:
         self._mode = mode
         self._end_if_due(tick, events)
 
+    def keep(self) -> None:
+        """Keep what is being recorded, whatever it has."""
+        self._is_kept = True
+
     def finish(self) -> None:
         if self._is_open:
             self._base = self._take()
@@ -165,7 +171,7 @@ class Recorder:
             options=self._options,
         )
         self.queue.begin(run, self._base)
-        self._is_open = True
+        self._is_open, self._is_kept = True, False
         self._kept.clear()
         self._taught.clear()
 
@@ -190,6 +196,7 @@ class Recorder:
 
     def _record_decision(self, tick: Tick) -> None:
         decision = tick.decision
+        self._is_kept |= tick.sent != Action.STOP and self._config.keeps_drives
         fields = {
             "action": decision.action,
             "sent": tick.sent,
@@ -211,6 +218,7 @@ class Recorder:
             self.queue.write_message(PREDICTION, tick.now_s, describe_prediction(tick.prediction))
 
     def _record_event(self, event: HistoryEvent, now_s: float) -> None:
+        self._is_kept = True
         is_lost = isinstance(event, Taught) and event.example.frame_id not in self._kept
         if isinstance(event, Taught):
             self._taught.add(event.example.frame_id)
@@ -238,7 +246,7 @@ class Recorder:
             self.finish()
 
     def _close(self, final: Model | None) -> None:
-        self.queue.end(final)
+        self.queue.end(final, is_kept=self._is_kept)
         self._is_open = False
 
     def _take(self) -> Model:

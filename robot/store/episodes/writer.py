@@ -14,7 +14,6 @@ from robot.policy.history import HistoryEvent, Taught, Undone
 from robot.store.episodes.images import camera_channel, encode_image
 from robot.store.episodes.messages import (
     CAMERA,
-    DECISION,
     LESSON,
     MODEL_AFTER,
     MODEL_BEFORE,
@@ -35,7 +34,7 @@ from robot.store.episodes.reader import (
     require_mcap,
 )
 from robot.store.models.events import read_event, to_json
-from robot.types import Action, Example, Frame
+from robot.types import Example, Frame
 
 FORMAT = 1
 _CHUNK_BYTES = 1 << 20
@@ -84,8 +83,6 @@ class EpisodeWriter:
         file: BinaryIO,
         run: Mapping[str, str],
         model_before: bytes | None = None,
-        *,
-        keeps_drives: bool = True,
     ) -> None:
         self._file = file
         self._origin_ns = int(run["origin_ns"])
@@ -99,9 +96,6 @@ class EpisodeWriter:
         self._frames: set[int] = set()
         self._taught: dict[int, Example] = {}
         self._first_ns, self._last_ns = 2**64, 0
-        self.has_content = False
-        """Whether the learner changed, or the robot moved: otherwise the recording is discarded."""
-        self._keeps_drives = keeps_drives
         self._writer.start(profile="", library="drivelesson")
         self._writer.add_metadata(RUN, dict(run))
         if model_before is not None:
@@ -119,18 +113,10 @@ class EpisodeWriter:
         data = encode_image(frame, stamp_ns)
         self._add(camera_channel(frame), stamp_ns, data, frame.frame_id)
 
-    def keep(self) -> None:
-        """Count as having content, whatever it has."""
-        self.has_content = True
-
     def write_message(self, topic: str, now_s: float, fields: Fields) -> None:
         """Add one message; its topic is one of `messages.SCHEMAS`."""
-        is_lesson = topic == LESSON
-        has_moved = topic == DECISION and fields["sent"] != Action.STOP
-        if is_lesson or (has_moved and self._keeps_drives):
-            self.has_content = True
         stamp_ns, data = self._to_ns(now_s), to_json(fields)
-        self._add(json_channel(topic), stamp_ns, data, 0, fields if is_lesson else None)
+        self._add(json_channel(topic), stamp_ns, data, 0, fields if topic == LESSON else None)
         if topic == SENSORS and fields["pose"]:
             drawn = to_json(pose_in_frame(fields["pose"], stamp_ns))
             self._add(json_channel(POSE), stamp_ns, drawn, 0)

@@ -6,7 +6,6 @@ import contextlib
 import logging
 import re
 import shutil
-import stat
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -75,8 +74,9 @@ class ModelStore:
         self._markers = [storage.models / file for file in ("current.txt", "current.twin.txt")]
 
     def names(self) -> list[str]:
-        found = [path.name for path in paths_in(self._storage.models) if _is_folder(path)]
-        return sorted(found, key=str.casefold)
+        found = paths_in(self._storage.models)
+        names = [path.name for path in found if path.is_dir() and not path.is_symlink()]
+        return sorted(names, key=str.casefold)
 
     def saved(self) -> list[StoredModel]:
         """List all models, the one saved last first."""
@@ -101,7 +101,7 @@ class ModelStore:
         sound = [name for name, checksum in said if checksum == _checksum(name)]
         if not sound and not self._markers[1].exists():  # version 0.2 wrote the name alone
             sound = [said[0][0]]
-        return next((name for name in sound if self._has(name)), None)
+        return next((name for name in sound if name in self.names()), None)
 
     @current.setter
     def current(self, name: str) -> None:
@@ -212,8 +212,7 @@ class ModelStore:
         self.save(name, stamp(model, saved_at_s=model.summary.saved_at_s, place=place))
 
     def copy(self, name: str, new_name: str | None = None) -> str:
-        data = self.read_file(name)
-        return self.add_file(new_name or name, data)
+        return self.add_file(new_name or name, self.read_file(name))
 
     def delete(self, name: str) -> str:
         """Move a model to the trash; return the key for `restore`."""
@@ -231,12 +230,9 @@ class ModelStore:
         return name
 
     def _check(self, name: str) -> str:
-        if not self._has(name):
+        if name not in self.names():
             raise NotFoundError(f"unknown model {name[:80]!r}")
         return name
-
-    def _has(self, name: str) -> bool:
-        return name in self.names()
 
     def _files(self, name: str) -> list[Path]:
         return paths_in(self._storage.models / name)
@@ -265,13 +261,6 @@ def _marked(marker: Path) -> tuple[str, str]:
 
 def _checksum(name: str) -> str:
     return f"{zlib.crc32(name.encode()):08x}"
-
-
-def _is_folder(path: Path) -> bool:
-    try:
-        return stat.S_ISDIR(path.lstat().st_mode)
-    except OSError:
-        return False
 
 
 def _read(path: Path) -> bytes:

@@ -286,7 +286,7 @@ def test_a_run_in_which_nothing_was_taught_is_dropped_unless_somebody_wants_it(
             robot.step(scene, None)
         assert robot.loop.state.decision.action is not Action.STOP, "it drives itself"
         if is_asked_for:
-            robot.recorder.queue.keep()
+            robot.recorder.keep()
         robot.stop()
         return [len(taught_frames(open_episode(path))) for path in robot.finish()]
 
