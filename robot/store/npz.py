@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import functools
 import io
 import math
-import struct
 import zipfile
-import zlib
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.lib.format import read_array_header_1_0, read_array_header_2_0, read_magic
 from numpy.typing import NDArray
 
 from robot.errors import RecordingError
 
 _MAX_MEMBERS = 512
-_MAX_HEADER = 1 << 17
-_LOCAL = struct.Struct("<4s22xHH")
-"""Of a zip's local header: signature, and the lengths of name and extra field."""
 
 
 def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict[str, NDArray[Any]]:
@@ -32,7 +27,7 @@ def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict
             if sum(m.file_size for m in members) > max_bytes:
                 raise RecordingError(f"it unpacks to more than {max_bytes >> 20} MB")
             return {
-                member.filename.removesuffix(".npy"): _parse_array(_bytes_of(archive, member, data))
+                member.filename.removesuffix(".npy"): _read_array(archive.read(member))
                 for member in members
                 if only is None or member.filename == f"{only}.npy"
             }
@@ -42,17 +37,19 @@ def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict
         raise RecordingError(f"it is damaged: {error}") from error
 
 
-def _bytes_of(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) -> memoryview:
-    if member.compress_type != zipfile.ZIP_STORED or member.flag_bits & 1:
-        return memoryview(archive.read(member))
-    signature, name_length, extra_length = _LOCAL.unpack_from(data, member.header_offset)
-    start = member.header_offset + _LOCAL.size + name_length + extra_length
-    part = memoryview(data)[start : start + member.file_size]
-    if signature != b"PK\x03\x04" or len(part) != member.file_size:
-        raise RecordingError("it was cut short")
-    if zlib.crc32(part) != member.CRC:
-        raise RecordingError("a checksum does not fit")
-    return part
+def _read_array(data: bytes) -> NDArray[Any]:
+    """Read one `.npy`; its header is believed only where the bytes are really there."""
+    file = io.BytesIO(data)
+    if read_magic(file) == (1, 0):
+        shape, is_fortran, dtype = read_array_header_1_0(file)
+    else:
+        shape, is_fortran, dtype = read_array_header_2_0(file)
+    start = file.tell()
+    if dtype.hasobject:
+        raise RecordingError("it holds pickled objects, which are never opened")
+    if math.prod(shape) * dtype.itemsize != len(data) - start or min(shape, default=0) < 0:
+        raise ValueError(f"an array whose header says {shape} but whose bytes say otherwise")
+    return np.frombuffer(data, dtype, offset=start).reshape(shape, order="F" if is_fortran else "C")
 
 
 def write_arrays(arrays: Mapping[str, NDArray[Any]], *, is_packed: bool = False) -> bytes:
@@ -64,27 +61,3 @@ def write_arrays(arrays: Mapping[str, NDArray[Any]], *, is_packed: bool = False)
             with archive.open(f"{name}.npy", "w") as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
     return file.getvalue()
-
-
-def _parse_array(data: memoryview) -> NDArray[Any]:
-    """Read one `.npy`; its header is believed only where the bytes are really there."""
-    width = 2 if data[6] == 1 else 4  # of the header's length, in formats 1 and 2
-    start = 8 + width + int.from_bytes(data[8 : 8 + width], "little")
-    shape, fortran, dtype = _parse_header(bytes(data[: min(start, _MAX_HEADER)]))
-    if dtype.hasobject:
-        raise RecordingError("it holds pickled objects, which are never opened")
-    if math.prod(shape) * dtype.itemsize != len(data) - start or min(shape, default=0) < 0:
-        raise ValueError(f"an array whose header says {shape} but whose bytes say otherwise")
-    return np.frombuffer(data, dtype, offset=start).reshape(shape, order="F" if fortran else "C")
-
-
-@functools.lru_cache(maxsize=256)
-def _parse_header(header: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Read the header of one `.npy`; the many arrays of a model have a few headers."""
-    file = io.BytesIO(header)
-    version = np.lib.format.read_magic(file)
-    if version == (1, 0):
-        return np.lib.format.read_array_header_1_0(file)
-    if version == (2, 0):
-        return np.lib.format.read_array_header_2_0(file)
-    raise ValueError(f"an array of format {version}")
