@@ -12,7 +12,7 @@ import re
 import shutil
 import time
 import unicodedata
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -136,18 +136,21 @@ def move(path: Path, target: Path) -> None:
 
 
 def set_aside(path: Path, ending: str = ".set-aside") -> str:
-    """Give what cannot be used another name beside it, and return that; never raises OSError.
+    """Give what cannot be used another name beside it, and return that; never raises OSError."""
+    name = f"{path.name}{ending}"
+    others = (f"{name}-{number}" for number in range(2, 1000))
+    return move_aside(path, [path.with_name(one) for one in (name, *others)]).name
 
-    Where nothing can be renamed it stays, and its own name is returned.
+
+def move_aside(path: Path, targets: Iterable[Path]) -> Path:
+    """Move what is in the way to the first of these places that is free; return where it is now.
+
+    Where nothing can be renamed it stays; never raises OSError.
     """
-    for number in range(1, 1000):
-        aside = path.with_name(f"{path.name}{ending}{'' if number == 1 else f'-{number}'}")
-        if not os.path.lexists(aside):
-            with contextlib.suppress(OSError):
-                path.rename(aside)
-                return aside.name
-            break
-    return path.name
+    target = next((place for place in targets if not os.path.lexists(place)), path)
+    with contextlib.suppress(OSError):
+        return path.rename(target)
+    return path
 
 
 def is_text(name: str) -> bool:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot.store.folder import is_text, write_whole
+from robot.store.folder import is_text, move_aside, write_whole
 
 ASIDE = "set-aside"
 _FOLDERS = ("models", "episodes", "exports", "trash", "journal", "lessons", "tls")
@@ -92,15 +92,10 @@ def _move(path: Path, into: Path) -> str:
     """Move what is in the way; return where it is now, or that it stays."""
     into.mkdir(parents=True, exist_ok=True)
     shown = _shown(path.name)
-    for number in range(1, 10_000):
-        target = into / f"{shown}.{number}"
-        if not os.path.lexists(target):
-            try:
-                path.rename(target)
-            except OSError:
-                break
-            return f"{into.name}/{target.name}"
-    return f"{path.parent.name}/{shown}, where it was"
+    found = move_aside(path, (into / f"{shown}.{number}" for number in range(1, 10_000)))
+    if found == path:
+        return f"{path.parent.name}/{shown}, where it was"
+    return f"{into.name}/{found.name}"
 
 
 def _shown(name: str) -> str:

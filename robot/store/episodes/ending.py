@@ -17,7 +17,7 @@ from typing import BinaryIO
 from robot.errors import RecordingError
 from robot.store.episodes.episode import check_run
 from robot.store.episodes.messages import RUN, SUMMARY
-from robot.store.episodes.reader import MAGIC, Cut, CutError, Metadata, scan
+from robot.store.episodes.reader import CUT_SHORT, MAGIC, Cut, Metadata, scan
 from robot.store.episodes.writer import EpisodeWriter
 from robot.store.folder import whole_file
 
@@ -79,4 +79,4 @@ def _copy_what_is_left(path: Path, copy: BinaryIO) -> None:
             writer.write_copy(record)
     if writer is None or cut.lost_bytes is None or cut.lost_bytes > _MOST_LOST_BYTES:
         raise RecordingError(cut.reason)
-    writer.close(summary if cut.has_all else {"damage": CutError.sentence})
+    writer.close(summary if cut.has_all else {"damage": CUT_SHORT})

@@ -24,6 +24,7 @@ MAX_RECORD_BYTES = 256 * 2**20
 MAX_CHUNK_BYTES = 64 * 2**20
 """What one chunk may unpack to."""
 MAGIC = b"\x89MCAP0\r\n"
+CUT_SHORT = "the file was cut short"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6
 _ATTACHMENT, _METADATA, _METADATA_INDEX, _DATA_END = 9, 12, 13, 15
 _HEAD = struct.Struct("<BQ")
@@ -97,11 +98,6 @@ class Cut:
 
 class CutError(RecordingError):
     """The file ends in the middle of a record."""
-
-    sentence = "the file was cut short"
-
-    def __init__(self) -> None:
-        super().__init__(self.sentence)
 
 
 Record = Message | Metadata | Attachment | Cut
@@ -181,14 +177,14 @@ def _records(file: BinaryIO, most_bytes: int = MAX_RECORD_BYTES) -> Iterator[tup
         offset = file.tell()
         head = file.read(_HEAD.size)
         if len(head) < _HEAD.size:
-            raise CutError
+            raise CutError(CUT_SHORT)
         opcode, length = _HEAD.unpack(head)
         if opcode == 0 or length > most_bytes or length > size - file.tell():
-            raise CutError
+            raise CutError(CUT_SHORT)
         yield offset, opcode, Body(file.read(length))
         if opcode == _FOOTER:
             if file.read(len(MAGIC)) != MAGIC:
-                raise CutError
+                raise CutError(CUT_SHORT)
             return
 
 
