@@ -3,7 +3,8 @@
 Impossible lengths are rejected before anything is set aside for them, chunks are unpacked within
 bounds, and reading stops at the first record that does not make sense. All before it is good: an
 episode is readable up to where its file was cut. Layout: mcap.dev/spec. The library `mcap` is not
-asked: it believes lengths, and a list of two thousand recordings opens two thousand files.
+asked for more than what stands within a record: it believes lengths, and takes a file that was cut
+short for a whole one.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from robot.errors import RecordingError, need
 
@@ -28,7 +29,9 @@ CUT_SHORT = "the file was cut short"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6
 _ATTACHMENT, _METADATA, _METADATA_INDEX, _DATA_END = 9, 12, 13, 15
 _HEAD = struct.Struct("<BQ")
-_END_BYTES = _HEAD.size + 20 + len(MAGIC)
+_END = struct.Struct("<BQQQI8s")
+"""The end of a file: its footer, whose third value is where the summary begins, and `MAGIC`."""
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
 _BUFFER_BYTES = 4096
 _MOST_SUMMARY_BYTES = 16 * 2**20
 
@@ -124,7 +127,7 @@ def scan(path: Path) -> Iterator[Record]:
         except CutError as error:
             lost_bytes = os.fstat(file.fileno()).st_size - end
             yield Cut(reason=str(error), lost_bytes=lost_bytes, has_all=has_all)
-        except (RecordingError, ValueError, KeyError, MemoryError) as error:
+        except (RecordingError, ValueError, KeyError, MemoryError, struct.error) as error:
             yield Cut(reason=str(error) or type(error).__name__)
 
 
@@ -135,7 +138,7 @@ def read_chunk(path: Path, offset: int) -> list[bytes]:
         _, opcode, body = next(_records(file))
         if opcode != _CHUNK:
             raise RecordingError(f"{path.name} has no pictures at {offset}")
-        return [part.rest(22) for kind, part in _parts(body) if kind == _MESSAGE]
+        return [part[_MESSAGE_HEAD.size :] for kind, part in _parts(body) if kind == _MESSAGE]
 
 
 def read_metadata(path: Path) -> dict[str, dict[str, str]]:
@@ -146,31 +149,30 @@ def read_metadata(path: Path) -> dict[str, dict[str, str]]:
 
 def metadata_of(file: BinaryIO) -> dict[str, dict[str, str]]:
     """Do as `read_metadata`, with a file that is open."""
-    end_at = file.seek(0, os.SEEK_END) - _END_BYTES
+    end_at = file.seek(0, os.SEEK_END) - _END.size
     file.seek(max(end_at, 0))
-    end = Body(file.read())
-    opcode, length, start = end.number(1), end.number(8), end.number(8)
-    if end.data[-len(MAGIC) :] != MAGIC or (opcode, length) != (_FOOTER, 20):
+    end = file.read()
+    if len(end) < _END.size or end[-len(MAGIC) :] != MAGIC or end[0] != _FOOTER:
         raise RecordingError("the file's end is missing")
+    start = _END.unpack(end)[2]
     if not 0 < start < end_at <= start + _MOST_SUMMARY_BYTES:
         raise RecordingError("the file has no summary")
     file.seek(start)
-    places = [body.number(8) for _, kind, body in _records(file) if kind == _METADATA_INDEX]
+    indexes = [body for _, kind, body in _records(file) if kind == _METADATA_INDEX]
     found = {}
-    for place in places:
+    for place in (int.from_bytes(body[:8], "little") for body in indexes):
         file.seek(min(place, end_at))
         _, opcode, body = next(_records(file, _MOST_SUMMARY_BYTES))
         if opcode != _METADATA:
             raise RecordingError("no metadata where the summary says")
-        try:
-            name = body.text()
-            found[name] = body.map()
-        except UnicodeDecodeError as error:
-            raise RecordingError("metadata that are no text") from error
+        record = _parse("Metadata", body)
+        found[record.name] = record.metadata
     return found
 
 
-def _records(file: BinaryIO, most_bytes: int = MAX_RECORD_BYTES) -> Iterator[tuple[int, int, Body]]:
+def _records(
+    file: BinaryIO, most_bytes: int = MAX_RECORD_BYTES
+) -> Iterator[tuple[int, int, bytes]]:
     """Yield each record's place, opcode and body, up to the footer."""
     size = os.fstat(file.fileno()).st_size
     while True:
@@ -181,44 +183,23 @@ def _records(file: BinaryIO, most_bytes: int = MAX_RECORD_BYTES) -> Iterator[tup
         opcode, length = _HEAD.unpack(head)
         if opcode == 0 or length > most_bytes or length > size - file.tell():
             raise CutError(CUT_SHORT)
-        yield offset, opcode, Body(file.read(length))
+        yield offset, opcode, file.read(length)
         if opcode == _FOOTER:
             if file.read(len(MAGIC)) != MAGIC:
                 raise CutError(CUT_SHORT)
             return
 
 
-class Body:
-    """The bytes of a record, taken from the front; more than there are raises RecordingError."""
+def _parse(kind: str, body: bytes) -> Any:
+    """Return a record of the library's class of this name."""
+    from mcap import records
+    from mcap.data_stream import ReadDataStream
 
-    __slots__ = ("at", "data")
-
-    def __init__(self, data: bytes) -> None:
-        self.data, self.at = data, 0
-
-    def rest(self, skip: int = 0) -> bytes:
-        """Take all that is left, but for the first bytes of it."""
-        self.at += skip
-        return self.take(len(self.data) - self.at)
-
-    def take(self, length: int) -> bytes:
-        at, self.at = self.at, self.at + length
-        if length < 0 or self.at > len(self.data):
-            raise RecordingError("a record that is longer than what holds it")
-        return self.data[at : self.at]
-
-    def number(self, length: int) -> int:
-        return int.from_bytes(self.take(length), "little")
-
-    def text(self) -> str:
-        return self.take(self.number(4)).decode()
-
-    def map(self) -> dict[str, str]:
-        inside, values = Body(self.take(self.number(4))), {}
-        while inside.at < len(inside.data):
-            key = inside.text()
-            values[key] = inside.text()
-        return values
+    try:
+        return getattr(records, kind).read(ReadDataStream(io.BytesIO(body)))
+    except Exception as error:  # the library's, and those of what it reads by
+        reason = str(error) or "it is shorter than it says"
+        raise RecordingError(f"a record is damaged: {reason}") from error
 
 
 @dataclass(slots=True)
@@ -228,61 +209,64 @@ class _Channels:
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, MessageChannel] = field(default_factory=dict)
 
-    def read(self, offset: int, opcode: int, body: Body) -> Iterator[Record]:
+    def read(self, offset: int, opcode: int, body: bytes) -> Iterator[Record]:
         if opcode == _CHUNK:
             index = 0
             for kind, part in _parts(body):
                 if kind == _MESSAGE:
-                    channel, sequence, log_ns = part.number(2), part.number(4), part.number(8)
+                    channel, sequence, log_ns, _ = _MESSAGE_HEAD.unpack_from(part)
                     yield Message(
                         channel=self.channels[channel],
                         log_ns=log_ns,
                         sequence=sequence,
-                        data=part.rest(8),
+                        data=part[_MESSAGE_HEAD.size :],
                         place=(offset, index),
                     )
                     index += 1
                 else:
                     self._note(kind, part)
         elif opcode == _METADATA:
-            yield Metadata(name=body.text(), values=body.map())
+            record = _parse("Metadata", body)
+            yield Metadata(name=record.name, values=record.metadata)
         elif opcode == _ATTACHMENT:
-            body.take(16)
-            name, _ = body.text(), body.text()
-            yield Attachment(name=name, data=body.take(body.number(8)))
+            record = _parse("Attachment", body)
+            yield Attachment(name=record.name, data=record.data)
         else:
             self._note(opcode, body)
 
-    def _note(self, opcode: int, body: Body) -> None:
+    def _note(self, opcode: int, body: bytes) -> None:
         if opcode == _SCHEMA:
-            number, name, encoding = body.number(2), body.text(), body.text()
-            self.schemas[number] = Schema(name, encoding, body.take(body.number(4)))
+            record = _parse("Schema", body)
+            self.schemas[record.id] = Schema(record.name, record.encoding, record.data)
         elif opcode == _CHANNEL:
-            number, schema = body.number(2), self.schemas.get(body.number(2), _NO_SCHEMA)
-            topic, encoding = body.text(), body.text()
-            self.channels[number] = MessageChannel(
-                topic, encoding, schema, tuple(body.map().items())
+            record = _parse("Channel", body)
+            schema = self.schemas.get(record.schema_id, _NO_SCHEMA)
+            self.channels[record.id] = MessageChannel(
+                record.topic, record.message_encoding, schema, tuple(record.metadata.items())
             )
 
 
 _NO_SCHEMA = Schema("", "", b"")
 
 
-def _parts(chunk: Body) -> Iterator[tuple[int, Body]]:
+def _parts(body: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield a chunk's records, unpacked within bounds and checked against their checksum."""
-    chunk.take(16)
-    size, checksum, compression = chunk.number(8), chunk.number(4), chunk.text()
+    chunk = _parse("Chunk", body)
+    size, checksum = chunk.uncompressed_size, chunk.uncompressed_crc
     if size > MAX_CHUNK_BYTES:
         raise RecordingError(f"a chunk that claims to unpack to {size} bytes is refused")
-    data = _unpack(compression, chunk.take(chunk.number(8)), size)
+    data = _unpack(chunk.compression, chunk.data, size)
     if len(data) != size:
         raise RecordingError("a chunk unpacks to another size than it claims")
     if checksum and zlib.crc32(data) != checksum:
         raise RecordingError("a chunk is damaged: its checksum does not match")
-    inside = Body(data)
-    while inside.at < size:
-        opcode = inside.number(1)
-        yield opcode, Body(inside.take(inside.number(8)))
+    at = 0
+    while at < size:
+        opcode, length = _HEAD.unpack_from(data, at)
+        at += _HEAD.size + length
+        if at > size:
+            raise RecordingError("a record that is longer than what holds it")
+        yield opcode, data[at - length : at]
 
 
 def _unpack(compression: str, data: bytes, size: int) -> bytes:
