@@ -6,7 +6,6 @@ Times of messages are in MCAP's own log time; what is here needs none of its own
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict
 from functools import cache
 from typing import Any
@@ -39,115 +38,91 @@ _MAYBE_COUNT = {"type": ["integer", "null"], "minimum": 0}
 _TRUTH = {"type": "boolean"}
 _MAYBE_TRUTH = {"type": ["boolean", "null"]}
 _SHARE = {"type": "number", "minimum": -1, "maximum": 1}
-_POINT = dict.fromkeys(Point._fields, _SHARE)
 
 
-def _schema(title: str, required: Mapping[str, Any], **optional: Any) -> Fields:
+def _all(kind: Fields, *names: str) -> Fields:
+    return dict.fromkeys(names, kind)
+
+
+def _object(properties: Fields) -> Fields:
+    return {"type": "object", "properties": properties}
+
+
+def _schema(title: str, required: Fields, **optional: Any) -> Fields:
     return {
-        "title": f"drivelesson.{title}",
-        "type": "object",
-        "properties": {**required, **optional},
+        "title": title,
+        **_object({**required, **optional}),
         "required": list(required),
     }
 
 
-def _numbers(*names: str) -> Fields:
-    return {"type": "object", "properties": dict.fromkeys(names, _NUMBER)}
-
+_POINT = _all(_SHARE, *Point._fields)
+_POSE = _object({**_all(_NUMBER, "x_m", "y_m", "heading_rad"), "is_estimate": _TRUTH})
+_GAME = _object({**_all(_NUMBER, "score", "reward"), "number": _COUNT, "is_over": _TRUTH})
 
 SCHEMAS: dict[str, Fields] = {
     COMMAND: _schema(
-        "Command",
+        "drivelesson.Command",
         {"held": _MAYBE_TEXT, "frame": _MAYBE_COUNT, "seq": _COUNT, "pilot": _TEXT},
         **_POINT,
     ),
     DECISION: _schema(
-        "Decision",
+        "drivelesson.Decision",
         {
-            "action": _TEXT,
-            "sent": _TEXT,
-            "driven_by": _TEXT,
-            "mode": _TEXT,
-            "speed_scale": _NUMBER,
+            **_all(_TEXT, "action", "sent", "driven_by", "mode"),
+            **_all(_NUMBER, "speed_scale", "cycle_ms"),
             "stop_reason": _MAYBE_TEXT,
             "asks_pilot": _TRUTH,
-            "cycle_ms": _NUMBER,
         },
         **_POINT,
     ),
     PREDICTION: _schema(
-        "Prediction",
+        "drivelesson.Prediction",
         {
+            **_all(_NUMBER, "confidence", "novelty", "distance"),
             "frame": _COUNT,
             "action": _MAYBE_TEXT,
-            "confidence": _NUMBER,
-            "novelty": _NUMBER,
             "probabilities": {"type": "object", "additionalProperties": _NUMBER},
             "node": _MAYBE_COUNT,
-            "distance": _NUMBER,
         },
         spread=_NUMBER,
         **_POINT,
     ),
     SENSORS: _schema(
-        "Sensors",
+        "drivelesson.Sensors",
         {
-            "distance_m": _MAYBE_NUMBER,
+            **_all(_MAYBE_NUMBER, "distance_m", "battery"),
             "bumped": _MAYBE_TRUTH,
-            "battery": _MAYBE_NUMBER,
-            "pose": {
-                "type": ["object", "null"],
-                "properties": {
-                    "x_m": _NUMBER,
-                    "y_m": _NUMBER,
-                    "heading_rad": _NUMBER,
-                    "is_estimate": _TRUTH,
-                },
-            },
+            "pose": {**_POSE, "type": ["object", "null"]},
         },
-        game={
-            "type": "object",
-            "properties": {
-                "number": _COUNT,
-                "score": _NUMBER,
-                "reward": _NUMBER,
-                "is_over": _TRUTH,
-            },
-        },
+        game=_GAME,
     ),
-    MODE: _schema("Mode", {"mode": _TEXT, "stop_reason": _MAYBE_TEXT}),
+    MODE: _schema("drivelesson.Mode", {"mode": _TEXT, "stop_reason": _MAYBE_TEXT}),
     LESSON: _schema(
-        "Lesson",
+        "drivelesson.Lesson",
         {"event": {"enum": ["taught", "edited", "undone", "replaced"]}},
-        frame=_COUNT,
-        label=_TEXT,
+        **_all(_COUNT, "frame", "node"),
+        **_all(_TEXT, "label", "verb", "learner"),
+        **_POINT,
         intervention=_TRUTH,
         at_s=_NUMBER,
-        **_POINT,
         x={"type": ["object", "null"]},
-        verb=_TEXT,
-        node=_COUNT,
         value={},
         frames={"type": "array", "items": _COUNT},
-        learner=_TEXT,
     ),
-    POSE: {
-        **_schema(
-            "",
-            {
-                "timestamp": _numbers("sec", "nsec"),
-                "frame_id": _TEXT,
-                "pose": {
-                    "type": "object",
-                    "properties": {
-                        "position": _numbers("x", "y", "z"),
-                        "orientation": _numbers("x", "y", "z", "w"),
-                    },
-                },
-            },
-        ),
-        "title": "foxglove.PoseInFrame",
-    },
+    POSE: _schema(
+        "foxglove.PoseInFrame",
+        {
+            "timestamp": _object(_all(_NUMBER, "sec", "nsec")),
+            "frame_id": _TEXT,
+            "pose": _object(
+                {
+                    "position": _object(_all(_NUMBER, "x", "y", "z")),
+                    "orientation": _object(_all(_NUMBER, "x", "y", "z", "w")),
+                }
+            ),
+        },
+    ),
 }
 """Topic to JSON schema. /camera and /pose are Foxglove's own; robot/store/episodes/images.py."""
 
