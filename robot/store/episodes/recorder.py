@@ -11,14 +11,13 @@ from __future__ import annotations
 import contextlib
 import secrets
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
-from robot.driver import Move
 from robot.errors import MissingExtraError
 from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
 from robot.store.disk import DiskThread
@@ -49,9 +48,10 @@ _KEPT_IDS = 512
 class Recorder:
     """Records the runs of one loop.
 
-    `robot`, `declared_moves` and `options` are written into the file. `announce` is called when
-    recording begins, ends, stops because of a fault, or loses pictures. `disk` is the thread that
-    writes, by default one of its own. How it goes is in `queue`.
+    `announce` is called when recording begins, ends, stops because of a fault, or loses pictures.
+    `disk` is the thread that writes, by default one of its own. `about` is what each recording says
+    of the robot: `robot`, `declared_moves` and `options` of `describe_run`. How it goes is in
+    `queue`.
     """
 
     def __init__(
@@ -59,18 +59,14 @@ class Recorder:
         loop: ControlLoop,
         folder: Path,
         *,
-        robot: str = "",
-        declared_moves: tuple[Move, ...] = (),
-        options: Mapping[str, Any] | None = None,
         announce: Announce = no_announcement,
         config: RecorderConfig | None = None,
         open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
         disk: DiskThread | None = None,
+        **about: Any,
     ) -> None:
         self._loop = loop
-        self._robot = robot
-        self._declared_moves = declared_moves
-        self._options = dict(options or {})
+        self._about = about
         self._config = config or RecorderConfig()
         self._run_id = secrets.token_hex(8)
         self._folder = folder
@@ -164,11 +160,9 @@ class Recorder:
             run_id=self._run_id,
             origin_ns=wall_ns - round(now_s * 1e9),
             started_at_s=wall_ns / 1e9,
-            robot=self._robot,
             learner=state.learner,
             moves=tuple(move.value for move in state.moves),
-            declared_moves=self._declared_moves,
-            options=self._options,
+            **self._about,
         )
         self.queue.begin(run, self._base)
         self._is_open, self._is_kept = True, False

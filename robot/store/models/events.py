@@ -78,12 +78,13 @@ def read_event(plain: PlainEvent) -> HistoryEvent:
 
 def to_json(fields: PlainEvent) -> bytes:
     """Return the fields as JSON; they must not hold infinite numbers, which JSON cannot express."""
-    return json.dumps(fields, separators=(",", ":"), default=_plain).encode()
+    return json.dumps(fields, separators=(",", ":"), default=to_plain).encode()
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
+def to_plain(value: Any) -> Any:
+    """Return a value of NumPy as one that JSON can express."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
     raise TypeError(f"cannot keep a {type(value).__name__}")
 
 

@@ -20,6 +20,7 @@ from robot.errors import RecordingError
 from robot.learner.base import State
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
+from robot.store.models.events import to_plain
 from robot.store.npz import read_arrays, write_arrays
 from robot.types import Action
 
@@ -130,7 +131,7 @@ def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
         },
     }
     meta["sha256"] = _checksum(meta, arrays)
-    text = json.dumps(meta, ensure_ascii=False, default=_plain).encode()
+    text = json.dumps(meta, ensure_ascii=False, default=to_plain).encode()
     return write_arrays({"meta": np.frombuffer(text, np.uint8), **arrays}, is_packed=is_packed)
 
 
@@ -204,18 +205,10 @@ def _label(text: str) -> str:
         return text
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    raise TypeError(f"a {type(value).__name__} is not allowed in a model's parameters")
-
-
 def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
     """Hash the meta (but for the hash itself) and every array with its name, type and shape."""
     plain = {key: value for key, value in meta.items() if key != "sha256"}
-    digest = hashlib.sha256(json.dumps(plain, sort_keys=True, default=_plain).encode())
+    digest = hashlib.sha256(json.dumps(plain, sort_keys=True, default=to_plain).encode())
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
         digest.update(f"{name} {array.dtype.str} {arrays[name].shape}".encode())
