@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import stat
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -61,16 +60,14 @@ class EpisodeStore:
         return summary
 
     def _paths(self) -> list[Path]:
-        found = paths_in(self._storage.episodes)
-        return [path for path in found if path.suffix == ".mcap" and path.name[0] != "."]
+        found = [path for path in paths_in(self._storage.episodes) if path.suffix == ".mcap"]
+        return [path for path in found if path.is_file() and not path.name.startswith(".")]
 
     def _describe(self, path: Path) -> EpisodeSummary | None:
         """Describe a recording by reading it, unless it and its notes are as they were."""
         notes = notes_path(path)
         try:
             found = [file.stat() for file in (path, notes) if file is path or file.exists()]
-            if not stat.S_ISREG(found[0].st_mode):
-                return None
             state = [(status.st_size, status.st_mtime_ns) for status in found]
             known, summary = self._described.get(path, (None, None))
             if state != known:
