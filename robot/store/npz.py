@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import math
+import struct
 import zipfile
+import zlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,6 +17,9 @@ from numpy.typing import NDArray
 from robot.errors import RecordingError
 
 _MAX_MEMBERS = 512
+_MAX_HEADER = 1 << 17
+_LOCAL = struct.Struct("<4s22xHH")
+"""Of a zip's local header: signature, and the lengths of name and extra field."""
 
 
 def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict[str, NDArray[Any]]:
@@ -27,7 +32,7 @@ def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict
             if sum(m.file_size for m in members) > max_bytes:
                 raise RecordingError(f"it unpacks to more than {max_bytes >> 20} MB")
             return {
-                member.filename.removesuffix(".npy"): _read_array(archive.read(member))
+                member.filename.removesuffix(".npy"): _read_array(_bytes_of(archive, member, data))
                 for member in members
                 if only is None or member.filename == f"{only}.npy"
             }
@@ -37,9 +42,23 @@ def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict
         raise RecordingError(f"it is damaged: {error}") from error
 
 
-def _read_array(data: bytes) -> NDArray[Any]:
+def _bytes_of(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) -> memoryview:
+    """Return a member's bytes, and no copy of them where it is not packed."""
+    if member.compress_type != zipfile.ZIP_STORED or member.flag_bits & 1:
+        return memoryview(archive.read(member))
+    signature, name_length, extra_length = _LOCAL.unpack_from(data, member.header_offset)
+    start = member.header_offset + _LOCAL.size + name_length + extra_length
+    part = memoryview(data)[start : start + member.file_size]
+    if signature != b"PK\x03\x04" or len(part) != member.file_size:
+        raise RecordingError("it was cut short")
+    if zlib.crc32(part) != member.CRC:
+        raise RecordingError("a checksum does not fit")
+    return part
+
+
+def _read_array(data: memoryview) -> NDArray[Any]:
     """Read one `.npy`; its header is believed only where the bytes are really there."""
-    file = io.BytesIO(data)
+    file = io.BytesIO(data[:_MAX_HEADER])
     if read_magic(file) == (1, 0):
         shape, is_fortran, dtype = read_array_header_1_0(file)
     else:
