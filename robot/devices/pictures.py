@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from robot.errors import RecordingError, need
@@ -25,7 +25,12 @@ class Picture:
     encoding: Encoding
     width: int
     height: int
-    data: bytes
+    data: bytes = field(repr=False)
+
+    @property
+    def is_too_large(self) -> bool:
+        """True for more than 4096 pixels a side."""
+        return max(self.width, self.height) > MAX_SIDE_PX
 
 
 def read_picture_file(folder: Path, name: str) -> Picture:
@@ -98,12 +103,12 @@ def _size(data: bytes) -> tuple[int, int] | None:
     return (int(width), int(height)) if width > 0 and height > 0 else None
 
 
-def jpeg_size(data: bytes) -> tuple[int, int]:
-    """Return width and height of a JPEG, from its header; nothing is decoded."""
+def read_jpeg(data: bytes) -> Picture:
+    """Return a JPEG as it is, with the size that its header says; RecordingError if it is none."""
     size = _size(data) if data.startswith(_JPEG) else None
     if size is None:
         raise RecordingError("not a JPEG")
-    return size
+    return Picture(encoding=Encoding.JPEG, width=size[0], height=size[1], data=data)
 
 
 def _has_end(data: bytes) -> bool:

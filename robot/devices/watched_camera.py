@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Self
 from robot.camera import Camera
 from robot.clock import Clock, Worker
 from robot.devices.freshness import Freshness
+from robot.devices.pictures import Picture
 from robot.driver import Driver
 from robot.errors import MissingExtraError
 
@@ -56,6 +57,15 @@ class ThreadedCamera(Camera):
         """Do each on a thread; it must return soon after `_ending` is set."""
         self._ending.clear()
         self._threads = [self.clock.start_thread(work, f"{self.name}-camera") for work in works]
+
+    def _show_picture(self, picture: Picture, captured_s: float) -> None:
+        self._publish(
+            picture.data,
+            width=picture.width,
+            height=picture.height,
+            encoding=picture.encoding,
+            captured_s=captured_s,
+        )
 
     def _need(self, *libraries: str) -> None:
         """Raise MissingExtraError unless these libraries are installed."""

@@ -10,10 +10,10 @@ import json
 import math
 import struct
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
-from robot.devices.pictures import MAX_SIDE_PX, jpeg_size
+from robot.devices.pictures import Picture, read_jpeg
 from robot.errors import RecordingError
 from server.protocol import ErrorCode, ProtocolError
 
@@ -30,9 +30,7 @@ class EyeFrame:
     seq: int
     taken_ms: float
     is_covered: bool
-    width: int
-    height: int
-    jpeg: bytes = field(repr=False)
+    picture: Picture
 
 
 class EyeClock:
@@ -70,23 +68,15 @@ def parse_frame(message: bytes) -> EyeFrame:
         raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "a binary message must be a picture")
     if not math.isfinite(taken_ms):
         raise ProtocolError(ErrorCode.BAD_FIELD, "the time of a picture must be a finite number")
-    jpeg = message[HEADER.size :]
     try:
-        width, height = jpeg_size(jpeg)
+        picture = read_jpeg(message[HEADER.size :])
     except RecordingError as error:
         raise ProtocolError(ErrorCode.MALFORMED, str(error)) from error
-    if not (0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX):
-        raise ProtocolError(
-            ErrorCode.TOO_LARGE, f"a picture of {width}x{height} pixels is too large"
-        )
-    return EyeFrame(
-        seq=seq,
-        taken_ms=taken_ms,
-        is_covered=bool(flags & _COVERED),
-        width=width,
-        height=height,
-        jpeg=jpeg,
-    )
+    if picture.is_too_large:
+        size = f"{picture.width}x{picture.height}"
+        raise ProtocolError(ErrorCode.TOO_LARGE, f"a picture of {size} pixels is too large")
+    is_covered = bool(flags & _COVERED)
+    return EyeFrame(seq=seq, taken_ms=taken_ms, is_covered=is_covered, picture=picture)
 
 
 def encode_frame(seq: int, taken_ms: float, jpeg: bytes, *, is_covered: bool = False) -> bytes:

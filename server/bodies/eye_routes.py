@@ -99,13 +99,7 @@ class _Eye:
         await self._websocket.send_bytes(encode_acknowledgement(frame.seq))
         taken_ms = self._eye_clock.to_ours(frame.taken_ms)
         if taken_ms is not None and self._pace.allows(self._clock.now_s()):
-            self._camera.offer(
-                frame.jpeg,
-                width=frame.width,
-                height=frame.height,
-                captured_s=taken_ms / 1000,
-                covered=frame.is_covered,
-            )
+            self._camera.offer(frame.picture, taken_ms / 1000, covered=frame.is_covered)
 
     def _refuse(self, error: ProtocolError) -> None:
         self._hub.refused[error.code] += 1

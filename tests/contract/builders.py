@@ -38,6 +38,7 @@ from robot.bodies.ros.camera import RosCamera, RosCameraOptions
 from robot.bodies.v4l2.camera import UsbCameraOptions, V4l2Camera
 from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
 from robot.clock import Clock, ManualClock, RealClock
+from robot.devices.pictures import read_jpeg
 from robot.devices.simulation.camera import SimCamera, SimCameraOptions
 from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.devices.simulation.simulation import NO_NOISE
@@ -261,7 +262,7 @@ def phone_camera() -> Iterator[CameraCase]:
             if clock.wait(ending, 0.03):
                 return
             if not frozen.is_set():
-                camera.offer(grey_jpeg(index), width=32, height=24, captured_s=clock.now_s())
+                camera.offer(read_jpeg(grey_jpeg(index)), clock.now_s())
 
     phone = clock.start_thread(send, "phone")
     yield CameraCase(camera, frozen.set, frozen.clear)

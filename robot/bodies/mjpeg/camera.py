@@ -11,10 +11,9 @@ from robot.bodies.mjpeg.line import CameraLine
 from robot.clock import Clock
 from robot.devices.freshness import LONGEST_PERIOD_S, REOPEN_S
 from robot.devices.options import Options, option
-from robot.devices.pictures import MAX_SIDE_PX, Picture, jpeg_size, read_picture
+from robot.devices.pictures import read_jpeg, read_picture
 from robot.devices.watched_camera import WatchedCamera
 from robot.errors import CameraError, ConfigurationError, RecordingError
-from robot.types import Encoding
 
 _JPEG = b"\xff\xd8"
 
@@ -90,17 +89,21 @@ class MjpegCamera(WatchedCamera):
                 raise CameraError(finder.explain() or self._reason or _ended(finder.n_whole))
             pictures = finder.feed(data)
             if pictures:
-                self._show(pictures[-1], now_s if began_s is None or pictures[1:] else began_s)
+                self._take(pictures[-1], now_s if began_s is None or pictures[1:] else began_s)
                 began_s = None
             else:
                 self._reason = finder.explain() or self._reason
             began_s = now_s if began_s is None and finder.has_begun else began_s
 
-    def _show(self, data: bytes, captured_s: float) -> None:
+    def _take(self, data: bytes, captured_s: float) -> None:
         try:
-            picture = _open_picture(data)
+            is_jpeg = data.startswith(_JPEG)
+            picture = read_jpeg(data) if is_jpeg else read_picture(data, "what it sends")
         except RecordingError as error:
             self._reason = str(error)
+            return
+        if picture.is_too_large:
+            self._reason = f"its pictures are {picture.width}x{picture.height}; choose smaller ones"
             return
         now_s = self.clock.now_s()
         if not self._freshness.is_new(data, now_s):
@@ -108,13 +111,7 @@ class MjpegCamera(WatchedCamera):
         self._reason = None
         self._gap_s = 0.0 if self._shown_s is None else now_s - self._shown_s
         self._shown_s = now_s
-        self._publish(
-            picture.data,
-            width=picture.width,
-            height=picture.height,
-            encoding=picture.encoding,
-            captured_s=captured_s,
-        )
+        self._show_picture(picture, captured_s)
 
     def _name_fault(self, wrong: str) -> str:
         return f"The camera at {self._host} {self._explain(wrong)}."
@@ -134,13 +131,3 @@ def _ended(n_pictures: int) -> str:
     if n_pictures == 1:
         return "it hangs up after one picture; give the address of its stream, not of one picture"
     return "the stream ended"
-
-
-def _open_picture(data: bytes) -> Picture:
-    """Read a JPEG's size, or a PNG's pixels; raises RecordingError if that cannot be."""
-    if not data.startswith(_JPEG):
-        return read_picture(data, "what it sends")
-    width, height = jpeg_size(data)
-    if max(width, height) > MAX_SIDE_PX:
-        raise RecordingError(f"its pictures are {width}x{height}; choose smaller ones")
-    return Picture(encoding=Encoding.JPEG, width=width, height=height, data=data)

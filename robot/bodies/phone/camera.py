@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 
 from robot.clock import Clock
 from robot.devices.options import Options, option
+from robot.devices.pictures import Picture
 from robot.devices.watched_camera import WatchedCamera
-from robot.types import Encoding
 
 NOBODY = "No phone is the robot's eye: open the address that the terminal shows on the phone."
 
@@ -39,34 +39,24 @@ class PhoneCamera(WatchedCamera):
         self._need("cv2", "imagesize")
         self._watch_over()
 
-    def offer(
-        self, jpeg: bytes, *, width: int, height: int, captured_s: float, covered: bool = False
-    ) -> None:
+    def offer(self, picture: Picture, captured_s: float, *, covered: bool = False) -> None:
         """Receive a picture from the phone.
 
         Args:
-            jpeg: Its bytes; the caller has checked their header.
-            width: In pixels.
-            height: In pixels.
+            picture: The caller has checked its header.
             captured_s: When it was taken, on `clock`. The future counts as now, and a picture is
                 never older than the one before it.
             covered: The phone sees nothing but black.
         """
         now_s = self.clock.now_s()
-        if not self._threads or not self._freshness.is_new(jpeg, now_s):
+        if not self._threads or not self._freshness.is_new(picture.data, now_s):
             return
         if covered:
             self._lose("The phone sees only black: is its camera covered?")
             return
         self._reason = None
         self._captured_s = min(now_s, max(captured_s, self._captured_s))
-        self._publish(
-            jpeg,
-            width=width,
-            height=height,
-            encoding=Encoding.JPEG,
-            captured_s=self._captured_s,
-        )
+        self._show_picture(picture, self._captured_s)
 
     def lose(self) -> None:
         self._lose("The phone that is the robot's eye is gone: open its page again.")

@@ -13,10 +13,9 @@ from robot.bodies.ros.bridge import PORT, RosBridge
 from robot.bodies.ros.driver import check_topic
 from robot.clock import Clock
 from robot.devices.options import Options, option
-from robot.devices.pictures import MAX_SIDE_PX, jpeg_size
+from robot.devices.pictures import read_jpeg
 from robot.devices.watched_camera import WatchedCamera
 from robot.errors import CameraError, RecordingError
-from robot.types import Encoding
 
 _IMAGE = "sensor_msgs/msg/CompressedImage"
 
@@ -74,18 +73,15 @@ class RosCamera(WatchedCamera):
         """Take one image, on the bridge's thread."""
         now_s = self.clock.now_s()
         try:
-            picture = base64.b64decode(message["data"], validate=True)
-            width, height = jpeg_size(picture)
+            picture = read_jpeg(base64.b64decode(message["data"], validate=True))
         except (KeyError, TypeError, ValueError, binascii.Error, RecordingError):
             self._reason = f" (it sends {str(message.get('format', 'something'))[:20]!r}, no JPEG)"
             return
-        if max(width, height) > MAX_SIDE_PX:
-            self._reason = f" (its pictures are {width}x{height}: too large)"
-        elif self._freshness.is_new(picture, now_s):
+        if picture.is_too_large:
+            self._reason = f" (its pictures are {picture.width}x{picture.height}: too large)"
+        elif self._freshness.is_new(picture.data, now_s):
             self._reason = ""
-            self._publish(
-                picture, width=width, height=height, encoding=Encoding.JPEG, captured_s=now_s
-            )
+            self._show_picture(picture, now_s)
 
     def _name_fault(self, wrong: str) -> str:
         return f"The topic {self.options.image_topic} {wrong}{self._reason}."

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from robot.devices.freshness import REOPEN_S
 from robot.devices.options import Options, option
+from robot.devices.pictures import Picture
 from robot.devices.watched_camera import WatchedCamera
 from robot.errors import CameraError
 from robot.types import Encoding
@@ -85,25 +86,21 @@ class OpencvCamera(WatchedCamera):
             is_read, picture = capture.read()
             now_s = self.clock.now_s()
             if is_read:
-                self._show(picture, now_s)
+                self._take(picture, now_s)
             if not is_read or self._freshness.fault(now_s) is not None:
                 return  # to be opened again; the watching thread reports the fault
 
-    def _show(self, picture: Any, now_s: float) -> None:
+    def _take(self, pixels: Any, now_s: float) -> None:
         import cv2
 
-        if not self._freshness.is_new(picture.tobytes(), now_s):
+        if not self._freshness.is_new(pixels.tobytes(), now_s):
             return
         size = (self.options.width, self.options.height)
-        small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+        small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
         _, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        self._publish(
-            jpeg.tobytes(),
-            width=size[0],
-            height=size[1],
-            encoding=Encoding.JPEG,
-            captured_s=now_s,
-        )
+        width, height = size
+        shown = Picture(encoding=Encoding.JPEG, width=width, height=height, data=jpeg.tobytes())
+        self._show_picture(shown, now_s)
 
     def _name_fault(self, wrong: str) -> str:
         return f"The camera {self.options.source} {wrong}; check its cable."

@@ -24,7 +24,7 @@ MS = st.floats(0.0, 1e9)
 def test_a_picture_comes_through(seq: int, taken_ms: float, is_covered: bool) -> None:
     frame = parse_frame(encode_frame(seq, taken_ms, JPEG, is_covered=is_covered))
     assert (frame.seq, frame.taken_ms, frame.is_covered) == (seq, taken_ms, is_covered)
-    assert (frame.width, frame.height, frame.jpeg) == (32, 24, JPEG)
+    assert (frame.picture.width, frame.picture.height, frame.picture.data) == (32, 24, JPEG)
 
 
 @given(st.binary(max_size=200))

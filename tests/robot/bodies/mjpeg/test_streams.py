@@ -287,7 +287,7 @@ def test_bursts_are_no_fault_and_a_slow_camera_is_called_slow(
     camera = MjpegCamera(MjpegOptions(source=SOURCE), clock)
     faults = set()
     for number in range(40):
-        camera._show(encoded(".jpg", number), clock.now_s())
+        camera._take(encoded(".jpg", number), clock.now_s())
         clock.advance(0.001)
         if number % burst == 0:
             for _ in range(int(pause_s / 0.05)):

@@ -9,6 +9,8 @@ import pytest
 from robot.bodies.phone.camera import NOBODY, PhoneCamera, PhoneOptions
 from robot.clock import ManualClock, Worker
 from robot.devices.freshness import STILL_S
+from robot.devices.pictures import Picture
+from robot.types import Encoding
 
 
 class Clock(ManualClock):
@@ -40,8 +42,9 @@ def look(camera: PhoneCamera, seconds: float) -> None:
     camera._watch()
 
 
-def offer(camera: PhoneCamera, picture: bytes, ago_s: float = 0.05, **how: bool) -> None:
-    camera.offer(picture, width=4, height=3, captured_s=camera.clock.now_s() - ago_s, **how)
+def offer(camera: PhoneCamera, data: bytes, ago_s: float = 0.05, **how: bool) -> None:
+    picture = Picture(encoding=Encoding.JPEG, width=4, height=3, data=data)
+    camera.offer(picture, camera.clock.now_s() - ago_s, **how)
 
 
 def test_before_the_first_phone_it_says_what_to_do(camera: PhoneCamera) -> None:
