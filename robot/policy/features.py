@@ -58,7 +58,7 @@ class GreyFeatures:
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sums of squares over parts of 5x5 pixels."""
-        return _cells_of_pixels(difference)
+        return sum_over_cells(difference)
 
 
 class GradientFeatures:
@@ -105,7 +105,7 @@ class GradientFeatures:
         """Return the sums of squares of each cell's gradients and of its pixels."""
         bins = difference[: self.n_gradients].reshape(self.n_rows, self.n_columns, self.n_bins)
         cells: NDArray[np.float64] = (bins * bins).sum(axis=2)
-        return cells + _cells_of_pixels(difference[self.n_gradients :])
+        return cells + sum_over_cells(difference[self.n_gradients :])
 
     def _histograms(self, grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
         across, down = self._gradients(grey.astype(np.int16))
@@ -170,10 +170,21 @@ def _normalised(cells: NDArray[np.float64], noise: float) -> NDArray[np.uint8]:
     return scaled
 
 
-def _cells_of_pixels(pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+def sum_over_cells(
+    pixels: NDArray[np.float64], parts: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Sum the squares of 40x30 pixels over 5x5 each, shape (6, 8), and what whole parts add.
+
+    `parts` are sums over as many rows and columns of parts, each spread evenly over its pixels.
+    """
+    squares = (pixels * pixels).reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH)
+    if parts is not None:
+        high, wide = THUMBNAIL_HEIGHT // parts.shape[0], THUMBNAIL_WIDTH // parts.shape[1]
+        squares = squares + np.kron(parts, np.full((high, wide), 1 / (high * wide)))
     high, wide = THUMBNAIL_HEIGHT // CELL_ROWS, THUMBNAIL_WIDTH // CELL_COLUMNS
-    parts = pixels.reshape(CELL_ROWS, high, CELL_COLUMNS, wide)
-    sums: NDArray[np.float64] = (parts * parts).sum(axis=(1, 3))
+    sums: NDArray[np.float64] = squares.reshape(CELL_ROWS, high, CELL_COLUMNS, wide).sum(
+        axis=(1, 3)
+    )
     return sums
 
 

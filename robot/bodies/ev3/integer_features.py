@@ -11,12 +11,7 @@ from numpy.typing import NDArray
 
 from robot.learner.base import Vector
 from robot.policy import image
-from robot.policy.features import (
-    CELL_COLUMNS,
-    CELL_ROWS,
-    THUMBNAIL_HEIGHT,
-    THUMBNAIL_WIDTH,
-)
+from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, sum_over_cells
 from robot.types import Frame
 
 Integers = NDArray[np.int64]
@@ -75,14 +70,10 @@ class IntegerGradientFeatures:
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
         bins = difference[: self.n_gradients].reshape(self.n_rows, self.n_columns, N_BINS)
-        high, wide = THUMBNAIL_HEIGHT // self.n_rows, THUMBNAIL_WIDTH // self.n_columns
-        by_pixel = np.kron((bins * bins).sum(axis=2), np.full((high, wide), 1 / (high * wide)))
-        pixels = difference[self.n_gradients : self.n_compared]
-        by_pixel[::2, ::2] += (pixels * pixels).reshape(THUMBNAIL_HEIGHT // 2, -1)
-        sums: NDArray[np.float64] = by_pixel.reshape(
-            CELL_ROWS, THUMBNAIL_HEIGHT // CELL_ROWS, CELL_COLUMNS, THUMBNAIL_WIDTH // CELL_COLUMNS
-        ).sum(axis=(1, 3))
-        return sums
+        pixels = np.zeros((THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH))
+        compared = difference[self.n_gradients : self.n_compared]
+        pixels[::2, ::2] = compared.reshape(THUMBNAIL_HEIGHT // 2, -1)
+        return sum_over_cells(pixels, (bins * bins).sum(axis=2))
 
     def _histograms(self, half: NDArray[np.int16]) -> NDArray[np.uint8]:
         tables = _tables()

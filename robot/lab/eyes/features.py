@@ -9,11 +9,10 @@ from robot.lab.eyes.network import CHANNELS, COLUMNS, HEIGHT, ROWS, WIDTH, Netwo
 from robot.learner.base import Vector
 from robot.policy import image
 from robot.policy.features import (
-    CELL_COLUMNS,
-    CELL_ROWS,
     THUMBNAIL_HEIGHT,
     THUMBNAIL_WIDTH,
     at_common_scale,
+    sum_over_cells,
 )
 from robot.types import Frame
 
@@ -73,10 +72,4 @@ class EyesFeatures:
         """Return the sums of squares of each part's outputs and of its pixels."""
         by_output = (difference[: self.n_outputs] ** 2).reshape(CHANNELS, self.n_rows, -1)
         parts = by_output.sum(axis=0)
-        pixels = difference[self.n_outputs :].reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH) ** 2
-        high, wide = THUMBNAIL_HEIGHT // self.n_rows, THUMBNAIL_WIDTH // self.n_columns
-        pixels = pixels + np.kron(parts, np.full((high, wide), 1 / (high * wide)))
-        sums: NDArray[np.float64] = pixels.reshape(
-            CELL_ROWS, THUMBNAIL_HEIGHT // CELL_ROWS, CELL_COLUMNS, THUMBNAIL_WIDTH // CELL_COLUMNS
-        ).sum(axis=(1, 3))
-        return sums
+        return sum_over_cells(difference[self.n_outputs :], parts)
