@@ -6,7 +6,7 @@ import asyncio
 from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import AsyncGenerator, Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from websockets.frames import Frame as WebsocketFrame
@@ -102,27 +102,25 @@ class EncodedFrame:
         return cls(message, WebsocketFrame(Opcode.BINARY, message).serialize(mask=False))
 
 
+@dataclass(eq=False)
 class Viewer:
     """One receiver of the video: its window, and the frame that it was sent last.
 
-    Args:
+    Attributes:
         send: Sends a frame. It must return at once: a viewer's window holds fewer bytes than its
             transport takes without pausing the writer.
         every_s: At most one frame in so many seconds.
         person: Whose eyes these are.
     """
 
-    def __init__(
-        self, send: Callable[[EncodedFrame], None], every_s: float = 0.0, person: str = ""
-    ) -> None:
-        self.send = send
-        self.every_s = every_s
-        self.person = person
-        self.drawn_id: int | None = None
-        self.last_sent_s = float("-inf")
-        self.window = VideoWindow()
-        self.size = PictureSize()
-        self.last_sent_id = 0
+    send: Callable[[EncodedFrame], None]
+    every_s: float = 0.0
+    person: str = ""
+    drawn_id: int | None = None
+    last_sent_id: int = 0
+    last_sent_s: float = float("-inf")
+    window: VideoWindow = field(default_factory=VideoWindow)
+    size: PictureSize = field(default_factory=PictureSize)
 
 
 class VideoHub:
@@ -146,7 +144,7 @@ class VideoHub:
         self.encoder = encoder
         self._clock = clock
         self._for_the_eye = for_the_eye
-        self._viewers: dict[int, Viewer] = {}
+        self._viewers: dict[Viewer, None] = {}
         self._streams = 0
         self._frame: Frame | None = None
         self._nonce = 0
@@ -171,12 +169,12 @@ class VideoHub:
 
     def add(self, viewer: Viewer) -> None:
         """Add a viewer; the newest frame is sent to it at once."""
-        self._viewers[id(viewer)] = viewer
+        self._viewers[viewer] = None
         self.offer(viewer)
 
     def remove(self, viewer: Viewer) -> None:
         """Remove a viewer."""
-        self._viewers.pop(id(viewer), None)
+        self._viewers.pop(viewer, None)
 
     def show(self, frame: Frame, nonce: int = 0) -> None:
         """Make `frame` the newest, and send it with `nonce` to each viewer whose window allows."""
@@ -189,7 +187,7 @@ class VideoHub:
         if self._streams:
             shown, self._shown = self._shown, asyncio.Event()
             shown.set()
-        for viewer in list(self._viewers.values()):
+        for viewer in list(self._viewers):
             self.offer(viewer)
 
     def offer(self, viewer: Viewer) -> None:
@@ -252,7 +250,7 @@ class VideoHub:
 
     def drawn_by(self, person: str) -> int | None:
         """Return the newest frame that a person's viewers have acknowledged; None if none has."""
-        own = (viewer for viewer in self._viewers.values() if viewer.person == person)
+        own = (viewer for viewer in self._viewers if viewer.person == person)
         return max((one.drawn_id for one in own if one.drawn_id is not None), default=None)
 
     def captured_s(self, frame_id: int) -> float | None:

@@ -12,6 +12,7 @@ import logging
 import re
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 from fastapi import Depends, HTTPException
 from starlette.datastructures import Headers
@@ -73,46 +74,38 @@ def require_teacher(request: Request) -> Role:
 PILOT = Depends(require_pilot)
 
 
+@dataclass(frozen=True)
 class Guard:
-    """ASGI middleware around the whole application."""
+    """ASGI middleware around the whole application; it counts in `refused`, by reason."""
 
-    def __init__(
-        self,
-        app: ASGIApp,
-        access: Access,
-        refused: Counter[str],
-        clock: Clock,
-        door: Door,
-        proxies: Proxies,
-    ) -> None:
-        self._app = app
-        self._proxies = proxies
-        self._clock = clock
-        self._door = door
-        self._access = access
-        self._refused = refused
+    app: ASGIApp
+    access: Access
+    refused: Counter[str]
+    clock: Clock
+    door: Door
+    proxies: Proxies
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse the request, or pass it on with a role."""
         if scope["type"] not in ("http", "websocket"):
-            await self._app(scope, receive, send)
+            await self.app(scope, receive, send)
             return
-        seen = self._proxies.see_through(scope)
+        seen = self.proxies.see_through(scope)
         scope = scope if isinstance(seen, Refusal) else seen
         headers = _headers(scope)
         verdict = seen if isinstance(seen, Refusal) else self._judge(scope, headers)
         if isinstance(verdict, Refusal):
-            self._refused[verdict.reason] += 1
+            self.refused[verdict.reason] += 1
             path, why = str(scope["path"])[:80], verdict.sentence
             log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
             if verdict.status == 429:  # who waits for the answer asks no more meanwhile
-                await self._clock.pause(_TOO_MANY_S)
+                await self.clock.pause(_TOO_MANY_S)
             await _refuse(scope, receive, send, verdict)
             return
         scope[_ROLE] = verdict
         try:
             if scope["type"] == "websocket":
-                await self._app(scope, self._noting_use(scope, receive), send)
+                await self.app(scope, self._noting_use(scope, receive), send)
             else:
                 await self._pass_request(scope, receive, send, headers)
         except asyncio.CancelledError:
@@ -121,10 +114,10 @@ class Guard:
             await _close(scope, send)  # another needed the place more
         finally:
             if _PLACE in scope:
-                self._door.sockets.give_back(scope[_PLACE])
+                self.door.sockets.give_back(scope[_PLACE])
 
     def _judge(self, scope: Scope, headers: dict[str, str]) -> Role | Refusal:
-        access, method, now_s = self._access, scope.get("method"), self._clock.now_s()
+        access, method, now_s = self.access, scope.get("method"), self.clock.now_s()
         address, _ = client = tuple(scope.get("client") or ("", 0))
         peer = scope.get(PEER, client)
         scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
@@ -134,7 +127,7 @@ class Guard:
         line = session
         if PEER in scope:  # a proxy's connections may each carry many people's requests
             line = Session(Role.VIEWER, f"proxy {peer[0]}", is_crowd=True)
-        self._door.asked(peer, line, now_s, lasts=is_lasting)
+        self.door.asked(peer, line, now_s, lasts=is_lasting)
         if refusal is not None:
             return refusal
         if scope["path"] == STOP_PATH and session is not None:
@@ -152,7 +145,7 @@ class Guard:
     ) -> Refusal | None:
         if "\0" in scope["path"]:
             return Refusal(400, "path", "This address is not valid.")
-        if not self._door.may_ask(person, self._clock.now_s()):
+        if not self.door.may_ask(person, self.clock.now_s()):
             return Refusal(429, "rate", "Too many requests; wait a little.")
         length = headers.get("content-length", "0")
         if not length.isdecimal() or int(length[:20]) > self._most_bytes(scope):
@@ -163,7 +156,7 @@ class Guard:
         """Take a place for what lasts; it ends when it has to give the place up."""
         task = asyncio.current_task()
         assert task is not None
-        place = self._door.sockets.take(person, now_s, task.cancel)
+        place = self.door.sockets.take(person, now_s, task.cancel)
         if place is None:
             return Refusal(503, "clients", "Too many pages are open.")
         scope[_PLACE] = place
@@ -172,14 +165,14 @@ class Guard:
     def _noting_use(self, scope: Scope, receive: Receive) -> Receive:
         async def receive_noting() -> Message:
             message = await receive()
-            note_use(scope, self._clock.now_s())
+            note_use(scope, self.clock.now_s())
             return message
 
         return receive_noting
 
     def _most_bytes(self, scope: Scope) -> int:
         is_upload = scope["type"] == "http" and _UPLOADS.fullmatch(scope["path"])
-        limits = self._door.limits
+        limits = self.door.limits
         return limits.upload_bytes if is_upload else limits.body_bytes
 
     async def _pass_request(
@@ -195,7 +188,7 @@ class Guard:
             await send(message)
 
         with contextlib.suppress(ClientDisconnect):  # gone in the middle of its body
-            await self._app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
+            await self.app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
 
 
 def _limited(receive: Receive, most: int) -> Receive:
