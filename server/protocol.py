@@ -15,7 +15,7 @@ from enum import StrEnum
 from typing import Any, NoReturn
 
 from robot.devices.outside import number, whole
-from robot.types import Action, Encoding, Mode, Point
+from robot.types import Action, Encoding, Frame, Mode, Point
 
 PROTOCOL_VERSION = 1
 MAX_DRIVE_MESSAGE_BYTES = 4096
@@ -127,7 +127,7 @@ ClientMessage = DriveMessage | ModeMessage | BareMessage | Ping
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VideoFrame:
-    """One frame of `/ws/video`: the fields of its header, and the picture itself.
+    """One message of `/ws/video`, as a client gets it: the header's fields, and the picture.
 
     A `quiet` frame need not be acknowledged: a later one will be, and stands for it. `nonce`
     comes back with the next command and proves that it was sent later; 0 is none.
@@ -246,19 +246,19 @@ def _bad_field(name: str, wanted: str, seq: int | None) -> ProtocolError:
     return ProtocolError(ErrorCode.BAD_FIELD, f"{name!r} must be {wanted}", seq)
 
 
-def encode_picture(picture: VideoFrame) -> bytes:
+def encode_picture(frame: Frame, nonce: int = 0, *, is_quiet: bool = False) -> bytes:
     """Encode a frame as a message of `/ws/video`."""
     header = FRAME_HEADER.pack(
         _FRAME,
-        _ENCODINGS.index(picture.encoding),
-        picture.width,
-        picture.height,
-        _QUIET if picture.quiet else 0,
-        picture.frame_id,
-        picture.nonce,
-        picture.captured_ms,
+        _ENCODINGS.index(frame.encoding),
+        frame.width,
+        frame.height,
+        _QUIET if is_quiet else 0,
+        frame.frame_id,
+        nonce,
+        frame.captured_s * 1000,
     )
-    return header + picture.data
+    return header + frame.data
 
 
 def parse_picture(message: bytes) -> VideoFrame:

@@ -17,7 +17,7 @@ from robot.errors import MissingExtraError
 from robot.policy.image import Pixels, to_rgb
 from robot.types import Encoding, Frame
 from server.clients.flow_control import PictureSize, VideoWindow
-from server.protocol import VideoFrame, encode_picture
+from server.protocol import encode_picture
 
 _REMEMBERED_FRAMES = 256
 """How many frames' capture times are remembered."""
@@ -57,20 +57,11 @@ class Encoder:
 
         return make_compressor(self._quality)
 
-    def encode(self, frame: Frame, nonce: int = 0) -> VideoFrame:
-        """Return the picture for `/ws/video`."""
-        encoding, data = frame.encoding, frame.data
-        if encoding is Encoding.RGB and self._compress is not None:
-            encoding, data = Encoding.JPEG, self.encode_jpeg(frame)
-        return VideoFrame(
-            frame_id=frame.frame_id,
-            captured_ms=frame.captured_s * 1000,
-            encoding=encoding,
-            width=frame.width,
-            height=frame.height,
-            data=data,
-            nonce=nonce,
-        )
+    def encode(self, frame: Frame) -> Frame:
+        """Return the frame as it is sent on `/ws/video`."""
+        if frame.encoding is Encoding.RGB and self._compress is not None:
+            return replace(frame, encoding=Encoding.JPEG, data=self.encode_jpeg(frame))
+        return frame
 
     def encode_jpeg(self, frame: Frame) -> bytes:
         """Return the frame as JPEG, whatever its encoding.
@@ -96,9 +87,9 @@ class EncodedFrame:
     wire: bytes
 
     @classmethod
-    def of(cls, picture: VideoFrame) -> EncodedFrame:
-        """Encode the picture as one binary websocket message (RFC 6455, section 5.2)."""
-        message = encode_picture(picture)
+    def of(cls, frame: Frame, nonce: int, *, is_quiet: bool) -> EncodedFrame:
+        """Encode the frame as one binary websocket message (RFC 6455, section 5.2)."""
+        message = encode_picture(frame, nonce, is_quiet=is_quiet)
         return cls(message, WebsocketFrame(Opcode.BINARY, message).serialize(mask=False))
 
 
@@ -148,7 +139,7 @@ class VideoHub:
         self._streams = 0
         self._frame: Frame | None = None
         self._nonce = 0
-        self._pictures: dict[bool, VideoFrame] = {}
+        self._pictures: dict[bool, Frame] = {}
         self._encoded: dict[tuple[bool, bool], EncodedFrame] = {}
         self._jpeg: bytes | None = None
         self._shown = asyncio.Event()
@@ -209,29 +200,22 @@ class VideoHub:
         self.frames_sent += 1
         viewer.send(self._encode_once(picture, is_large, is_quiet))
 
-    def _picture_of(self, frame: Frame, is_large: bool) -> VideoFrame:
+    def _picture_of(self, frame: Frame, is_large: bool) -> Frame:
         """Return the picture of the newest frame; each size is encoded once for all viewers."""
-        if is_large and True not in self._pictures:
-            large = self._for_the_eye(frame)
-            if large is frame:
+        if is_large not in self._pictures:
+            source = self._for_the_eye(frame) if is_large else frame
+            if is_large and source is frame:
                 self._pictures[True] = self._picture_of(frame, False)
             else:
-                self._pictures[True] = self._encode(large)
-        elif is_large not in self._pictures:
-            self._pictures[False] = self._encode(frame)
+                self.frames_encoded += 1
+                self._pictures[is_large] = self.encoder.encode(source)
         return self._pictures[is_large]
 
-    def _encode(self, frame: Frame) -> VideoFrame:
-        self.frames_encoded += 1
-        return self.encoder.encode(frame, self._nonce)
-
-    def _encode_once(self, picture: VideoFrame, is_large: bool, is_quiet: bool) -> EncodedFrame:
+    def _encode_once(self, picture: Frame, is_large: bool, is_quiet: bool) -> EncodedFrame:
         """Return the frame ready to send; it is encoded once for all viewers."""
         key = is_large, is_quiet
         if key not in self._encoded:
-            self._encoded[key] = EncodedFrame.of(
-                replace(picture, quiet=True) if is_quiet else picture
-            )
+            self._encoded[key] = EncodedFrame.of(picture, self._nonce, is_quiet=is_quiet)
         return self._encoded[key]
 
     def acknowledge(self, viewer: Viewer, frame_id: int, now_s: float) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from robot.driver import Move, move_at
-from robot.types import DEFAULT_MOVES, Action, Encoding, Point
+from robot.types import DEFAULT_MOVES, Action, Encoding, Frame, Point
 from server import protocol
 from server.protocol import ErrorCode, ProtocolError, VideoFrame
 
@@ -46,7 +46,16 @@ def test_pictures(vector: dict[str, Any]) -> None:
         **fields,
     )
     assert protocol.parse_picture(message) == picture
-    assert protocol.encode_picture(picture) == message
+    frame = Frame(
+        frame_id=picture.frame_id,
+        captured_s=picture.captured_ms / 1000,
+        width=picture.width,
+        height=picture.height,
+        encoding=picture.encoding,
+        data=picture.data,
+    )
+    encoded = protocol.encode_picture(frame, picture.nonce, is_quiet=picture.quiet)
+    assert encoded == message
 
 
 @_named("acknowledgements")
