@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
@@ -112,7 +112,7 @@ class State:
 class Learner(Protocol):
     """Protocol of an online classifier: learns one frame at a time, and predicts its label.
 
-    A learner that keeps no images derives from `BaseLearner`, which implements the second half.
+    A learner that keeps no images derives from `BaseLearner` and leaves out what it has not.
 
     Attributes:
         abilities: What it can do beyond learning and predicting.
@@ -133,41 +133,41 @@ class Learner(Protocol):
     @property
     def last_node_(self) -> int | None: ...
 
+    @abstractmethod
     def learn_one(self, x: Vector, y: Label) -> None:
         """Add one labelled vector. Refuses bad input with ValueError and is then unchanged."""
-        ...
+
+    @abstractmethod
+    def explain_one(self, x: Vector) -> Evidence:
+        """Return the prediction with its evidence. Raises NotFittedError before any example."""
 
     def predict_one(self, x: Vector) -> Label:
-        """Return the most likely label. Raises NotFittedError before the first example."""
-        ...
+        """Return the most likely label, the first learned on a tie; raises as `explain_one`."""
+        return self.explain_one(x).label
 
     def predict_proba_one(self, x: Vector) -> dict[Label, float]:
-        """Return each known label's share; shares sum to 1."""
-        ...
+        """Return each known label's share; shares sum to 1; raises as `explain_one`."""
+        return dict(self.explain_one(x).probabilities)
 
-    def explain_one(self, x: Vector) -> Evidence:
-        """Return the prediction with its evidence."""
-        ...
-
+    @abstractmethod
     def get_state(self) -> State:
         """Return a copy of all that was learned; `set_state` of it changes no prediction.
 
         Saving and undo rely on it: further learning after `set_state` gives the same learner,
         bit for bit, as without it.
         """
-        ...
 
+    @abstractmethod
     def set_state(self, state: State) -> None:
         """Restore `state`. Raises ValueError if it is of another kind."""
-        ...
 
     def reset(self) -> None:
         """Forget what belongs to one drive, such as the place, before a new drive."""
-        ...
+        return
 
     def nodes(self) -> list[Node]:
         """Return the learned images, in a fixed order; none without that ability."""
-        ...
+        return []
 
     def relabel_node(self, node_id: int, y: Label) -> None:
         """Let one image vote for `y` alone.
@@ -176,15 +176,24 @@ class Learner(Protocol):
             LookupError: If there is no image of this id.
             ValueError: If the learner keeps no images.
         """
-        ...
+        raise ValueError(f"a {type(self).__name__} keeps no images to edit")
 
     def delete_node(self, node_id: int) -> None:
         """Forget one image; raises as `relabel_node`, and ValueError if it is pinned."""
-        ...
+        raise ValueError(f"a {type(self).__name__} keeps no images to edit")
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
         """Keep one image from being merged or deleted; raises as `relabel_node`."""
-        ...
+        raise ValueError(f"a {type(self).__name__} keeps no images to edit")
+
+
+class BaseLearner(Learner):
+    """A `Learner` without images and other abilities, to derive from."""
+
+    abilities = Abilities()
+    sharpness = 1.0
+    n_nodes_ = 0
+    last_node_: int | None = None
 
 
 @runtime_checkable
@@ -223,46 +232,3 @@ class AngularLearner(Learner, Protocol):
     def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
         """Let one image vote for `y` alone, and steer so."""
         ...
-
-
-class BaseLearner(ABC):
-    """The part of `Learner` that a learner without images can leave as it is."""
-
-    abilities = Abilities()
-    sharpness = 1.0
-    n_nodes_ = 0
-    last_node_: int | None = None
-
-    @abstractmethod
-    def explain_one(self, x: Vector) -> Evidence:
-        """Return the prediction with its evidence. Raises NotFittedError before any example."""
-
-    def predict_one(self, x: Vector) -> Label:
-        """Return the most likely label; raises as `explain_one`."""
-        return self.explain_one(x).label
-
-    def predict_proba_one(self, x: Vector) -> dict[Label, float]:
-        """Return each known label's share; raises as `explain_one`."""
-        return dict(self.explain_one(x).probabilities)
-
-    def reset(self) -> None:  # noqa: B027 - nothing to forget, as a rule
-        """Forget nothing."""
-
-    def nodes(self) -> list[Node]:
-        """Return no images."""
-        return []
-
-    def relabel_node(self, node_id: int, y: Label) -> None:
-        """Raise ValueError: there are no images."""
-        raise self._has_no_images()
-
-    def delete_node(self, node_id: int) -> None:
-        """Raise ValueError: there are no images."""
-        raise self._has_no_images()
-
-    def pin_node(self, node_id: int, pinned: bool = True) -> None:
-        """Raise ValueError: there are no images."""
-        raise self._has_no_images()
-
-    def _has_no_images(self) -> ValueError:
-        return ValueError(f"a {type(self).__name__} keeps no images to edit")

@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector
-from robot.learner.clusters import MOST_FRAMES, Clusters, Edges, Merge
+from robot.learner.clusters import MOST_FRAMES, Clusters, Merge
 from robot.learner.images import FloatImages, Images, IntegerImages
 from robot.learner.novelty import HELD_OUT
 from robot.learner.part import MOST_DISTANCE, Array, Stateful, Value
 from robot.learner.values import count, number
 
 Floats = NDArray[np.float32]
-_SQUARE = ("max_nodes", "max_nodes")
 
 
 class BSOC(Clusters):
@@ -59,8 +58,7 @@ class BSOC(Clusters):
         Array("groups", np.int64, ("max_nodes",)),
         Array("pinned", np.bool_, ("max_nodes",)),
         Array("counts", np.int64, ("max_nodes",), high=MOST_FRAMES),
-        Array("distances", np.float32, _SQUARE, -MOST_DISTANCE, MOST_DISTANCE),
-        Array("weights", np.float32, _SQUARE, -np.inf, np.inf, "_edges.weights"),
+        Array("distances", np.float32, ("max_nodes", "max_nodes"), -MOST_DISTANCE, MOST_DISTANCE),
     )
 
     def __init__(
@@ -71,21 +69,18 @@ class BSOC(Clusters):
         integer: bool = False,
         n_compared: int | None = None,
     ) -> None:
-        super().__init__(max_nodes, max_nodes)
+        super().__init__(max_nodes, max_nodes, np.float32)
         if group_cost < 1.0:
             raise ValueError(f"group_cost must be at least 1, not {group_cost}")
         self.group_cost = group_cost
         self.integer = integer
         self.last_distances_, self.last_touched_ = np.zeros(0, np.float32), np.zeros(0, np.int64)
-        self._n_pinned = 0
-        self._is_choosy = group_cost != 1.0
         # A list for exact counts, read one by one, and an array of them to weigh with.
         self._counts = [0] * max_nodes
         self._masses = np.zeros(max_nodes, np.float32)
         self._touched = np.zeros(max_nodes, np.int64)
         self._groups = np.zeros(max_nodes, np.int64)
         self._distances = np.zeros((max_nodes, max_nodes), np.float32)
-        self._edges = Edges(max_nodes)
         self._images: Images = (
             IntegerImages(max_nodes, n_compared) if integer else FloatImages(max_nodes)
         )
@@ -146,8 +141,9 @@ class BSOC(Clusters):
             self._place(size, np.append(distances, np.float32(0.0)), group, name)
             return int(self._distances[size, : size + 1].argmin())
         weights = distances * self._masses
-        if self._is_choosy:
-            self._make_dear(weights, group, False)
+        self._make_dear(weights, group)
+        if self._n_pinned:
+            weights[self._pinned] = np.inf
         nearest = int(weights.argmin())
         least, kept, removed = self._edges.smallest()
         # A tie goes to the lower pair of indices; the new frame's own index is the highest.
@@ -222,49 +218,26 @@ class BSOC(Clusters):
         size = row.size
         self._distances[node, :size] = row
         self._distances[:size, node] = row
-        weights = np.maximum(self._masses[:size], self._masses[node])
-        weights *= row
-        if self._is_choosy:
-            self._make_dear(weights, self._groups[node], self._pinned[node])
-        self._edges.set_row(node, weights)
+        self._weigh(node)
 
-    def _make_dear(self, weights: Floats, group: int, pinned: bool) -> None:
-        """Raise one node's weights to those of other groups, and infinitely to pinned ones."""
+    def _costs(self, node: int) -> Floats:
+        size = self.n_nodes_
+        weights: Floats = np.maximum(self._masses[:size], self._masses[node])
+        weights *= self._distances[node, :size]
+        self._make_dear(weights, self._groups[node])
+        return weights
+
+    def _make_dear(self, weights: Floats, group: int) -> None:
+        """Raise the weights of one node to those of other groups."""
         if self.group_cost != 1.0:
             weights[self._groups[: weights.size] != group] *= self.group_cost
-        if self._n_pinned:
-            weights[self._pinned[: weights.size] | pinned] = np.inf
 
     def set_group(self, node: int, group: int) -> None:
         """Move one node to another group."""
         self._groups[node] = group
-        self._set_row(node, self._distances[node, : self.n_nodes_].copy())
+        self._weigh(node)
 
-    def pin(self, node: int, pinned: bool = True) -> None:
-        """Keep one node out of all merges, or let it take part again.
-
-        Raises:
-            ValueError: If no node would be left for new frames to merge with.
-        """
-        others = self._n_pinned - bool(self._pinned[node])
-        if pinned and others >= self.max_nodes - 1:
-            raise ValueError(
-                f"at most {self.max_nodes - 1} of {self.max_nodes} nodes can be pinned"
-            )
-        self._pinned[node] = pinned
-        self._n_pinned = others + pinned
-        self._is_choosy = self.group_cost != 1.0 or self._n_pinned > 0
-        self._set_row(node, self._distances[node, : self.n_nodes_].copy())
-
-    def delete(self, node: int) -> int:
-        """Forget one node and return the index of the last, which takes its place.
-
-        Raises:
-            ValueError: If it is pinned.
-        """
-        if self._pinned[node]:
-            raise ValueError("a pinned node cannot be deleted; unpin it first")
-        last = self.n_nodes_ - 1
+    def _move(self, last: int, node: int) -> None:
         if node != last:
             self._images.move(last, node)
             self._counts[node] = self._counts[last]
@@ -276,29 +249,26 @@ class BSOC(Clusters):
             self._distances[:last, node] = row
         self._pinned[last] = False
         self._edges.remove(node, last)
-        self.n_nodes_ = last
-        return last
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
         return (("", self._images),)
 
     def restored(self) -> None:
-        super().restored()
         counts = np.asarray(self._counts)
         self._images.follow(counts)
         self._counts, self._masses = counts.tolist(), counts.astype(np.float32)
-        self._n_pinned = int(self._pinned.sum())
-        self._is_choosy = self.group_cost != 1.0 or self._n_pinned > 0
-        self._edges.rebuild()
         misfit, right = self._misfit()
         if 0.1 < misfit <= 1.0:  # not by learning alone
-            for node, row in enumerate(right):
-                self._set_row(node, row)
+            self._distances[: self.n_nodes_, : self.n_nodes_] = right
+        super().restored()
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         if self._touched.max(initial=0) > self._next_id:
             yield "an image was touched by a frame that was not learned"
+        with np.errstate(all="ignore"):
+            if not self._misfit()[0] <= 1.0:
+                yield "the distances do not fit the images"
 
     def _misfit(self) -> tuple[float, Floats]:
         """Return by how much the distances differ from those of the images, and the latter.
@@ -310,19 +280,9 @@ class BSOC(Clusters):
         rows = self._images.compared(size)
         norms = 0.5 * np.einsum("ij,ij->i", rows, rows)
         right: Floats = np.maximum(norms[:, None] + norms - rows @ rows.T, 0.0)
+        np.fill_diagonal(right, 0.0)
         off = np.abs(self._distances[:size, :size] - right).max(initial=0.0)
         return float(off) / (0.05 * float(norms.max(initial=0.0)) + 1.0), right
-
-    def _fits(self) -> bool:
-        size = self.n_nodes_
-        weights = np.maximum(self._masses[:size, None], self._masses[:size])
-        weights = weights * self._distances[:size, :size]
-        weights[self._groups[:size, None] != self._groups[:size]] *= np.float32(self.group_cost)
-        weights[self._pinned[:size, None] | self._pinned[:size]] = np.inf
-        weights[np.diag_indices(size)] = np.inf
-        own = np.full_like(self._edges.weights, np.inf)
-        own[:size, :size] = weights
-        return self._misfit()[0] <= 1.0 and np.allclose(self._edges.weights, own, rtol=1e-4)
 
     @property
     def kind(self) -> str:

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner import votes
-from robot.learner.base import Abilities, Evidence, Label, Node, NotFittedError, State, Vector
+from robot.learner.base import (
+    Abilities,
+    Evidence,
+    Label,
+    Learner,
+    Node,
+    NotFittedError,
+    State,
+    Vector,
+)
 from robot.learner.bsoc import BSOC
 from robot.learner.change_of_mind import ChangeOfMind
 from robot.learner.clusters import MOST_FRAMES
 from robot.learner.context_ridge import N_CONTEXTS, ContextRidge
-from robot.learner.node_angles import NodeAngles
 from robot.learner.novelty import MARGIN, Novelty
 from robot.learner.part import Array, Arrays, Params, Stateful, Value
 from robot.learner.published import PublishedBSOC
@@ -31,7 +39,7 @@ SHARPNESS = 1.6
 """Calibrates the mixture's chances: one number for all places (docs/explanation/learner.md)."""
 
 
-class BSOCClassifier(Stateful):
+class BSOCClassifier(Stateful, Learner):
     """A classifier of at most `max_nodes` learned images.
 
     Args:
@@ -59,7 +67,11 @@ class BSOCClassifier(Stateful):
         Value("n_voters", count(), "n_voters", is_fixed=True),
         Value("n_seen", count(), "n_seen_"),
         Array("histograms", np.int64, ("max_nodes", "n_labels"), high=MOST_FRAMES),
+        Array(
+            "node_angles", np.float64, ("max_nodes", 2), -MOST_FRAMES, MOST_FRAMES, may_miss=True
+        ),
     )
+    last_node_: int | None = None
 
     def __init__(
         self,
@@ -79,12 +91,10 @@ class BSOCClassifier(Stateful):
             raise ValueError(f"n_voters must be at least 1, not {n_voters}")
         self.max_nodes = max_nodes
         self.n_voters = n_voters
-        if cluster is None:
-            cluster = BSOC(max_nodes, group_cost=group_cost, integer=integer)
-        self.cluster = cluster
+        own = BSOC(max_nodes, group_cost=group_cost, integer=integer)
+        cluster = self.cluster = own if cluster is None else cluster
         self.labels_: list[Label] = []
         self.n_seen_ = 0
-        self.last_node_: int | None = None
         self.linear = linear
         self._contextual = linear if isinstance(linear, ContextRidge) else None
         self.linear_share = linear_share
@@ -92,7 +102,8 @@ class BSOCClassifier(Stateful):
         self.novelty_ = Novelty(margin=novelty_margin)
         self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
-        self._angles = NodeAngles(max_nodes)
+        # Of each node's frames the sums of the angles, from -1 to 1, and of their squares.
+        self._node_angles: votes.Floats | None = None
 
     @classmethod
     def published(cls, max_nodes: int = 32, *, integer: bool = False) -> Self:
@@ -135,10 +146,10 @@ class BSOCClassifier(Stateful):
         self.learn_in(x, y, range(N_CONTEXTS))
 
     def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
-        """Learn angles from now on; each frame so far had the angle of its label, or 0."""
-        if self._angles.sums is None:
+        if self._node_angles is None:
             angles = np.array([of_labels.get(label, 0.0) for label in self.labels_])
-            self._angles.begin(self._histograms, angles)
+            squares = np.stack([angles, angles**2], axis=1)
+            self._node_angles = self._histograms.astype(np.float64) @ squares
             if self.linear is not None:
                 self.linear.begin_angles(angles)
 
@@ -149,14 +160,18 @@ class BSOCClassifier(Stateful):
         column = self.labels_.index(y) if y in self.labels_ else len(self.labels_)
         node = self.cluster.train(x, column)
         self._know(y)
-        self._compare(column)
+        if self._mind is not None and isinstance(self.cluster, BSOC):  # as it was before any merge
+            distances, taught = self.cluster.last_distances_, self.cluster.last_touched_
+            owners = self._histograms[: len(distances)].argmax(axis=1)
+            self._mind.note(column, distances, owners, taught, self.cluster.n_trained_)
         merge = self.cluster.last_merge_
         if merge is not None:
-            self._histograms[merge.kept] += self._histograms[merge.removed]
-            self._histograms[merge.removed] = 0
-            self._angles.merge(merge)
+            for sums in self._sums():
+                sums[merge.kept] += sums[merge.removed]
+                sums[merge.removed] = 0
         self._histograms[node, column] += 1
-        self._angles.add(node, angle)
+        if self._node_angles is not None:
+            self._node_angles[node] += angle, angle * angle
         self.n_seen_ += 1
         self.last_node_ = self.cluster.node_id(node)
         if self.cluster.last_distance_ is not None:
@@ -165,14 +180,6 @@ class BSOCClassifier(Stateful):
             self._contextual.learn_in(x, column, contexts, angle)
         elif self.linear is not None:
             self.linear.learn(x, np.eye(len(self.labels_))[column], angle=angle)
-
-    def _compare(self, column: int) -> None:
-        """Compare the example with the images of its view, before any merge."""
-        if self._mind is None or not isinstance(self.cluster, BSOC):
-            return
-        distances, taught = self.cluster.last_distances_, self.cluster.last_touched_
-        owners = self._histograms[: len(distances)].argmax(axis=1)
-        self._mind.note(column, distances, owners, taught, self.cluster.n_trained_)
 
     def _know(self, y: Label) -> int:
         """Return the column of a label; adds one for a new label."""
@@ -186,25 +193,17 @@ class BSOCClassifier(Stateful):
                 self._mind.add_label()
         return self.labels_.index(y)
 
-    def predict_one(self, x: Vector) -> Label:
-        """Return the label with most votes, the first learned on a tie.
+    def explain_one(self, x: Vector) -> Evidence:
+        """Return the prediction and the node it rests on.
 
         Raises:
             NotFittedError: Before the first example.
             ValueError: If `x` is of another shape or not finite.
         """
-        return self.labels_[int(self._votes(x)[1].argmax())]
-
-    def predict_proba_one(self, x: Vector) -> dict[Label, float]:
-        """Return each known label's share; raises as `predict_one`."""
-        return dict(zip(self.labels_, self._votes(x)[1].tolist(), strict=True))
-
-    def explain_one(self, x: Vector) -> Evidence:
-        """Return the prediction and the node it rests on; raises as `predict_one`."""
         return self.explain_in(x, None)
 
     def explain_in(self, x: Vector, context: int | None) -> Evidence:
-        """Return the prediction in one context; raises as `predict_one`."""
+        """Return the prediction in one context; raises as `explain_one`."""
         distances, shares = self._votes(x, context)
         node = int(distances.argmin())
         listed, best = shares.tolist(), int(shares.argmax())
@@ -222,10 +221,10 @@ class BSOCClassifier(Stateful):
 
     def _angle(self, x: Vector, distances: votes.Distances) -> tuple[float | None, float | None]:
         """Return the angle and its spread, mixed as the votes are; None if none was learned."""
-        if self._angles.sums is None:
+        if self._node_angles is None:
             return None, None
         frames = self._histograms[: distances.size].sum(axis=1)
-        angle, spread = self._angles.near(*votes.weighed(distances, self.n_voters), frames)
+        angle, spread = votes.mean_angle(distances, self._node_angles, frames, self.n_voters)
         linear = None if self.linear is None else self.linear.angle(x)
         if linear is not None:
             angle += self.linear_share * (linear - angle)
@@ -255,36 +254,28 @@ class BSOCClassifier(Stateful):
             shares = self._mind.applied(shares, distances, owners, taught)
         return distances, votes.shares(shares)
 
-    def reset(self) -> None:
-        """Do nothing: all that it learned is kept between drives."""
-
     def nodes(self) -> list[Node]:
         """Return the learned images, in the clustering's order."""
-        cluster = self.cluster
-        rows = zip(
-            cluster.ids_.tolist(),
-            cluster.nodes_,
-            self.histograms_.tolist(),
-            cluster.counts_.tolist(),
-            cluster.pinned_.tolist(),
-            strict=True,
-        )
+        cluster, angles = self.cluster, self._node_angles
+        images, frames, pinned = cluster.nodes_, cluster.counts_.tolist(), cluster.pinned_.tolist()
         return [
             Node(
                 id=node_id,
-                image=image,
+                image=images[i],
                 votes=dict(zip(self.labels_, counts, strict=True)),
-                frames=frames,
-                is_pinned=is_pinned,
-                angle=self._angles.mean(index, sum(counts)),
+                frames=frames[i],
+                is_pinned=pinned[i],
+                angle=None if angles is None else float(angles[i, 0]) / max(sum(counts), 1),
             )
-            for index, (node_id, image, counts, frames, is_pinned) in enumerate(rows)
+            for i, (node_id, counts) in enumerate(
+                zip(cluster.ids_.tolist(), self.histograms_.tolist(), strict=True)
+            )
         ]
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
         others = (self.novelty_, self.linear, self._mind)
-        own = [("", part) for part in others if isinstance(part, Stateful)]
-        return [("cluster", self.cluster), ("", self._angles), *own]
+        own = [("", part) for part in others if part is not None]
+        return [("cluster", self.cluster), *own]
 
     def upgrade(self, params: Params, arrays: Arrays) -> None:
         """Leave out what earlier versions counted."""
@@ -292,12 +283,10 @@ class BSOCClassifier(Stateful):
             arrays.pop(name, None)
 
     def get_state(self) -> State:
-        """Return a copy of all that was learned."""
         params, arrays = self.save()
         return State(kind=self._kind, params=params, arrays=arrays, labels=list(self.labels_))
 
     def set_state(self, state: State) -> None:
-        """Restore `state`; raises ValueError if it is of another kind."""
         if state.kind != self._kind:
             raise ValueError(f"the model is a {state.kind}, not a {self._kind}")
         self.labels_ = list(state.labels)
@@ -310,6 +299,8 @@ class BSOCClassifier(Stateful):
             yield "it has images without labels"
         if self.cluster.groups_.max(initial=-1) >= len(self.labels_):
             yield "an image has no such label"
+        if self._node_angles is not None and (self._node_angles[:, 1] < 0.0).any():
+            yield "the squares of some angles are below zero"
 
     @property
     def _kind(self) -> str:
@@ -322,7 +313,10 @@ class BSOCClassifier(Stateful):
         before = self._histograms[index].copy()
         self._histograms[index] = 0
         n = self._histograms[index, column] = max(int(before.sum()), 1)
-        turned = self._angles.turn(index, n, angle)
+        turned = 0.0
+        if self._node_angles is not None:
+            turned = n * angle - float(self._node_angles[index, 0])
+            self._node_angles[index] = n * angle, n * angle * angle
         if self.linear is not None:
             change = (self._histograms[index] - before).astype(np.float64)
             self.linear.retarget(self.cluster.nodes_[index], change, turned)
@@ -333,11 +327,16 @@ class BSOCClassifier(Stateful):
         index = self._index(node_id)
         image, frames = self.cluster.nodes_[index], float(self.cluster.counts_[index])
         last = self.cluster.delete(index)
-        angle = self._angles.delete(index, last) / frames
+        angle = 0.0 if self._node_angles is None else float(self._node_angles[index, 0]) / frames
         if self.linear is not None:
             self.linear.learn(image, self._histograms[index] / frames, -frames, angle)
-        self._histograms[index] = self._histograms[last]
-        self._histograms[last] = 0
+        for sums in self._sums():
+            sums[index] = sums[last]
+            sums[last] = 0
+
+    def _sums(self) -> list[NDArray[Any]]:
+        """Return what each node has of its frames in sum."""
+        return [sums for sums in (self._histograms, self._node_angles) if sums is not None]
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
         """Keep the node of this id as it is: never merged, never deleted."""

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector
-from robot.learner.part import Stateful
+from robot.learner.part import Arrays, Params, Stateful
 
-Floats = NDArray[np.float32]
+Distances = NDArray[np.float32] | NDArray[np.float64]
 
 CACHED_FROM = 200
 """Nodes from which on each row's least is kept. Below, one argmin over all weights is faster:
@@ -22,12 +22,12 @@ CACHED_FROM = 200
 class Edges:
     """A symmetric matrix of weights; infinite where there is no edge."""
 
-    def __init__(self, max_nodes: int) -> None:
-        self.weights = np.full((max_nodes, max_nodes), np.inf, np.float32)
-        self._n = max_nodes
-        self._is_cached = max_nodes >= CACHED_FROM
-        self._least = np.full(max_nodes, np.inf, np.float32)
-        self._partner = np.zeros(max_nodes, np.int64)
+    def __init__(self, n: int, dtype: type[Any]) -> None:
+        self.weights = np.full((n, n), np.inf, dtype)
+        self._n = n
+        self._is_cached = n >= CACHED_FROM
+        self._least = np.full(n, np.inf, dtype)
+        self._partner = np.zeros(n, np.int64)
 
     def smallest(self) -> tuple[float, int, int]:
         """Return weight and ends of the smallest edge; the lowest indices on a tie."""
@@ -37,7 +37,7 @@ class Edges:
         one, two = divmod(int(self.weights.argmin()), self._n)
         return float(self.weights[one, two]), one, two
 
-    def set_row(self, node: int, weights: Floats) -> None:
+    def set_row(self, node: int, weights: Distances) -> None:
         """Write one node's weights to the first `len(weights)` nodes."""
         weights[node] = np.inf
         size = weights.size
@@ -48,23 +48,16 @@ class Edges:
 
     def remove(self, node: int, last: int) -> None:
         """Let the last node take the place of `node`."""
-        row = self.weights[last, : last + 1].copy()
-        row[last] = np.inf
-        self.weights[last, :] = np.inf
-        self.weights[:, last] = np.inf
-        row = row[:last]
+        row = self.weights[last, :last].copy()
+        self.weights[last, :] = self.weights[:, last] = np.inf
         if node != last:
-            self.weights[node, :last] = row
-            self.weights[:last, node] = row
+            self.weights[node, :last] = self.weights[:last, node] = row
             self.weights[node, node] = np.inf
-        self.rebuild()
+        if self._is_cached:
+            self._partner = self.weights.argmin(axis=1)
+            self._least = self.weights[np.arange(self._n), self._partner]
 
-    def rebuild(self) -> None:
-        """Find each row's smallest weight again, after the weights were replaced."""
-        self._partner = self.weights.argmin(axis=1)
-        self._least = self.weights[np.arange(self._n), self._partner]
-
-    def _update(self, node: int, weights: Floats) -> None:
+    def _update(self, node: int, weights: Distances) -> None:
         """Update each row's smallest weight after one node's weights changed."""
         size = weights.size
         least, partner = self._least[:size], self._partner[:size]
@@ -82,7 +75,6 @@ class Edges:
         self._least[row] = self.weights[row, best]
 
 
-Distances = NDArray[np.float32] | NDArray[np.float64]
 MOST_FRAMES = 10**9
 """More than a pilot teaches in three years."""
 
@@ -108,7 +100,7 @@ class Clusters(Stateful, ABC):
         last_distance_: Squared distance of the latest frame from the nodes before it, if measured.
     """
 
-    def __init__(self, max_nodes: int, n_rows: int) -> None:
+    def __init__(self, max_nodes: int, n_rows: int, dtype: type[Any]) -> None:
         if max_nodes < 1:
             raise ValueError(f"max_nodes must be at least 1, not {max_nodes}")
         self.max_nodes = max_nodes
@@ -118,6 +110,8 @@ class Clusters(Stateful, ABC):
         self._next_id = 0
         self._ids = np.zeros(n_rows, np.int64)
         self._pinned = np.zeros(n_rows, np.bool_)
+        self._n_pinned = 0
+        self._edges = Edges(n_rows, dtype)
 
     def __len__(self) -> int:
         return self.n_nodes_
@@ -161,9 +155,59 @@ class Clusters(Stateful, ABC):
     def distances(self, x: Vector) -> Distances:
         """Return the squared distance of `x` to every node, shape (n,); raises as `lookup`."""
 
+    @abstractmethod
+    def _costs(self, node: int) -> Distances:
+        """Return what merging a node with each of all nodes costs, without pins, shape (n,)."""
+
+    def _weigh(self, node: int) -> None:
+        """Write what merging a node costs: infinitely much for a pinned one."""
+        weights = self._costs(node)
+        if self._n_pinned:
+            weights[self._pinned[: weights.size] | self._pinned[node]] = np.inf
+        self._edges.set_row(node, weights)
+
+    def pin(self, node: int, pinned: bool = True) -> None:
+        """Keep one node out of all merges, or let it take part again.
+
+        Raises:
+            ValueError: If no node would be left for new frames to merge with.
+        """
+        others = self._n_pinned - bool(self._pinned[node])
+        if pinned and others >= self.max_nodes - 1:
+            raise ValueError(
+                f"at most {self.max_nodes - 1} of {self.max_nodes} nodes can be pinned"
+            )
+        self._pinned[node] = pinned
+        self._n_pinned = others + pinned
+        self._weigh(node)
+
+    def delete(self, node: int) -> int:
+        """Forget one node and return the index of the last, which takes its place.
+
+        Raises:
+            ValueError: If it is pinned.
+        """
+        if self._pinned[node]:
+            raise ValueError("a pinned node cannot be deleted; unpin it first")
+        last = self.n_nodes_ - 1
+        self._move(last, node)
+        self.n_nodes_ = last
+        return last
+
+    @abstractmethod
+    def _move(self, last: int, node: int) -> None:
+        """Let the last node take the place of another."""
+
+    def upgrade(self, params: Params, arrays: Arrays) -> None:
+        """Leave out the weights, which follow from the rest."""
+        arrays.pop("weights", None)
+
     def restored(self) -> None:
-        """Begin without a latest merge."""
         self.last_merge_ = None
+        self._n_pinned = int(self._pinned.sum())
+        self._edges.weights[:] = np.inf
+        for node in range(self.n_nodes_):
+            self._weigh(node)
 
     def faults(self) -> Iterator[str]:
         """Yield what the nodes say of one another that cannot be."""
@@ -176,10 +220,3 @@ class Clusters(Stateful, ABC):
             yield "an image stands for no frame"
         if self._pinned.sum() > max(self.max_nodes - 1, 0) or self._pinned[size:].any():
             yield "all images are pinned, or one that is none"
-        with np.errstate(all="ignore"):
-            if not self._fits():
-                yield "the distances do not fit the images"
-
-    @abstractmethod
-    def _fits(self) -> bool:
-        """Tell whether distances and weights are about those that the images have."""

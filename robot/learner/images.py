@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector, checked_vector
-from robot.learner.part import MOST_DISTANCE, MOST_VALUES, Array, Stateful
-from robot.learner.values import demand
+from robot.learner.part import MOST_DISTANCE, MOST_VALUES, Array, Arrays, Params, Stateful
 
 Floats = NDArray[np.float32]
 
@@ -140,11 +139,7 @@ class IntegerImages(Stateful):
             others only follow: a picture to look at needs more pixels than one to recognise.
     """
 
-    fields = (
-        Array("sums", np.int32, ("max_nodes", "d"), high=2**30),
-        Array("images", np.uint16, ("max_nodes", range(2**20)), attribute="_kept_images"),
-        Array("norms", np.float64, ("max_nodes",)),
-    )
+    fields = (Array("sums", np.int32, ("max_nodes", "d"), high=2**30),)
 
     def __init__(self, max_nodes: int, n_compared: int | None = None) -> None:
         self.max_nodes = max_nodes
@@ -158,7 +153,6 @@ class IntegerImages(Stateful):
         self._near: NDArray[Any] = np.zeros(0, np.int32)
         self._x_norm = 0.0
         self._steps = _MOST_STEPS
-        self._told_images: NDArray[Any] | None = None
 
     def begin(self, x: Vector) -> None:
         """Fix the length by the first vector."""
@@ -228,29 +222,18 @@ class IntegerImages(Stateful):
         return self._rows[:size].astype(np.float32) / np.float32(self._steps)
 
     def follow(self, counts: NDArray[np.int64]) -> None:
-        """Make the images of the sums again; raise ValueError if those that were loaded differ."""
-        told, told_norms = self._told_images, self._norms.copy()
+        """Make the images of the sums again."""
         self._set_sums(self._sums)
         self._frames[:] = 0
         self._norms[:] = 0.0
-        rows = np.flatnonzero(counts)
-        for row in rows.tolist():
+        for row in np.flatnonzero(counts).tolist():
             self._divide(row, int(counts[row]))
         self.is_empty = self._sums.shape[1] == 0
-        if told is not None:
-            demand(told.shape == self._rows.shape, f"the array images has the shape {told.shape}")
-            same = np.allclose(told_norms[rows], self._norms[rows], rtol=1e-3, atol=1.0)
-            demand(same, "the array norms is not that of the images")
-        self._told_images = None
 
-    @property
-    def _kept_images(self) -> NDArray[Any]:
-        """The images, for programs of version 0.2; here they follow from the sums."""
-        return self._rows
-
-    @_kept_images.setter
-    def _kept_images(self, images: NDArray[Any]) -> None:
-        self._told_images = images
+    def upgrade(self, params: Params, arrays: Arrays) -> None:
+        """Leave out what follows from the sums."""
+        arrays.pop("images", None)
+        arrays.pop("norms", None)
 
     def faults(self) -> Iterator[str]:
         if (self._sums > 255 * self._frames[:, None]).any():

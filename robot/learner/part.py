@@ -294,10 +294,3 @@ def _inner(own: str, key: str) -> str:
 def taken(arrays: Arrays, start: str) -> Arrays:
     """Take the arrays whose names begin so out of others; return them without that beginning."""
     return {k.removeprefix(start): arrays.pop(k) for k in list(arrays) if k.startswith(start)}
-
-
-def first_rows(rows: NDArray[Any]) -> int | None:
-    """Return how many rows from the first hold anything; None if they have gaps."""
-    held = np.asarray(rows.any(axis=1))
-    n = int(held.sum())
-    return n if held[:n].all() else None

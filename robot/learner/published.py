@@ -33,13 +33,11 @@ class PublishedBSOC(Clusters):
     measures_novelty = False
 
     def __init__(self, max_nodes: int, *, integer: bool = False) -> None:
-        super().__init__(max_nodes, max_nodes + 1)
+        super().__init__(max_nodes, max_nodes + 1, np.float64)
         self.integer = integer
-        self.last_distances_ = np.zeros(0)
         self._dtype: type[Any] = np.int32 if integer else np.float64
         self._images: NDArray[Any] = np.zeros((max_nodes + 1, 0), self._dtype)
         self._counts = np.zeros(max_nodes + 1, np.int64)
-        self._weights = np.full((max_nodes + 1, max_nodes + 1), np.inf)
 
     @property
     def fields(self) -> Sequence[Value | Array]:
@@ -53,7 +51,6 @@ class PublishedBSOC(Clusters):
             Array("counts", np.int64, ("max_nodes+1",), high=MOST_FRAMES),
             Array("ids", np.int64, ("max_nodes+1",)),
             Array("pinned", np.bool_, ("max_nodes+1",)),
-            Array("weights", np.float64, ("max_nodes+1", "max_nodes+1"), high=np.inf),
         )
 
     @property
@@ -111,20 +108,15 @@ class PublishedBSOC(Clusters):
         self._images[index] = image
         self._counts[index] = count
         self._ids[index] = name
-        self._set_weights(index)
+        self._weigh(index)
 
-    def _set_weights(self, node: int) -> None:
-        size = self.n_nodes_
-        weights = self._measure(self._images[node]) * np.maximum(
-            self._counts[:size], self._counts[node]
-        )
-        weights[self._pinned[:size] | self._pinned[node]] = np.inf
-        weights[node] = np.inf
-        self._weights[node, :size] = weights
-        self._weights[:size, node] = weights
+    def _costs(self, node: int) -> NDArray[np.float64]:
+        masses = np.maximum(self._counts[: self.n_nodes_], self._counts[node])
+        costs: NDArray[np.float64] = self._measure(self._images[node]) * masses
+        return costs
 
     def _merge_closest(self) -> None:
-        kept, removed = divmod(int(self._weights.argmin()), self.max_nodes + 1)
+        _, kept, removed = self._edges.smallest()
         counts = int(self._counts[kept]), int(self._counts[removed])
         merged = self._merged(kept, removed, *counts)
         name = int(self._ids[kept] if counts[0] >= counts[1] else self._ids[removed])
@@ -146,53 +138,14 @@ class PublishedBSOC(Clusters):
         rounded: NDArray[Any] = (2 * sums + total) // (2 * total)
         return rounded
 
-    def _move(self, source: int, target: int) -> None:
+    def _move(self, last: int, node: int) -> None:
         for array in (self._images, self._counts, self._ids, self._pinned):
-            array[target] = array[source]
-        self._weights[target] = self._weights[source]
-        self._weights[:, target] = self._weights[:, source]
-        self._pinned[source] = False
-        self._weights[target, target] = np.inf
-        self._weights[source, :] = np.inf
-        self._weights[:, source] = np.inf
+            array[node] = array[last]
+        self._pinned[last] = False
+        self._edges.remove(node, last)
 
     def set_group(self, node: int, group: int) -> None:
         """Do nothing: the published algorithm has no groups."""
-
-    def pin(self, node: int, pinned: bool = True) -> None:
-        """Keep one node out of all merges, or let it take part again.
-
-        Raises:
-            ValueError: If no node would be left for new frames to merge with.
-        """
-        if pinned and not self._pinned[node] and self._pinned.sum() >= self.max_nodes - 1:
-            raise ValueError(
-                f"at most {self.max_nodes - 1} of {self.max_nodes} nodes can be pinned"
-            )
-        self._pinned[node] = pinned
-        self._set_weights(node)
-
-    def delete(self, node: int) -> int:
-        """Forget one node and return the index of the last, which takes its place.
-
-        Raises:
-            ValueError: If it is pinned.
-        """
-        if self._pinned[node]:
-            raise ValueError("a pinned node cannot be deleted; unpin it first")
-        last = self.n_nodes_ - 1
-        self._move(last, node)
-        self.n_nodes_ = last
-        return last
-
-    def _fits(self) -> bool:
-        size, own = self.n_nodes_, np.full_like(self._weights, np.inf)
-        for node in range(size):
-            masses = np.maximum(self._counts[:size], self._counts[node])
-            weights = self._measure(self._images[node]) * masses
-            weights[self._pinned[:size] | self._pinned[node]] = np.inf
-            own[node, :size], own[node, node] = weights, np.inf
-        return np.allclose(self._weights, own, rtol=1e-6)
 
     @property
     def kind(self) -> str:

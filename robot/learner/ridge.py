@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import functools
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.part import MOST_VALUES, Array, Arrays, Params, Stateful, first_rows
+from robot.learner.part import MOST_VALUES, Array, Arrays, Params, Stateful
 
 Floats = NDArray[np.float64]
 _WAITING = 8
@@ -32,37 +33,37 @@ def _upper(size: int) -> NDArray[np.bool_]:
     return np.triu(np.ones((size, size), bool))
 
 
-class LinearPart(Protocol):
-    """A linear score per label, learned one frame at a time; it is a `Stateful`, too."""
+class LinearPart(Stateful, ABC):
+    """A linear score per label, learned one frame at a time."""
 
+    @abstractmethod
     def add_label(self) -> None:
         """Add a label, which no frame so far had."""
-        ...
 
+    @abstractmethod
     def begin_angles(self, of_labels: Floats) -> None:
         """Learn an angle, too, from now on; each frame so far had the angle of its label."""
-        ...
 
+    @abstractmethod
     def scores(self, x: NDArray[Any]) -> Floats:
         """Return one score a label, about its probability but not bounded, shape (n_labels,)."""
-        ...
 
+    @abstractmethod
     def angle(self, x: NDArray[Any]) -> float | None:
         """Return the angle, which is not bounded; None from a part that learns none."""
-        ...
 
+    @abstractmethod
     def learn(
         self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: float = 0.0
     ) -> None:
         """Add a frame with its target scores `weight` times; a negative weight takes it back."""
-        ...
 
+    @abstractmethod
     def retarget(self, x: NDArray[Any], change: Floats, angle: float = 0.0) -> None:
         """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
-        ...
 
 
-class RecursiveRidge(Stateful):
+class RecursiveRidge(LinearPart):
     """A linear score per label, from the first `n_features` values of a vector.
 
     Time and memory O(n_features ** 2), whatever the number of frames seen.
@@ -101,30 +102,23 @@ class RecursiveRidge(Stateful):
         return self._weights.shape[1]
 
     def add_label(self) -> None:
-        """Add a column for a new label, which no frame so far had."""
         self._weights = np.hstack([self._weights, np.zeros((len(self._weights), 1))])
 
     def scores(self, x: NDArray[Any]) -> Floats:
-        """Return one score a label, about its probability but not bounded, shape (n_labels,)."""
         scores: Floats = self.scaled(x) @ self._weights
         return scores
 
     def begin_angles(self, of_labels: Floats) -> None:
-        """Learn an angle, too, from now on; each frame so far had the angle of its label.
-
-        Weights are linear in their targets, so it is as if it had been learned from the first.
-        """
+        # Weights are linear in their targets: it is as if it had been learned from the first.
         self._angles = self._weights @ of_labels
 
     def angle(self, x: NDArray[Any]) -> float:
-        """Return the angle, which is not bounded."""
         assert self._angles is not None
         return float(self.scaled(x) @ self._angles)
 
     def learn(
         self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: float = 0.0
     ) -> None:
-        """Add a frame with its target scores `weight` times; a negative weight takes it back."""
         self.learn_scaled(self.scaled(x), targets, weight, angle)
 
     def learn_scaled(
@@ -156,39 +150,7 @@ class RecursiveRidge(Stateful):
         self._waiting[:] = 0.0
         self._n_waiting = 0
 
-    def learn_block(self, z: Floats, targets: Floats) -> None:
-        """Add frames at once, each a row of what `scaled` returned, with their target scores.
-
-        Source: the matrix inversion lemma (Woodbury).
-        """
-        self._write()
-        directions, among = self._directions(z)
-        try:
-            root = np.linalg.inv(np.linalg.cholesky(among))
-        except np.linalg.LinAlgError:  # frames were taken back that differed from the learned ones
-            for row, target in zip(z, targets, strict=True):
-                self.learn_scaled(row, target)
-            return
-        changes = root @ directions
-        self._weights += changes.T @ (root @ (targets - z @ self._weights))
-        np.matmul(changes.T, changes, out=self._work)
-        self._inverse -= self._work
-
-    def weights_after(self, z: Floats, targets: Floats) -> Floats:
-        """Return the weights that `learn_block` would lead to, shape (n_features + 1, n_labels)."""
-        directions, among = self._directions(z)
-        gains = np.linalg.solve(among, targets - z @ self._weights)
-        weights: Floats = self._weights + directions.T @ gains
-        return weights
-
-    def _directions(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the inverse times each frame, and what the frames have in common."""
-        waiting = self._waiting[: self._n_waiting]
-        directions = z @ self._inverse - (z @ waiting.T) @ waiting
-        return directions, np.eye(len(z)) + directions @ z.T
-
     def retarget(self, x: NDArray[Any], change: Floats, angle: float = 0.0) -> None:
-        """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
         direction = self._solve(self.scaled(x))
         self._weights += np.outer(direction, change)
         if self._angles is not None:
@@ -237,7 +199,8 @@ class RecursiveRidge(Stateful):
         return False
 
     def faults(self) -> Iterator[str]:
-        if first_rows(self._waiting) != self._n_waiting or self._n_waiting == _WAITING:
+        held = np.asarray(self._waiting.any(axis=1))
+        if held[self._n_waiting :].any() or self._n_waiting == _WAITING:
             yield "the array waiting is over-full, or has gaps"
         if self.is_indefinite:
             yield "the array triangle is the inverse of nothing that was learned"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -42,6 +43,23 @@ def weighed(distances: Distances, n_voters: int) -> tuple[NDArray[np.intp], Floa
         voters = np.arange(distances.size)
     near = distances[voters]
     return voters, 1.0 / (near.astype(np.float64) + 1e-3 * float(near.max()) + 1e-12)
+
+
+def mean_angle(
+    distances: Distances, sums: Floats, frames: NDArray[np.int64], n_voters: int
+) -> tuple[float, float]:
+    """Return mean and standard deviation of the angle among the nearest nodes.
+
+    Args:
+        distances: Squared distances to the nodes, shape (n,).
+        sums: Sums of each node's angles and of their squares, shape (n or more, 2).
+        frames: How many frames each node stands for, shape (n,).
+        n_voters: How many nodes count at most, the nearer the more.
+    """
+    voters, weights = weighed(distances, n_voters)
+    shares = weights / (weights.sum() * np.maximum(frames[voters], 1))
+    mean, square = (shares @ sums[voters]).tolist()
+    return mean, math.sqrt(max(square - mean * mean, 0.0))
 
 
 def chance(votes: Sequence[float], best: int, sharpness: float) -> float:

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.part import Array, Stateful
+from robot.learner.part import Array
+from robot.learner.ridge import LinearPart
 from robot.learner.values import WHOLE
 
 Floats = NDArray[np.float64]
@@ -34,7 +35,7 @@ STEPS = 4
 """Coordinates that are improved after each frame."""
 
 
-class IntegerRidge(Stateful):
+class IntegerRidge(LinearPart):
     """A linear score per label, from the first `n_features` values of a vector of bytes.
 
     Follows what `RecursiveRidge` computes, a few steps behind. Every operation is exact in whole

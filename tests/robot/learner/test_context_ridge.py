@@ -124,6 +124,27 @@ def test_a_model_from_before_contexts_has_the_same_opinion_in_all(examples):
     assert np.ptp([scores[1] for scores in opinions(ridge, x)]) > 0.0
 
 
+def test_frames_that_version_0_2_held_back_are_learned_when_its_model_opens(examples):
+    """It kept up to 32 frames of each context beside what the ridge had learned."""
+    saved, whole = taught(examples[:40]).save()[1], taught(examples)
+    later = [[e for e in examples[40:] if context in e[2]] for context in ALL]
+    every = whole.save()[1]
+    saved |= {name: every[name] for name in ("triangle", "linear", "waiting", "context_counts")}
+    for context in ALL:
+        frames, targets = np.zeros((32, SIZE + 1)), np.zeros((32, 3))
+        for row, (x, column, _) in enumerate(later[context]):
+            frames[row], targets[row, column] = np.append(x, 1.0), 1.0
+        saved[f"context{context}_block_frames"] = frames
+        saved[f"context{context}_block_targets"] = targets
+    ridge, x = make(), examples[5][0]
+    ridge.load({}, dict(saved))
+    for scores, expected in zip(opinions(ridge, x), opinions(whole, x), strict=True):
+        np.testing.assert_allclose(scores, expected, atol=1e-12)
+    for harm in (np.zeros((32, SIZE)), np.full((32, SIZE + 1), np.nan), np.zeros((3, 7), np.int8)):
+        with pytest.raises(ValueError, match="frames"):
+            make().load({}, saved | {"context0_block_frames": harm})
+
+
 def test_a_model_of_other_features_is_refused(examples):
     arrays = taught(examples).save()[1]
     other = ContextRidge(lambda: RecursiveRidge(SIZE + 1))

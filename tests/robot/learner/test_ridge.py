@@ -77,3 +77,12 @@ def test_saved_between_any_two_frames_it_goes_on_bit_for_bit(lessons):
             other.learn(x, target)
         one, two = whole.save()[1], other.save()[1]
         assert all(np.array_equal(one[name], two[name]) for name in one)
+
+
+def test_its_inverse_is_symmetric_to_the_last_bit(lessons):
+    ridge = RecursiveRidge(6, penalty=2.0, scale=1.0)
+    for _ in range(3):
+        ridge.add_label()
+    for x, target in zip(*lessons, strict=True):
+        ridge.learn(x, target)
+    np.testing.assert_array_equal(ridge._inverse, ridge._inverse.T)
