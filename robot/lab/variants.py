@@ -47,7 +47,6 @@ VARIANTS: dict[str, Design] = {
     "without-context": Design(is_contextual=False),
     "without-reflex": Design(action_filter=lambda kinds: ActionFilter(kinds, gives_up=False)),
     "without-forgetting": Design(forgets=False),
-    "without-calibration": Design(calibrates=False),
     "without-adaptation": Design(adapts=False),
     "grey-alone": Design(features=GreyFeatures, is_linear=False),
     "whole-numbers": Design(is_integer=True),

@@ -43,7 +43,6 @@ class Design:
     """Whole numbers alone, on any machine."""
     forgets: bool = True
     thins: bool = True
-    calibrates: bool = True
     adapts: bool = True
 
     def make_learner(self, number: int, integer: bool) -> BSOCClassifier:
@@ -75,7 +74,6 @@ class Design:
             moves=moves,
             action_filter=self.action_filter,
             thins=self.thins,
-            calibrates=self.calibrates and learner.linear is not None,
             brighten=(
                 features.brightened
                 if self.adapts and not integer and isinstance(features, GradientFeatures)

@@ -37,7 +37,6 @@ class Seen:
         kept: How much of the average before it is left in that of the votes.
         point: What the action means by degrees, if the pilot taught by degrees.
         spread: By how much its steering is off.
-        certainty: What to multiply the power of the votes by (`calibration.py`).
     """
 
     number: int
@@ -51,7 +50,6 @@ class Seen:
     evidence: Evidence = _NOTHING
     shares: dict[Action, float] = field(default_factory=dict)
     action: Action = Action.STOP
-    certainty: float = 1.0
     is_stalled: bool = False
     needs_help: bool = False
     kept: float = 0.0

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 from robot.driver import Move
 from robot.learner import votes
 from robot.learner.base import ContextualLearner, Learner, NotFittedError, State, Vector
-from robot.learner.part import Stateful, Value
+from robot.learner.part import Arrays, Params, Stateful, Value
 from robot.learner.values import count
 from robot.policy.action_filter import ActionFilter
-from robot.policy.calibration import Calibration
 from robot.policy.degrees import Degrees
 from robot.policy.features import Features
 from robot.policy.gallery import Gallery, LearnedImage
@@ -45,7 +43,6 @@ class Policy(Stateful):
         moves: What it may propose.
         action_filter: Makes what makes a steady drive of the votes on single frames.
         thins: Learn at most ten examples a second of one label (`move_context.py`).
-        calibrates: Learn from the examples how sure it may be here (`calibration.py`).
         brighten: Returns a view with its grey values multiplied; with it the learner is shown each
             view in the light that it was taught in (`light.py`).
 
@@ -68,7 +65,6 @@ class Policy(Stateful):
         moves: tuple[Action, ...] = DEFAULT_MOVES,
         action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter,
         thins: bool = True,
-        calibrates: bool = False,
         brighten: Callable[[Vector, float], Vector] | None = None,
     ) -> None:
         self.name = name
@@ -85,8 +81,6 @@ class Policy(Stateful):
         self._smoothing = smoothing
         self._degrees = degrees = Degrees(learner, moves, self.kinds)
         parts: list[tuple[str, PolicyPart]] = [("", ExampleRate())] if thins else []
-        if calibrates:
-            parts.append(("calibration", Calibration(partial(_votes_on, learner))))
         if brighten is not None:
             parts.append(("light", LightAdaptation(brighten)))
         if learner.abilities.contexts and isinstance(learner, ContextualLearner):
@@ -160,7 +154,7 @@ class Policy(Stateful):
         except NotFittedError:
             return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
         known = seen.evidence
-        confidence = self._chance(seen.shares, seen.action, known.novelty, seen.certainty)
+        confidence = self._chance(seen.shares, seen.action, known.novelty)
         if not math.isfinite(confidence):
             raise ValueError("what it makes of the picture is no number")
         return Prediction(
@@ -254,6 +248,10 @@ class Policy(Stateful):
         arrays = {key: state.arrays[key] for key in own}
         self.load(params, arrays, {str(move): move for move in self.moves})
 
+    def upgrade(self, params: Params, arrays: Arrays) -> None:
+        """Leave out what version 0.2 measured, of how sure it might be in this place."""
+        params.pop("calibration", None)
+
     def restored(self) -> None:
         self._n_proposals = 0
         self._smoothing.reset()
@@ -289,25 +287,14 @@ class Policy(Stateful):
         """Keep one learned image from merging; raises LookupError if there is none."""
         self.learner.pin_node(node_id, pinned)
 
-    def _chance(
-        self,
-        shares: Mapping[Action, float],
-        action: Action,
-        novelty: float,
-        certainty: float = 1.0,
-    ) -> float:
+    def _chance(self, shares: Mapping[Action, float], action: Action, novelty: float) -> float:
         """Return how likely the action is right; near a guess on an unknown view."""
-        power = certainty * self.learner.sharpness
-        chance = votes.chance(list(shares.values()), list(shares).index(action), power)
+        listed, sharpness = list(shares.values()), self.learner.sharpness
+        chance = votes.chance(listed, list(shares).index(action), sharpness)
         if novelty <= 1.0:
             return chance
         guess = 1.0 / sum(share > 0.0 for share in shares.values())
         return guess + (chance - guess) / (1.0 + _DOUBT * (novelty - 1.0))
-
-
-def _votes_on(learner: Learner, x: Vector) -> Mapping[str, float]:
-    """Of no policy's own: one that referred to itself would stay in memory until a collection."""
-    return learner.predict_proba_one(x) if learner.n_nodes_ else {}
 
 
 def _overridden(parts: list[tuple[str, PolicyPart]], method: str) -> list[Callable[..., None]]:

@@ -21,4 +21,4 @@ def make_eyes(number: int, name: str, moves: tuple[Action, ...], integer: bool) 
         novelty_margin=EyesFeatures.novelty_margin,
     )
     brighten = features.brightened
-    return Policy(name, number, learner, features, moves=moves, calibrates=True, brighten=brighten)
+    return Policy(name, number, learner, features, moves=moves, brighten=brighten)

@@ -167,7 +167,6 @@ MAY_BE_ANY = {
     ("n_nodes",),
     ("journal",),
     ("state", "params", "last_learned"),
-    ("state", "params", "calibration", "label"),
     ("state", "params", "context", "move"),
     ("state", "params", "context", "before"),
     ("state", "params", "learner", "place"),
